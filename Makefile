@@ -50,7 +50,7 @@ fuzz: export OARLOCK_FUZZ_SEED ?= $(shell date +%s)
 fuzz: $(VENV)/.package $(VENV)/.dev ## feed parsers, readers, arrays and filters with rubbish for FUZZ_MINUTES (60)
 	@echo "seeds from $$OARLOCK_FUZZ_SEED, $$OARLOCK_FUZZ_SECONDS s a campaign"
 	cargo test --locked --quiet --package oarlock --test fuzz -- --nocapture --test-threads 1
-	$(BIN)/python -m pytest --timeout 0 -s tests/test_fuzz_arrays.py tests/test_fuzz_settings.py tests/test_fuzz_files.py tests/test_fuzz_units.py tests/test_fuzz_wearings.py
+	$(BIN)/python -m pytest --timeout 0 -s tests/test_fuzz_arrays.py tests/test_fuzz_settings.py tests/test_fuzz_files.py tests/test_fuzz_units.py tests/test_fuzz_wearings.py tests/test_fuzz_decoders.py
 
 bench: $(VENV)/.package ## time steps, parts, recordings, latency and memory, and print one table
 	OARLOCK_BENCH_OUT=$(CURDIR)/out/bench cargo bench --locked --package oarlock
@@ -67,7 +67,7 @@ PAGES ?= status validation robustness_quick robustness
 pages: $(VENV)/.package $(VENV)/.validation ## measure the figures of README, bands, validation and robustness anew, with date and commit
 	$(BIN)/python -m pages $(PAGES) $(if $(SEEDS),--seeds $(SEEDS)) $(if $(SETS),--sets $(SETS))
 
-player: ## build the 3D player from viewer/ with npm, into python/oarlock/viewer/
+player: ## build player and live page from viewer/ with npm, into python/oarlock/
 	cd viewer && npm ci --no-audit --no-fund --silent && npm run --silent build
 
 pictures: $(VENV)/.package $(VENV)/.dev ## make the pictures of the pages anew from the demo; needs Chromium
@@ -100,6 +100,7 @@ lock: $(VENV)/.created ## compute the pinned versions in requirements/ again
 	$(BIN)/python -m venv $(VENV)/lock
 	$(VENV)/lock/bin/python -m pip install --quiet --disable-pip-version-check pip-tools
 	$(COMPILE) --extra test --extra lint --extra dataframe --extra xarray --extra c3d --extra hdf5 --extra mcap --extra compare \
+		--extra ble --extra serial --extra emulate \
 		--output-file requirements/dev.txt pyproject.toml requirements/build.in
 	$(COMPILE) --constraint requirements/dev.txt --output-file requirements/run.txt pyproject.toml requirements/build.in
 	$(COMPILE) --constraint requirements/dev.txt --output-file requirements/validation.txt requirements/validation.in

@@ -25,6 +25,7 @@ LAYERS = (
     "formats",
     "report",
     "",
+    "live",
     "movement",
     "rowing",
     "lab",
@@ -35,6 +36,7 @@ LAYERS = (
 ROWING_OWN = (
     "oarlock.rowing",
     "oarlock.storage",
+    "oarlock.live",
     "oarlock.simulation.motion",
     "oarlock.model.edit",
     "oarlock.model.jacobians",

@@ -1,4 +1,4 @@
-"""The committed player is what its source builds, to the bit, and its parts are pinned and licensed."""
+"""The committed player and live page are what their source builds, to the bit; their parts are pinned and licensed."""
 
 import json
 import re
@@ -10,8 +10,9 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "viewer"
-BUNDLED = ROOT / "python/oarlock/report/viewer"
-BUILT = ("player.js", "player.css", "player.licences.txt")
+FOLDERS = {"player": ROOT / "python/oarlock/report/viewer", "live": ROOT / "python/oarlock/live/page"}
+HOLDERS = {"player": ("three.js authors", "Leon Sorokin"), "live": ("three.js authors",)}
+BUILT = [f"{name}.{kind}" for name in FOLDERS for kind in ("js", "css", "licences.txt")]
 MOST_LINES = 500
 LARGEST_BYTES = 700_000
 UNREACHABLE = ("ENOTFOUND", "EAI_AGAIN", "ECONNREFUSED", "ECONNRESET", "ETIMEDOUT", "ENETUNREACH", "network")
@@ -37,7 +38,8 @@ def test_the_committed_player_is_what_its_source_builds(workshop, name):
     out = workshop / "out"
     if not out.exists():
         subprocess.run(["node", "build.mjs", str(out)], cwd=workshop, check=True, capture_output=True)
-    same = (out / name).read_bytes() == (BUNDLED / name).read_bytes()
+    committed = FOLDERS[name.partition(".")[0]] / name
+    same = (out / name).read_bytes() == committed.read_bytes()
     assert same, f"{name} differs from its source: cd viewer && npm ci && npm run build"
 
 
@@ -51,21 +53,26 @@ def test_tools_are_pinned_and_no_registry_is_named():
     assert {name: packages[f"node_modules/{name}"]["version"] for name in wanted} == wanted
 
 
-def test_licences_travel_with_every_copy():
-    text = (BUNDLED / "player.licences.txt").read_text(encoding="utf-8")
-    for holder in ("three.js authors", "Leon Sorokin"):
+@pytest.mark.parametrize("name", FOLDERS)
+def test_licences_travel_with_every_copy(name):
+    text = (FOLDERS[name] / f"{name}.licences.txt").read_text(encoding="utf-8")
+    for holder in HOLDERS[name]:
         assert holder in text
-    assert text.count("Permission is hereby granted") == 2
-    assert text in (BUNDLED / "player.js").read_text(encoding="utf-8")
+    assert text.count("Permission is hereby granted") == len(HOLDERS[name])
+    assert text in (FOLDERS[name] / f"{name}.js").read_text(encoding="utf-8")
 
 
-def test_the_player_is_small_and_fetches_nothing():
-    script = (BUNDLED / "player.js").read_text(encoding="utf-8")
+@pytest.mark.parametrize("name", FOLDERS)
+def test_a_bundle_is_small_and_fetches_nothing(name):
+    script = (FOLDERS[name] / f"{name}.js").read_text(encoding="utf-8")
     assert len(script.encode()) < LARGEST_BYTES
     assert not re.search(r"\bimport\s*\(|\bfetch\(\s*[\"'`]http", script)
     assert "</script" not in script.lower()
 
 
-@pytest.mark.parametrize("path", sorted(SOURCE.glob("src/*")), ids=lambda path: path.name)
+SOURCES = sorted(path for path in SOURCE.glob("src/**/*") if path.is_file())
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(SOURCE / "src")))
 def test_source_files_are_short(path):
     assert len(path.read_text(encoding="utf-8").splitlines()) <= MOST_LINES

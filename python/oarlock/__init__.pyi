@@ -76,7 +76,7 @@ from .simulation.simulate import simulate
 from .storage.errors import DataError, DivergedError, ModelError
 from .tracking.joint_angles import JointAngle, joint_angles
 from .tracking.many import track_many
-from .tracking.track import Track, load_track
+from .tracking.track import Track, load_track, track_of_beliefs
 from .tracking.tracking import smooth, track
 
 __all__ = [
@@ -185,6 +185,7 @@ __all__ = [
     "track",
     "track_limbs",
     "track_many",
+    "track_of_beliefs",
     "track_orientations",
     "with_ball_joint",
 ]

@@ -8,10 +8,10 @@ const REACH = 14;
 const SHADOW_PX = 1024;
 
 export class SpaceStage {
-  /** Throws where the browser has no WebGL. */
-  constructor(canvas, view, figure, ghost) {
-    this.renderer = new WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: true, powerPreference: "low-power" });
-    this.renderer.shadowMap.enabled = true;
+  /** Throws where the browser has no WebGL. `isQuick` leaves out shadows, smooth edges and a copy for print. */
+  constructor(canvas, view, figure, ghost, isQuick = false) {
+    this.renderer = new WebGLRenderer({ canvas, antialias: !isQuick, preserveDrawingBuffer: !isQuick, powerPreference: "low-power" });
+    this.renderer.shadowMap.enabled = !isQuick;
     this.renderer.shadowMap.type = PCFShadowMap;
     this.canvas = canvas;
     this.view = view;
@@ -25,6 +25,7 @@ export class SpaceStage {
   /** Everything again in today's colours: the page may turn dark, or be printed. */
   recolour() {
     const { colours, radius_m } = this.view;
+    this.clear();
     this.world = new Scene();
     this.world.background = new Color(colours.sky);
     this.solids = new Solids(this.figure, radius_m, colours);
@@ -33,6 +34,15 @@ export class SpaceStage {
     if (this.ghostSolids) this.world.add(this.ghostSolids.group);
     this.addLights();
     this.addGround();
+  }
+
+  /** Frees what the last colours had on the graphics card. */
+  clear() {
+    this.world?.traverse((thing) => {
+      thing.geometry?.dispose();
+      thing.material?.dispose();
+      thing.shadow?.dispose();
+    });
   }
 
   addLights() {

@@ -15,6 +15,7 @@ from typer.main import get_group
 VERBS = {
     "demo": "Track a simulated sculler and a real pendulum.",
     "run": "From files of a recording to angles and a report, in one command.",
+    "live": "Track sensors while they send: record, estimate, show on a page.",
     "simulate": "Simulate a rower: write a recording and its ground truth.",
     "track": "Turn a recording into joint angles with uncertainty.",
     "evaluate": "Score a track against ground truth or optical markers.",

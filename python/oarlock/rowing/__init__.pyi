@@ -1,6 +1,7 @@
 """The public names of `oarlock.rowing` and the modules that define them."""
 
 from .analysis.features import FEATURES, Feature
+from .analysis.live_technique import LiveStroke, LiveTechnique, Stretch, live_stroke
 from .analysis.stroke_means import FeatureMean, PhaseCurve
 from .analysis.stroke_summary import SummaryRow, summarise_strokes
 from .analysis.targets import TARGET_CLASSES, Target, load_targets
@@ -9,8 +10,10 @@ from .exports.load import EXPORT_FORMATS, ExportFormat, load_stroke_export
 from .field.effects import FieldEffects
 from .field.trial import FieldTrial, simulate_field
 from .figure.shapes import rowing_look, stroke_marks
+from .report.live import StrokeFollower
 from .simulation.anthropometry import anthropometry
 from .simulation.boat import Boat, HullMotion
+from .simulation.emulated import rowing_devices
 from .simulation.ergometer import ErgometerShape, Machine, ergometer_piece
 from .simulation.hull import HullRotation, on_hull
 from .simulation.motion import Piece, row_piece, sculling
@@ -49,13 +52,17 @@ __all__ = [
     "HullPitch",
     "HullRotation",
     "ImuNoise",
+    "LiveStroke",
     "LiveStrokes",
+    "LiveTechnique",
     "Machine",
     "PhaseCurve",
     "Piece",
     "ScullingSimulator",
     "SimulatedCondition",
+    "Stretch",
     "StrokeEvent",
+    "StrokeFollower",
     "StrokeShape",
     "StrokeTable",
     "StrokeTiming",
@@ -69,11 +76,13 @@ __all__ = [
     "ergometer_piece",
     "find_strokes",
     "hull_pitch",
+    "live_stroke",
     "load_stroke_export",
     "load_targets",
     "on_hull",
     "on_unknown_rail",
     "row_piece",
+    "rowing_devices",
     "rowing_look",
     "save_strokes",
     "sculling",

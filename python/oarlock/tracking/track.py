@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-    from oarlock._core import Model, Run
+    from oarlock._core import Belief, Model, Run
 
 
 class Track(Estimates):
@@ -185,6 +185,36 @@ def track_without_filter(
         provenance=provenance,
         **{**dict.fromkeys(("q_std", "qd_std", "qdd_std"), unknown), "observed": np.isfinite(q), **others},
     )
+
+
+def track_of_beliefs(
+    model: Model, time_s: Floats, means: Floats, stds: Floats, beliefs: Sequence[tuple[float, Belief]]
+) -> Track:
+    """A Track of state estimates that a `Tracker` returned, such as the last seconds of a live session.
+
+    Args:
+        model: of the tracker; its encoders are sensors (`Config.inputs` without them).
+        time_s: (T,) of the estimates, s.
+        means: (T, n) their means.
+        stds: (T, n) their standard deviations.
+        beliefs: some of them with their times, say one each second, at least one: they have the names of the states,
+            and the correlations between coordinates.
+    """
+    times, whole = zip(*beliefs, strict=True)
+    names = list(whole[0].state_names)
+    some = Beliefs(
+        np.array(times),
+        np.array([belief.mean for belief in whole]),
+        np.array([belief.covariance for belief in whole]),
+        tuple(names),
+    )
+    known: dict[str, Floats] = {}
+    for field_name, suffix in (("q", ""), ("qd", ".velocity"), ("qdd", ".acceleration")):
+        columns = [names.index(n + suffix) if n + suffix in names else -1 for n in model.coordinate_names]
+        missing = np.array(columns) < 0
+        for key, rows in ((field_name, means), (f"{field_name}_std", stds)):
+            known[key] = np.where(missing, np.nan, rows[:, columns])
+    return track_without_filter(model, time_s, provenance={}, beliefs=some, **known)
 
 
 def track_of_run(

@@ -53,7 +53,7 @@ _CLOCK = SampleClock(
     1e6,
     "gives an OutputRate. Export with SampleTimeFine, or write the line OutputRate:,60Hz.",
 )
-_OUT_OF_RANGE = tuple(f"{kind}_{axis}" for kind in ("accel", "gyro", "mag") for axis in "xyz")
+OUT_OF_RANGE = tuple(f"{kind}_{axis}" for kind in ("accel", "gyro", "mag") for axis in "xyz")
 """Of bits 0 to 8 of `Status`."""
 _SAID = MappingProxyType(
     {
@@ -117,7 +117,7 @@ class _Unit:
                 f"{places[odd[0]]}: is {status[odd[0]]:.15g}; expected flags, a whole number of 16 bit"
             )
         flags = np.nan_to_num(status).astype(np.int64)
-        counts = {name: int(((flags >> bit) & 1).sum()) for bit, name in enumerate(_OUT_OF_RANGE)}
+        counts = {name: int(((flags >> bit) & 1).sum()) for bit, name in enumerate(OUT_OF_RANGE)}
         return {name: count for name, count in counts.items() if count}
 
 

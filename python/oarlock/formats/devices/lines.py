@@ -24,8 +24,8 @@ from oarlock.storage.paths import place_of
 from oarlock.storage.regular_file import read_bytes
 
 HEADER = "t_us,seq,ax,ay,az,gx,gy,gz,mx,my,mz"
-_SHORT_HEADER = HEADER.removesuffix(",mx,my,mz")
-_WIDTHS = (len(_SHORT_HEADER.split(",")), len(HEADER.split(",")))
+SHORT_HEADER = HEADER.removesuffix(",mx,my,mz")
+_WIDTHS = (len(SHORT_HEADER.split(",")), len(HEADER.split(",")))
 _LONGEST_LINE = 4096
 _CLOCK_WRAPS = 2.0**32
 _LARGEST = 2.0**53
@@ -84,9 +84,9 @@ def find_lines(listing: Listing) -> list[Found]:
 def _looks_like_lines(file: ListedFile) -> bool:
     """A head of whole samples, or all but the first of them, whose counts go up by one."""
     lines = [line.strip() for line in file.lines[: _LOOKED_AT + 1]]
-    if lines and lines[0].replace(" ", "") in (HEADER, _SHORT_HEADER):
+    if lines and lines[0].replace(" ", "") in (HEADER, SHORT_HEADER):
         return True
-    found = [sample for line in lines[1:] if (sample := _sample(line.encode())) is not None]
+    found = [sample for line in lines[1:] if (sample := sample_of(line.encode())) is not None]
     if len(found) < 2 or len(found) < len(lines) - 1:
         return False
     steps = np.diff([sample[:2] for sample in found], axis=0)
@@ -100,9 +100,9 @@ def _samples(file: Path) -> tuple[FloatArray, int]:
     except OSError as error:
         raise DataError(f"{file}: cannot be read ({error.strerror})") from error
     lines = [line for line in content.replace(b"\r", b"\n").split(b"\n") if line.strip()]
-    if lines and lines[0].replace(b" ", b"").decode("ascii", "replace") in (HEADER, _SHORT_HEADER):
+    if lines and lines[0].replace(b" ", b"").decode("ascii", "replace") in (HEADER, SHORT_HEADER):
         del lines[0]
-    found = [sample for line in lines if (sample := _sample(line)) is not None]
+    found = [sample for line in lines if (sample := sample_of(line)) is not None]
     damaged = len(lines) - len(found)
     if not found or damaged > len(found):
         raise DataError(
@@ -112,7 +112,8 @@ def _samples(file: Path) -> tuple[FloatArray, int]:
     return np.array(found), damaged
 
 
-def _sample(line: bytes) -> list[float] | None:
+def sample_of(line: bytes) -> list[float] | None:
+    """The numbers of a line in the order of `HEADER`, NaN where it has none; None if it is no sample."""
     cells = line.split(b",")
     if len(cells) not in _WIDTHS or len(line) > _LONGEST_LINE:
         return None

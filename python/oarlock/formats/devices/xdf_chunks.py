@@ -28,6 +28,7 @@ _NUMBERS = MappingProxyType(
 )
 _STAMPED = 8
 _MOST_NOTES = 5
+MOST_CHANNELS = 2**16
 _LATEST_S = 1e11
 """Stamps are seconds since a machine was started, or since 1970."""
 
@@ -111,7 +112,7 @@ def read_chunks(file: Path) -> XdfFile:
     for at, tag, body in _chunks(content, notes):
         try:
             if tag == _FILE_HEADER:
-                begun = _text_of(_xml(body), "datetime")
+                begun = text_of(xml_of(body), "datetime")
             elif tag in (_STREAM_HEADER, _SAMPLES, _CLOCK_OFFSET):
                 _take(tag, body, streams)
         except (ValueError, KeyError, struct.error, ElementTree.ParseError) as error:
@@ -173,27 +174,37 @@ def _take(tag: int, body: bytes, streams: dict[int, XdfStream]) -> None:
 
 
 def _stream(number: int, body: bytes) -> XdfStream:
-    info = _xml(body)
-    values_are = _text_of(info, "channel_format")
+    info = xml_of(body)
+    values_are = text_of(info, "channel_format")
     if values_are != _TEXT and values_are not in _NUMBERS:
         raise ValueError(f'the format of its channels is "{values_are}"')
-    count = int(_text_of(info, "channel_count"))
-    rate_hz = float(_text_of(info, "nominal_srate") or 0.0)
-    told = info.findall("desc/channels/channel") if count >= 0 else []
-    channels = [ChannelInfo(*(_text_of(c, key) for key in ("label", "unit", "type"))) for c in told[:count]]
-    if not 0 < count <= 2**16:
+    count = int(text_of(info, "channel_count"))
+    rate_hz = float(text_of(info, "nominal_srate") or 0.0)
+    if not 0 < count <= MOST_CHANNELS:
         raise ValueError(f"it has {count} channels")
-    channels += [ChannelInfo("", "", "")] * (count - len(channels))
-    name = _text_of(info, "name") or f"stream {number}"
+    name = text_of(info, "name") or f"stream {number}"
     rate_hz = rate_hz if 0.0 < rate_hz < 1e9 else 0.0
-    return XdfStream(number, name, _text_of(info, "type"), rate_hz, tuple(channels), values_are)
+    return XdfStream(number, name, text_of(info, "type"), rate_hz, channels_of(info, count), values_are)
 
 
-def _xml(body: bytes) -> ElementTree.Element:
+def channels_of(info: ElementTree.Element, count: int) -> tuple[ChannelInfo, ...]:
+    """What the header of a stream says of its channels; nothing of those that it leaves out."""
+    told = info.findall("desc/channels/channel")[:count]
+    channels = [ChannelInfo(*(text_of(c, key) for key in ("label", "unit", "type"))) for c in told]
+    return (*channels, *[ChannelInfo("", "", "")] * (count - len(channels)))
+
+
+def xml_of(body: bytes) -> ElementTree.Element:
+    """The header of a stream.
+
+    Raises:
+        ElementTree.ParseError: it is no XML.
+    """
     return ElementTree.fromstring(body.decode("utf-8", "replace"))
 
 
-def _text_of(element: ElementTree.Element, key: str) -> str:
+def text_of(element: ElementTree.Element, key: str) -> str:
+    """The text of a part, without spaces around it; empty if there is none."""
     return (element.findtext(key) or "").strip()
 
 

@@ -18,12 +18,12 @@ from oarlock.storage.errors import DataError
 from oarlock.storage.regular_file import TABLE_LIMIT_BYTES, read_bytes
 
 _END, _ESCAPE = b"\n", b"\xdb"
-_ESCAPED = ((b"\xdb\xdc", _END), (b"\xdb\xdd", _ESCAPE))
+_ESCAPED_END, _ESCAPED_ESCAPE = b"\xdb\xdc", b"\xdb\xdd"
 _BINARY = 0x80
 _IDS = {"Inertial": "I", "Magnetometer": "M", "Quaternion": "Q"}
 _KINDS = {ord(letter): kind for kind, letter in _IDS.items()}
 _OTHERS = frozenset(b"RALEUHTBWYCOSNF")
-_LARGEST_US = 2**53
+LARGEST_US = 2**53
 
 
 @dataclass
@@ -89,16 +89,25 @@ def _keep(line: bytes, kind: str, channel: _Channel) -> None:
     if line[0] < _BINARY:
         channel.text[kind].append(line)
         return
-    if _ESCAPE in line:
-        if line.count(_ESCAPE) != sum(line.count(pair) for pair, _ in _ESCAPED):
-            channel.damaged += 1
-            return
-        for pair, plain in _ESCAPED:
-            line = line.replace(pair, plain)
-    if len(line) == 9 + 4 * len(COLUMNS[kind]):
-        channel.binary[kind].append(line)
+    plain = unstuffed(line)
+    if plain is not None and len(plain) == 9 + 4 * len(COLUMNS[kind]):
+        channel.binary[kind].append(plain)
     else:
         channel.damaged += 1
+
+
+def unstuffed(line: bytes, end: bytes = _END) -> bytes | None:
+    """A message with the bytes that stand for its end and for the escape byte put back; None if an escape is none.
+
+    Args:
+        line: the message without its end.
+        end: the byte that ends messages: SLIP (RFC 1055) has another, and the same escapes.
+    """
+    if _ESCAPE not in line:
+        return line
+    if line.count(_ESCAPE) != sum(line.count(pair) for pair in (_ESCAPED_END, _ESCAPED_ESCAPE)):
+        return None
+    return line.replace(_ESCAPED_END, end).replace(_ESCAPED_ESCAPE, _ESCAPE)
 
 
 def _unit(file: Path, key: bytes, channel: _Channel) -> Unit:
@@ -118,7 +127,7 @@ def _messages(kind: str, channel: _Channel) -> Messages | None:
     width = len(COLUMNS[kind])
     form = np.dtype([("id", "u1"), ("time_us", "<u8"), ("values", "<f4", (width,))])
     binary = np.frombuffer(b"".join(channel.binary[kind]), form)
-    kept = binary[(binary["time_us"] < _LARGEST_US) & np.isfinite(binary["values"]).all(axis=1)]
+    kept = binary[(binary["time_us"] < LARGEST_US) & np.isfinite(binary["values"]).all(axis=1)]
     text = list(_plain(channel.text[kind], width))
     channel.damaged += len(binary) - len(kept) + len(channel.text[kind]) - len(text)
     time_us = np.concatenate([kept["time_us"].astype(np.int64), np.array([t for t, _ in text], np.int64)])
@@ -130,10 +139,16 @@ def _messages(kind: str, channel: _Channel) -> Messages | None:
 
 def _plain(lines: list[bytes], width: int) -> Iterator[tuple[int, list[float]]]:
     for line in lines:
-        cells = line.rstrip(b"\r").split(b",")
-        try:
-            time_us, values = int(cells[1]), [float(cell) for cell in cells[2:]]
-        except (ValueError, IndexError):
-            continue
-        if len(values) == width and 0 <= time_us < _LARGEST_US and np.isfinite(values).all():
-            yield time_us, values
+        found = text_arguments(line)
+        if found is not None and len(found[1]) == width and np.isfinite(found[1]).all():
+            yield found
+
+
+def text_arguments(line: bytes) -> tuple[int, list[float]] | None:
+    """The microseconds and the numbers of a text message; None if it has others."""
+    cells = line.rstrip(b"\r").split(b",")
+    try:
+        time_us, values = int(cells[1]), [float(cell) for cell in cells[2:]]
+    except (ValueError, IndexError):
+        return None
+    return (time_us, values) if 0 <= time_us < LARGEST_US else None

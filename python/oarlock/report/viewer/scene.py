@@ -87,7 +87,7 @@ def scene(
         "epoch": _epoch(track),
         "world": {"up": list(description.world.up), "forward": list(description.world.forward)},
         "ground": {"kind": seen.ground, "height_m": seen.ground_m},
-        "viewpoints": [_viewpoint(one) for one in seen.viewpoints or _usual(description.world)],
+        "viewpoints": viewpoints_of(seen, description.world),
         "limb_radius_m": seen.limb_radius_m,
         "points": points,
         "places_m": packed(places),
@@ -103,6 +103,11 @@ def scene(
         "notes": list(seen.notes),
         "ghost": _ghost_scene(ghost, every_s, look),
     }
+
+
+def viewpoints_of(look: Look, world: WorldDescription) -> list[dict[str, Any]]:
+    """Where the figure is seen from: the look's viewpoints, or the usual ones of a world."""
+    return [_viewpoint(one) for one in look.viewpoints or _usual(world)]
 
 
 def _epoch(track: Track) -> dict[str, Any] | None:

@@ -1,0 +1,133 @@
+"""When an emulated device sends which reading: clocks of its own, a queue on the way, bursts, losses, dropouts."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from oarlock.recording.recording import Recording
+    from oarlock.recording.streams import Stream
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Faults:
+    """What goes wrong between the sensors and this machine; the defaults are a quiet room.
+
+    Args:
+        drift_ppm: clocks of devices run too fast or too slow by as much, by chance.
+        least_ms: least time on the way.
+        jitter_ms: mean of what is added to it, exponential.
+        burst: so many readings are sent together.
+        loss: share of packets that do not arrive.
+        dropouts: (device, from s, to s) in which it sends nothing.
+        magnet: (device, from s, to s, uT along its first axis).
+    """
+
+    drift_ppm: float = 0.0
+    least_ms: float = 1.0
+    jitter_ms: float = 1.0
+    burst: int = 1
+    loss: float = 0.0
+    dropouts: tuple[tuple[str, float, float], ...] = ()
+    magnet: tuple[tuple[str, float, float, float], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Delivery:
+    """One reading that is sent.
+
+    Args:
+        due_s: when it arrives, s from the start.
+        device: its name.
+        clock_s: the device's stamp.
+        count: the device's counter.
+        values: quantity -> numbers, as a `Reading` names them.
+    """
+
+    due_s: float
+    device: str
+    clock_s: float
+    count: int
+    values: Mapping[str, float | tuple[float, ...]] = field(hash=False)
+
+
+def deliveries(recording: Recording, faults: Faults, seed: int = 0) -> list[Delivery]:
+    """All readings of a recording as its devices send them, in the order of arrival.
+
+    Args:
+        recording: a stream is a device.
+        faults: on the way.
+        seed: of all that is drawn.
+    """
+    return _round(recording, faults, seed, 0, 0.0)
+
+
+def endless(recording: Recording, period_s: float, faults: Faults, seed: int = 0) -> Iterator[Delivery]:
+    """A recording of a movement that repeats itself, again and again, while clocks and counters run on.
+
+    Args:
+        recording: from 0 to before `period_s`; its end joins its start.
+        period_s: after which it begins again.
+        faults: on the way; their times count from the first start.
+        seed: of all that is drawn.
+    """
+    for number in itertools.count():
+        yield from _round(recording, faults, seed, number, period_s)
+
+
+def _round(recording: Recording, faults: Faults, seed: int, number: int, period_s: float) -> list[Delivery]:
+    found = [
+        delivery
+        for device, stream in enumerate(recording.streams)
+        for delivery in _of(stream, faults, (seed, device), number, number * period_s)
+    ]
+    return sorted(found, key=lambda delivery: delivery.due_s)
+
+
+def _of(
+    stream: Stream, faults: Faults, seed: tuple[int, int], number: int, late_s: float
+) -> Iterator[Delivery]:
+    own, rng = np.random.default_rng(seed), np.random.default_rng((*seed, number))
+    zero_s, drift = own.uniform(0.0, 1000.0), 1e-6 * faults.drift_ppm * own.choice([-1.0, 1.0])
+    time_s, first = stream.time_s + late_s, number * len(stream.time_s)
+    ready_s = _together(time_s, faults.burst)
+    queue_s = 1e-3 * (faults.least_ms + rng.exponential(faults.jitter_ms, len(time_s)))
+    # A radio keeps the order of one device; a burst shares its time on the way.
+    due_s = np.maximum.accumulate(ready_s + _together(queue_s, faults.burst))
+    sent = rng.random(len(time_s)) >= faults.loss
+    for device, from_s, to_s in faults.dropouts:
+        sent &= (stream.name != device) | (time_s < from_s) | (time_s >= to_s)
+    clock_s = zero_s + (1.0 + drift) * time_s
+    for row in np.flatnonzero(sent):
+        values = _values(stream, int(row), float(time_s[row]), faults)
+        if values:
+            yield Delivery(float(due_s[row]), stream.name, float(clock_s[row]), first + int(row), values)
+
+
+def _together(values: Floats, burst: int) -> Floats:
+    """Each group of so many rows has the last one's value."""
+    last = np.minimum((np.arange(len(values)) // burst + 1) * burst, len(values)) - 1
+    found: Floats = values[last]
+    return found
+
+
+def _values(stream: Stream, row: int, time_s: float, faults: Faults) -> dict[str, float | tuple[float, ...]]:
+    found: dict[str, float | tuple[float, ...]] = {}
+    for name, rows in stream.values.items():
+        value = rows[row]
+        if np.isfinite(value).all():
+            found[name] = float(value) if np.ndim(value) == 0 else tuple(float(x) for x in value)
+    field_ut = found.get("mag_ut")
+    if isinstance(field_ut, tuple):
+        for device, from_s, to_s, added_ut in faults.magnet:
+            if stream.name == device and from_s <= time_s < to_s:
+                found["mag_ut"] = (field_ut[0] + added_ut, *field_ut[1:])
+    return found

@@ -1,0 +1,53 @@
+"""Emulates units that send JSON lines by UDP: what a club builds from a microcontroller and a sensor chip."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import socket
+import time
+from collections.abc import Callable, Iterable
+
+from oarlock.live.emulators.deliveries import Delivery
+
+_WRAP = 2**32
+
+
+def json_line(delivery: Delivery) -> bytes:
+    """A reading as a line of JSON, its clock in microseconds that wrap at 2^32."""
+    told = {
+        "device": delivery.device,
+        "t_us": round(1e6 * delivery.clock_s) % _WRAP,
+        "seq": delivery.count % _WRAP,
+        **delivery.values,
+    }
+    return json.dumps(told, separators=(",", ":")).encode() + b"\n"
+
+
+async def send(
+    sent: Iterable[Delivery],
+    host: str,
+    port: int,
+    encode: Callable[[Delivery], bytes] = json_line,
+    speed: float = 1.0,
+) -> int:
+    """Sends each delivery as a datagram when it is due.
+
+    Args:
+        sent: in the order of arrival.
+        host: who gets them.
+        port: where.
+        encode: a delivery as bytes.
+        speed: 2 sends twice as fast as it was.
+
+    Returns:
+        How many were sent.
+    """
+    begun_s, count = time.monotonic(), 0
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for delivery in sent:
+            while (early_s := begun_s + delivery.due_s / speed - time.monotonic()) > 0.0:
+                await asyncio.sleep(early_s)
+            sender.sendto(encode(delivery), (host, port))
+            count += 1
+    return count

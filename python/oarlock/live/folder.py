@@ -1,0 +1,120 @@
+"""The folder of a live session: what it was run with, its packets, and, when it has ended, the recording."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from oarlock.live.reading import Packet
+from oarlock.live.recorder import Damage, read_packets
+from oarlock.live.rig import Rig, rig_document
+from oarlock.live.session import LiveSession, recorded
+from oarlock.recording.calibration import load_calibration
+from oarlock.storage.errors import DataError
+from oarlock.storage.toml import TomlTable, write_toml
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from oarlock._core import Model
+    from oarlock.recording.calibration import Calibration
+    from oarlock.recording.recording import Recording
+
+FORMAT = 1
+SESSION, RIG, CALIBRATION, PACKETS, RECORDING = (
+    "live.toml",
+    "rig.toml",
+    "calibration.toml",
+    "packets",
+    "recording",
+)
+
+
+def dated_folder(parent: Path) -> Path:
+    """A folder for a session that begins now, named by date and time of day."""
+    return parent / time.strftime("live-%Y-%m-%d-%H%M%S")
+
+
+@dataclass(frozen=True)
+class LiveFolder:
+    """The folder of a session.
+
+    Args:
+        path: of the folder.
+        start_ns: the session's start by the clock of arrivals; times of the recording count from there.
+        start_epoch_s: the same moment, s since 1970.
+    """
+
+    path: Path
+    start_ns: int
+    start_epoch_s: float
+
+    @classmethod
+    def create(cls, path: Path, rig: Rig, calibration: Calibration | None, start_ns: int) -> LiveFolder:
+        """Write what a session is run with, before its first packet.
+
+        Raises:
+            DataError: the folder has a session, or cannot be written.
+        """
+        if (path / SESSION).exists():
+            raise DataError(f"{path}: has a live session already. Give another folder with --out")
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise DataError(f"{path}: cannot be made ({error.strerror})") from error
+        if calibration is not None:
+            calibration.save(path / CALIBRATION)
+        own = replace(rig, calibration=Path(CALIBRATION) if calibration is not None else None)
+        write_toml(path / RIG, rig_document(own))
+        made = cls(path, start_ns, time.time() - (time.monotonic_ns() - start_ns) / 1e9)
+        keys = {"format": FORMAT, "start_ns": start_ns, "start_epoch_s": made.start_epoch_s}
+        write_toml(path / SESSION, keys)
+        return made
+
+    @classmethod
+    def load(cls, path: Path) -> LiveFolder:
+        """Read the folder of a session that has ended, or was killed.
+
+        Raises:
+            DataError: it is not the folder of a session.
+        """
+        if not (path / SESSION).is_file():
+            raise DataError(f"{path}: is not the folder of a live session; it has no {SESSION}")
+        table = TomlTable.read(path / SESSION)
+        table.check_format(FORMAT)
+        return cls(path, table.integer("start_ns", 0), table.number("start_epoch_s", 0.0))
+
+    @property
+    def packets(self) -> Path:
+        """The folder of the packets."""
+        return self.path / PACKETS
+
+    def rig(self, model: Model | None = None) -> Rig:
+        """The rig of the session."""
+        return Rig.load(self.path / RIG, model)
+
+    def read(self, damage: list[Damage] | None = None) -> Iterator[Packet]:
+        """The packets in their order."""
+        return read_packets(self.packets, damage)
+
+    def session(self, model: Model) -> LiveSession:
+        """A session as it was run, before its first packet; giving it the packets repeats it bit for bit."""
+        file = self.path / CALIBRATION
+        calibration = load_calibration(file) if file.exists() else None
+        return LiveSession(self.rig(model), model, self.start_ns, calibration)
+
+    def finish(self, model: Model) -> tuple[Recording | None, list[Damage]]:
+        """Write the recording of the packets; None if they have no reading of a sensor.
+
+        Raises:
+            DataError: the recording cannot be written.
+        """
+        damage: list[Damage] = []
+        try:
+            made = recorded(self.read(damage), self.rig(model), self.start_ns)
+        except DataError:
+            return None, damage
+        made.save(self.path / RECORDING)
+        return made, damage

@@ -1,0 +1,106 @@
+"""The figure of the live page: its structure once, then positions of its points for each estimate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from oarlock.model.shapes import Look
+from oarlock.report.viewer.figure import SAME_PLACE_M, Figure, add_frames, add_loops, carried_shapes
+from oarlock.report.viewer.scene import viewpoints_of
+from oarlock.storage.errors import DataError
+
+if TYPE_CHECKING:
+    from oarlock._core import Model
+
+Floats = NDArray[np.float64]
+_POSTURES = 5
+"""Random postures that tell which points move, and with which link."""
+_WIDE = 0.5
+_MM = 1e3
+
+
+@dataclass(frozen=True, eq=False)
+class LivePicture:
+    """The figure of a model.
+
+    Args:
+        model: the body.
+        structure: what a page needs once: points, bones, loops, shapes, viewpoints.
+        carriers: frames that carry the moving points (P,), by number.
+        offsets_m: (P, 3) of the moving points in the axes of their frames.
+        shape_frames: frames that carry shapes, by number.
+    """
+
+    model: Model
+    structure: dict[str, Any]
+    carriers: NDArray[np.int64]
+    offsets_m: Floats
+    shape_frames: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, model: Model, look: Look | None = None) -> LivePicture:
+        """The figure of a model with the shapes of its field of application."""
+        seen = Look() if look is None else look
+        description = model.describe()
+        rng = np.random.default_rng(0)
+        q = rng.uniform(-_WIDE, _WIDE, (_POSTURES, len(model.coordinate_names)))
+        poses = np.asarray(model.forward_kinematics(q))
+        figure = Figure()
+        bones = add_frames(figure, description, poses, seen)
+        loops = add_loops(figure, description, poses)
+        shapes, _, origins = carried_shapes(figure, seen, list(model.frame_names), poses)
+        points, _ = figure.described()
+        moving = [place for place, point in zip(figure.places, points, strict=True) if point["still"] is None]
+        held = [_carried(place, poses) for place in moving]
+        structure = {
+            "model": model.name,
+            "world": {"up": list(description.world.up), "forward": list(description.world.forward)},
+            "ground": {"kind": seen.ground, "height_m": seen.ground_m},
+            "viewpoints": viewpoints_of(seen, description.world),
+            "limb_radius_m": seen.limb_radius_m,
+            "points": points,
+            "bones": bones,
+            "loops": loops,
+            "strands": [],
+            "shapes": shapes,
+            "carriers": {"points": origins},
+            "first_curves": [name.replace("_", " ") for name in seen.first_curves],
+        }
+        names = list(model.frame_names)
+        frames = [names.index(name) for name in dict.fromkeys(shape.frame for shape in seen.shapes)]
+        return cls(
+            model,
+            structure,
+            np.array([frame for frame, _ in held], dtype=np.int64),
+            np.array([offset for _, offset in held]).reshape(-1, 3),
+            np.array(frames, dtype=np.int64),
+        )
+
+    def frame(self, q: Floats) -> dict[str, Any]:
+        """Positions of the moving points, mm, and turns of the shapes' frames, as rows of numbers.
+
+        Args:
+            q: (n,) coordinates; one that is not known is taken as 0.
+        """
+        poses = np.asarray(self.model.forward_kinematics(np.nan_to_num(q)[None]))[0]
+        held = poses[self.carriers]
+        places = np.einsum("pij,pj->pi", held[:, :3, :3], self.offsets_m) + held[:, :3, 3]
+        turned = poses[self.shape_frames, :3, :3]
+        return {
+            "places_mm": np.rint(_MM * places).astype(int).ravel().tolist(),
+            "turns": np.round(turned, 4).ravel().tolist(),
+        }
+
+
+def _carried(place: Floats, poses: Floats) -> tuple[int, Floats]:
+    """The frame in whose axes a point stays, and where."""
+    for frame in range(poses.shape[1]):
+        pose = poses[:, frame]
+        own = np.einsum("tji,tj->ti", pose[:, :3, :3], place - pose[:, :3, 3])
+        if np.ptp(own, axis=0).max() < SAME_PLACE_M:
+            return frame, own[0]
+    raise DataError("a point of the figure moves with none of the model's frames")

@@ -1,0 +1,49 @@
+"""A sculler who never stops, for emulated devices: the same strokes again and again, without a seam."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+from collections.abc import Iterator
+
+from oarlock import Model, Recording, load_model, simulate
+from oarlock.live.emulators.deliveries import Delivery, Faults, endless
+from oarlock.live.emulators.lines import send
+from oarlock.rowing.simulation.motion import sculling
+
+STROKES, RATE_SPM, RATE_HZ = 8, 24.0, 100.0
+PERIOD_S = STROKES * 60.0 / RATE_SPM
+_LEAD_S = 5.0
+
+STREAMS = (
+    *("back", "r_upperarm", "r_forearm", "l_upperarm", "l_forearm"),
+    *("seat", "r_oar_phi", "r_oar_alpha", "l_oar_phi", "l_oar_alpha"),
+)
+"""The sculler's devices: five units, and encoders of the seat and of the oars."""
+
+USUAL_FAULTS = Faults(
+    drift_ppm=40.0,
+    least_ms=2.0,
+    jitter_ms=4.0,
+    loss=0.01,
+    dropouts=tuple(("l_forearm", 60.0 + 180.0 * k, 63.0 + 180.0 * k) for k in range(100)),
+    magnet=tuple(("back", 100.0 + 180.0 * k, 108.0 + 180.0 * k, 30.0) for k in range(100)),
+)
+"""A usual day in a boathouse: clocks that drift, Wi-Fi that queues and loses, a unit that drops out, a magnet."""
+
+
+def endless_sculling(model: Model, seed: int = 0) -> Recording:
+    """One period of strokes that are all alike, whose end joins its start, as the sensors of a model measure it."""
+    motion = sculling(model, _LEAD_S + PERIOD_S + 1.0, RATE_SPM, surge=False, variation=0.0, seed=seed)
+    _, recording = simulate(model, motion, STREAMS, seed, rate_hz=RATE_HZ)
+    cut = recording.slice(start_s=_LEAD_S, end_s=_LEAD_S + PERIOD_S)
+    return Recording([stream.at_rows(slice(None), stream.time_s - _LEAD_S) for stream in cut.streams])
+
+
+def rowing_devices(model: Model, faults: Faults = USUAL_FAULTS, seed: int = 0) -> Iterator[Delivery]:
+    """What the devices of a sculler send who rows until she is stopped."""
+    return endless(endless_sculling(model, seed), PERIOD_S, faults, seed)
+
+
+if __name__ == "__main__":  # a process of its own, so that it does not share the tracker's time
+    asyncio.run(send(rowing_devices(load_model("sculler")), "127.0.0.1", int(sys.argv[1])))
