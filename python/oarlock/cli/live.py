@@ -142,9 +142,11 @@ def _run(
     from oarlock.live.live import Live
     from oarlock.live.outputs import UdpLines
     from oarlock.live.picture import LivePicture
+    from oarlock.rowing import live_look
 
-    follower = _strokes(model, calibration)
-    live = Live(rig, model, out, calibration, picture=LivePicture.of(model), follower=follower, on_event=say)
+    follower, drawn = _strokes(model, calibration), live_look(model)
+    picture = LivePicture.of(model) if drawn is None else LivePicture.of(model, drawn.look, drawn.strands)
+    live = Live(rig, model, out, calibration, picture=picture, follower=follower, on_event=say)
     if udp is not None:
         host, _, to_port = udp.rpartition(":")
         live.outputs = [UdpLines(model, host or "127.0.0.1", int(to_port))]
