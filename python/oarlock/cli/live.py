@@ -97,11 +97,15 @@ def demo(
 
     model, sent_to = oarlock.load_model("sculler"), free_port()
     rig = lines_rig(model, "sculler", sent_to, RATE_HZ, STREAMS)
-    emulator = subprocess.Popen([sys.executable, "-m", "oarlock.rowing.simulation.emulated", str(sent_to)])
+    words = [sys.executable, "-m", "oarlock.rowing.simulation.emulated", str(sent_to)]
+    emulator = subprocess.Popen(words, stdout=subprocess.PIPE)
+    assert emulator.stdout is not None
     try:
+        emulator.stdout.readline()
         _run(rig, model, None, out or dated_folder(Path("out")), port, share, no_page, None, seconds)
     finally:
         emulator.terminate()
+        emulator.stdout.close()
         emulator.wait()
 
 
