@@ -30,7 +30,7 @@ USUAL_S = {
     "fuzz units": 85.0,
     "test_apart": 25.0,
     "test_bodies_data": 75.0,
-    "test_body_sessions": 360.0,
+    "test_body_sessions": 500.0,
     "test_clocks": 10.0,
     "test_clocks_apart": 900.0,
     "test_consider": 25.0,
@@ -48,6 +48,7 @@ USUAL_S = {
     "test_suspects": 190.0,
     "test_sweep": 10.0,
     "test_technique": 15.0,
+    "test_page_browser": 80.0,
     "test_units_apart": 15.0,
     "test_unobserved": 25.0,
     "test_viewer_browser": 70.0,
@@ -83,11 +84,11 @@ def parts() -> list[Part]:
     pytest = [sys.executable, "-m", "pytest"]
     fuzzing = {"OARLOCK_FUZZ_SECONDS": str(CAMPAIGN_S), "OARLOCK_FUZZ_SEED": FUZZ_SEED}
     files = sorted(
-        path for path in (ROOT / "tests").glob("test_*.py") if "mark.long" in path.read_text("utf-8")
+        path for path in (ROOT / "tests").rglob("test_*.py") if "mark.long" in path.read_text("utf-8")
     )
     return [
         Part("engine", [*cargo, "--test", "engine", "--", "--ignored"]),
-        *(Part(path.stem, [*pytest, "-m", "long", f"tests/{path.name}"]) for path in files),
+        *(Part(path.stem, [*pytest, "-m", "long", str(path.relative_to(ROOT))]) for path in files),
         Part("fuzz engine", [*cargo, "--test", "fuzz", "--", "--test-threads", "1"], fuzzing),
         *(Part(f"fuzz {name}", [*pytest, f"tests/test_fuzz_{name}.py"], fuzzing) for name in FUZZED),
     ]

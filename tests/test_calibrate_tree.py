@@ -10,7 +10,7 @@ from oarlock.calibration.static.link_pairs import ROOT, link_pairs
 from oarlock.rowing import row_piece
 from oarlock.storage.errors import DataError
 from refusals import assert_refused
-from tree_body import UNITS, place, recorded, tree, turn, waving
+from tree_body import TEXT, UNITS, place, recorded, tree, turn, waving
 
 # Three to four times the largest standard deviation that is reported.
 PLACE_BOUND_M = 0.004
@@ -67,6 +67,15 @@ def test_places_and_lengths_of_a_tree_are_found(model):
     assert max(max(j["left_m"]) for j in joints.values()) < PLACE_BOUND_M
     # Where the model places a hinge along its axis, a unit before it tells the one behind.
     assert found.noted["kept_nominal"] == []
+
+
+def test_a_length_may_have_the_name_of_a_unit(model, tmp_path):
+    (tmp_path / "tree.toml").write_text(TEXT.replace("leg =", "shank =").replace('"-leg"', '"-shank"'))
+    same = oarlock.load_model(tmp_path / "tree.toml")
+    recording = recorded(model, wearing())
+    named, plain = (oarlock.calibrate_joint_centers(m, recording) for m in (same, model))
+    assert named.parameters["shank"] == plain.parameters["leg"]
+    np.testing.assert_array_equal(named.mounts["shank"][1], plain.mounts["shank"][1])
 
 
 def test_mounts_carry_places_to_the_links(model):

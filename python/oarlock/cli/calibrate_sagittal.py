@@ -68,8 +68,14 @@ def sagittal(
     )
     saved(found, write_sagittal, out, json_output)
     if not json_output:
-        balls = "".join(f" --ball {ball}" for ball in balls_of(found))
-        steps(f"{track_next(recording, model, out)}{balls}")
+        told = (
+            ("stature", stature_m),
+            ("mass", mass_kg),
+            ("units", units),
+            *(("ball", b) for b in balls_of(found)),
+        )
+        same = "".join(f" --{name} {value}" for name, value in told if value is not None)
+        steps(f"{track_next(recording, model, out)}{same}")
 
 
 def balls_of(found: Calibration) -> list[str]:

@@ -68,6 +68,16 @@ PATH_OPTIONS: Final[list[tuple[str, Any, Any]]] = [
         Annotated[str | None, typer.Option(metavar="NAME", help="Write only the recording of this name.")],
         None,
     ),
+    (
+        "together",
+        Annotated[
+            bool,
+            typer.Option(
+                "--together", help="All files are units of one recording; their names name the units."
+            ),
+        ],
+        False,
+    ),
     *reader_options(),
     *UNIT_OPTIONS,
     *((name, kind, None) for name, kind in SESSION_OPTIONS),
@@ -83,6 +93,7 @@ def import_path(
     out: Path | None,
     every: bool,
     pick: str | None,
+    together: bool,
     no_questions: bool,
     force: bool,
     json_output: bool,
@@ -92,29 +103,31 @@ def import_path(
     session = taken_session(options)
     naming = taken_naming(options, path)
     reading = taken_reading(options)
-    if every and pick is not None:
-        raise UsageError("--all and --pick contradict each other")
+    if sum((every, pick is not None, together)) > 1:
+        raise UsageError("--all, --pick and --together contradict each other")
     asks = asks_questions(no_questions, json_output)
     contents = _found(path, asks)
-    if len(contents.recordings) > 1 and pick is None and not every:
+    if len(contents.recordings) > 1 and pick is None and not every and not together:
         _list(contents, path, json_output)
         return
     if every:
         folder = out or Path(f"{_plain(path)}-recordings")
         _write_all(contents, folder, session, naming, reading, asks, force, json_output)
         return
-    found = contents.only(pick)
-    refuse_others(reading, found.format)
-    recording = _read(found, asks, reading)
+    recording, name, about = (
+        _read_together(contents, path, asks, reading)
+        if together
+        else _read_only(contents, pick, asks, reading)
+    )
     recording = naming.named_or_asked(recording, asks)
     session = _session(recording, session, asks)
-    target = out or Path(f"{_plain(Path(found.name))}-recording")
+    target = out or Path(f"{_plain(Path(name))}-recording")
     recording = written(recording, session, target, force)
     if json_output:
         others = [contents.relative(file) for file in contents.others]
-        print_json({**document(recording, path, target, found.about), **naming.document(), "others": others})
+        print_json({**document(recording, path, target, about), **naming.document(), "others": others})
         return
-    write_summary(recording, path, target, found.about)
+    write_summary(recording, path, target, about)
     naming.say()
     _say_others(contents)
     if "save_mapping" in reading:
@@ -175,6 +188,28 @@ def _read(found: Found, asks: bool, options: Mapping[str, object]) -> Recording:
             answers[unclear.option] = _answer(unclear)
 
 
+def _read_only(
+    contents: Contents, pick: str | None, asks: bool, reading: Mapping[str, object]
+) -> tuple[Recording, str, str]:
+    """The recording of a place, or the picked one, with its name and what it is."""
+    found = contents.only(pick)
+    refuse_others(reading, found.format)
+    return _read(found, asks, reading), found.name, found.about
+
+
+def _read_together(
+    contents: Contents, path: Path, asks: bool, reading: Mapping[str, object]
+) -> tuple[Recording, str, str]:
+    """All recordings of a place as one, with its name and what it is."""
+    from oarlock.formats.together import joined
+
+    parts = []
+    for found in contents.recordings:
+        refuse_others(reading, found.format)
+        parts.append((found.name, _read(found, asks, reading)))
+    return joined(parts), _plain(path), f"{len(parts)} files of one recording"
+
+
 def _answer(unclear: Any) -> object:
     say(str(unclear))
     if not unclear.choices:
@@ -220,7 +255,11 @@ def _list(contents: Contents, path: Path, json_output: bool) -> None:
     say(f"{path} contains {len(rows)} recordings", style="bold")
     table(["name", "format", "start", "what", "path"], rows)
     _say_others(contents)
-    steps(f"oarlock import {path} --pick {rows[0][0]}", f"oarlock import {path} --all --out FOLDER")
+    steps(
+        f"oarlock import {path} --pick {rows[0][0]}",
+        f"oarlock import {path} --all --out FOLDER",
+        f"oarlock import {path} --together   (if they are units of one recording)",
+    )
 
 
 def _say_others(contents: Contents) -> None:

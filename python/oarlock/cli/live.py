@@ -97,11 +97,15 @@ def demo(
 
     model, sent_to = oarlock.load_model("sculler"), free_port()
     rig = lines_rig(model, "sculler", sent_to, RATE_HZ, STREAMS)
-    emulator = subprocess.Popen([sys.executable, "-m", "oarlock.rowing.simulation.emulated", str(sent_to)])
+    words = [sys.executable, "-m", "oarlock.rowing.simulation.emulated", str(sent_to)]
+    emulator = subprocess.Popen(words, stdout=subprocess.PIPE)
+    assert emulator.stdout is not None
     try:
+        emulator.stdout.readline()
         _run(rig, model, None, out or dated_folder(Path("out")), port, share, no_page, None, seconds)
     finally:
         emulator.terminate()
+        emulator.stdout.close()
         emulator.wait()
 
 
@@ -142,9 +146,11 @@ def _run(
     from oarlock.live.live import Live
     from oarlock.live.outputs import UdpLines
     from oarlock.live.picture import LivePicture
+    from oarlock.rowing import live_look
 
-    follower = _strokes(model, calibration)
-    live = Live(rig, model, out, calibration, picture=LivePicture.of(model), follower=follower, on_event=say)
+    follower, drawn = _strokes(model, calibration), live_look(model)
+    picture = LivePicture.of(model) if drawn is None else LivePicture.of(model, drawn.look, drawn.strands)
+    live = Live(rig, model, out, calibration, picture=picture, follower=follower, on_event=say)
     if udp is not None:
         host, _, to_port = udp.rpartition(":")
         live.outputs = [UdpLines(model, host or "127.0.0.1", int(to_port))]

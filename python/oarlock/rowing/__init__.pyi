@@ -9,7 +9,7 @@ from .analysis.technique import Technique, technique
 from .exports.load import EXPORT_FORMATS, ExportFormat, load_stroke_export
 from .field.effects import FieldEffects
 from .field.trial import FieldTrial, simulate_field
-from .figure.shapes import rowing_look, stroke_marks
+from .figure.shapes import LiveLook, live_look, rowing_look, stroke_marks
 from .report.live import StrokeFollower
 from .simulation.anthropometry import anthropometry
 from .simulation.boat import Boat, HullMotion
@@ -52,6 +52,7 @@ __all__ = [
     "HullPitch",
     "HullRotation",
     "ImuNoise",
+    "LiveLook",
     "LiveStroke",
     "LiveStrokes",
     "LiveTechnique",
@@ -76,6 +77,7 @@ __all__ = [
     "ergometer_piece",
     "find_strokes",
     "hull_pitch",
+    "live_look",
     "live_stroke",
     "load_stroke_export",
     "load_targets",

@@ -122,11 +122,12 @@ def _turned(pair: LinkPair, worn: Worn) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """Offsets (3,) m, parameters, standard deviations (n,) m of each, what joints still miss (6,) m, what was kept."""
+    """Offsets (3,) m, parameters, standard deviations m of both, what joints still miss (6,) m, what was kept."""
 
     offsets: Mapping[str, FloatArray]
     parameters: Mapping[str, float]
-    stds: Mapping[str, FloatArray]
+    offset_stds: Mapping[str, FloatArray]
+    parameter_stds: Mapping[str, float]
     left: Mapping[str, FloatArray]
     kept: list[str]
 
@@ -140,7 +141,7 @@ class Tree:
     Args:
         worn: the model's values.
         pairs: joints with a centre.
-        columns: unit or length -> its unknowns.
+        columns: unit -> its three unknowns. The lengths' stand behind them, in the order of `slopes`.
         slopes: length -> (n_pairs, 6) how the centres move with it, m per m.
         prior: (size,) standard deviations of the model's values, m.
     """
@@ -161,15 +162,18 @@ class Tree:
         for name in _unknown_units(pairs, slopes):
             columns[name] = slice(len(prior), len(prior) + 3)
             prior += [prior_std_m] * 3
-        for name in slopes:
-            columns[name] = slice(len(prior), len(prior) + 1)
-            prior.append(stds[name])
+        prior += [stds[name] for name in slopes]
         return cls(worn, pairs, columns, slopes, np.array(prior))
 
     @property
     def size(self) -> int:
         """Number of unknowns."""
         return len(self.prior)
+
+    @property
+    def lengths(self) -> Mapping[str, int]:
+        """Length -> its unknown; a length may have the name of a unit."""
+        return {name: 3 * len(self.columns) + k for k, name in enumerate(self.slopes)}
 
     def design(self, pair: LinkPair) -> FloatArray:
         """(6, size) slopes of a joint's levers."""
@@ -178,7 +182,7 @@ class Tree:
             if name in self.columns:
                 rows[3 * i : 3 * i + 3, self.columns[name]] = np.eye(3)
         for name, slope in self.slopes.items():
-            rows[:, self.columns[name]] -= slope[self.pairs.index(pair)][:, None]
+            rows[:, self.lengths[name]] -= slope[self.pairs.index(pair)]
         return rows
 
     def solve(self, found: Sequence[Mapping[str, Any]]) -> Solved:
@@ -206,22 +210,19 @@ class Tree:
         difference: Mapping[str, FloatArray],
         tight: Mapping[str, FloatArray],
     ) -> Solved:
-        units = [name for name in self.columns if name not in self.slopes]
-        offsets = {name: self.worn.offsets[name] + moved[self.columns[name]] for name in units}
-        parameters = {
-            name: self.worn.model.parameters[name] + float(moved[self.columns[name]][0])
-            for name in self.slopes
-        }
-        stds = {name: std[part] for name, part in self.columns.items()}
+        offsets = {name: self.worn.offsets[name] + moved[part] for name, part in self.columns.items()}
+        parameters = {n: self.worn.model.parameters[n] + float(moved[k]) for n, k in self.lengths.items()}
+        offset_stds = {name: std[part] for name, part in self.columns.items()}
+        parameter_stds = {name: float(std[k]) for name, k in self.lengths.items()}
         left = {p.label: tight[p.label] @ (difference[p.label] - self.design(p) @ moved) for p in self.pairs}
         kept = [
             f"{name}: offset along {axis} of its link"
-            for name in units
-            for axis, known in zip("xyz", stds[name] <= WELL_KNOWN_M, strict=True)
+            for name, known_m in offset_stds.items()
+            for axis, known in zip("xyz", known_m <= WELL_KNOWN_M, strict=True)
             if not known
         ]
-        kept += [name for name in parameters if stds[name][0] > WELL_KNOWN_M]
-        return Solved(offsets, parameters, stds, left, kept)
+        kept += [name for name, known_m in parameter_stds.items() if known_m > WELL_KNOWN_M]
+        return Solved(offsets, parameters, offset_stds, parameter_stds, left, kept)
 
 
 def _tight(covariance: FloatArray) -> FloatArray:
@@ -264,8 +265,8 @@ def _noted(
     return {
         "how": "joint centers from motion",
         "joint": {pair.label: _joint_note(pair, joint, solved) for pair, joint in found.items()},
-        "offset_std_m": {name: solved.stds[name].tolist() for name in solved.offsets},
-        "parameter_std_m": {name: float(solved.stds[name][0]) for name in solved.parameters},
+        "offset_std_m": {name: std.tolist() for name, std in solved.offset_stds.items()},
+        "parameter_std_m": dict(solved.parameter_stds),
         "without_center": [pair.label for pair in pairs if pair.center is None],
         "kept_nominal": solved.kept,
         "left_out": [name for name in recording.names if name not in names],

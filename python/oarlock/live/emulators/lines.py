@@ -43,9 +43,11 @@ async def send(
     Returns:
         How many were sent.
     """
-    begun_s, count = time.monotonic(), 0
+    begun_s, count = None, 0
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
         for delivery in sent:
+            # Making the first delivery may take a while, which is not the devices' delay.
+            begun_s = time.monotonic() - delivery.due_s / speed if begun_s is None else begun_s
             while (early_s := begun_s + delivery.due_s / speed - time.monotonic()) > 0.0:
                 await asyncio.sleep(early_s)
             sender.sendto(encode(delivery), (host, port))

@@ -5,6 +5,10 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import socket
+import struct
+import sys
+import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +18,11 @@ from oarlock.storage.errors import DataError
 
 BUFFER_BYTES = 4 << 20
 """Asked of the kernel, so that a pause of this program loses nothing; it grants what its limits allow."""
+LONGEST, MOST_AT_ONCE = 65_536, 256
+_SO_TIMESTAMPNS = 35
+"""Linux, asm-generic/socket.h: the kernel says when it received a datagram, so that a busy program delays no stamp."""
+_TIMESPEC = struct.Struct("@ll")
+_TOLD_BYTES = 64
 
 
 class Udp:
@@ -33,19 +42,34 @@ class Udp:
         loop = asyncio.get_running_loop()
         self._socket = self._bound()
         self.port = self._socket.getsockname()[1]
-        transport, _ = await loop.create_datagram_endpoint(
-            lambda: _Receiver(self.source, deliver), sock=self._socket
-        )
+        try:
+            loop.add_reader(self._socket, self._receive, self._socket, deliver)
+        except NotImplementedError:  # the usual loop of Windows watches no sockets
+            await loop.create_datagram_endpoint(lambda: _Receiver(self.source, deliver), sock=self._socket)
         self.state = f"listens at port {self.port}"
         try:
             await asyncio.Event().wait()
         finally:
-            transport.close()
+            with contextlib.suppress(NotImplementedError):
+                loop.remove_reader(self._socket)
+            self._socket.close()
+
+    def _receive(self, bound: socket.socket, deliver: Deliver) -> None:
+        """All datagrams that wait, with the time at which the kernel received each."""
+        for _ in range(MOST_AT_ONCE):
+            try:
+                data, told, _, sender = bound.recvmsg(LONGEST, _TOLD_BYTES)
+            except (BlockingIOError, ConnectionError):
+                return
+            deliver(Packet(self.source, f"{sender[0]}:{sender[1]}", "", _arrival_ns(told), data))
 
     def _bound(self) -> socket.socket:
         made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         with contextlib.suppress(OSError):
             made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
+        if sys.platform == "linux":
+            with contextlib.suppress(OSError):
+                made.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
         try:
             made.bind((self.host, self.port))
         except OSError as error:
@@ -76,6 +100,17 @@ def free_port() -> int:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
         one.bind(("127.0.0.1", 0))
         return int(one.getsockname()[1])
+
+
+def _arrival_ns(told: Sequence[tuple[int, int, bytes]]) -> int:
+    """When the kernel received a datagram; now, where it does not say."""
+    for _, kind, data in told:
+        if kind == _SO_TIMESTAMPNS and len(data) == _TIMESPEC.size:
+            seconds, nanoseconds = _TIMESPEC.unpack(data)
+            waited_ns = time.time_ns() - (seconds * 10**9 + nanoseconds)
+            # The clock of the day may have been set since.
+            return now_ns() - waited_ns if 0 <= waited_ns < 10**10 else now_ns()
+    return now_ns()
 
 
 class _Receiver(asyncio.DatagramProtocol):

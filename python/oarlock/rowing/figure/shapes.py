@@ -6,20 +6,23 @@ sizes: oars after the makers' lengths (Concept2), limbs after Winter's (2009) sh
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from oarlock import Look, Viewpoint
+from oarlock import Look, Strand, Viewpoint
 from oarlock.rowing.figure.boat_shapes import boat_shapes, machine_shapes
-from oarlock.rowing.figure.rower import Rower
+from oarlock.rowing.figure.rower import Floats, Rower
 
 if TYPE_CHECKING:
-    from oarlock import Track
+    from oarlock import Model, Track
     from oarlock.rowing.strokes.strokes import Strokes
 
 _LIMB_M = 0.032
+SEAT_TRAVEL_M = 0.62
+"""Of a simulated sculler of the usual size."""
 _NEEDED = ("seat", "r_shoulder", "l_shoulder", "r_hand", "l_hand")
 _TRUNK_FRAMES = {"seat", "trunk_leaned", "trunk_bent", "chest", "r_shoulder", "l_shoulder"}
 _CHAIN_FRAMES = {"chain_swung", "chain_raised", "chain_end"}
@@ -47,6 +50,44 @@ def rowing_look(track: Track) -> Look | None:
     if model is None or not set(_NEEDED) <= set(model.frame_names):
         return None
     rower = Rower(model, track.q)
+    return _look(rower, (*rower.legs(), *rower.chain()))
+
+
+@dataclass(frozen=True, eq=False)
+class LiveLook:
+    """Shapes of a rower whose movement is not known yet.
+
+    Args:
+        look: without strands.
+        strands: legs and chain, from coordinates (T, n).
+    """
+
+    look: Look
+    strands: Callable[[Floats], tuple[Strand, ...]]
+
+
+def live_look(model: Model) -> LiveLook | None:
+    """The look for a live session; the stretcher is where it is for a seat that moves as far as it usually does.
+
+    Returns:
+        None for a model that is no rower.
+    """
+    if not set(_NEEDED) <= set(model.frame_names):
+        return None
+    q = np.zeros((2, len(model.coordinate_names)))
+    if "seat" in model.coordinate_names:
+        q[1, model.coordinate_names.index("seat")] = SEAT_TRAVEL_M
+    usual = Rower(model, q)
+
+    def strands(q: Floats) -> tuple[Strand, ...]:
+        now = Rower(model, q)
+        now.toe_m = usual.toe_m
+        return (*now.legs(), *now.chain())
+
+    return LiveLook(_look(usual, ()), strands)
+
+
+def _look(rower: Rower, strands: tuple[Strand, ...]) -> Look:
     parts = (boat_shapes if rower.afloat else machine_shapes)(rower)
     drawn = [
         "trunk, head, legs and stretcher",
@@ -54,12 +95,12 @@ def rowing_look(track: Track) -> Look | None:
     ]
     return Look(
         shapes=(*rower.trunk_and_head(), *parts.shapes),
-        strands=(*rower.legs(), *rower.chain()),
+        strands=strands,
         viewpoints=_VIEWPOINTS if rower.afloat else _on_land(_VIEWPOINTS),
         ground_m=parts.ground_m,
         ground="water" if rower.afloat else "ground",
         limb_radius_m=_LIMB_M,
-        without_lines=tuple(name for name in model.frame_names if name in _SHOWN_BY_SHAPES),
+        without_lines=tuple(name for name in rower.names if name in _SHOWN_BY_SHAPES),
         fixed_lines=False,
         first_curves=_FIRST_CURVES,
         notes=tuple(drawn),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 import sys
 from collections.abc import Iterator
 
@@ -45,5 +46,13 @@ def rowing_devices(model: Model, faults: Faults = USUAL_FAULTS, seed: int = 0) -
     return endless(endless_sculling(model, seed), PERIOD_S, faults, seed)
 
 
+def main() -> None:
+    """Sends to the port that the command line names; says "ready" when the movement is simulated."""
+    devices = rowing_devices(load_model("sculler"))
+    first = next(devices)
+    print("ready", flush=True)
+    asyncio.run(send(itertools.chain((first,), devices), "127.0.0.1", int(sys.argv[1])))
+
+
 if __name__ == "__main__":  # a process of its own, so that it does not share the tracker's time
-    asyncio.run(send(rowing_devices(load_model("sculler")), "127.0.0.1", int(sys.argv[1])))
+    main()
