@@ -267,3 +267,9 @@ def test_bundles_in_bundles_have_an_end():
         deep = bundle(5, [deep])
     assert damaged("osc", deep, transport="udp") == 1
     assert DECODERS["osc"].decoder().decode(b"\xc0") == []
+
+
+def test_a_stuffed_first_byte_that_begins_no_message_is_damage():
+    decoder = DECODERS["ximu3"].decoder("tcp")
+    assert decoder.decode(b"\xdb\xdc" * 3 + bytes(26) + b"\n") == []
+    assert decoder.damaged == 1

@@ -96,8 +96,10 @@ def _by_majority(found: Clocks, recording: Recording) -> tuple[tuple[str, ...], 
     if not agreed:
         return agreed, found
     theirs = [found[n] for n in agreed]
-    offset = float(np.average([c.offset_s for c in theirs], weights=[c.offset_std_s**-2 for c in theirs]))
-    drift = float(np.average([c.drift for c in theirs], weights=[c.drift_std**-2 for c in theirs]))
+    # An uncertain clock may agree by chance; a median keeps it from moving all others.
+    drift = _median([c.drift for c in theirs], [c.drift_std**-2 for c in theirs])
+    ways = [c.offset_s + c.drift * middle for c in theirs]
+    offset = _median(ways, [1.0 / _middle_variance(c, middle) for c in theirs]) - drift * middle
     moved = {
         n: replace(c, offset_s=c.offset_s - offset, drift=c.drift - drift)
         for n, c in found.items()
@@ -106,10 +108,21 @@ def _by_majority(found: Clocks, recording: Recording) -> tuple[tuple[str, ...], 
     return agreed, moved
 
 
+def _median(values: Sequence[float], weights: Sequence[float]) -> float:
+    """The weighted median, linear between the values."""
+    order = np.argsort(values)
+    held = np.array(weights)[order]
+    return float(np.interp(0.5, (np.cumsum(held) - 0.5 * held) / held.sum(), np.array(values)[order]))
+
+
+def _middle_variance(clock: Clock, middle_s: float) -> float:
+    """Variance of a clock's offset in the middle of the recording, s2."""
+    return clock.offset_std_s**2 - (middle_s * clock.drift_std) ** 2
+
+
 def _is_determined(clock: Clock, middle_s: float) -> bool:
     """Whether the standard deviation of its offset in the middle of the recording is small enough."""
-    variance = clock.offset_std_s**2 - (middle_s * clock.drift_std) ** 2
-    return bool(variance <= LARGEST_STD_S**2)
+    return bool(_middle_variance(clock, middle_s) <= LARGEST_STD_S**2)
 
 
 def _judged(recording: Recording, found: Clocks, fixed: Sequence[str]) -> tuple[Clocks, dict[str, str]]:

@@ -104,7 +104,8 @@ def _command(device: str, message: bytes) -> list[Reading] | None:
 
 def _binary(message: bytes) -> tuple[str, int, dict[str, Value]] | None:
     plain = unstuffed(message)
-    if plain is None or len(plain) < 9:
+    # A stuffed first byte may stand for one that begins no message.
+    if plain is None or len(plain) < 9 or plain[0] < _BINARY:
         return None
     kind, time_us = chr(plain[0] - _BINARY), int.from_bytes(plain[1:9], "little")
     body = plain[9:]
