@@ -13,8 +13,9 @@ from oarlock.storage.errors import DataError
 from oarlock.storage.regular_file import open_regular, shown_bytes
 
 # Names of columns that are no UTF-8 come as UnicodeDecodeError.
-_UNREADABLE = (OSError, pa.ArrowException, UnicodeDecodeError)
+_UNREADABLE = (OSError, pa.ArrowException, TypeError, UnicodeDecodeError)
 _NUMBER_BYTES = 8
+_BATCH_VALUES = 2**22
 EXPANSION = 100
 """Decoded bytes for each byte of the file, at most. Recordings and tracks have less than 10; equal rows any number."""
 ALWAYS_READ_BYTES = 2**28
@@ -30,10 +31,11 @@ def read_table(file: Path, advice: str = "") -> pa.Table:
     try:
         with open_regular(file) as stream:
             size = stream.seek(0, 2)
-            source = parquet.ParquetFile(stream)
-            _check_size(file, source, size)
-            texts = [name for name in source.schema_arrow.names if _is_text(source.schema_arrow.field(name))]
-            table = parquet.ParquetFile(stream, read_dictionary=texts).read()
+            schema = parquet.ParquetFile(stream).schema_arrow
+            texts = [name for name in schema.names if _is_text(schema.field(name))]
+            source = parquet.ParquetFile(stream, read_dictionary=texts)
+            batches = list(_within_bounds(file, source, size))
+            table = pa.Table.from_batches(batches, source.schema_arrow).unify_dictionaries()
             _ = table.column_names  # decoded only when asked for
             return table
     except DataError:
@@ -57,21 +59,31 @@ def columns_of(file: Path, advice: str = "") -> Iterator[None]:
         ) from None
 
 
-def _check_size(file: Path, source: parquet.ParquetFile, size_bytes: int) -> None:
-    """The footer says how many values the columns have, before one of them is decoded."""
-    about = source.metadata
-    values = sum(
-        about.row_group(group).column(column).num_values
-        for group in range(about.num_row_groups)
-        for column in range(about.num_columns)
-    )
-    decoded = _NUMBER_BYTES * max(values, about.num_rows)
-    if decoded > max(ALWAYS_READ_BYTES, EXPANSION * size_bytes):
-        raise DataError(
-            f"{file}: has {shown_bytes(size_bytes)} and would unpack to {shown_bytes(decoded)} "
-            f"({about.num_rows:,} rows). No measured signal is so regular: the file is damaged, or not a recording. "
-            "If it is one, save it as CSV, or in parts."
-        )
+def _within_bounds(file: Path, source: parquet.ParquetFile, size_bytes: int) -> Iterator[pa.RecordBatch]:
+    """The rows, until they are more than any recording would have.
+
+    The footer would say how many there are, but pyarrow 26 ends the process where a damaged one is asked
+    (`RowGroupMetaData.column`).
+    """
+    schema, most, decoded = source.schema_arrow, max(ALWAYS_READ_BYTES, EXPANSION * size_bytes), 0
+    values_a_row = sum(_values(field.type) for field in schema)
+    for batch in source.iter_batches(max(1, _BATCH_VALUES // max(1, values_a_row))):
+        decoded += _NUMBER_BYTES * values_a_row * batch.num_rows
+        if decoded > most:
+            raise DataError(
+                f"{file}: has {shown_bytes(size_bytes)} and unpacks to more than {shown_bytes(most)}. "
+                "No measured signal is so regular: the file is damaged, or not a recording. "
+                "If it is one, save it as CSV, or in parts."
+            )
+        yield batch
+
+
+def _values(kind: pa.DataType) -> int:
+    if pa.types.is_fixed_size_list(kind):
+        return int(kind.list_size)
+    if pa.types.is_nested(kind):
+        raise TypeError(f"a column of the type {kind}, which no recording has")
+    return 1
 
 
 def _is_text(field: pa.Field) -> bool:
