@@ -185,6 +185,16 @@ impl<'a> Naive<'a> {
         self.places.get(name).copied()
     }
 
+    /// Of every free joint: first states of its position, velocity and acceleration, and of its rotation.
+    pub fn free_joints(&self) -> Vec<(Vec<usize>, usize)> {
+        let free = self.model.joints.iter().filter(|joint| joint.kind == JointKind::Free);
+        let states = |joint: &oarlock::model::Joint| {
+            let turn = self.states[joint.first + 3][0]?;
+            Some((self.states[joint.first].into_iter().flatten().collect(), turn))
+        };
+        free.filter_map(states).collect()
+    }
+
     /// Motion of all frames, the root's first.
     fn frames(&self, root: Motion, joints: &[JointState], frames: &mut Vec<Motion>) {
         frames.clear();

@@ -142,6 +142,14 @@ impl<'a> Ukf<'a> {
             let jacobian = so3::right_jacobian(so3::three(delta.as_slice(), first));
             seen.view_mut((first, first), (3, 3)).copy_from(&jacobian);
         }
+        for (firsts, turn) in self.body.free_joints() {
+            let parent_from_child = so3::exp(so3::three(self.mean.as_slice(), turn));
+            for first in firsts {
+                let moved = so3::cross(so3::three(delta.as_slice(), first)) * parent_from_child;
+                let along = -moved * seen.view((turn, turn), (3, 3));
+                seen.view_mut((first, turn), (3, 3)).copy_from(&along);
+            }
+        }
         self.covariance = &seen * &self.covariance * seen.transpose();
     }
 

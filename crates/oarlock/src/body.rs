@@ -1,5 +1,6 @@
 //! `Body`: a model as the filter's system. State in, readings out, for eight sigma points at a time.
 
+mod carried;
 mod linear;
 pub mod posture;
 pub mod read;
@@ -8,6 +9,7 @@ mod split;
 use crate::config::Config;
 use crate::error::Result;
 use crate::estimate::filter::RowGroups;
+use crate::estimate::shear::Shear;
 use crate::estimate::transition::{Block, Transition};
 use crate::estimate::{Partition, Points, System};
 use crate::kernels::lane::{Lane, Real};
@@ -343,6 +345,10 @@ impl System for Body {
             let q = slots.q;
             out.push(Block::linear([q, q + 1, q + 2], right_jacobian(three(delta, q)).0));
         }
+    }
+
+    fn shears(&self, mean: &[f64], delta: &[f64], out: &mut Vec<Shear>) {
+        self.push_shears(mean, delta, out);
     }
 
     fn transition(&self, dt: f64, mean: &[f64], variance: &[f64], drives: &[f64], out: &mut Transition) {

@@ -7,6 +7,7 @@ pub mod clique;
 pub mod filter;
 pub mod information;
 pub mod learn;
+pub mod shear;
 pub mod sigma;
 pub mod smoother;
 pub mod split;
@@ -16,6 +17,7 @@ pub mod transition;
 
 use crate::kernels::lane::Lane;
 use crate::kernels::sparse_jacobian::SparseJacobian;
+use shear::Shear;
 use split::Split;
 use transition::{Block, Transition};
 
@@ -132,6 +134,8 @@ pub trait System {
     }
     /// Jacobian of the change of tangent space when the mean moves by `delta`, in blocks: a covariance P becomes J P J' (P3).
     fn reset_jacobian(&self, _delta: &[f64], _out: &mut Vec<Block>) {}
+    /// Changes of a covariance beyond `reset_jacobian` after the mean has moved by `delta` to `mean` (P4).
+    fn shears(&self, _mean: &[f64], _delta: &[f64], _out: &mut Vec<Shear>) {}
 }
 
 /// What a system may tell of its structure to make an update cheaper. Every default is right for any system.

@@ -12,6 +12,7 @@ mod report;
 use super::belief::Belief;
 use super::information::{Columns, InformationUpdate, Side, WeightedReadings};
 use super::learn::{Correction, Learning};
+use super::shear::Shear;
 use super::sigma::{PredictedReadings, ReadingContext, Spread};
 use super::transition::{congruence, Block, Transition};
 use super::FastSystem;
@@ -70,6 +71,8 @@ pub struct Filter<S: FastSystem> {
     empty_s: Option<f64>,
     /// Jr(delta) of P3.
     reset: Vec<Block>,
+    /// I + B of P4.
+    shears: Vec<Shear>,
     /// NIS and number of the rows that the last update rejected.
     rejected_nis: f64,
     rejected_rows: usize,
@@ -129,6 +132,7 @@ impl<S: FastSystem> Filter<S> {
             since_s: 0.0,
             empty_s: None,
             reset: Vec::with_capacity(n),
+            shears: Vec::with_capacity(n),
             rejected_nis: 0.0,
             rejected_rows: 0,
         }
@@ -317,13 +321,16 @@ impl<S: FastSystem> Filter<S> {
         Ok(())
     }
 
-    /// U8 and P3.
+    /// U8, P3 and P4.
     fn combine(&mut self, system: &S, belief: &mut Belief) -> Result<(), Diverged> {
         self.information.posterior(self.arch, &mut self.shift, &mut belief.covariance);
         system.shift(&mut belief.mean, &self.shift);
         self.reset.clear();
         system.reset_jacobian(&self.shift, &mut self.reset);
         self.reset.iter().for_each(|block| congruence(self.arch, block, &mut belief.covariance));
+        self.shears.clear();
+        system.shears(&belief.mean, &self.shift, &mut self.shears);
+        self.shears.iter().for_each(|shear| shear.apply(&mut belief.covariance));
         let finite = belief.mean.iter().all(|x| x.is_finite());
         if finite {
             Ok(())

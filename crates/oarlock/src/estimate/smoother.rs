@@ -17,6 +17,7 @@
 
 use super::belief::Belief;
 use super::filter::Diverged;
+use super::shear::Shear;
 use super::transition::{congruence, Block, Transition, Turning};
 use super::System;
 use crate::kernels::arch::{madd, Arch, Kernel};
@@ -44,6 +45,7 @@ pub struct Smoother {
     step: Vec<f64>,
     shift: Vec<f64>,
     reset: Vec<Block>,
+    shears: Vec<Shear>,
     rows: [Vec<f64>; 3],
 }
 
@@ -65,6 +67,7 @@ impl Smoother {
             step: vec![0.0; n],
             shift: vec![0.0; n],
             reset: Vec::with_capacity(n),
+            shears: Vec::with_capacity(n),
             rows: [vec![0.0; n], vec![0.0; n], vec![0.0; n]],
         }
     }
@@ -86,23 +89,29 @@ impl Smoother {
         next: &Belief,
     ) -> Result<(), Diverged> {
         system.difference(&next.mean, &predicted.mean, &mut self.step);
-        self.take_next(system, next)?;
+        self.take_next(system, &predicted.mean, next)?;
         self.factorise(&filtered.covariance, transition, &predicted.covariance)?;
         self.add_squares(&mut filtered.covariance);
         system.shift(&mut filtered.mean, &self.shift);
         self.reset.clear();
         system.reset_jacobian(&self.shift, &mut self.reset);
         self.reset.iter().for_each(|block| congruence(self.arch, block, &mut filtered.covariance));
+        self.shears.clear();
+        system.shears(&filtered.mean, &self.shift, &mut self.shears);
+        self.shears.iter().for_each(|shear| shear.apply(&mut filtered.covariance));
         Ok(())
     }
 
     /// X of S1.
-    fn take_next<S: System>(&mut self, system: &S, next: &Belief) -> Result<(), Diverged> {
+    fn take_next<S: System>(&mut self, system: &S, predicted: &[f64], next: &Belief) -> Result<(), Diverged> {
         self.shift.iter_mut().zip(&self.step).for_each(|(back, x)| *back = -*x);
         self.reset.clear();
         system.reset_jacobian(&self.shift, &mut self.reset);
         self.next.clone_from(&next.covariance);
         self.reset.iter().for_each(|block| congruence(self.arch, block, &mut self.next));
+        self.shears.clear();
+        system.shears(predicted, &self.shift, &mut self.shears);
+        self.shears.iter().for_each(|shear| shear.apply(&mut self.next));
         let sweep = Sweep { n: self.n, width: padded(self.n), starts: &self.zeros };
         self.x.copy_upper(&self.next);
         if factor(self.arch, &mut self.x, sweep).is_err() {

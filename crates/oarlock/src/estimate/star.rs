@@ -10,6 +10,7 @@
 //! P0, P0c and Pcc (Lauritzen 1996, section 5.2).
 #![allow(clippy::needless_range_loop)] // several arrays go in step
 
+use super::shear::Shear;
 use super::split::Split;
 use super::transition::{congruence, Block};
 use crate::kernels::arch::{Arch, Kernel};
@@ -155,8 +156,8 @@ impl Star {
         }
     }
 
-    /// Transforms limb `k` to the tangent space at a new mean (P3).
-    pub fn carry(&mut self, arch: Arch, k: usize, blocks: &[Block]) {
+    /// Transforms limb `k` to the tangent space at a new mean (P3, P4).
+    pub fn carry(&mut self, arch: Arch, k: usize, blocks: &[Block], shears: &[Shear]) {
         let limb = &mut self.limbs[k];
         let width = limb.states.len();
         for block in blocks {
@@ -171,6 +172,14 @@ impl Star {
                 }
             } else if let Some(places) = places(&self.core, block) {
                 turn_rows(&mut limb.slope, width, places, block);
+            }
+        }
+        for shear in shears {
+            if let Some(own) = shear.among(&limb.states) {
+                own.apply(&mut limb.rest);
+                limb.slope.chunks_mut(width).for_each(|row| own.apply_to_row(row));
+            } else if let Some(core) = shear.among(&self.core) {
+                core.undo_transposed(&mut limb.slope, width);
             }
         }
     }

@@ -24,3 +24,4 @@ mod score;
 mod statistics;
 mod textbook;
 mod tree_pairs;
+mod vibration;

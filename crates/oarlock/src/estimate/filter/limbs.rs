@@ -170,7 +170,11 @@ impl<C, M> Limbs<C, M> {
                 congruence(filter.arch, &Block { index, ..*block }, &mut stage.covariance);
             }
         }
-        others.for_each(|other| self.star.carry(filter.arch, other, &filter.reset));
+        filter.shears.clear();
+        system.shears(mean, &self.shift, &mut filter.shears);
+        let own = filter.shears.iter().filter_map(|shear| shear.among(&stage.clique.states));
+        own.for_each(|shear| shear.apply(&mut stage.covariance));
+        others.for_each(|other| self.star.carry(filter.arch, other, &filter.reset, &filter.shears));
         self.star.take_center(&stage.covariance, &stage.core_at);
     }
 }
