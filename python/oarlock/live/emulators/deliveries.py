@@ -130,7 +130,7 @@ def _together(values: Floats, burst: int) -> Floats:
 def _values(stream: Stream, row: int, time_s: float, faults: Faults) -> dict[str, float | tuple[float, ...]]:
     found: dict[str, float | tuple[float, ...]] = {}
     for name, rows in stream.values.items():
-        value = rows[row]
+        name, value = "position_m" if stream.kind == "vector" else name, rows[row]
         if np.isfinite(value).all():
             found[name] = float(value) if np.ndim(value) == 0 else tuple(float(x) for x in value)
     field_ut = found.get("mag_ut")

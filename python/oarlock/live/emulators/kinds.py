@@ -81,12 +81,20 @@ class Kind:
         return replace(own, place=self.placed(asked.place))
 
 
+_ALL = ("imu", "scalar", "vector", "orientation")
+_IMU = ("imu",)
+_WIRED = ("udp", "tcp", "serial")
 _KINDS = (
-    Kind(
-        "lines", "lines", ("udp", "tcp", "serial"), ("imu", "scalar", "vector", "orientation"), 100.0, 9000,
-        "sensors that somebody built: JSON lines",
-    ),
-)  # fmt: skip
+    Kind("lines", "lines", _WIRED, _ALL, 100.0, 9000, "sensors that somebody built: lines of JSON"),
+    Kind("mvn", "mvn", ("udp", "tcp"), ("imu", "orientation"), 60.0, 9763, "Xsens MVN: types 23 and 02"),
+    Kind("ngimu", "ngimu", ("udp", "serial"), _IMU, 50.0, 8000, "x-io NGIMU: OSC"),
+    Kind("osc", "osc", ("udp", "serial"), _ALL, 100.0, 9000, "sensors that somebody built: OSC"),
+    Kind("shimmer3", "shimmer3", ("serial",), _IMU, 51.2, 0, "Shimmer3, with answers to commands"),
+    Kind("text", "text", _WIRED, _IMU, 100.0, 9000, "units that somebody built: lines t_us,seq,ax.."),
+    Kind("vicon", "vicon", ("udp",), ("vector",), 100.0, 51001, "Vicon Tracker: places of objects"),
+    Kind("ximu3", "ximu3", _WIRED, _IMU, 400.0, 8000, "x-io x-IMU3: binary messages, announcements"),
+    Kind("ximu3_text", "ximu3_text", _WIRED, _IMU, 400.0, 8000, "x-io x-IMU3: messages of text"),
+)
 
 KINDS: Mapping[str, Kind] = MappingProxyType({kind.name: kind for kind in _KINDS})
 """By name."""
