@@ -46,7 +46,12 @@ def opened(source: Source) -> Transport:
 
 
 def _asked(source: Source) -> dict[str, object]:
-    """What a Bluetooth device is asked for, from its format and the decoder's options; others are asked nothing."""
+    """What a device is asked for: by Bluetooth what its format and decoder need, by serial line to start."""
+    if source.transport == "serial" and source.format == "shimmer3":
+        from oarlock.live.decoders.shimmer3 import GET_CALIBRATION, GET_INQUIRY, START, STOP
+
+        first = [one.hex() for one in (GET_INQUIRY, GET_CALIBRATION, START)]
+        return {"first": first, "last": [STOP.hex()]}
     if source.transport != "ble":
         return {}
     if "mode" in source.options:
