@@ -28,6 +28,7 @@ LEAF = {
     "calibrate stature": "test_every_verb.test_calibrate_stature",
     "compare": "test_compare.test_the_verb_speaks_json_and_leaves_the_page_out",
     "demo": "test_every_verb.test_demo",
+    "emulate": "test_emulate_cli.test_a_kind_is_emulated_and_its_rig_written",
     "evaluate": "test_cli.test_evaluate_prints_a_table_and_json",
     "export": "test_export.test_typed",
     "import PATH": "test_import_path.test_one_recording_is_written_and_described",

@@ -1,0 +1,213 @@
+"""Carries the messages of emulated devices: datagrams, servers at ports, pseudo-terminals as serial lines."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import socket
+import time
+import tty
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Protocol
+
+from oarlock.live.emulators.emulated import Emulated, Message, Place, Sender
+from oarlock.storage.errors import DataError
+
+Answer = Callable[[str, bytes], bytes]
+"""Unit and what it was sent -> what it replies."""
+READ_BYTES = 4096
+
+
+class Carrier(Protocol):
+    """A way to a receiver."""
+
+    async def open(self, emulated: Emulated, units: Sequence[str], closed: contextlib.ExitStack) -> None:
+        """Opens what it needs, which `closed` closes."""
+
+    async def connected(self) -> None:
+        """Waits until somebody listens, where that can be known."""
+
+    def send(self, unit: str, data: bytes) -> None:
+        """Sends to who listens; what nobody takes is lost, as on a real line."""
+
+
+async def carry(
+    emulated: Emulated, units: Sequence[str], messages: Iterable[Message], answer: Answer | None = None
+) -> None:
+    """Sends each message when it is due, until all are sent or it is cancelled.
+
+    By TCP the first message is due when somebody connects.
+
+    Args:
+        emulated: place, and who is told of it.
+        units: names, in the order of their ports or lines.
+        messages: in the order of arrival.
+        answer: to what is sent to a unit by TCP or its serial line.
+
+    Raises:
+        DataError: a port or a line cannot be opened.
+    """
+    carrier = _CARRIERS[emulated.place.transport](answer)
+    with contextlib.ExitStack() as closed:
+        try:
+            await carrier.open(emulated, units, closed)
+        except OSError as error:
+            where = error.filename or f"{emulated.place.host}:{emulated.place.port}"
+            raise DataError(f"{where} cannot be opened for an emulated device ({error.strerror})") from error
+        await carrier.connected()
+        async for message in paced(messages):
+            carrier.send(message.unit, message.data)
+
+
+async def paced(messages: Iterable[Message]) -> AsyncIterator[Message]:
+    """Each message when it is due; the first is due now."""
+    begun_s = None
+    for message in messages:
+        # To make the first message may take a while, which is not the devices' delay.
+        begun_s = time.monotonic() - message.due_s if begun_s is None else begun_s
+        while (early_s := begun_s + message.due_s - time.monotonic()) > 0.0:
+            await asyncio.sleep(early_s)
+        yield message
+
+
+def senders(place: Place, name: str, units: Sequence[str]) -> dict[str, Sender]:
+    """How a receiver on this machine finds each unit.
+
+    Args:
+        place: where they send, with transport and port.
+        name: of the source in a rig file; numbered where each unit has a source of its own.
+        units: names, in the order of their ports or lines.
+    """
+    found = {}
+    for k, unit in enumerate(units):
+        own = name if len(units) == 1 else f"{name}_{k + 1}"
+        host, port, path = place.host, port_of(place, k), str(line_path(place, k))
+        if place.transport == "udp":
+            found[unit] = Sender(name, "udp", {"port": place.port, "host": host}, f"{host}:{port}")
+        elif place.transport == "tcp":
+            found[unit] = Sender(own, "tcp", {"host": host, "port": port}, f"{host}:{port}")
+        else:
+            found[unit] = Sender(own, "serial", {"device": path}, path)
+    return found
+
+
+def port_of(place: Place, number: int) -> int:
+    """The own port of a unit: at which it serves (TCP), or from which it sends (UDP), behind the receiver's port."""
+    assert place.port is not None
+    return place.port + number + (place.transport == "udp")
+
+
+def line_path(place: Place, number: int) -> Path:
+    """Where the serial line of a unit appears."""
+    first = place.path or Path("oarlock-line")
+    return first.with_name(f"{first.name}-{number + 1}") if number else first
+
+
+class _Datagrams:
+    def __init__(self, answer: Answer | None) -> None:
+        self._sockets: dict[str, socket.socket] = {}
+
+    async def open(self, emulated: Emulated, units: Sequence[str], closed: contextlib.ExitStack) -> None:
+        place = emulated.place
+        for k, unit in enumerate(units):
+            own = closed.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+            own.bind(("", port_of(place, k)))
+            self._sockets[unit] = own
+        self._to = (place.host, place.port)
+        emulated.say(f"sends to {place.host}:{place.port} from port {port_of(place, 0)}")
+
+    async def connected(self) -> None:
+        pass
+
+    def send(self, unit: str, data: bytes) -> None:
+        # The answer that nobody listens there comes with a later datagram.
+        with contextlib.suppress(ConnectionError):
+            self._sockets[unit].sendto(data, self._to)
+
+
+class _Served:
+    def __init__(self, answer: Answer | None) -> None:
+        self._answer = answer
+        self._listeners: dict[str, set[asyncio.StreamWriter]] = {}
+        self._connected = asyncio.Event()
+
+    async def open(self, emulated: Emulated, units: Sequence[str], closed: contextlib.ExitStack) -> None:
+        for k, unit in enumerate(units):
+            self._listeners[unit] = set()
+            port = port_of(emulated.place, k)
+            serve = self._serving(unit)
+            server = await asyncio.start_server(serve, emulated.place.host, port)
+            closed.callback(server.close)
+            emulated.say(f"{unit or 'it'} serves at {emulated.place.host}:{port}")
+        closed.callback(self._hang_up)
+
+    def _serving(self, unit: str) -> Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]]:
+        async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            self._listeners[unit].add(writer)
+            self._connected.set()
+            with contextlib.suppress(ConnectionError):
+                while data := await reader.read(READ_BYTES):
+                    writer.write(self._answer(unit, data) if self._answer else b"")
+            self._listeners[unit].discard(writer)
+            writer.close()
+
+        return serve
+
+    def _hang_up(self) -> None:
+        for writers in self._listeners.values():
+            for writer in writers:
+                writer.close()
+
+    async def connected(self) -> None:
+        await self._connected.wait()
+
+    def send(self, unit: str, data: bytes) -> None:
+        for writer in self._listeners[unit]:
+            writer.write(data)
+
+
+class _Lines:
+    """Pseudo-terminals; a symbolic link gives each a name that does not change."""
+
+    def __init__(self, answer: Answer | None) -> None:
+        self._answer = answer
+        self._masters: dict[str, int] = {}
+
+    async def open(self, emulated: Emulated, units: Sequence[str], closed: contextlib.ExitStack) -> None:
+        for k, unit in enumerate(units):
+            master, line = os.openpty()
+            closed.callback(os.close, master)
+            # Held open, so that a receiver may close the line and open it again.
+            closed.callback(os.close, line)
+            tty.setraw(line)
+            os.set_blocking(master, False)
+            self._masters[unit] = master
+            path = line_path(emulated.place, k)
+            if path.is_symlink():
+                path.unlink()
+            path.symlink_to(os.ttyname(line))
+            closed.callback(path.unlink, missing_ok=True)
+            if self._answer is not None:
+                self._listen(unit, master, self._answer, closed)
+            emulated.say(f"{unit or 'it'} is the serial line {path}")
+
+    def _listen(self, unit: str, master: int, answer: Answer, closed: contextlib.ExitStack) -> None:
+        loop = asyncio.get_running_loop()
+        loop.add_reader(master, lambda: self.send(unit, answer(unit, os.read(master, READ_BYTES))))
+        closed.callback(loop.remove_reader, master)
+
+    async def connected(self) -> None:
+        pass
+
+    def send(self, unit: str, data: bytes) -> None:
+        with contextlib.suppress(BlockingIOError):
+            os.write(self._masters[unit], data)
+
+
+_CARRIERS: dict[str, Callable[[Answer | None], Carrier]] = {
+    "udp": _Datagrams,
+    "tcp": _Served,
+    "serial": _Lines,
+}
