@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 from oarlock.live.clock import DeviceClock
 from oarlock.live.reading import Decoder, Packet, Reading
@@ -15,6 +16,7 @@ from oarlock.live.rig import Feed, Rig, Source
 
 RATE_OVER_S = 2.0
 """Rates are counted over so much time."""
+LATELY_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +49,7 @@ class Device:
     address: str
     part: str
     streams: tuple[str, ...] = ()
-    clock: DeviceClock = field(default_factory=DeviceClock)
+    clock: DeviceClock[Reading] = field(default_factory=DeviceClock)
     readings: int = 0
     lost: int = 0
     """Readings that its counter shows to be missing."""
@@ -55,8 +57,8 @@ class Device:
     delay_s: float = 0.0
     """How much later than the fastest readings the last ones came, on average."""
     battery_percent: float | None = None
-    is_settled: bool = False
-    """Whether the time of its last reading is known."""
+    is_stamped: bool = False
+    """Whether its readings have stamps of its own clock, or counts that serve as one."""
     _count: int | None = None
     _second: tuple[float, int] = (-math.inf, 0)
     _rate_hz: float = 0.0
@@ -70,8 +72,18 @@ class Device:
         """Readings a second of late; 0 for one that is silent."""
         return self._rate_hz if now_s - self.last_arrival_s < RATE_OVER_S else 0.0
 
-    def hear(self, reading: Reading, arrival_s: float) -> float | None:
-        """Counts a reading, and gives its time by this machine's clock; None while that is unknown."""
+    @property
+    def is_settled(self) -> bool:
+        """Whether times of its readings are known at once."""
+        return self.readings > 0 and (not self.is_stamped or self.clock.offset_s is not None)
+
+    @property
+    def sender(self) -> tuple[str, str]:
+        """What its parts have in common."""
+        return self.source, self.address
+
+    def hear(self, reading: Reading, arrival_s: float) -> list[tuple[Reading, float]]:
+        """Counts a reading, and gives those whose times by this machine's clock are known now."""
         self.readings += 1
         self._see_loss(reading.count)
         began_s, heard = self._second
@@ -83,14 +95,14 @@ class Device:
         battery = reading.values.get("battery_percent")
         if isinstance(battery, float | int):
             self.battery_percent = float(battery)
-        if reading.clock_s is None:
-            self.is_settled = True
-            return arrival_s
-        time_s = self.clock.time_s(reading.clock_s, arrival_s)
-        self.is_settled = time_s is not None
-        if time_s is not None:
+        clock_s = reading.clock_s
+        if clock_s is None:
+            return [(reading, arrival_s)]
+        self.is_stamped = True
+        timed = self.clock.take(clock_s, arrival_s, reading)
+        for _, time_s in timed[-1:]:
             self.delay_s += 0.02 * (arrival_s - time_s - self.delay_s)
-        return time_s
+        return timed
 
     def _see_loss(self, count: int | None) -> None:
         if count is None:
@@ -135,10 +147,18 @@ class Intake:
         found: list[Sampled] = []
         for reading in self._decoders[key].decode(packet.data, packet.channel):
             device = self._device(packet, reading.device)
-            time_s = device.hear(reading, arrival_s)
-            if time_s is not None:
-                found += self._sampled(device, reading, time_s, arrival_s)
+            for timed, time_s in device.hear(reading, arrival_s):
+                found += self._sampled(device, timed, time_s, arrival_s)
         return found
+
+    def flush(self, arrival_s: float) -> list[Sampled]:
+        """The readings that clocks hold back, as they are timed by what is known now."""
+        return [
+            one
+            for device in self.devices.values()
+            for reading, time_s in device.clock.flush()
+            for one in self._sampled(device, reading, time_s, arrival_s)
+        ]
 
     def seconds(self, arrival_ns: int) -> float:
         """Seconds from the session's start."""
@@ -170,9 +190,21 @@ class Intake:
         key = (packet.source, packet.address, part)
         if key not in self.devices:
             device = Device(*key)
+            device.clock.are_others_late = partial(self._are_others_late, device)
             device.streams = self._streams(device)
             self.devices[key] = device
         return self.devices[key]
+
+    def _are_others_late(self, device: Device) -> bool:
+        """Whether all other senders with clocks that were heard lately are late."""
+        others = [
+            other.clock.is_late
+            for other in self.devices.values()
+            if other.sender != device.sender
+            and other.is_stamped
+            and other.last_arrival_s > device.last_arrival_s - LATELY_S
+        ]
+        return bool(others) and all(others)
 
     def _streams(self, device: Device) -> tuple[str, ...]:
         return tuple(
