@@ -39,7 +39,7 @@ class Watch:
         self._heard |= set(self.intake.heard())
         for device in list(self.intake.devices.values()):
             if device.clock.restarts > self._restarts.get(device.name, 0):
-                yield f"the clock of {device.name} was set, or its readings were held up; they are used again in 2 s"
+                yield f"the clock of {device.name} was set or started again; its readings are timed anew"
             self._restarts[device.name] = device.clock.restarts
 
     def is_ready(self, now_s: float) -> bool:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 from oarlock.live.clock import DeviceClock
 from oarlock.live.reading import Decoder, Packet, Reading, Value
@@ -17,6 +18,11 @@ RATE_OVER_S = 2.0
 """Rates are counted over so much time."""
 MOST_SHOWN = 50
 """So many quantities of a device are shown, whatever it sends."""
+LATELY_S = 1.0
+
+
+Heard = tuple[Reading, float]
+"""A reading, and when its packet was received, s from the session's start."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +49,7 @@ class Spare:
     Args:
         channel: name of the source, and the part of the device behind a "/".
         address: of the device.
-        time_s: by this machine's clock, s from the session's start; None while the device's clock is not known.
+        time_s: by this machine's clock, s from the session's start.
         arrival_s: when its packet was received, s from the session's start.
         clock_s: the device's own stamp; None without.
         values: quantity -> number, numbers or text.
@@ -51,7 +57,7 @@ class Spare:
 
     channel: str
     address: str
-    time_s: float | None
+    time_s: float
     arrival_s: float
     clock_s: float | None
     values: Mapping[str, Value] = field(hash=False)
@@ -74,7 +80,7 @@ class Device:
     taken: frozenset[str] = frozenset()
     newest: dict[str, Value] = field(default_factory=dict)
     """The last of each value that no stream takes."""
-    clock: DeviceClock = field(default_factory=DeviceClock)
+    clock: DeviceClock[Heard] = field(default_factory=DeviceClock)
     readings: int = 0
     lost: int = 0
     """Readings that its counter shows to be missing."""
@@ -82,8 +88,8 @@ class Device:
     delay_s: float = 0.0
     """How much later than the fastest readings the last ones came, on average."""
     battery_percent: float | None = None
-    is_settled: bool = False
-    """Whether the time of its last reading is known."""
+    is_stamped: bool = False
+    """Whether its readings have stamps of its own clock, or counts that serve as one."""
     _count: int | None = None
     _second: tuple[float, int] = (-math.inf, 0)
     _rate_hz: float = 0.0
@@ -110,8 +116,18 @@ class Device:
         """Readings a second of late; 0 for one that is silent."""
         return self._rate_hz if now_s - self.last_arrival_s < RATE_OVER_S else 0.0
 
-    def hear(self, reading: Reading, arrival_s: float) -> float | None:
-        """Counts a reading, and gives its time by this machine's clock; None while that is unknown."""
+    @property
+    def is_settled(self) -> bool:
+        """Whether times of its readings are known at once."""
+        return self.readings > 0 and (not self.is_stamped or self.clock.offset_s is not None)
+
+    @property
+    def sender(self) -> tuple[str, str]:
+        """What its parts have in common."""
+        return self.source, self.address
+
+    def hear(self, reading: Reading, arrival_s: float) -> list[tuple[Heard, float]]:
+        """Counts a reading, and gives those whose times by this machine's clock are known now."""
         self.readings += 1
         self._see_loss(reading.count)
         began_s, heard = self._second
@@ -123,14 +139,14 @@ class Device:
         battery = reading.values.get("battery_percent")
         if isinstance(battery, float | int):
             self.battery_percent = float(battery)
-        if reading.clock_s is None:
-            self.is_settled = True
-            return arrival_s
-        time_s = self.clock.time_s(reading.clock_s, arrival_s)
-        self.is_settled = time_s is not None
-        if time_s is not None:
+        clock_s = reading.clock_s
+        if clock_s is None:
+            return [((reading, arrival_s), arrival_s)]
+        self.is_stamped = True
+        timed = self.clock.take(clock_s, arrival_s, (reading, arrival_s))
+        for _, time_s in timed[-1:]:
             self.delay_s += 0.02 * (arrival_s - time_s - self.delay_s)
-        return time_s
+        return timed
 
     def _see_loss(self, count: int | None) -> None:
         if count is None:
@@ -177,12 +193,18 @@ class Intake:
         found: list[Sampled] = []
         for reading in self._decoders[key].decode(packet.data, packet.channel):
             device = self._device(packet, reading.device)
-            time_s = device.hear(reading, arrival_s)
-            if spare := device.spare(reading):
-                self.keep(Spare(device.channel, device.address, time_s, arrival_s, reading.clock_s, spare))
-            if time_s is not None:
-                found += self._sampled(device, reading, time_s, arrival_s)
+            for heard, time_s in device.hear(reading, arrival_s):
+                found += self._taken(device, heard, time_s)
         return found
+
+    def flush(self) -> list[Sampled]:
+        """The readings that clocks hold back, as they are timed by what is known now."""
+        return [
+            one
+            for device in self.devices.values()
+            for heard, time_s in device.clock.flush()
+            for one in self._taken(device, heard, time_s)
+        ]
 
     def seconds(self, arrival_ns: int) -> float:
         """Seconds from the session's start."""
@@ -213,9 +235,22 @@ class Intake:
     def _device(self, packet: Packet, part: str) -> Device:
         key = (packet.source, packet.address, part)
         if key not in self.devices:
-            self.devices[key] = Device(*key)
-            self._connect(self.devices[key])
+            device = Device(*key)
+            device.clock.are_others_late = partial(self._are_others_late, device)
+            self._connect(device)
+            self.devices[key] = device
         return self.devices[key]
+
+    def _are_others_late(self, device: Device) -> bool:
+        """Whether all other senders with clocks that were heard lately are late."""
+        others = [
+            other.clock.is_late
+            for other in self.devices.values()
+            if other.sender != device.sender
+            and other.is_stamped
+            and other.last_arrival_s > device.last_arrival_s - LATELY_S
+        ]
+        return bool(others) and all(others)
 
     def _connect(self, device: Device) -> None:
         """Says which streams a device feeds, and with which of its values."""
@@ -227,6 +262,12 @@ class Intake:
         device.streams = tuple(f.stream for f in feeds)
         device.taken = frozenset(name for f in feeds for name in f.values)
         device.newest = {n: v for n, v in device.newest.items() if n not in device.taken}
+
+    def _taken(self, device: Device, heard: Heard, time_s: float) -> list[Sampled]:
+        reading, arrival_s = heard
+        if spare := device.spare(reading):
+            self.keep(Spare(device.channel, device.address, time_s, arrival_s, reading.clock_s, spare))
+        return self._sampled(device, reading, time_s, arrival_s)
 
     def _sampled(self, device: Device, reading: Reading, time_s: float, arrival_s: float) -> list[Sampled]:
         found = []

@@ -123,9 +123,12 @@ class LiveSession:
         return []
 
     def _stop(self, arrival_s: float) -> list[Estimate]:
+        held = self.intake.flush()
+        if self.tracker is None:
+            return []
+        found = self._estimates(held)
         tracker, self.tracker = self.tracker, None
-        done = [] if tracker is None else tracker.flush()
-        return [Estimate(info.time_s, arrival_s, belief, info) for belief, info in done]
+        return found + [Estimate(info.time_s, arrival_s, belief, info) for belief, info in tracker.flush()]
 
 
 def recorded(
@@ -147,12 +150,8 @@ def recorded(
     """
     intake = Intake(rig, start_ns, _new_decoder, keep)
     rows: dict[str, dict[float, Any]] = {feed.stream: {} for feed in rig.feeds}
-    for packet in packets:
-        if packet.source == COMMANDS:
-            _follow(intake, packet)
-            continue
-        for one in intake.take(packet):
-            rows[one.stream].setdefault(one.time_s, one.values)
+    for one in _all_sampled(packets, intake):
+        rows[one.stream].setdefault(one.time_s, one.values)
     streams = list(_streams(rig, rows))
     if not streams:
         raise DataError("the packets have no reading of any of the rig's sensors; were its devices on?")
@@ -167,14 +166,23 @@ def _new_decoder(source: Source) -> Decoder:
     return DECODERS[source.format].decoder(source.transport, **options)
 
 
-def _follow(intake: Intake, packet: Packet) -> None:
-    """Carries out what changes which device feeds which stream."""
+def _all_sampled(packets: Iterable[Packet], intake: Intake) -> Iterator[Sampled]:
+    for packet in packets:
+        yield from intake.take(packet) if packet.source != COMMANDS else _follow(intake, packet)
+    yield from intake.flush()
+
+
+def _follow(intake: Intake, packet: Packet) -> list[Sampled]:
+    """Carries out what changes which readings there are."""
     try:
         order = json.loads(packet.data)
+        if order["do"] == "stop":
+            return intake.flush()
         if order["do"] == "assign":
             intake.assign(order["stream"], order["device"])
     except (ValueError, KeyError, TypeError):
-        return
+        pass
+    return []
 
 
 def _streams(rig: Rig, rows: Mapping[str, Mapping[float, Any]]) -> Iterator[Stream]:
