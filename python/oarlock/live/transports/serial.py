@@ -19,8 +19,8 @@ COMMAND_PAUSE_S = 0.1
 class Serial:
     """Reads a serial line, and opens it again after a loss.
 
-    Options: `device`, such as /dev/ttyUSB0; `baud`; `first` and `last`, lists of commands in hexadecimal digits that are
-    sent when the line has been opened, and before it is closed. A Shimmer3 has them by itself.
+    Options: `device`, such as /dev/ttyUSB0; `baud`; `first` and `last`, lists of commands in hexadecimal digits, which
+    are sent when the line has been opened and before it is closed. A Shimmer3 has them by itself.
     """
 
     def __init__(self, source: str, options: Options) -> None:
