@@ -119,8 +119,6 @@ class Units:
         return b""
 
 
-
-
 def _packet(delivery: Delivery) -> bytes:
     values = cast("dict[str, tuple[float, ...]]", delivery.values)
     nothing = (0.0, 0.0, 0.0)
