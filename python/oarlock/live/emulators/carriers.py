@@ -10,13 +10,12 @@ import time
 import tty
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from oarlock.live.emulators.emulated import Emulated, Message, Place, Sender
+from oarlock.live.emulators.message_carriers import Answer, Published, WebSocketPage
 from oarlock.storage.errors import DataError
 
-Answer = Callable[[str, bytes], bytes]
-"""Unit and what it was sent -> what it replies."""
 READ_BYTES = 4096
 
 
@@ -61,7 +60,18 @@ async def carry(
             carrier.send(message.unit, message.data)
 
 
-async def paced(messages: Iterable[Message]) -> AsyncIterator[Message]:
+class Due(Protocol):
+    """What is sent at a time."""
+
+    @property
+    def due_s(self) -> float:
+        """When it arrives, s from the start."""
+
+
+D = TypeVar("D", bound=Due)
+
+
+async def paced(messages: Iterable[D]) -> AsyncIterator[D]:
     """Each message when it is due; the first is due now."""
     begun_s = None
     for message in messages:
@@ -210,4 +220,6 @@ _CARRIERS: dict[str, Callable[[Answer | None], Carrier]] = {
     "udp": _Datagrams,
     "tcp": _Served,
     "serial": _Lines,
+    "websocket": WebSocketPage,
+    "mqtt": Published,
 }
