@@ -54,7 +54,9 @@ def test_a_joint_that_nothing_measures_has_no_angles():
     q[1, [list(model.coordinate_names).index("shoulder_l.ry")]] = np.nan
     angles = NamedAngles(model)
     assert np.isfinite(angles.of(q[0], q[0] * 0 + 0.1)).all()
-    unknown = [name for name, value in zip(angles.names, angles.of(q[1], q[1])[0], strict=True) if np.isnan(value)]
+    unknown = [
+        name for name, value in zip(angles.names, angles.of(q[1], q[1])[0], strict=True) if np.isnan(value)
+    ]
     assert unknown == ["shoulder_plane_l", "shoulder_elevation_l", "shoulder_rotation_l"]
 
 

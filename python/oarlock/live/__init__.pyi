@@ -1,5 +1,5 @@
 """The public names of `oarlock.live` and the modules that define them."""
 
-from .client import frames
+from .client import events, frames
 
-__all__ = ["frames"]
+__all__ = ["events", "frames"]
