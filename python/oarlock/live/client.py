@@ -43,14 +43,14 @@ def frames(url: str) -> Iterator[dict[str, Any]]:
 
 
 def events(url: str) -> Iterator[dict[str, Any]]:
-    """Strokes and events of a running session until it ends: first the last 200 that have been, then each as it comes.
+    """What happens in a running session until it ends: first the last 200 that have been, then each as it comes.
 
     Args:
         url: the page's address with its token, such as `http://127.0.0.1:8123/?token=...`.
 
     Yields:
-        `type`, "stroke" or "event", and `time_s`; of a stroke `number` and `values` (key -> `value` and `std`), of an
-        event `text`.
+        `type` and `time_s`; of the type "event" `text`, of a repetition that was completed, whatever its type is called,
+        `number` and `values` (key -> `value` and `std`).
 
     Raises:
         DataError: no session answers at this address, or it refuses.
@@ -59,7 +59,7 @@ def events(url: str) -> Iterator[dict[str, Any]]:
     with _connected(url) as socket, suppress(ConnectionClosed):
         for message in socket:
             told = json.loads(message)
-            if told["type"] in ("stroke", "event"):
+            if told["type"] not in ("hello", "now", "problem"):
                 yield told
 
 

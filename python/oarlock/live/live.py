@@ -60,7 +60,7 @@ class Live:
         calibration: mounts, biases and lengths; None for the model's.
         server: page and WebSocket; None without.
         picture: the figure of the page; None without.
-        outputs: other programs that get each estimate, stroke and event.
+        outputs: other programs that get each estimate, event and repetition.
         follower: makes messages of what it recognises in the estimates, such as repetitions; None without.
         is_tracked_at_once: track without a command, as soon as all streams have been heard and their clocks settled.
     """

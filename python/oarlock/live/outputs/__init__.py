@@ -1,1 +1,1 @@
-"""Sends estimates, strokes and events of a live session to other programs: JSON lines and OSC by UDP, and LSL."""
+"""Sends estimates, events and repetitions of a live session to other programs: JSON lines and OSC by UDP, and LSL."""

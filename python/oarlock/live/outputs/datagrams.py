@@ -72,9 +72,10 @@ def _osc_messages(told: Mapping[str, Any]) -> list[tuple[str, list[float | str]]
     time_s: tuple[str, list[float | str]] = ("time", [told["time_s"]])
     if told["type"] == "event":
         return [time_s, ("event", [told["text"]])]
-    if told["type"] == "stroke":
-        values = [(f"stroke/{_part(key)}", [one["value"], one["std"]]) for key, one in told["values"].items()]
-        return [time_s, ("stroke/number", [told["number"]]), *values]
+    if told["type"] != "frame":
+        kind = _part(told["type"])
+        values = [(f"{kind}/{_part(key)}", [one["value"], one["std"]]) for key, one in told["values"].items()]
+        return [time_s, (f"{kind}/number", [told["number"]]), *values]
     joints = [(f"joint/{_part(name)}", list(pair)) for name, pair in told["joints"].items()]
     angles = [(f"angle/{_part(name)}", list(pair)) for name, pair in told.get("angles", {}).items()]
     return [time_s, *joints, *angles]

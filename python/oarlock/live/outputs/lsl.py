@@ -1,4 +1,4 @@
-"""Two streams of the Lab Streaming Layer: joint angles with standard deviations, and strokes and events as markers."""
+"""Two streams of the Lab Streaming Layer: joint angles with standard deviations, and events and repetitions as markers."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Channel = tuple[str, str, str]
 
 @dataclass
 class LslStreams:
-    """An outlet `STREAM` of joint angles, and an outlet `STREAM events` of strokes and events as JSON texts.
+    """An outlet `STREAM` of joint angles, and an outlet `STREAM events` of events and repetitions as JSON texts.
 
     Samples have the stamp of the moment of the estimate in LSL's clock, not that of sending.
 
@@ -77,7 +77,7 @@ class LslStreams:
             raise OSError(f"liblsl opens no outlet: {error}") from error
 
     def send(self, message: Mapping[str, Any]) -> None:
-        """Pushes a frame, a stroke or an event; liblsl sends it from threads of its own."""
+        """Pushes a message; liblsl sends it from threads of its own."""
         stamp_s = self._from_start_s + message["time_s"]
         if message["type"] != "frame":
             self._events.push_sample([json.dumps(message, allow_nan=False)], stamp_s)

@@ -45,7 +45,7 @@ class Way(Protocol):
         """Gets ready to send; also again after a failure."""
 
     def send(self, message: Mapping[str, Any]) -> None:
-        """Sends a message of type `frame`, `stroke` or `event`, docs/live.md."""
+        """Sends a frame, an event or a repetition, docs/live.md."""
 
     def close(self) -> None:
         """Ends it, also where it is not open."""
@@ -90,7 +90,7 @@ class Output:
             self._news.notify()
 
     def tell(self, message: Mapping[str, Any]) -> None:
-        """Takes a stroke or an event, and does not wait."""
+        """Takes an event or a repetition, and does not wait."""
         with self._news:
             self.skipped += len(self._told) == MOST_TOLD
             self._told.append(message)
@@ -146,7 +146,7 @@ class Output:
         return frame_of(estimate, self.model, named=self._named)
 
     def _leave_out(self) -> None:
-        """Estimates are of use at once or not at all; strokes and events wait."""
+        """Estimates are of use at once or not at all; what happened waits."""
         with self._news:
             self.skipped += len(self._estimates)
             self._estimates.clear()

@@ -1,4 +1,4 @@
-"""The `[outputs]` table of a rig file: where estimates, strokes and events go beside the page."""
+"""The `[outputs]` table of a rig file: where estimates and events go beside the page."""
 
 from __future__ import annotations
 
