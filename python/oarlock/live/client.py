@@ -49,8 +49,8 @@ def events(url: str) -> Iterator[dict[str, Any]]:
         url: the page's address with its token, such as `http://127.0.0.1:8123/?token=...`.
 
     Yields:
-        `type` and `time_s`; of the type "event" `text`, of a repetition that was completed, whatever its type is called,
-        `number` and `values` (key -> `value` and `std`).
+        `type` and `time_s`; of the type "event" `text`; of a repetition that was completed `number` and `values`
+        (key -> `value` and `std`).
 
     Raises:
         DataError: no session answers at this address, or it refuses.

@@ -1,4 +1,4 @@
-"""Two streams of the Lab Streaming Layer: joint angles with standard deviations, and events and repetitions as markers."""
+"""Two streams of the Lab Streaming Layer: joint angles with standard deviations, and what happens as markers."""
 
 from __future__ import annotations
 
