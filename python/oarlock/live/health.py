@@ -66,6 +66,14 @@ class Problems:
                 yield f"{name}: works again"
 
 
+def lost(state: str) -> str | None:
+    """The state of a transport if it, or one of its links, is lost; empty if it reads, None while it tries again."""
+    parts = state.split("; ")
+    if any(part.startswith("lost ") for part in parts):
+        return state
+    return None if any(part.startswith(("connects ", "waits ")) for part in parts) else ""
+
+
 def health(
     session: LiveSession,
     states: Mapping[str, str],

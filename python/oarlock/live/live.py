@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from oarlock.live.folder import LiveFolder
 from oarlock.live.frame import frame_of
-from oarlock.live.health import Problems, Watch, health
+from oarlock.live.health import Problems, Watch, health, lost
 from oarlock.live.named_angles import NamedAngles
 from oarlock.live.outputs.output import Output, Start
 from oarlock.live.reading import Packet
@@ -195,13 +195,11 @@ class Live:
                 self.server.publish({**told, "outputs": [output.health() for output in self.outputs]})
 
     def _problems_now(self) -> dict[str, str]:
-        """What is wrong with recorder, sources and outputs; empty texts for those that work."""
+        """What is wrong with recorder, sources and outputs: empty for those that work, absent for those that try."""
         states = {f"source {name}": t.state for name, t in self.transports.items()}
-        # Whether it is connected again is known only once it reads.
-        lost = {name: state for name, state in states.items() if not state.startswith("connects")}
         return {
             "recorder": self._recorder.problem,
-            **{name: state if state.startswith("lost") else "" for name, state in lost.items()},
+            **{name: problem for name, state in states.items() if (problem := lost(state)) is not None},
             **{output.way.name: output.problem for output in self.outputs},
         }
 
