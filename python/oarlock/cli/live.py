@@ -19,6 +19,7 @@ from oarlock.cli.terminal import print_json, say, steps, verb
 if TYPE_CHECKING:
     from oarlock import Calibration, Model
     from oarlock.live.live import Live
+    from oarlock.live.outputs.table import Outputs
     from oarlock.live.rig import Rig
     from oarlock.rowing import StrokeFollower
 
@@ -42,8 +43,19 @@ Seconds = Annotated[
 ]
 NoPage = Annotated[bool, typer.Option("--no-page", help="Record and track without a page.")]
 UdpTo = Annotated[
-    str | None,
-    typer.Option("--udp", metavar="HOST:PORT", help="Send each estimate there as a line of JSON, too."),
+    list[str] | None,
+    typer.Option(
+        "--udp", metavar="HOST:PORT", help="Send estimates, strokes and events there as JSON lines."
+    ),
+]
+OscTo = Annotated[
+    list[str] | None, typer.Option("--osc", metavar="HOST:PORT", help="The same as Open Sound Control.")
+]
+LslAs = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--lsl", metavar="NAME", help="The same as streams of the Lab Streaming Layer; oarlock[lsl]."
+    ),
 ]
 
 
@@ -61,6 +73,8 @@ def run(
     share: Share = False,
     no_page: NoPage = False,
     udp: UdpTo = None,
+    osc: OscTo = None,
+    lsl: LslAs = None,
     seconds: Seconds = None,
 ) -> None:
     """Record, track and show what a rig's sensors send.
@@ -69,11 +83,12 @@ def run(
     recording.
     """
     import oarlock
+    from oarlock.live.outputs.table import Outputs
     from oarlock.live.rig import Rig
 
-    found = Rig.load(rig)
+    found, wanted = Rig.load(rig), Outputs(tuple(udp or ()), tuple(osc or ()), tuple(lsl or ()))
     calibration = None if found.calibration is None else oarlock.load_calibration(found.calibration)
-    _run(found, oarlock.load_model(found.model), calibration, out, port, share, no_page, udp, seconds)
+    _run(found, oarlock.load_model(found.model), calibration, out, port, share, no_page, seconds, wanted)
 
 
 @group.command("demo", epilog=example("oarlock live demo"))
@@ -102,7 +117,7 @@ def demo(
     assert emulator.stdout is not None
     try:
         emulator.stdout.readline()
-        _run(rig, model, None, out or dated_folder(Path("out")), port, share, no_page, None, seconds)
+        _run(rig, model, None, out or dated_folder(Path("out")), port, share, no_page, seconds)
     finally:
         emulator.terminate()
         emulator.stdout.close()
@@ -140,20 +155,18 @@ def _run(
     port: int,
     share: bool,
     no_page: bool,
-    udp: str | None,
     seconds: float | None,
+    wanted: Outputs | None = None,
 ) -> None:
     from oarlock.live.live import Live
-    from oarlock.live.outputs import UdpLines
+    from oarlock.live.outputs.choose import outputs_of
     from oarlock.live.picture import LivePicture
     from oarlock.rowing import live_look
 
     follower, drawn = _strokes(model, calibration), live_look(model)
     picture = LivePicture.of(model) if drawn is None else LivePicture.of(model, drawn.look, drawn.strands)
     live = Live(rig, model, out, calibration, picture=picture, follower=follower, on_event=say)
-    if udp is not None:
-        host, _, to_port = udp.rpartition(":")
-        live.outputs = [UdpLines(model, host or "127.0.0.1", int(to_port))]
+    live.outputs = outputs_of(model, rig.rate_hz, rig.outputs, *([wanted] if wanted else []))
     if not no_page:
         from oarlock.live.page import page_server
 

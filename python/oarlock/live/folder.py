@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import shutil
 import time
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -75,6 +77,14 @@ class LiveFolder:
         keys = {"format": FORMAT, "start_ns": start_ns, "start_epoch_s": made.start_epoch_s}
         write_toml(path / SESSION, keys)
         return made
+
+    def discard(self) -> None:
+        """Removes what `create` and the recorder wrote: the session could not begin."""
+        shutil.rmtree(self.packets, ignore_errors=True)
+        for name in (SESSION, RIG, CALIBRATION):
+            (self.path / name).unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # it has files of others
+            self.path.rmdir()
 
     @classmethod
     def load(cls, path: Path) -> LiveFolder:

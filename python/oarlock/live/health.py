@@ -48,8 +48,41 @@ class Watch:
         return not self.intake.silent(now_s, SILENT_S) and all(device.is_settled for device in feeding)
 
 
+@dataclass
+class Problems:
+    """Says once that something does not work, and once that it works again."""
+
+    _wrong: set[str] = field(default_factory=set)
+
+    def events(self, now: Mapping[str, str]) -> Iterator[str]:
+        """Sentences about what has changed since the last look.
+
+        Args:
+            now: what -> what is wrong with it, or an empty text; what is not named is as it was.
+        """
+        for name, problem in now.items():
+            if problem and name not in self._wrong:
+                self._wrong.add(name)
+                yield f"{name}: {problem}"
+            elif not problem and name in self._wrong:
+                self._wrong.remove(name)
+                yield f"{name}: works again"
+
+
+def lost(state: str) -> str | None:
+    """The state of a transport if it, or one of its links, is lost; empty if it reads, None while it tries again."""
+    parts = state.split("; ")
+    if any(part.startswith("lost ") for part in parts):
+        return state
+    return None if any(part.startswith(("connects ", "waits ")) for part in parts) else ""
+
+
 def health(
-    session: LiveSession, states: Mapping[str, str], recorder: Recorder, free_bytes: int, now_s: float
+    session: LiveSession,
+    states: Mapping[str, str],
+    recorder: Recorder,
+    free_bytes: int | None,
+    now_s: float,
 ) -> dict[str, Any]:
     """What the page shows of sources, devices and the recorder."""
     intake = session.intake
@@ -68,7 +101,7 @@ def health(
             "packets": recorder.packets,
             "lost": recorder.lost,
             "problem": recorder.problem,
-            "free_gb": round(free_bytes / 1e9, 1),
+            "free_gb": None if free_bytes is None else round(free_bytes / 1e9, 1),
         },
     }
 

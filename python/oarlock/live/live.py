@@ -14,8 +14,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from oarlock.live.folder import LiveFolder
-from oarlock.live.health import Watch, health
-from oarlock.live.outputs import Output, frame_of
+from oarlock.live.frame import frame_of
+from oarlock.live.health import Problems, Watch, health, lost
+from oarlock.live.named_angles import NamedAngles
+from oarlock.live.outputs.output import Output, Start
 from oarlock.live.reading import Packet
 from oarlock.live.recorder import Recorder
 from oarlock.live.rig import Rig
@@ -23,6 +25,7 @@ from oarlock.live.server import PageServer
 from oarlock.live.session import Estimate, LiveSession, command
 from oarlock.live.transports import opened
 from oarlock.live.transports.transport import Transport, now_ns
+from oarlock.storage.errors import DataError
 
 if TYPE_CHECKING:
     from oarlock._core import Belief, Model
@@ -57,7 +60,7 @@ class Live:
         calibration: mounts, biases and lengths; None for the model's.
         server: page and WebSocket; None without.
         picture: the figure of the page; None without.
-        outputs: what else gets each estimate.
+        outputs: other programs that get each estimate, event and repetition.
         follower: makes messages of what it recognises in the estimates, such as repetitions; None without.
         is_tracked_at_once: track without a command, as soon as all streams have been heard and their clocks settled.
     """
@@ -87,22 +90,53 @@ class Live:
         start_ns = now_ns()
         self.session = LiveSession(self.rig, self.model, start_ns, self.calibration)
         self.transports = {name: opened(source) for name, source in self.rig.sources.items()}
-        self._watch = Watch(self.session.intake)
+        self._watch, self._problems = Watch(self.session.intake), Problems()
+        self._named = NamedAngles(self.model)
         self._newest: Estimate | None = None
         self._working: set[asyncio.Task[None]] = set()
         self._followed = 0
         self._published_s = 0.0
-        place = LiveFolder.create(self.folder, self.rig, self.calibration, start_ns)
+        if self.server is not None:
+            await self.server.start()
+        try:
+            place = LiveFolder.create(self.folder, self.rig, self.calibration, start_ns)
+            await self._recorded(place, seconds)
+        finally:
+            if self.server is not None:
+                await self.server.stop()
+
+    async def _recorded(self, place: LiveFolder, seconds: float | None) -> None:
+        """Runs with a recorder; a session that could not begin leaves no folder."""
         self._recorder = Recorder(place.packets)
+        for output in self.outputs:
+            output.start(Start(place.start_ns, place.start_epoch_s))
         self._pool = None if self.follower is None else ProcessPoolExecutor(1, get_context("spawn"))
+        has_begun = True
         try:
             await self._until_ended(seconds)
+        except DataError:
+            has_begun = bool(self.session.intake.devices)
+            raise
         finally:
             if self._pool is not None:
                 self._pool.shutdown(wait=False, cancel_futures=True)
             self.deliver(command(now_ns(), "stop"))
             self._recorder.close()
+            for output in self.outputs:
+                output.close()
+            if has_begun:
+                self._finish(place)
+            else:
+                place.discard()
+
+    def _finish(self, place: LiveFolder) -> None:
+        try:
             place.finish(self.model)
+        except (DataError, OSError) as error:
+            raise DataError(
+                f"the recording could not be written: {error}. What was received is whole in {place.packets}: "
+                f"make room, then run oarlock live recover {place.path}"
+            ) from error
 
     def deliver(self, packet: Packet) -> None:
         """Takes a packet: to the disk, to the tracker, and its estimates to all who listen."""
@@ -128,8 +162,6 @@ class Live:
         return None
 
     async def _until_ended(self, seconds: float | None) -> None:
-        if self.server is not None:
-            await self.server.start()
         tasks = [asyncio.create_task(t.run(self.deliver)) for t in self.transports.values()]
         tasks.append(asyncio.create_task(self._look_after()))
         await asyncio.sleep(0.0)
@@ -143,6 +175,7 @@ class Live:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
             if self.server is not None:
+                # before the recording is written, which holds up this loop
                 await self.server.stop()
 
     async def _look_after(self) -> None:
@@ -150,16 +183,25 @@ class Live:
         while True:
             await asyncio.sleep(HEALTH_S)
             now_s = self.session.intake.seconds(now_ns())
-            for text in self._watch.events(now_s):
+            for text in (*self._watch.events(now_s), *self._problems.events(self._problems_now())):
                 self._tell(text)
             if self.is_tracked_at_once and self.session.tracker is None and self._watch.is_ready(now_s):
                 self.is_tracked_at_once = False
                 self.deliver(command(now_ns(), "track"))
                 self._tell("tracking")
             if self.server is not None:
-                free = shutil.disk_usage(self.folder).free
                 states = {name: t.state for name, t in self.transports.items()}
-                self.server.publish(health(self.session, states, self._recorder, free, now_s))
+                told = health(self.session, states, self._recorder, _free_bytes(self.folder), now_s)
+                self.server.publish({**told, "outputs": [output.health() for output in self.outputs]})
+
+    def _problems_now(self) -> dict[str, str]:
+        """What is wrong with recorder, sources and outputs: empty for those that work, absent for those that try."""
+        states = {f"source {name}": t.state for name, t in self.transports.items()}
+        return {
+            "recorder": self._recorder.problem,
+            **{name: problem for name, state in states.items() if (problem := lost(state)) is not None},
+            **{output.way.name: output.problem for output in self.outputs},
+        }
 
     def _follow(self, estimate: Estimate) -> None:
         task = None if self.follower is None else self.follower.step(estimate.time_s, estimate.belief)
@@ -177,23 +219,37 @@ class Live:
             self._pool = None
             self._tell(f"it is no longer followed what is repeated: {error}")
             return
-        if message is not None and self.server is not None:
+        if message is not None:
             self._followed += 1
-            self.server.announce({**message, "number": self._followed})
+            self._announce({**message, "number": self._followed})
 
     def _tell(self, text: str) -> None:
         self.on_event(text)
+        now_s = self.session.intake.seconds(now_ns())
+        self._announce({"type": "event", "time_s": round(now_s, 2), "text": text})
+
+    def _announce(self, message: Mapping[str, Any]) -> None:
+        """Tells viewers and outputs what happened."""
         if self.server is not None:
-            now_s = self.session.intake.seconds(now_ns())
-            self.server.announce({"type": "event", "time_s": round(now_s, 2), "text": text})
+            self.server.announce(message)
+        for output in self.outputs:
+            output.tell(message)
 
     def _publish(self) -> None:
         now_s = time.monotonic()
         if self.server is None or self._newest is None or now_s - self._published_s < 1.0 / FRAMES_HZ:
             return
         self._published_s = now_s
-        self.server.publish(frame_of(self._newest, self.model, self.picture))
+        self.server.publish(frame_of(self._newest, self.model, self.picture, self._named))
         self._newest = None
+
+
+def _free_bytes(folder: Path) -> int | None:
+    """Room on the folder's disk; None where it cannot be read, because the disk was taken away."""
+    try:
+        return shutil.disk_usage(folder).free
+    except OSError:
+        return None
 
 
 def _carried_out(do: str, keys: Mapping[str, Any]) -> str:

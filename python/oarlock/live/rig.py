@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from oarlock.live.outputs.table import Outputs
 from oarlock.model.description import ImuDescription
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
@@ -22,7 +23,7 @@ _KINDS = {
     "position": ("vector", ("position_m",)),
     "orientation": ("orientation", ("quat_wxyz",)),
 }
-_TOP = ("format", "model", "calibration", "wait_ms", "sources", "streams")
+_TOP = ("format", "model", "calibration", "wait_ms", "sources", "streams", "outputs")
 
 
 @dataclass(frozen=True)
@@ -86,6 +87,7 @@ class Rig:
         sources: by name.
         feeds: one for each stream.
         wait_s: how long an estimate waits for readings that come late.
+        outputs: where estimates go beside the page.
     """
 
     model: str
@@ -93,6 +95,7 @@ class Rig:
     sources: Mapping[str, Source]
     feeds: tuple[Feed, ...]
     wait_s: float = 0.03
+    outputs: Outputs = field(default_factory=Outputs)
 
     @classmethod
     def load(cls, file: Path, model: Model | None = None) -> Rig:
@@ -149,6 +152,7 @@ def _read(table: TomlTable, model: Model | None) -> Rig:
         sources,
         _feeds(table.table("streams"), sources, streams, name),
         table.number("wait_ms", 30.0) / 1e3,
+        Outputs.read(table.table("outputs", {})),
     )
 
 
@@ -216,4 +220,5 @@ def rig_document(rig: Rig) -> dict[str, object]:
     head: dict[str, object] = {"format": FORMAT, "model": rig.model}
     if rig.calibration is not None:
         head["calibration"] = str(rig.calibration)
-    return {**head, "wait_ms": 1e3 * rig.wait_s, "sources": sources, "streams": streams}
+    outputs = {"outputs": rig.outputs.document()} if rig.outputs.document() else {}
+    return {**head, "wait_ms": 1e3 * rig.wait_s, "sources": sources, "streams": streams, **outputs}

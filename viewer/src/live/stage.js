@@ -8,6 +8,7 @@ import { palette } from "../palette.js";
 import { FlatStage } from "../stage2d.js";
 import { SpaceStage } from "../stage3d.js";
 import { DRAWER } from "./drawer.js";
+import { QuickStage } from "./quick.js";
 
 /** Of the way to where the camera should look, a frame. */
 const EASE = 0.08;
@@ -17,7 +18,7 @@ const TURN_RAD = 0.12;
 
 /** Of a picture's full sharpness, from the best to what a machine without graphics card can draw. */
 const SHARPNESS = [1, 0.75, 0.55, 0.4];
-const START_WITHOUT_CARD = 2;
+const START_WITHOUT_CARD = 1;
 /** A picture that takes longer than this between two frames is drawn less sharp; the median of so many. */
 const SLOW_MS = 27;
 const JUDGED = 45;
@@ -64,7 +65,8 @@ export class Stage {
     this.view = this.viewOf();
     const canvas = element("canvas", { role: "img", tabindex: "0", "aria-label": `Moving figure of ${this.figure.scene.model}. Arrow keys turn it, plus and minus zoom.` });
     this.place.replaceChildren(canvas);
-    this.drawn = new (flat ? FlatStage : SpaceStage)(canvas, this.view, this.figure, null, this.level > 0);
+    const Drawn = flat ? FlatStage : this.level > 0 ? QuickStage : SpaceStage;
+    this.drawn = new Drawn(canvas, this.view, this.figure, null);
     this.flat = flat;
     this.empty.hidden = true;
     this.note.hidden = !flat;

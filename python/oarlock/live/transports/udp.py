@@ -36,6 +36,7 @@ class Udp:
         self.source, self.host, self.port = source, options.text("host", "0.0.0.0"), options.port()
         self.state = "not started"
         self._socket: socket.socket | None = None
+        self._last_ns = 0
 
     async def run(self, deliver: Deliver) -> None:
         """Delivers each datagram as a packet until it is cancelled."""
@@ -61,7 +62,9 @@ class Udp:
                 data, told, _, sender = bound.recvmsg(LONGEST, _TOLD_BYTES)
             except (BlockingIOError, ConnectionError):
                 return
-            deliver(Packet(self.source, f"{sender[0]}:{sender[1]}", "", _arrival_ns(told), data))
+            # Datagrams come in their order; a clock of the day that is set meanwhile would say otherwise.
+            self._last_ns = max(self._last_ns, _arrival_ns(told))
+            deliver(Packet(self.source, f"{sender[0]}:{sender[1]}", "", self._last_ns, data))
 
     def _bound(self) -> socket.socket:
         made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -76,7 +79,8 @@ class Udp:
             made.close()
             raise DataError(
                 f"source '{self.source}': port {self.port} at {self.host} cannot be opened ({error.strerror}). "
-                "Another program may listen there: end it, or send to another port"
+                "Another program may listen there, such as a session that still runs: end it, or give this source "
+                "another port in the rig file and let the devices send there"
             ) from error
         made.setblocking(False)
         return made
