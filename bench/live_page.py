@@ -1,9 +1,8 @@
-"""Measures in Chromium how long the page of live sessions takes from a message to the painted figure; `make bench-live`."""
+"""Measures in Chromium how long the live page takes from a message to the painted figure; `make bench-live`."""
 
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import re
 import shutil
@@ -13,8 +12,6 @@ import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -32,7 +29,9 @@ def main() -> None:
     asked.add_argument("--width", type=int, choices=SIZES, action="append")
     asked.add_argument("--big", action="store_true", help="with large numbers in place of the figure")
     given = asked.parse_args()
-    print("| width | viewers | frames/s | message to painted p50, p99 (ms) | reading to painted p50, p99 (ms) |")
+    print(
+        "| width | viewers | frames/s | message to painted p50, p99 (ms) | reading to painted p50, p99 (ms) |"
+    )
     print("|---|---|---|---|---|")
     for width in given.width or SIZES:
         with demo() as url:
@@ -44,7 +43,9 @@ def demo() -> Iterator[str]:
     """The address of a session with emulated sensors."""
     with tempfile.TemporaryDirectory() as folder:
         words = [sys.executable, "-m", "oarlock", "live", "demo", "--port", "0", "--out", f"{folder}/session"]
-        running = subprocess.Popen(words, stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"})
+        running = subprocess.Popen(
+            words, stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"}
+        )
         assert running.stdout is not None
         try:
             yield next(found[0] for line in running.stdout if (found := re.search(r"http://\S+", line)))
@@ -68,7 +69,9 @@ def measured(url: str, width: int, seconds: float, viewers: int) -> str:
         tabs[0].evaluate("() => { oarlock.live.painted.length = 0; }")
         time.sleep(seconds)
         painted = tabs[0].evaluate("() => oarlock.live.painted")
-        level = tabs[0].evaluate("() => [oarlock.live.stage?.level, oarlock.live.stage?.drawer, oarlock.live.skipped]")
+        level = tabs[0].evaluate(
+            "() => [oarlock.live.stage?.level, oarlock.live.stage?.drawer, oarlock.live.skipped]"
+        )
         browser.close()
     print(level, len(painted), file=sys.stderr)
     waited, age = (np.array([one[key] for one in painted]) for key in ("waited_ms", "age_ms"))
