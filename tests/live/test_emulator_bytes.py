@@ -83,7 +83,7 @@ def test_streams_of_mvn_without_the_name_of_a_segment_get_a_free_one():
 
 
 def test_a_shimmer3_answers_commands(swung):
-    kind, emulated = emulated_by("shimmer3", swung, PERFECT)
+    _, emulated = emulated_by("shimmer3", swung, PERFECT)
     units = shimmer3.Units(emulated)
     inquiry = units.answer("upper", b"\x01")
     assert inquiry == b"\xff\x02" + struct.pack("<HIBB", 655, 0x0901FF01, 9, 1) + bytes(
