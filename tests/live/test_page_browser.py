@@ -152,6 +152,31 @@ def test_a_silent_sensor_stands_out_and_another_unit_takes_its_place(browser, se
         tab.locator("tr.ol-spare", has_text="/back").wait_for()
 
 
+SHOWN = {
+    "speed": "4.21 m/s",
+    "heart rate": "152 /min",
+    "pace": "1:58.8 /500 m",
+    "latitude": "48.117302°",
+    "stroke state": "<i>Drive",
+}
+
+
+def test_what_feeds_no_sensor_is_shown_with_its_unit(browser, session):
+    values = {"speed_m_s": 4.2125, "heart_rate_per_min": 152.0, "pace_s_per_500_m": 118.84}
+    values |= {"latitude_deg": 48.117302, "stroke_state": "<i>Drive"}
+    with opened(browser, session) as tab:
+        assert not tab.locator(".ol-channels").is_visible()
+        session.also("erg-3", **values, handle_force_n=(1.0, 2.0))
+        group = tab.locator(".ol-channels > div", has_text="radio/erg-3")
+        group.wait_for()
+        rows = [row.split("\n") for row in group.locator("dl > div").all_inner_texts()]
+        assert dict(rows) == SHOWN
+        tab.locator("tr.ol-spare", has_text="recorded, feeds no sensor").wait_for()
+        session.also("erg-3", speed_m_s=-0.004)
+        group.get_by_text("0.00 m/s").wait_for()
+        group.get_by_text("silent for").wait_for()
+
+
 def test_a_note_by_keyboard_is_in_the_recording(browser, session, tmp_path):
     with opened(browser, session) as tab:
         tab.keyboard.press("n")

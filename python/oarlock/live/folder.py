@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from oarlock.live.channel_tables import FOLDER as CHANNELS
+from oarlock.live.channel_tables import Channels
 from oarlock.live.reading import Packet
 from oarlock.live.recorder import Damage, read_packets
 from oarlock.live.rig import Rig, rig_document
@@ -106,15 +109,18 @@ class LiveFolder:
         return LiveSession(self.rig(model), model, self.start_ns, calibration)
 
     def finish(self, model: Model) -> tuple[Recording | None, list[Damage]]:
-        """Write the recording of the packets; None if they have no reading of a sensor.
+        """Write the recording of the packets, None if they have no reading of a sensor, and what else they have.
 
         Raises:
-            DataError: the recording cannot be written.
+            DataError: the recording or the channels cannot be written.
         """
         damage: list[Damage] = []
-        try:
-            made = recorded(self.read(damage), self.rig(model), self.start_ns)
-        except DataError:
-            return None, damage
-        made.save(self.path / RECORDING)
+        others = Channels()
+        made: Recording | None = None
+        with suppress(DataError):
+            made = recorded(self.read(damage), self.rig(model), self.start_ns, others.take)
+        if others:
+            others.save(self.path / CHANNELS)
+        if made is not None:
+            made.save(self.path / RECORDING)
         return made, damage

@@ -8,11 +8,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from oarlock.live.intake import Device, Intake
+from oarlock.live.reading import Value
 from oarlock.live.recorder import Recorder
 from oarlock.live.session import LiveSession
 
 SILENT_S = 0.7
 """A stream of which nothing came for so long is silent; with a look every half second it is named within 1.2 s."""
+
+LONGEST_TEXT = 40
 
 
 @dataclass
@@ -83,4 +86,15 @@ def _device(device: Device, now_s: float) -> dict[str, Any]:
         "restarts": device.clock.restarts,
         "battery_percent": device.battery_percent,
         "silent_s": round(now_s - device.last_arrival_s, 1) if math.isfinite(device.last_arrival_s) else None,
+        "channel": device.channel,
+        "values": dict(_shown(device.newest)),
     }
+
+
+def _shown(newest: Mapping[str, Value]) -> Iterator[tuple[str, float | str]]:
+    """Numbers and short texts; the battery has its own place."""
+    for name, value in newest.items():
+        if isinstance(value, str):
+            yield name, value[:LONGEST_TEXT]
+        elif not isinstance(value, tuple) and name != "battery_percent" and math.isfinite(value):
+            yield name, float(f"{value:.9g}")

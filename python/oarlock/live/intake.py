@@ -10,11 +10,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 from oarlock.live.clock import DeviceClock
-from oarlock.live.reading import Decoder, Packet, Reading
+from oarlock.live.reading import Decoder, Packet, Reading, Value
 from oarlock.live.rig import Feed, Rig, Source
 
 RATE_OVER_S = 2.0
 """Rates are counted over so much time."""
+MOST_SHOWN = 50
+"""So many quantities of a device are shown, whatever it sends."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +36,27 @@ class Sampled:
     arrival_s: float
 
 
+@dataclass(frozen=True, slots=True)
+class Spare:
+    """What no sensor of the model takes of a reading, such as heart rate.
+
+    Args:
+        channel: name of the source, and the part of the device behind a "/".
+        address: of the device.
+        time_s: by this machine's clock, s from the session's start; None while the device's clock is not known.
+        arrival_s: when its packet was received, s from the session's start.
+        clock_s: the device's own stamp; None without.
+        values: quantity -> number, numbers or text.
+    """
+
+    channel: str
+    address: str
+    time_s: float | None
+    arrival_s: float
+    clock_s: float | None
+    values: Mapping[str, Value] = field(hash=False)
+
+
 @dataclass
 class Device:
     """One sender: its clock, and how it does.
@@ -41,12 +64,16 @@ class Device:
     Args:
         source, address, part: where it was heard; together its key.
         streams: of the model that it feeds; empty for one that the rig does not use.
+        taken: names of the values that these take.
     """
 
     source: str
     address: str
     part: str
     streams: tuple[str, ...] = ()
+    taken: frozenset[str] = frozenset()
+    newest: dict[str, Value] = field(default_factory=dict)
+    """The last of each value that no stream takes."""
     clock: DeviceClock = field(default_factory=DeviceClock)
     readings: int = 0
     lost: int = 0
@@ -65,6 +92,19 @@ class Device:
     def name(self) -> str:
         """Its address, with the part if it has several."""
         return f"{self.address}/{self.part}" if self.address and self.part else self.address or self.part
+
+    @property
+    def channel(self) -> str:
+        """Name of the channel of what feeds no sensor."""
+        return f"{self.source}/{self.part}" if self.part else self.source
+
+    def spare(self, reading: Reading) -> dict[str, Value]:
+        """What no stream takes of a reading; it is also kept as the newest."""
+        found = {name: value for name, value in reading.values.items() if name not in self.taken}
+        for name, value in found.items():
+            if name in self.newest or len(self.newest) < MOST_SHOWN:
+                self.newest[name] = value
+        return found
 
     def rate_hz(self, now_s: float) -> float:
         """Readings a second of late; 0 for one that is silent."""
@@ -110,11 +150,13 @@ class Intake:
         rig: which device feeds which stream.
         start_ns: the session's start by the clock of arrivals; times count from there.
         decoders: makes a new decoder for a device of a source.
+        keep: gets what no sensor takes.
     """
 
     rig: Rig
     start_ns: int
     decoders: Callable[[Source], Decoder]
+    keep: Callable[[Spare], None] = lambda spare: None
     devices: dict[tuple[str, str, str], Device] = field(default_factory=dict)
     _decoders: dict[tuple[str, str], Decoder] = field(default_factory=dict)
     _feeds: dict[str, Feed] = field(default_factory=dict)
@@ -136,6 +178,8 @@ class Intake:
         for reading in self._decoders[key].decode(packet.data, packet.channel):
             device = self._device(packet, reading.device)
             time_s = device.hear(reading, arrival_s)
+            if spare := device.spare(reading):
+                self.keep(Spare(device.channel, device.address, time_s, arrival_s, reading.clock_s, spare))
             if time_s is not None:
                 found += self._sampled(device, reading, time_s, arrival_s)
         return found
@@ -148,7 +192,7 @@ class Intake:
         """From now on another device feeds a stream: a unit was exchanged."""
         self._feeds[stream] = replace(self._feeds[stream], device=device)
         for one in self.devices.values():
-            one.streams = self._streams(one)
+            self._connect(one)
 
     def damaged(self, source: str) -> int:
         """Messages of a source that could not be decoded."""
@@ -169,17 +213,20 @@ class Intake:
     def _device(self, packet: Packet, part: str) -> Device:
         key = (packet.source, packet.address, part)
         if key not in self.devices:
-            device = Device(*key)
-            device.streams = self._streams(device)
-            self.devices[key] = device
+            self.devices[key] = Device(*key)
+            self._connect(self.devices[key])
         return self.devices[key]
 
-    def _streams(self, device: Device) -> tuple[str, ...]:
-        return tuple(
-            f.stream
+    def _connect(self, device: Device) -> None:
+        """Says which streams a device feeds, and with which of its values."""
+        feeds = [
+            f
             for f in self._feeds.values()
             if f.source == device.source and f.takes(device.address, device.part)
-        )
+        ]
+        device.streams = tuple(f.stream for f in feeds)
+        device.taken = frozenset(name for f in feeds for name in f.values)
+        device.newest = {n: v for n, v in device.newest.items() if n not in device.taken}
 
     def _sampled(self, device: Device, reading: Reading, time_s: float, arrival_s: float) -> list[Sampled]:
         found = []

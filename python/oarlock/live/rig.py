@@ -32,7 +32,7 @@ class Source:
     Args:
         name: in the rig file.
         format: how the bytes are to be read, a name of `oarlock.live.decoders.DECODERS`.
-        transport: "udp", "tcp", "serial", "ble", "lsl" or "replay".
+        transport: "udp", "tcp", "serial", "ble", "lsl", "websocket", "mqtt" or "replay".
         options: what else the transport needs, such as `port`.
         decoder: options of the format.
     """

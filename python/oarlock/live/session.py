@@ -7,7 +7,7 @@ note, exchange a unit) are packets of the source `COMMANDS`, so they are recorde
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +15,7 @@ import numpy as np
 
 import oarlock
 from oarlock.live.decoders import DECODERS
-from oarlock.live.intake import Intake, Sampled
+from oarlock.live.intake import Intake, Sampled, Spare
 from oarlock.live.reading import Decoder, Packet
 from oarlock.live.rig import Rig, Source
 from oarlock.storage.errors import DataError
@@ -128,13 +128,24 @@ class LiveSession:
         return [Estimate(info.time_s, arrival_s, belief, info) for belief, info in done]
 
 
-def recorded(packets: Iterable[Packet], rig: Rig, start_ns: int) -> oarlock.Recording:
+def recorded(
+    packets: Iterable[Packet],
+    rig: Rig,
+    start_ns: int,
+    keep: Callable[[Spare], None] = lambda spare: None,
+) -> oarlock.Recording:
     """The readings of the model's sensors in a session's packets, as a recording.
+
+    Args:
+        packets: in the order of arrival.
+        rig: which device feeds which stream.
+        start_ns: the session's start by the clock of arrivals.
+        keep: gets what feeds no sensor.
 
     Raises:
         DataError: no packet has a reading of a sensor.
     """
-    intake = Intake(rig, start_ns, _new_decoder)
+    intake = Intake(rig, start_ns, _new_decoder, keep)
     rows: dict[str, dict[float, Any]] = {feed.stream: {} for feed in rig.feeds}
     for packet in packets:
         if packet.source == COMMANDS:

@@ -1,6 +1,7 @@
 // Health of the sensors, in words, and the exchange of a unit.
 
 import { button, choice, element } from "../dom.js";
+import { Channels, SILENT_S } from "./channels.js";
 import { ago, decimals } from "./numbers.js";
 
 const SLOW_SHARE = 0.8;
@@ -29,7 +30,8 @@ export class Sensors {
     this.device = choice("is now unit", [], () => {});
     this.apply = button("Use this unit", () => this.exchange(), { class: "ol-button" });
     this.exchanger = element("details", { class: "ol-chooser" }, element("summary", { text: "Exchange a unit" }), element("p", { class: "ol-hint", text: "Switch the new unit on. It appears in the list when it is heard." }), element("div", { class: "ol-fields" }, this.stream.field, this.device.field, this.apply));
-    this.root = element("section", { class: "ol-card", "aria-labelledby": "ol-sensors" }, element("div", { class: "ol-head" }, element("h2", { id: "ol-sensors", text: "Sensors" }), this.summary), table, this.exchanger, this.recorder, this.arrivals);
+    this.channels = new Channels();
+    this.root = element("section", { class: "ol-card", "aria-labelledby": "ol-sensors" }, element("div", { class: "ol-head" }, element("h2", { id: "ol-sensors", text: "Sensors" }), this.summary), table, this.channels.root, this.exchanger, this.recorder, this.arrivals);
   }
 
   exchange() {
@@ -40,12 +42,13 @@ export class Sensors {
     const rows = this.streams.map((stream) => stateOf(stream, health));
     const used = new Set(rows.map((row) => row.device).filter(Boolean));
     const spare = health.devices.filter((device) => !used.has(device) && !device.streams.length);
-    const spares = spare.map((device) => ({ name: device.name, device, state: device.silent_s > 1 ? `not used, silent for ${ago(device.silent_s)}` : "not used, sends", level: "spare" }));
+    const spares = spare.map((device) => ({ name: device.name, device, state: spareState(device), level: "spare" }));
     const shown = [...rows, ...spares];
     for (const row of shown) this.row(row);
     for (const [name, { root }] of this.rows) if (!shown.some((row) => row.name === name)) root.remove(), this.rows.delete(name);
     const missing = health.silent.length;
     this.summary.textContent = missing ? `${rows.length - missing} of ${rows.length} send` : `all ${rows.length} send`;
+    this.channels.take(health.devices);
     this.offer([...spare, ...used]);
     this.tellRecorder(health.recorder);
     this.tellArrivals(health);
@@ -117,6 +120,12 @@ function numbersOf(device) {
     battery_percent === null ? ["–"] : [`${decimals(battery_percent, 0)} %`, battery_percent < LOW_PERCENT],
     [name || source],
   ];
+}
+
+function spareState(device) {
+  const isRecorded = Object.keys(device.values ?? {}).length > 0;
+  const isSilent = device.silent_s > (isRecorded ? SILENT_S : 1);
+  return `${isRecorded ? "recorded, feeds no sensor" : "not used"}, ${isSilent ? `silent for ${ago(device.silent_s)}` : "sends"}`;
 }
 
 /** What a stream does, in words; level "bad" for silent, "odd" for slow or lossy, "good" otherwise. */

@@ -9,16 +9,15 @@ import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from oarlock.live.emulators.emulated import Emulated, Message, Place, Sender
+from oarlock.live.emulators.message_carriers import Answer, Published, WebSocketPage
 from oarlock.storage.errors import DataError
 
 if TYPE_CHECKING:
     from oarlock.live.emulators.pseudo_line import PseudoLine
 
-Answer = Callable[[str, bytes], bytes]
-"""Unit and what it was sent -> what it replies."""
 READ_BYTES = 4096
 LOOK_S = 0.01
 
@@ -64,7 +63,18 @@ async def carry(
             carrier.send(message.unit, message.data)
 
 
-async def paced(messages: Iterable[Message]) -> AsyncIterator[Message]:
+class Due(Protocol):
+    """What is sent at a time."""
+
+    @property
+    def due_s(self) -> float:
+        """When it arrives, s from the start."""
+
+
+D = TypeVar("D", bound=Due)
+
+
+async def paced(messages: Iterable[D]) -> AsyncIterator[D]:
     """Each message when it is due; the first is due now."""
     begun_s = None
     for message in messages:
@@ -198,4 +208,6 @@ _CARRIERS: dict[str, Callable[[Answer | None], Carrier]] = {
     "udp": _Datagrams,
     "tcp": _Served,
     "serial": _Lines,
+    "websocket": WebSocketPage,
+    "mqtt": Published,
 }

@@ -51,8 +51,19 @@ class Kind:
 
     @property
     def device(self) -> Device:
-        """Its module."""
-        return cast("Device", import_module(f"oarlock.live.emulators.{self.module}"))
+        """Its module.
+
+        Raises:
+            DataError: it needs a package that is not installed.
+        """
+        try:
+            return cast("Device", import_module(f"oarlock.live.emulators.{self.module}"))
+        except ModuleNotFoundError as error:
+            if (error.name or "").partition(".")[0] != "bumble":
+                raise
+            raise DataError(
+                f"{self.name} is a Bluetooth device, which needs bumble: pip install 'oarlock[emulate]'"
+            ) from error
 
     def placed(self, place: Place) -> Place:
         """A place with what the kind usually has.
@@ -84,11 +95,36 @@ class Kind:
 _ALL = ("imu", "scalar", "vector", "orientation")
 _IMU = ("imu",)
 _WIRED = ("udp", "tcp", "serial")
+_BLE = ("ble",)
 _KINDS = (
+    Kind("dot", "dot", _BLE, _IMU, 60.0, 0, "Movella DOT, mode 20"),
+    Kind("ftms", "ftms", _BLE, (), 1.0, 0, "a rowing machine of the Fitness Machine Service"),
+    Kind("heart_rate", "heart_rate", _BLE, (), 1.0, 0, "a heart rate belt"),
     Kind("lines", "lines", _WIRED, _ALL, 100.0, 9000, "sensors that somebody built: lines of JSON"),
+    Kind("lsl", "lsl", ("lsl",), ("imu", "scalar"), 100.0, 0, "outlets of the Lab Streaming Layer"),
     Kind("mvn", "mvn", ("udp", "tcp"), ("imu", "orientation"), 60.0, 9763, "Xsens MVN: types 23 and 02"),
     Kind("ngimu", "ngimu", ("udp", "serial"), _IMU, 50.0, 8000, "x-io NGIMU: OSC"),
+    Kind("nmea", "nmea", _WIRED, (), 10.0, 9000, "a GPS receiver: RMC and VTG"),
+    Kind(
+        "open_rowing_monitor",
+        "open_rowing_monitor",
+        ("websocket",),
+        (),
+        5.0,
+        8080,
+        "Open Rowing Monitor: what its page gets",
+    ),
+    Kind(
+        "open_rowing_monitor_mqtt",
+        "open_rowing_monitor",
+        ("mqtt",),
+        (),
+        0.4,
+        1883,
+        "Open Rowing Monitor: a message a stroke to an MQTT broker",
+    ),
     Kind("osc", "osc", ("udp", "serial"), _ALL, 100.0, 9000, "sensors that somebody built: OSC"),
+    Kind("pm5", "pm5", _BLE, (), 4.0, 0, "Concept2 PM5: status, strokes, force curves"),
     Kind("shimmer3", "shimmer3", ("serial",), _IMU, 51.2, 0, "Shimmer3, with answers to commands"),
     Kind("text", "text", _WIRED, _IMU, 100.0, 9000, "units that somebody built: lines t_us,seq,ax.."),
     Kind("vicon", "vicon", ("udp",), ("vector",), 100.0, 51001, "Vicon Tracker: places of objects"),

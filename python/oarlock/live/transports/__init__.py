@@ -21,6 +21,8 @@ TRANSPORTS: Mapping[str, tuple[str, str]] = MappingProxyType(
         "ble": ("Ble", "devices of Bluetooth Low Energy"),
         "serial": ("Serial", "a serial line"),
         "lsl": ("Lsl", "a stream of the Lab Streaming Layer"),
+        "websocket": ("WebSocket", "messages of a WebSocket server"),
+        "mqtt": ("Mqtt", "messages of an MQTT broker"),
         "replay": ("Replay", "a recording, with its true timing"),
     }
 )
