@@ -12,7 +12,7 @@ from oarlock.live.emulators.swinging import swinging
 
 FRAMES = ("upper_link", "middle_link", "lower_link")
 SENSORS = {
-    "orientation": 'std_rad = 0.01',
+    "orientation": "std_rad = 0.01",
     "position": "std_m = 0.001\npoint = [0.1, 0, 0]",
 }
 
