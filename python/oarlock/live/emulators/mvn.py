@@ -39,9 +39,9 @@ def datagram(kind: bytes, sample: int, time_s: float, items: Sequence[bytes]) ->
     return kind + pack(">IBBIBBBB2xH", *counts, 0, len(SEGMENTS), 0, 0, len(body)) + body
 
 
-def pose(segment: int, quat_wxyz: Sequence[float]) -> bytes:
-    """An item of type 02: a segment at the origin."""
-    return pack(">I7f", segment, *_NOTHING, *quat_wxyz)
+def pose(segment: int, quat_wxyz: Sequence[float], position_m: Sequence[float] = _NOTHING) -> bytes:
+    """An item of type 02."""
+    return pack(">I7f", segment, *position_m, *quat_wxyz)
 
 
 def tracker(

@@ -19,8 +19,8 @@ COMMAND_PAUSE_S = 0.1
 class Serial:
     """Reads a serial line, and opens it again after a loss.
 
-    Options: `device`, such as /dev/ttyUSB0; `baud`; `first` and `last`, lists of commands in hexadecimal digits that are
-    sent when the line has been opened, and before it is closed. A Shimmer3 has them by itself.
+    Options: `device`, such as /dev/ttyUSB0; `baud`; `first` and `last`, lists of commands in hexadecimal digits, which
+    are sent when the line has been opened and before it is closed. A Shimmer3 has them by itself.
     """
 
     def __init__(self, source: str, options: Options) -> None:
@@ -50,8 +50,9 @@ class Serial:
                     line.write(command)
                     ended.wait(COMMAND_PAUSE_S)
                 while not ended.is_set():
-                    if data := line.read(max(1, line.in_waiting)):
-                        packet = Packet(self.source, self.device, "", now_ns(), data)
+                    if data := line.read(1):
+                        arrival_ns, rest = now_ns(), line.read(line.in_waiting)
+                        packet = Packet(self.source, self.device, "", arrival_ns, data + rest)
                         loop.call_soon_threadsafe(deliver, packet)
                 for command in self._last:
                     line.write(command)
