@@ -1,20 +1,12 @@
 """Every emulated device that measures a movement gives, decoded and tracked live, the angles of the offline track."""
 
 from dataclasses import dataclass
-from importlib import resources
 
 import pytest
-from loopback import FAULTY, PERFECT, compared, emulated_by
+from loopback import FAULTY, PERFECT, compared, emulated_by, pendulum_with
 
-import oarlock
 from oarlock.live.emulators.kinds import KINDS
 from oarlock.live.emulators.swinging import swinging
-
-FRAMES = ("upper_link", "middle_link", "lower_link")
-SENSORS = {
-    "orientation": "std_rad = 0.01",
-    "position": "std_m = 0.001\npoint = [0.1, 0, 0]",
-}
 
 
 @dataclass(frozen=True)
@@ -38,18 +30,8 @@ CASES = [
 @pytest.fixture(scope="module")
 def pendulums(pendulum, tmp_path_factory):
     """The pendulum with other sensors on its links, by their kind."""
-    shipped = (resources.files("oarlock.model") / "shipped" / "pendulum3.toml").read_text()
-    links, folder = shipped.partition("\n[[sensor]]\n")[0] + "\n", tmp_path_factory.mktemp("models")
-    found = {"imu": pendulum}
-    for kind, keys in SENSORS.items():
-        head = "\n".join(
-            f'[[sensor]]\nname = "{frame}_{kind}"\nkind = "{kind}"\nframe = "{frame}"\n{keys}\n'
-            for frame in FRAMES
-        )
-        file = folder / f"{kind}.toml"
-        file.write_text(links + head)
-        found[kind] = oarlock.load_model(file)
-    return found
+    folder = tmp_path_factory.mktemp("models")
+    return {"imu": pendulum} | {kind: pendulum_with(kind, folder) for kind in ("orientation", "position")}
 
 
 def loop(pendulums, case, faults):
@@ -61,12 +43,10 @@ def loop(pendulums, case, faults):
 @pytest.mark.parametrize("case", CASES, ids=str)
 def test_with_perfect_clocks_the_angles_are_those_of_the_offline_track(pendulums, case):
     found = loop(pendulums, case, PERFECT)
-    print(case, found)
     assert found.difference_deg < 0.1
 
 
 @pytest.mark.parametrize("case", CASES, ids=str)
 def test_with_faults_the_error_grows_by_a_fifth_at_most(pendulums, case):
     found = loop(pendulums, case, FAULTY)
-    print(case, found)
     assert found.live_deg < 1.2 * found.offline_deg

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import os
 import socket
 import time
-import tty
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Protocol, TypeVar
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from oarlock.live.emulators.emulated import Emulated, Message, Place, Sender
 from oarlock.live.emulators.message_carriers import Answer, Published, WebSocketPage
 from oarlock.storage.errors import DataError
 
+if TYPE_CHECKING:
+    from oarlock.live.emulators.pseudo_line import PseudoLine
+
 READ_BYTES = 4096
+LOOK_S = 0.01
 
 
 class Carrier(Protocol):
@@ -37,7 +40,7 @@ async def carry(
 ) -> None:
     """Sends each message when it is due, until all are sent or it is cancelled.
 
-    By TCP the first message is due when somebody connects.
+    By TCP and serial line the first message is due when somebody connects.
 
     Args:
         emulated: place, and who is told of it.
@@ -179,41 +182,26 @@ class _Served:
 
 
 class _Lines:
-    """Pseudo-terminals; a symbolic link gives each a name that does not change."""
-
     def __init__(self, answer: Answer | None) -> None:
         self._answer = answer
-        self._masters: dict[str, int] = {}
+        self._lines: dict[str, PseudoLine] = {}
 
     async def open(self, emulated: Emulated, units: Sequence[str], closed: contextlib.ExitStack) -> None:
-        for k, unit in enumerate(units):
-            master, line = os.openpty()
-            closed.callback(os.close, master)
-            # Held open, so that a receiver may close the line and open it again.
-            closed.callback(os.close, line)
-            tty.setraw(line)
-            os.set_blocking(master, False)
-            self._masters[unit] = master
-            path = line_path(emulated.place, k)
-            if path.is_symlink():
-                path.unlink()
-            path.symlink_to(os.ttyname(line))
-            closed.callback(path.unlink, missing_ok=True)
-            if self._answer is not None:
-                self._listen(unit, master, self._answer, closed)
-            emulated.say(f"{unit or 'it'} is the serial line {path}")
+        from oarlock.live.emulators.pseudo_line import PseudoLine
 
-    def _listen(self, unit: str, master: int, answer: Answer, closed: contextlib.ExitStack) -> None:
-        loop = asyncio.get_running_loop()
-        loop.add_reader(master, lambda: self.send(unit, answer(unit, os.read(master, READ_BYTES))))
-        closed.callback(loop.remove_reader, master)
+        for k, unit in enumerate(units):
+            answer = None if self._answer is None else partial(self._answer, unit)
+            line = PseudoLine(line_path(emulated.place, k), answer)
+            closed.callback(line.close)
+            self._lines[unit] = line
+            emulated.say(f"{unit or 'it'} is the serial line {line.path}")
 
     async def connected(self) -> None:
-        pass
+        while not any(line.is_open() for line in self._lines.values()):
+            await asyncio.sleep(LOOK_S)
 
     def send(self, unit: str, data: bytes) -> None:
-        with contextlib.suppress(BlockingIOError):
-            os.write(self._masters[unit], data)
+        self._lines[unit].send(data)
 
 
 _CARRIERS: dict[str, Callable[[Answer | None], Carrier]] = {

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
 from struct import pack
 from typing import cast
 
@@ -78,31 +78,38 @@ async def emulate(emulated: Emulated) -> None:
     if len(emulated.recording.names) != 1:
         known = ",".join(emulated.recording.names)
         raise DataError(f"an adapter can be one unit; choose it with --units: {known}")
-    address = next(iter(wiring(emulated).senders.values())).address
-    async with placed(emulated, address) as device:
-        await be(device, emulated)
+    [(unit, own)] = wiring(emulated).senders.items()
+    async with placed(emulated, own.address) as device:
+        await be(device, emulated, unit)
 
 
 async def be(
-    device: Device, emulated: Emulated, *, name: str = NAME, sent: Callable[[int], None] = lambda row: None
+    device: Device,
+    emulated: Emulated,
+    unit: str,
+    *,
+    name: str = NAME,
+    begun: Callable[[], Awaitable[object]] | None = None,
+    sent: Callable[[int], None] = lambda row: None,
 ) -> None:
-    """Be the first unit of a recording until cancelled; the movement begins with each start command.
+    """Be one unit of a recording until cancelled.
 
     Args:
         device: of `air`, on a link of this process or on an adapter.
-        emulated: what it measures, and what goes wrong on the way.
+        emulated: what all units measure, and what goes wrong on the way.
+        unit: name of the stream.
         name: that it advertises.
+        begun: awaited after each start command, such as until all units are started; then the movement begins.
         sent: called with the count of each reading that was notified.
     """
-    unit = emulated.recording.names[0]
 
     def rows(mode: int) -> Iterator[Row]:
         for delivery in emulated.deliveries():
-            data = _payload_of(delivery, mode)
-            if delivery.device == unit and data is not None:
+            data = _payload_of(delivery, mode) if delivery.device == unit else None
+            if data is not None:
                 yield delivery.due_s, delivery.count, data
 
-    await _Unit(device, name, rows).run(sent)
+    await _Unit(device, name, rows, begun).run(sent)
 
 
 async def run(
@@ -154,7 +161,13 @@ def _payload_of(delivery: Delivery, mode: int) -> bytes | None:
 class _Unit:
     """Sends the rows of a mode: when each is due after the start, its number, and the payload."""
 
-    def __init__(self, device: Device, name: str, rows: Callable[[int], Iterator[Row]]) -> None:
+    def __init__(
+        self,
+        device: Device,
+        name: str,
+        rows: Callable[[int], Iterator[Row]],
+        begun: Callable[[], Awaitable[object]] | None = None,
+    ) -> None:
         services = {
             _UUID.format(0x1000): Offers(written=[_UUID.format(_CONTROL)]),
             _UUID.format(0x2000): Offers(
@@ -163,7 +176,7 @@ class _Unit:
             _UUID.format(0x3000): Offers([_UUID.format(_BATTERY)]),
         }
         self._peripheral = Peripheral(device, name, services, self._written)
-        self._rows = rows
+        self._rows, self._begun = rows, begun
         self._mode: int | None = None
         self._told = asyncio.Event()
 
@@ -177,6 +190,8 @@ class _Unit:
                     await self._send(self._mode, sent)
 
     async def _send(self, mode: int, sent: Callable[[int], None]) -> None:
+        if self._begun is not None:
+            await self._begun()
         loop = asyncio.get_running_loop()
         began_s, uuid = loop.time(), _UUID.format(_PAYLOADS[mode][0])
         for due_s, row, data in self._rows(mode):

@@ -50,8 +50,9 @@ class Serial:
                     line.write(command)
                     ended.wait(COMMAND_PAUSE_S)
                 while not ended.is_set():
-                    if data := line.read(max(1, line.in_waiting)):
-                        packet = Packet(self.source, self.device, "", now_ns(), data)
+                    if data := line.read(1):
+                        arrival_ns, rest = now_ns(), line.read(line.in_waiting)
+                        packet = Packet(self.source, self.device, "", arrival_ns, data + rest)
                         loop.call_soon_threadsafe(deliver, packet)
                 for command in self._last:
                     line.write(command)
