@@ -11,6 +11,7 @@ from oarlock.calibration.session.body import Body
 from oarlock.calibration.session.checks import KEPT, PASSED, REDO, Check, within
 from oarlock.calibration.session.mounts import LEAST_PURITY, LEAST_SWEPT_RAD, MOUNT_LIMIT_RAD, Mounts
 from oarlock.calibration.session.plan import SessionPlan
+from oarlock.calibration.session.unit_rows import Span
 from oarlock.storage.array_gate import FloatArray
 
 OFF_LIMIT_STDS = 2.0
@@ -19,12 +20,12 @@ NORTH_LIMIT_RAD = float(np.radians(12.0))
 
 
 def mount_checks(
-    found: Mounts, plan: SessionPlan, body: Body, nominal: Mapping[str, FloatArray]
+    found: Mounts, plan: SessionPlan, spans: Mapping[str, Span], body: Body, nominal: Mapping[str, FloatArray]
 ) -> list[Check]:
     """Movements first, then postures, mounts, and north as a test."""
     return [
         *_movements(found, plan, body),
-        *_postures(found, plan),
+        *_postures(found, plan, spans),
         *(_mount(name, found, nominal[name]) for name in found.solved),
         *_norths(found),
     ]
@@ -58,7 +59,7 @@ def _movements(found: Mounts, plan: SessionPlan, body: Body) -> list[Check]:
     return checks
 
 
-def _postures(found: Mounts, plan: SessionPlan) -> list[Check]:
+def _postures(found: Mounts, plan: SessionPlan, spans: Mapping[str, Span]) -> list[Check]:
     """Each posture against all other steps: the unit whose link is furthest from where the plan has it."""
     checks = []
     for step in plan.steps:
@@ -69,6 +70,9 @@ def _postures(found: Mounts, plan: SessionPlan) -> list[Check]:
             if sight.step == step.name and sight.kind == "up" and step.kind == "pose"
         ]
         if not offs:
+            if step.kind == "pose" and step.name in spans:
+                sentence = "No unit rested in it: hold still for three seconds and do it again."
+                checks.append(Check(step.name, "", "posture", "-", np.nan, np.nan, "", REDO, sentence))
             continue
         off, _, unit = max(offs)
         wrong = [u for o, s, u in offs if o > OFF_LIMIT_RAD and s > OFF_LIMIT_STDS]

@@ -94,7 +94,7 @@ def calibrate_session(
         *missing_steps(plan, spans),
         *(c for n, s in searches.items() for c in s.checks(described[n])),
         *field_checks(worn.model, searches),
-        *mount_checks(found, plan, body, worn.rotations),
+        *mount_checks(found, plan, spans, body, worn.rotations),
         *encoder_checks,
     ]
     return _calibrated(known, worn, found, encoders, parameters, plan, spans, checks)
