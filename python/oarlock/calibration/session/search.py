@@ -154,7 +154,7 @@ def _calibrated(
             "plan": plan.name,
             "model": worn.model.name,
             "passed": not any(c.outcome == REDO for c in checks),
-            "step": [step_note(step, spans, checks) for step in plan.steps],
+            "step": [step_note(step, plan, spans, checks) for step in plan.steps],
             "check": [c.as_dict() for c in checks],
         },
     }

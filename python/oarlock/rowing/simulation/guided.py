@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 import socket
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -26,7 +27,9 @@ from oarlock.rowing.simulation.emulated import PERIOD_S, RATE_HZ, STREAMS, endle
 
 BEFORE_S, AFTER_S = 1.2, 1.0
 """Rest before and after a step; a person who was asked begins after as much."""
-ERRORS = SessionErrors(gyro_bias_rad_s=0.0, accel_bias_m_s2=0.0, accel_scale=0.0, hard_iron_ut=0.0, soft_iron=0.0)
+ERRORS = SessionErrors(
+    gyro_bias_rad_s=0.0, accel_bias_m_s2=0.0, accel_scale=0.0, hard_iron_ut=0.0, soft_iron=0.0
+)
 
 Rows = Mapping[str, Mapping[str, Any]]
 """Stream -> quantity -> rows at `RATE_HZ`."""
@@ -113,13 +116,11 @@ async def send_guided(
         port: of the session's source.
         asked: gives the state of the guided start, and the session's time.
     """
-    begun_s = time.monotonic()
+    begun_s, zero_s = time.monotonic(), asked()[1]
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-        count = 0
-        while True:
-            state, now_s = asked()
-            clock_s = time.monotonic() - begun_s
-            for name, values in sculler.values(state, now_s):
+        for count in itertools.count():
+            # A busy machine sends late; units measure in time all the same.
+            clock_s = count / RATE_HZ
+            await asyncio.sleep(max(0.0, begun_s + clock_s - time.monotonic()))
+            for name, values in sculler.values(asked()[0], zero_s + clock_s):
                 sender.sendto(json_line(Delivery(clock_s, name, clock_s, count, values)), ("127.0.0.1", port))
-            count += 1
-            await asyncio.sleep(max(0.0, begun_s + count / RATE_HZ - time.monotonic()))
