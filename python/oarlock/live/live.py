@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import shutil
+import signal
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -103,7 +104,9 @@ class Live:
         self._recorder = Recorder(place.packets)
         self._pool = None
         if self.follower is not None or self.lead is not None:
-            self._pool = ProcessPoolExecutor(1, get_context("spawn"))
+            # Ctrl-C in a terminal reaches all processes; the session ends its own.
+            undisturbed = (signal.SIGINT, signal.SIG_IGN)
+            self._pool = ProcessPoolExecutor(1, get_context("spawn"), signal.signal, undisturbed)
         if self.lead is not None and self.server is not None and self._pool is not None:
             self.lead.join(
                 self.session, self.picture, self.deliver, self._tell, self.server.publish, self._pool

@@ -9,6 +9,8 @@ import { viewOf } from "./stage.js";
 /** One swing to and fro. */
 const PERIOD_S = 2.2;
 const CORNER = [-1, 0.3, 0.8];
+/** The box around a person has empty corners. */
+const ZOOM = 1.35;
 const BODY = ["body", "seat"];
 /** Pictures a second: enough for a movement, little work for a phone. */
 const PICTURES_HZ = 20;
@@ -38,7 +40,7 @@ export class PosePicture {
     this.figure.boxes = [{ time_s: 0, low, high }];
     this.camera.lookAt(this.figure.bounds());
     const seen = this.figure.scene.viewpoints.at(-1);
-    this.camera.seenFrom(seen?.seen_from ?? CORNER);
+    this.camera.seenFrom(seen?.seen_from ?? CORNER, ZOOM);
     this.view = viewOf(this.figure, this.camera);
     this.drawn = new FlatStage(this.canvas, this.view, this.figure, null);
     this.resize();

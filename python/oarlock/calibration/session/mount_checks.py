@@ -11,24 +11,47 @@ from oarlock.calibration.session.body import Body
 from oarlock.calibration.session.checks import KEPT, PASSED, REDO, Check, within
 from oarlock.calibration.session.mounts import LEAST_PURITY, LEAST_SWEPT_RAD, MOUNT_LIMIT_RAD, Mounts
 from oarlock.calibration.session.plan import SessionPlan
-from oarlock.calibration.session.unit_rows import Span
+from oarlock.calibration.session.timing import EDGE_S
+from oarlock.calibration.session.unit_rows import Span, UnitRows
 from oarlock.storage.array_gate import FloatArray
 
+REST_LIMIT_RAD_S = 0.25
+"""Scatter of a gyroscope in a posture: a person sways by a fifth of it, and moves by four times as much."""
+LEAST_ROWS = 4
 OFF_LIMIT_STDS = 2.0
 OFF_LIMIT_RAD = float(np.radians(10.0))
 NORTH_LIMIT_RAD = float(np.radians(12.0))
 
 
 def mount_checks(
-    found: Mounts, plan: SessionPlan, spans: Mapping[str, Span], body: Body, nominal: Mapping[str, FloatArray]
+    found: Mounts, plan: SessionPlan, body: Body, nominal: Mapping[str, FloatArray]
 ) -> list[Check]:
     """Movements first, then postures, mounts, and north as a test."""
     return [
         *_movements(found, plan, body),
-        *_postures(found, plan, spans),
+        *_postures(found, plan),
         *(_mount(name, found, nominal[name]) for name in found.solved),
         *_norths(found),
     ]
+
+
+def rest_checks(
+    plan: SessionPlan, spans: Mapping[str, Span], units: Mapping[str, UnitRows]
+) -> list[Check]:
+    """Postures at given times in which a unit did not rest."""
+    checks = []
+    for step in plan.steps:
+        if step.kind == "pose" and step.name in spans:
+            restless = [name for name, unit in units.items() if not _rests(unit, spans[step.name])]
+            sentence = f"{', '.join(restless)} did not rest: hold still for three seconds and do it again."
+            if restless:
+                checks.append(Check(step.name, "", "posture", "-", np.nan, np.nan, "", REDO, sentence))
+    return checks
+
+
+def _rests(unit: UnitRows, span_s: Span) -> bool:
+    gyro = unit.gyro[unit.rows((span_s[0] + EDGE_S, span_s[1] - EDGE_S))]
+    return len(gyro) >= LEAST_ROWS and float(gyro.std(axis=0).max()) < REST_LIMIT_RAD_S
 
 
 def _movements(found: Mounts, plan: SessionPlan, body: Body) -> list[Check]:
@@ -59,7 +82,7 @@ def _movements(found: Mounts, plan: SessionPlan, body: Body) -> list[Check]:
     return checks
 
 
-def _postures(found: Mounts, plan: SessionPlan, spans: Mapping[str, Span]) -> list[Check]:
+def _postures(found: Mounts, plan: SessionPlan) -> list[Check]:
     """Each posture against all other steps: the unit whose link is furthest from where the plan has it."""
     checks = []
     for step in plan.steps:
@@ -70,9 +93,6 @@ def _postures(found: Mounts, plan: SessionPlan, spans: Mapping[str, Span]) -> li
             if sight.step == step.name and sight.kind == "up" and step.kind == "pose"
         ]
         if not offs:
-            if step.kind == "pose" and step.name in spans:
-                sentence = "No unit rested in it: hold still for three seconds and do it again."
-                checks.append(Check(step.name, "", "posture", "-", np.nan, np.nan, "", REDO, sentence))
             continue
         off, _, unit = max(offs)
         wrong = [u for o, s, u in offs if o > OFF_LIMIT_RAD and s > OFF_LIMIT_STDS]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from oarlock.calibration.session.body import Body
 from oarlock.calibration.session.checks import REDO, Check
 from oarlock.calibration.session.encoders import encoder_scales
-from oarlock.calibration.session.mount_checks import mount_checks
+from oarlock.calibration.session.mount_checks import mount_checks, rest_checks
 from oarlock.calibration.session.mounts import Mounts, MountSearch
 from oarlock.calibration.session.plan import SessionPlan, default_plan
 from oarlock.calibration.session.sensors import SensorSearch
@@ -94,7 +94,8 @@ def calibrate_session(
         *missing_steps(plan, spans),
         *(c for n, s in searches.items() for c in s.checks(described[n])),
         *field_checks(worn.model, searches),
-        *mount_checks(found, plan, spans, body, worn.rotations),
+        *rest_checks(plan, spans, rows),
+        *mount_checks(found, plan, body, worn.rotations),
         *encoder_checks,
     ]
     return _calibrated(known, worn, found, encoders, parameters, plan, spans, checks)

@@ -9,9 +9,10 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from oarlock.calibration.session.checks import REDO
 from oarlock.live.guide.pictures import pictures_of
 from oarlock.live.guide.steps import PRESSES, Cut, Guide, Judge, Listen, Order, Send, Swap
-from oarlock.live.guide.verdict import Task, judged
+from oarlock.live.guide.verdict import Task, Verdict, judged, prepared
 from oarlock.live.health import SILENT_S
 from oarlock.live.intake import Sampled
 from oarlock.live.reading import Packet
@@ -70,6 +71,8 @@ class Lead:
         self._rows = Rows(session.rig)
         session.listener = self._hear
         self.hello = self._described(picture)
+        # The other process starts while the person reads.
+        pool.submit(prepared)
 
     def _described(self, picture: LivePicture | None) -> dict[str, Any]:
         """What a page needs once."""
@@ -166,13 +169,17 @@ class Lead:
     async def _judge(self, task: Task) -> None:
         try:
             verdict = await asyncio.get_running_loop().run_in_executor(self._pool, judged, task)
-        except (BrokenProcessPool, RuntimeError) as error:
+        except BrokenProcessPool as error:
             self._tell(f"the guided start has ended, its steps cannot be judged: {error}")
             self._carry_out(self.guide.press("leave", self._now_s()))
             return
+        except Exception as error:
+            # A step that breaks the search is done again; the session goes on.
+            sentence = f"It could not be judged ({error}). Do it again, with care."
+            verdict = Verdict(task.number, {task.newest: (REDO, sentence)})
         for name, (outcome, sentence) in verdict.steps.items():
-            if name == task.plan.steps[-1].name or outcome == "redo":
-                self._tell(f'step "{name}": {"passed" if outcome != "redo" else "do it again"}. {sentence}')
+            if name == task.newest or outcome == REDO:
+                self._tell(f'step "{name}": {"do it again" if outcome == REDO else "passed"}. {sentence}')
         if verdict.exchanged:
             self._tell(f"{' and '.join(verdict.exchanged)} sit in each other's place")
         self._carry_out(self.guide.judged(verdict))

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from oarlock.live.picture import LivePicture
 
 FRAMES = 16
-MOST_SWING_RAD, LEAST_SWING_RAD, BALL_SWING_RAD = 1.2, 0.3, 0.8
+MOST_SWING_RAD, BACK_SWING_RAD, LEAST_SWING_RAD, BALL_SWING_RAD = 1.3, 0.5, 0.3, 0.8
 MARGIN_RAD = 0.1
 
 Floats = NDArray[np.float64]
@@ -54,7 +54,7 @@ def _swung(body: Body, step: SessionStep, posture: Floats, swing: float) -> Floa
         if joint in limits:
             low, high = limits[joint]
             room = (high - q[columns[0]] if way > 0 else q[columns[0]] - low) - MARGIN_RAD
-            far = min(MOST_SWING_RAD, room)
+            far = min(MOST_SWING_RAD if swing > 0.0 else BACK_SWING_RAD, room)
             q[columns[0]] += way * abs(swing) * far * (far > LEAST_SWING_RAD)
         elif step.axis is not None:
             about = np.asarray(step.axis) / np.linalg.norm(step.axis)

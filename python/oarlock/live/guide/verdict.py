@@ -39,6 +39,15 @@ class Task:
     parts: Sequence[Recording]
     calibration: Calibration | None
 
+    @property
+    def newest(self) -> str:
+        """The step that was done last."""
+        return max(self.plan.steps, key=lambda step: step.end_s or 0.0).name
+
+
+def prepared() -> None:
+    """Does nothing, in a process that has loaded this module for it."""
+
 
 @dataclass(frozen=True)
 class Verdict:
@@ -63,13 +72,11 @@ class Verdict:
 
 def judged(task: Task) -> Verdict:
     """Calibrates with the readings of all steps, as `oarlock calibrate session` does with a recording of them."""
-    newest = max(task.plan.steps, key=lambda step: step.end_s or 0.0).name
     try:
         recording = joined(task.parts)
         found = oarlock.calibrate_session(task.model, recording, task.plan, calibration=task.calibration)
-    except (DataError, ArithmeticError, ValueError) as error:
-        # A step that breaks the search is done again; the session goes on.
-        return Verdict(task.number, {newest: (REDO, f"{error}.")})
+    except DataError as error:
+        return Verdict(task.number, {task.newest: (REDO, f"{error}.")})
     noted: Any = found.noted["session"]
     steps = {step["name"]: (step["outcome"], step["sentence"]) for step in noted["step"]}
     again = any(outcome == REDO for outcome, _ in steps.values())

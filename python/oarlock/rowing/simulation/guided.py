@@ -84,7 +84,7 @@ class GuidedSculler:
 
     def _row(self, asked: Mapping[str, Any], now_s: float) -> int:
         if asked["phase"] == "running" and now_s >= asked["begins_s"]:
-            return round(RATE_HZ * (now_s - asked["begins_s"]))
+            return round(RATE_HZ * (now_s - float(asked["begins_s"])))
         # To and fro over the rest before the step: a person breathes.
         length = round(RATE_HZ * 0.8 * BEFORE_S)
         return abs(round(RATE_HZ * now_s) % (2 * length) - length)
