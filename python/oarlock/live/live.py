@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import shutil
+import signal
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -15,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from oarlock.live.folder import LiveFolder
 from oarlock.live.frame import frame_of
+from oarlock.live.guide.lead import Lead
 from oarlock.live.health import Problems, Watch, health, lost
 from oarlock.live.named_angles import NamedAngles
 from oarlock.live.outputs.output import Output, Start
@@ -34,7 +36,7 @@ if TYPE_CHECKING:
 
 FRAMES_HZ = 60.0
 HEALTH_S = 0.5
-DOINGS = ("track", "stop", "note", "assign")
+DOINGS = ("track", "stop", "note", "assign", "guide")
 """What a viewer may ask for."""
 
 
@@ -62,7 +64,9 @@ class Live:
         picture: the figure of the page; None without.
         outputs: other programs that get each estimate, event and repetition.
         follower: makes messages of what it recognises in the estimates, such as repetitions; None without.
-        is_tracked_at_once: track without a command, as soon as all streams have been heard and their clocks settled.
+        lead: leads through a calibration session before tracking; None without. It needs the server.
+        is_tracked_at_once: track without a command, as soon as all streams have been heard and their clocks settled
+            and no guided start is open.
     """
 
     rig: Rig
@@ -73,6 +77,7 @@ class Live:
     picture: LivePicture | None = None
     outputs: Sequence[Output] = ()
     follower: Follower | None = None
+    lead: Lead | None = None
     is_tracked_at_once: bool = True
     on_event: Callable[[str], None] = lambda text: None
     session: LiveSession = field(init=False)
@@ -96,10 +101,13 @@ class Live:
         self._working: set[asyncio.Task[None]] = set()
         self._followed = 0
         self._published_s = 0.0
-        if self.server is not None:
+        if self.server is None:
+            self.lead = None
+        else:
             await self.server.start()
+        plan = None if self.lead is None else self.lead.guide.plan
         try:
-            place = LiveFolder.create(self.folder, self.rig, self.calibration, start_ns)
+            place = LiveFolder.create(self.folder, self.rig, self.calibration, start_ns, plan)
             await self._recorded(place, seconds)
         finally:
             if self.server is not None:
@@ -110,7 +118,15 @@ class Live:
         self._recorder = Recorder(place.packets)
         for output in self.outputs:
             output.start(Start(place.start_ns, place.start_epoch_s))
-        self._pool = None if self.follower is None else ProcessPoolExecutor(1, get_context("spawn"))
+        self._pool = None
+        if self.follower is not None or self.lead is not None:
+            # Ctrl-C in a terminal reaches all processes; the session ends its own.
+            undisturbed = (signal.SIGINT, signal.SIG_IGN)
+            self._pool = ProcessPoolExecutor(1, get_context("spawn"), signal.signal, undisturbed)
+        if self.lead is not None and self.server is not None and self._pool is not None:
+            self.lead.join(
+                self.session, self.picture, self.deliver, self._tell, self.server.publish, self._pool
+            )
         has_begun = True
         try:
             await self._until_ended(seconds)
@@ -153,6 +169,14 @@ class Live:
         """Carries out a viewer's command; why not, if it cannot."""
         if told["do"] not in DOINGS:
             return f"'{str(told['do'])[:40]}' is unknown; expected {', '.join(DOINGS)}"
+        if told["do"] == "guide":
+            return (
+                "this session has no guided start"
+                if self.lead is None
+                else self.lead.press(told.get("press"))
+            )
+        if told["do"] == "track" and self.lead is not None:
+            self.lead.press("leave")
         keys = {str(k): v for k, v in told.items() if k != "do"}
         before = len(self.session.problems)
         self.deliver(command(now_ns(), told["do"], **keys))
@@ -164,6 +188,8 @@ class Live:
     async def _until_ended(self, seconds: float | None) -> None:
         tasks = [asyncio.create_task(t.run(self.deliver)) for t in self.transports.values()]
         tasks.append(asyncio.create_task(self._look_after()))
+        if self.lead is not None:
+            tasks.append(asyncio.create_task(self.lead.run()))
         await asyncio.sleep(0.0)
         self.started.set()
         try:
@@ -185,7 +211,9 @@ class Live:
             now_s = self.session.intake.seconds(now_ns())
             for text in (*self._watch.events(now_s), *self._problems.events(self._problems_now())):
                 self._tell(text)
-            if self.is_tracked_at_once and self.session.tracker is None and self._watch.is_ready(now_s):
+            is_awaited = self.lead is not None and self.lead.guide.is_open
+            self.is_tracked_at_once &= self.session.tracker is None
+            if self.is_tracked_at_once and not is_awaited and self._watch.is_ready(now_s):
                 self.is_tracked_at_once = False
                 self.deliver(command(now_ns(), "track"))
                 self._tell("tracking")

@@ -11,27 +11,31 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 import oarlock
 from oarlock.live.decoders import DECODERS
 from oarlock.live.intake import Intake, Sampled, Spare
 from oarlock.live.reading import Decoder, Packet
 from oarlock.live.rig import Rig, Source
+from oarlock.live.rows import Rows
+from oarlock.recording.calibration import parsed_calibration
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
 
 if TYPE_CHECKING:
     from oarlock._core import Belief, Config, Info, Model, Tracker
     from oarlock.recording.calibration import Calibration
-    from oarlock.recording.streams import Stream
 
 COMMANDS = ""
 """Source of the packets that a coach or a program sends: JSON objects with the key `do`."""
 
 
 def command(arrival_ns: int, do: str, **keys: object) -> Packet:
-    """A command as a packet: `track`, `stop`, `note` with `text`, `assign` with `stream` and `device`."""
+    """A command as a packet.
+
+    It is `track`, `stop`, `note` with `text`, or `assign` with `stream` and `device`. A guided start adds `step` with
+    `name`, `begin_s` and `end_s` (null: the step does not count), and `calibrate` with `toml`, the text of a
+    calibration file, which serves all tracking from then on.
+    """
     return Packet(COMMANDS, "", "", arrival_ns, json.dumps({"do": do, **keys}).encode())
 
 
@@ -84,6 +88,8 @@ class LiveSession:
     """The track begins with readings of this time."""
     problems: list[str] = field(init=False, default_factory=list)
     """Commands that could not be carried out, and why."""
+    listener: Callable[[list[Sampled]], None] | None = field(init=False, default=None)
+    """Gets all readings, too; it decides no estimate."""
 
     def __post_init__(self) -> None:
         self.config = live_config(self.rig, self.model)
@@ -94,6 +100,8 @@ class LiveSession:
         if packet.source == COMMANDS:
             return self._carry_out(packet)
         sampled = self.intake.take(packet)
+        if self.listener is not None:
+            self.listener(sampled)
         return [] if self.tracker is None else self._estimates(sampled)
 
     def _estimates(self, sampled: Iterable[Sampled]) -> list[Estimate]:
@@ -116,8 +124,12 @@ class LiveSession:
                 return self._stop(self.intake.seconds(packet.arrival_ns))
             elif do == "assign":
                 self.intake.assign(order["stream"], order["device"])
-            elif do != "note":
-                raise DataError(f"the command '{do}' is unknown; expected track, stop, assign or note")
+            elif do == "calibrate":
+                self.calibration = parsed_calibration(order["toml"])
+            elif do not in ("note", "step"):
+                raise DataError(
+                    f"the command '{do}' is unknown; expected track, stop, assign, note, step or calibrate"
+                )
         except (ValueError, KeyError, TypeError, DataError) as error:
             self.problems.append(f"{packet.data[:200]!r}: {error}")
         return []
@@ -148,14 +160,9 @@ def recorded(
     Raises:
         DataError: no packet has a reading of a sensor.
     """
-    intake = Intake(rig, start_ns, _new_decoder, keep)
-    rows: dict[str, dict[float, Any]] = {feed.stream: {} for feed in rig.feeds}
-    for one in _all_sampled(packets, intake):
-        rows[one.stream].setdefault(one.time_s, one.values)
-    streams = list(_streams(rig, rows))
-    if not streams:
-        raise DataError("the packets have no reading of any of the rig's sensors; were its devices on?")
-    return oarlock.Recording(streams, {"source": {"format": "live"}})
+    intake, rows = Intake(rig, start_ns, _new_decoder, keep), Rows(rig)
+    rows.add(_all_sampled(packets, intake))
+    return rows.recording()
 
 
 def _new_decoder(source: Source) -> Decoder:
@@ -183,27 +190,3 @@ def _follow(intake: Intake, packet: Packet) -> list[Sampled]:
     except (ValueError, KeyError, TypeError):
         pass
     return []
-
-
-def _streams(rig: Rig, rows: Mapping[str, Mapping[float, Any]]) -> Iterator[Stream]:
-    for feed in rig.feeds:
-        if not rows[feed.stream]:
-            continue
-        times, values = zip(*sorted(rows[feed.stream].items(), key=lambda row: row[0]), strict=True)
-        time_s = np.array(times)
-        if feed.kind == "imu":
-            yield oarlock.ImuStream(feed.stream, time_s, **_columns(values, feed.values))
-        elif feed.kind == "orientation":
-            yield oarlock.OrientationStream(
-                feed.stream, time_s, _columns(values, ("quat_wxyz",), 4)["quat_wxyz"]
-            )
-        elif feed.kind == "vector":
-            yield oarlock.VectorStream(feed.stream, time_s, _columns(values, ("value",))["value"])
-        else:
-            yield oarlock.ScalarStream(feed.stream, time_s, np.array(values))
-
-
-def _columns(values: tuple[Any, ...], names: tuple[str, ...], width: int = 3) -> dict[str, Any]:
-    missing = (np.nan,) * width
-    columns = {name: np.array([row.get(name, missing) for row in values]) for name in names}
-    return {name: rows for name, rows in columns.items() if np.isfinite(rows).any()}

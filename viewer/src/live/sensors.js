@@ -18,12 +18,14 @@ const UNHEARD = "not heard yet";
 const plural = (count, word) => `${count} ${word}${count === 1 ? "" : "s"}`;
 
 export class Sensors {
-  constructor(streams, order) {
+  /** `guide` opens the guided start; none in sessions that have none. */
+  constructor(streams, order, guide) {
     Object.assign(this, { streams, order, rows: new Map() });
     this.body = element("tbody", {});
     const heads = ["Sensor", "State", "Rate", "Lost", "Delay", "Drift", "Battery", "Unit"].map((text) => element("th", { scope: "col", text }));
     const table = element("table", { class: "ol-sensors" }, element("thead", {}, element("tr", {}, ...heads)), this.body);
     this.summary = element("span", { class: "ol-hint" });
+    this.calibrate = guide && button("Guided start", guide, { class: "ol-button ol-calibrate", label: "Open the guided start: calibrate the mounts" });
     this.recorder = element("p", { class: "ol-recorder" });
     this.arrivals = element("p", { class: "ol-hint" });
     this.stream = choice("Sensor", streams.map(({ name }) => [name, name]), () => {});
@@ -31,7 +33,7 @@ export class Sensors {
     this.apply = button("Use this unit", () => this.exchange(), { class: "ol-button" });
     this.exchanger = element("details", { class: "ol-chooser" }, element("summary", { text: "Exchange a unit" }), element("p", { class: "ol-hint", text: "Switch the new unit on. It appears in the list when it is heard." }), element("div", { class: "ol-fields" }, this.stream.field, this.device.field, this.apply));
     this.channels = new Channels();
-    this.root = element("section", { class: "ol-card", "aria-labelledby": "ol-sensors" }, element("div", { class: "ol-head" }, element("h2", { id: "ol-sensors", text: "Sensors" }), this.summary), table, this.channels.root, this.exchanger, this.recorder, this.arrivals);
+    this.root = element("section", { class: "ol-card", "aria-labelledby": "ol-sensors" }, element("div", { class: "ol-head" }, element("h2", { id: "ol-sensors", text: "Sensors" }), this.summary, this.calibrate), table, this.channels.root, this.exchanger, this.recorder, this.arrivals);
   }
 
   exchange() {

@@ -62,7 +62,7 @@ export class Stage {
   build(flat = this.drawer === "none") {
     this.drawn?.dispose();
     this.camera.lookAt(this.figure.bounds());
-    this.view = this.viewOf();
+    this.view = viewOf(this.figure, this.camera);
     const canvas = element("canvas", { role: "img", tabindex: "0", "aria-label": `Moving figure of ${this.figure.scene.model}. Arrow keys turn it, plus and minus zoom.` });
     this.place.replaceChildren(canvas);
     const Drawn = flat ? FlatStage : this.level > 0 ? QuickStage : SpaceStage;
@@ -80,19 +80,6 @@ export class Stage {
     this.resize();
   }
 
-  viewOf() {
-    const bounds = this.figure.bounds();
-    const { scene } = this.figure;
-    const { up } = this.camera;
-    const height = (point) => point.reduce((sum, value, k) => sum + value * up[k], 0);
-    const lowest = height(bounds.centre) - bounds.half.reduce((sum, value, k) => sum + Math.abs(value * up[k]), 0);
-    const size = Math.max(...bounds.half, 0.05);
-    const power = 10 ** Math.floor(Math.log10(size));
-    const radius_m = scene.limb_radius_m ?? 0.022 * size;
-    const ground = { kind: scene.ground.kind, height_m: scene.ground.height_m ?? lowest - 1.5 * radius_m, step_m: power * (size / power > 4 ? 2 : 0.5) };
-    return { camera: this.camera, colours: palette(), radius_m, bounds, ground };
-  }
-
   resize() {
     const { clientWidth, clientHeight } = this.place;
     if (!this.drawn || !clientWidth || !clientHeight) return;
@@ -103,7 +90,7 @@ export class Stage {
 
   recolour() {
     if (!this.drawn) return;
-    Object.assign(this.view, this.viewOf());
+    Object.assign(this.view, viewOf(this.figure, this.camera));
     if (this.drawn.solids) this.drawn.solids.radius_m = this.view.radius_m;
     this.drawn.recolour();
     this.isStale = true;
@@ -151,4 +138,18 @@ export class Stage {
     else this.camera.turn(...turns[event.key]);
     this.isStale = true;
   }
+}
+
+/** What a stage draws with: colours, the ground below the figure, thickness of limbs. */
+export function viewOf(figure, camera) {
+  const bounds = figure.bounds();
+  const { scene } = figure;
+  const { up } = camera;
+  const height = (point) => point.reduce((sum, value, k) => sum + value * up[k], 0);
+  const lowest = height(bounds.centre) - bounds.half.reduce((sum, value, k) => sum + Math.abs(value * up[k]), 0);
+  const size = Math.max(...bounds.half, 0.05);
+  const power = 10 ** Math.floor(Math.log10(size));
+  const radius_m = scene.limb_radius_m ?? 0.022 * size;
+  const ground = { kind: scene.ground.kind, height_m: scene.ground.height_m ?? lowest - 1.5 * radius_m, step_m: power * (size / power > 4 ? 2 : 0.5) };
+  return { camera, colours: palette(), radius_m, bounds, ground };
 }

@@ -79,7 +79,8 @@ def hello(live: Live, title: str = "", more: Mapping[str, Any] | None = None) ->
             {"name": feed.stream, "kind": feed.kind, "rate_hz": feed.rate_hz} for feed in live.rig.feeds
         ],
     }
-    return told | dict(more or {})
+    guide = {} if live.lead is None else {"guide": live.lead.hello}
+    return told | guide | dict(more or {})
 
 
 def _joints(model: Model) -> Iterator[dict[str, Any]]:
