@@ -10,9 +10,17 @@ from typing import Any
 from oarlock.live.intake import Device, Intake
 from oarlock.live.recorder import Recorder
 from oarlock.live.session import LiveSession
+from oarlock.live.transports.transport import Transport
+from oarlock.live.transports.udp import Udp
+
+Key = tuple[str, str, str]
 
 SILENT_S = 0.7
 """A stream of which nothing came for so long is silent; with a look every half second it is named within 1.2 s."""
+
+
+TOLD_AGAIN_S = 10.0
+"""Damage goes on for long where it occurs: it is told this often at most."""
 
 
 @dataclass
@@ -20,9 +28,13 @@ class Watch:
     """Notices what changes from one look to the next."""
 
     intake: Intake
+    transports: Mapping[str, Transport] = field(default_factory=dict)
     _heard: set[str] = field(default_factory=set)
     _silent: set[str] = field(default_factory=set)
-    _restarts: dict[str, int] = field(default_factory=dict)
+    _restarts: dict[Key, int] = field(default_factory=dict)
+    _feeding: dict[str, Device] = field(default_factory=dict)
+    _damage: dict[str, tuple[float, int]] = field(default_factory=dict)
+    _dropped: dict[str, int] = field(default_factory=dict)
 
     def events(self, now_s: float) -> Iterator[str]:
         """Sentences about what has changed since the last look."""
@@ -34,10 +46,42 @@ class Watch:
             yield f"{stream} is back"
         self._silent = silent
         self._heard |= set(self.intake.heard())
-        for device in list(self.intake.devices.values()):
-            if device.clock.restarts > self._restarts.get(device.name, 0):
+        yield from self._moved(now_s)
+        restarts = {}
+        for key, device in self.intake.devices.items():
+            restarts[key] = device.clock.restarts
+            if device.clock.restarts > self._restarts.get(key, 0):
                 yield f"the clock of {device.name} was set, or its readings were held up; they are used again in 2 s"
-            self._restarts[device.name] = device.clock.restarts
+        self._restarts = restarts
+        yield from self._damaged(now_s)
+        yield from self._overrun()
+
+    def _moved(self, now_s: float) -> Iterator[str]:
+        """Streams that another device feeds, since the last one fell silent."""
+        for device in self.intake.devices.values():
+            for stream in device.streams:
+                last = self._feeding.setdefault(stream, device)
+                if (
+                    last is not device
+                    and now_s - last.last_arrival_s > SILENT_S > now_s - device.last_arrival_s
+                ):
+                    self._feeding[stream] = device
+                    yield f"{stream} comes from {device.name} now, before from {last.name}"
+
+    def _damaged(self, now_s: float) -> Iterator[str]:
+        for source in self.intake.rig.sources:
+            told_s, told = self._damage.get(source, (-math.inf, 0))
+            damaged = self.intake.damaged(source)
+            if damaged > told and now_s - told_s > TOLD_AGAIN_S:
+                self._damage[source] = (now_s, damaged)
+                yield f"{damaged - told} messages of {source} could not be decoded"
+
+    def _overrun(self) -> Iterator[str]:
+        for name, transport in self.transports.items():
+            count, told = dropped(transport) or 0, self._dropped.get(name, 0)
+            if count > told:
+                self._dropped[name] = count
+                yield f"{count - told} datagrams of {name} were lost because this machine is busy: close other programs"
 
     def is_ready(self, now_s: float) -> bool:
         """Whether every stream is heard and every clock in use has settled."""
@@ -45,8 +89,17 @@ class Watch:
         return not self.intake.silent(now_s, SILENT_S) and all(device.is_settled for device in feeding)
 
 
+def dropped(transport: Transport) -> int | None:
+    """Packets that this machine received and lost before the session got them; None if it does not say."""
+    return transport.dropped if isinstance(transport, Udp) else None
+
+
 def health(
-    session: LiveSession, states: Mapping[str, str], recorder: Recorder, free_bytes: int, now_s: float
+    session: LiveSession,
+    transports: Mapping[str, Transport],
+    recorder: Recorder,
+    free_bytes: int,
+    now_s: float,
 ) -> dict[str, Any]:
     """What the page shows of sources, devices and the recorder."""
     intake = session.intake
@@ -56,7 +109,8 @@ def health(
         "time_s": round(now_s, 2),
         "is_tracking": session.tracker is not None,
         "sources": [
-            {"name": name, "state": state, "damaged": intake.damaged(name)} for name, state in states.items()
+            {"name": name, "state": one.state, "damaged": intake.damaged(name), "dropped": dropped(one)}
+            for name, one in transports.items()
         ],
         "devices": [_device(device, now_s) for device in intake.devices.values()],
         "silent": intake.silent(now_s, SILENT_S),

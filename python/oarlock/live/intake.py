@@ -13,6 +13,8 @@ from oarlock.live.clock import DeviceClock
 from oarlock.live.reading import Decoder, Packet, Reading
 from oarlock.live.rig import Feed, Rig, Source
 
+MOST_SENDERS = 256
+"""Addresses of a source that are known at once: programs that connect again and again have a new one each time."""
 RATE_OVER_S = 2.0
 """Rates are counted over so much time."""
 
@@ -119,6 +121,9 @@ class Intake:
     _decoders: dict[tuple[str, str], Decoder] = field(default_factory=dict)
     _feeds: dict[str, Feed] = field(default_factory=dict)
     _newest_s: dict[str, float] = field(default_factory=dict)
+    _heard_s: dict[tuple[str, str], float] = field(default_factory=dict)
+    _damaged_before: dict[str, int] = field(default_factory=dict)
+    """By source, of senders that are forgotten."""
 
     def __post_init__(self) -> None:
         self._feeds = {feed.stream: feed for feed in self.rig.feeds}
@@ -130,8 +135,9 @@ class Intake:
             return []
         key = (packet.source, packet.address)
         if key not in self._decoders:
+            self._make_room(packet.source)
             self._decoders[key] = self.decoders(source)
-        arrival_s = self.seconds(packet.arrival_ns)
+        arrival_s = self._heard_s[key] = self.seconds(packet.arrival_ns)
         found: list[Sampled] = []
         for reading in self._decoders[key].decode(packet.data, packet.channel):
             device = self._device(packet, reading.device)
@@ -152,7 +158,8 @@ class Intake:
 
     def damaged(self, source: str) -> int:
         """Messages of a source that could not be decoded."""
-        return sum(d.damaged for (name, _), d in self._decoders.items() if name == source)
+        now = sum(d.damaged for (name, _), d in self._decoders.items() if name == source)
+        return now + self._damaged_before.get(source, 0)
 
     def silent(self, now_s: float, longer_s: float = 1.0) -> list[str]:
         """Streams from which nothing has come for so long, or ever."""
@@ -165,6 +172,17 @@ class Intake:
     def heard(self) -> list[str]:
         """Streams of which anything has come."""
         return [stream for device in self.devices.values() for stream in device.streams]
+
+    def _make_room(self, source: str) -> None:
+        """Forgets the sender that has been silent for longest, if a new one would be too many."""
+        known = [key for key in self._decoders if key[0] == source]
+        if len(known) < MOST_SENDERS:
+            return
+        gone = min(known, key=self._heard_s.__getitem__)
+        self._damaged_before[source] = self._damaged_before.get(source, 0) + self._decoders.pop(gone).damaged
+        del self._heard_s[gone]
+        for device in [device for device in self.devices if device[:2] == gone]:
+            del self.devices[device]
 
     def _device(self, packet: Packet, part: str) -> Device:
         key = (packet.source, packet.address, part)

@@ -13,16 +13,18 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
+from oarlock.live.event_log import EventLog
 from oarlock.live.folder import LiveFolder
 from oarlock.live.health import Watch, health
 from oarlock.live.outputs import Output, frame_of
 from oarlock.live.reading import Packet
 from oarlock.live.recorder import Recorder
-from oarlock.live.rig import Rig
+from oarlock.live.rig import Rig, Source
 from oarlock.live.server import PageServer
 from oarlock.live.session import Estimate, LiveSession, command
+from oarlock.live.time_source import MACHINE_TIME, TimeSource
 from oarlock.live.transports import opened
-from oarlock.live.transports.transport import Transport, now_ns
+from oarlock.live.transports.transport import Transport
 
 if TYPE_CHECKING:
     from oarlock._core import Belief, Model
@@ -60,6 +62,9 @@ class Live:
         outputs: what else gets each estimate.
         follower: makes messages of what it recognises in the estimates, such as repetitions; None without.
         is_tracked_at_once: track without a command, as soon as all streams have been heard and their clocks settled.
+        on_event: gets each event as a sentence; the folder's log has them, too.
+        time: true time, unless the session is simulated.
+        transport_of: opens a source.
     """
 
     rig: Rig
@@ -72,6 +77,8 @@ class Live:
     follower: Follower | None = None
     is_tracked_at_once: bool = True
     on_event: Callable[[str], None] = lambda text: None
+    time: TimeSource = MACHINE_TIME
+    transport_of: Callable[[Source], Transport] = opened
     session: LiveSession = field(init=False)
     transports: dict[str, Transport] = field(init=False)
     estimates: int = field(init=False, default=0)
@@ -84,25 +91,31 @@ class Live:
         Raises:
             DataError: a source or the page cannot be opened, or the folder cannot be written.
         """
-        start_ns = now_ns()
+        start_ns = self.time.now_ns()
         self.session = LiveSession(self.rig, self.model, start_ns, self.calibration)
-        self.transports = {name: opened(source) for name, source in self.rig.sources.items()}
-        self._watch = Watch(self.session.intake)
+        self.transports = {name: self.transport_of(source) for name, source in self.rig.sources.items()}
+        self._watch = Watch(self.session.intake, self.transports)
         self._newest: Estimate | None = None
         self._working: set[asyncio.Task[None]] = set()
         self._followed = 0
         self._published_s = 0.0
         place = LiveFolder.create(self.folder, self.rig, self.calibration, start_ns)
-        self._recorder = Recorder(place.packets)
+        self._recorder, self._log = Recorder(place.packets), EventLog(place.path)
         self._pool = None if self.follower is None else ProcessPoolExecutor(1, get_context("spawn"))
         try:
             await self._until_ended(seconds)
         finally:
             if self._pool is not None:
                 self._pool.shutdown(wait=False, cancel_futures=True)
-            self.deliver(command(now_ns(), "stop"))
+            self.deliver(command(self.time.now_ns(), "stop"))
             self._recorder.close()
+            self._log.close()
             place.finish(self.model)
+
+    @property
+    def seconds(self) -> float:
+        """Now, s from the session's start."""
+        return self.session.intake.seconds(self.time.now_ns())
 
     def deliver(self, packet: Packet) -> None:
         """Takes a packet: to the disk, to the tracker, and its estimates to all who listen."""
@@ -120,9 +133,9 @@ class Live:
         if told["do"] not in DOINGS:
             return f"'{str(told['do'])[:40]}' is unknown; expected {', '.join(DOINGS)}"
         keys = {str(k): v for k, v in told.items() if k != "do"}
-        before = len(self.session.problems)
-        self.deliver(command(now_ns(), told["do"], **keys))
-        if len(self.session.problems) > before:
+        before = self.session.refused
+        self.deliver(command(self.time.now_ns(), told["do"], **keys))
+        if self.session.refused > before:
             return self.session.problems[-1]
         self._tell(_carried_out(told["do"], keys))
         return None
@@ -148,18 +161,17 @@ class Live:
     async def _look_after(self) -> None:
         """Twice a second: who is silent, who is back, what the disk holds; and the start of tracking."""
         while True:
-            await asyncio.sleep(HEALTH_S)
-            now_s = self.session.intake.seconds(now_ns())
+            await self.time.sleep(HEALTH_S)
+            now_s = self.seconds
             for text in self._watch.events(now_s):
                 self._tell(text)
             if self.is_tracked_at_once and self.session.tracker is None and self._watch.is_ready(now_s):
                 self.is_tracked_at_once = False
-                self.deliver(command(now_ns(), "track"))
+                self.deliver(command(self.time.now_ns(), "track"))
                 self._tell("tracking")
             if self.server is not None:
                 free = shutil.disk_usage(self.folder).free
-                states = {name: t.state for name, t in self.transports.items()}
-                self.server.publish(health(self.session, states, self._recorder, free, now_s))
+                self.server.publish(health(self.session, self.transports, self._recorder, free, now_s))
 
     def _follow(self, estimate: Estimate) -> None:
         task = None if self.follower is None else self.follower.step(estimate.time_s, estimate.belief)
@@ -182,9 +194,10 @@ class Live:
             self.server.announce({**message, "number": self._followed})
 
     def _tell(self, text: str) -> None:
+        now_s = self.seconds
         self.on_event(text)
+        self._log.write(now_s, text)
         if self.server is not None:
-            now_s = self.session.intake.seconds(now_ns())
             self.server.announce({"type": "event", "time_s": round(now_s, 2), "text": text})
 
     def _publish(self) -> None:

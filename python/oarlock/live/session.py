@@ -7,17 +7,21 @@ note, exchange a unit) are packets of the source `COMMANDS`, so they are recorde
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+import math
+from array import array
+from collections import deque
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import oarlock
 from oarlock.live.decoders import DECODERS
 from oarlock.live.intake import Intake, Sampled
 from oarlock.live.reading import Decoder, Packet
-from oarlock.live.rig import Rig, Source
+from oarlock.live.rig import Feed, Rig, Source
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
 
@@ -28,6 +32,9 @@ if TYPE_CHECKING:
 
 COMMANDS = ""
 """Source of the packets that a coach or a program sends: JSON objects with the key `do`."""
+MOST_PROBLEMS = 100
+_WIDTHS = {"imu": 3, "orientation": 4, "vector": 3}
+_VALUE = {"orientation": "quat_wxyz"}
 
 
 def command(arrival_ns: int, do: str, **keys: object) -> Packet:
@@ -82,8 +89,10 @@ class LiveSession:
     tracker: Tracker | None = field(init=False, default=None)
     from_s: float = field(init=False, default=0.0)
     """The track begins with readings of this time."""
-    problems: list[str] = field(init=False, default_factory=list)
-    """Commands that could not be carried out, and why."""
+    problems: deque[str] = field(init=False, default_factory=lambda: deque(maxlen=MOST_PROBLEMS))
+    """The last commands that could not be carried out, and why."""
+    refused: int = field(init=False, default=0)
+    """How many could not."""
 
     def __post_init__(self) -> None:
         self.config = live_config(self.rig, self.model)
@@ -119,6 +128,7 @@ class LiveSession:
             elif do != "note":
                 raise DataError(f"the command '{do}' is unknown; expected track, stop, assign or note")
         except (ValueError, KeyError, TypeError, DataError) as error:
+            self.refused += 1
             self.problems.append(f"{packet.data[:200]!r}: {error}")
         return []
 
@@ -135,14 +145,14 @@ def recorded(packets: Iterable[Packet], rig: Rig, start_ns: int) -> oarlock.Reco
         DataError: no packet has a reading of a sensor.
     """
     intake = Intake(rig, start_ns, _new_decoder)
-    rows: dict[str, dict[float, Any]] = {feed.stream: {} for feed in rig.feeds}
+    rows = {feed.stream: _Rows(feed) for feed in rig.feeds}
     for packet in packets:
         if packet.source == COMMANDS:
             _follow(intake, packet)
             continue
         for one in intake.take(packet):
-            rows[one.stream].setdefault(one.time_s, one.values)
-    streams = list(_streams(rig, rows))
+            rows[one.stream].add(one)
+    streams = [own.stream() for own in rows.values() if own.time_s]
     if not streams:
         raise DataError("the packets have no reading of any of the rig's sensors; were its devices on?")
     return oarlock.Recording(streams, {"source": {"format": "live"}})
@@ -166,25 +176,34 @@ def _follow(intake: Intake, packet: Packet) -> None:
         return
 
 
-def _streams(rig: Rig, rows: Mapping[str, Mapping[float, Any]]) -> Iterator[Stream]:
-    for feed in rig.feeds:
-        if not rows[feed.stream]:
-            continue
-        times, values = zip(*sorted(rows[feed.stream].items(), key=lambda row: row[0]), strict=True)
-        time_s = np.array(times)
-        if feed.kind == "imu":
-            yield oarlock.ImuStream(feed.stream, time_s, **_columns(values, feed.values))
-        elif feed.kind == "orientation":
-            yield oarlock.OrientationStream(
-                feed.stream, time_s, _columns(values, ("quat_wxyz",), 4)["quat_wxyz"]
-            )
-        elif feed.kind == "vector":
-            yield oarlock.VectorStream(feed.stream, time_s, _columns(values, ("value",))["value"])
-        else:
-            yield oarlock.ScalarStream(feed.stream, time_s, np.array(values))
+class _Rows:
+    """The readings of one stream, as columns of numbers: hours of them fit into memory."""
 
+    def __init__(self, feed: Feed) -> None:
+        self.feed, self.time_s = feed, array("d")
+        names = feed.values if feed.kind == "imu" else (_VALUE.get(feed.kind, "value"),)
+        self._missing = (math.nan,) * _WIDTHS.get(feed.kind, 1)
+        self._columns = {name: array("d") for name in names}
 
-def _columns(values: tuple[Any, ...], names: tuple[str, ...], width: int = 3) -> dict[str, Any]:
-    missing = (np.nan,) * width
-    columns = {name: np.array([row.get(name, missing) for row in values]) for name in names}
-    return {name: rows for name, rows in columns.items() if np.isfinite(rows).any()}
+    def add(self, one: Sampled) -> None:
+        self.time_s.append(one.time_s)
+        values: Any = one.values if isinstance(one.values, Mapping) else {"value": (one.values,)}
+        for name, column in self._columns.items():
+            column.extend(values.get(name, self._missing))
+
+    def stream(self) -> Stream:
+        """The readings by time; of several with the same time the first."""
+        time_s, rows = np.unique(np.frombuffer(self.time_s), return_index=True)
+        values = {name: self._of(name)[rows] for name in self._columns}
+        name = self.feed.stream
+        if self.feed.kind == "imu":
+            found = {k: column for k, column in values.items() if np.isfinite(column).any()}
+            return oarlock.ImuStream(name, time_s, **found)
+        if self.feed.kind == "orientation":
+            return oarlock.OrientationStream(name, time_s, values["quat_wxyz"])
+        if self.feed.kind == "vector":
+            return oarlock.VectorStream(name, time_s, values["value"])
+        return oarlock.ScalarStream(name, time_s, values["value"][:, 0])
+
+    def _of(self, name: str) -> NDArray[np.float64]:
+        return np.frombuffer(self._columns[name]).reshape(-1, len(self._missing))
