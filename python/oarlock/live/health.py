@@ -33,7 +33,7 @@ class Watch:
     _silent: set[str] = field(default_factory=set)
     _restarts: dict[Key, int] = field(default_factory=dict)
     _feeding: dict[str, Device] = field(default_factory=dict)
-    _damage: dict[str, tuple[float, int]] = field(default_factory=dict)
+    _told: dict[str, tuple[float, int]] = field(default_factory=dict)
     _dropped: dict[str, int] = field(default_factory=dict)
 
     def events(self, now_s: float) -> Iterator[str]:
@@ -53,7 +53,7 @@ class Watch:
             if device.clock.restarts > self._restarts.get(key, 0):
                 yield f"the clock of {device.name} was set, or its readings were held up; they are used again in 2 s"
         self._restarts = restarts
-        yield from self._damaged(now_s)
+        yield from self._left_out(now_s)
         yield from self._overrun()
 
     def _moved(self, now_s: float) -> Iterator[str]:
@@ -68,13 +68,21 @@ class Watch:
                     self._feeding[stream] = device
                     yield f"{stream} comes from {device.name} now, before from {last.name}"
 
-    def _damaged(self, now_s: float) -> Iterator[str]:
+    def _left_out(self, now_s: float) -> Iterator[str]:
         for source in self.intake.rig.sources:
-            told_s, told = self._damage.get(source, (-math.inf, 0))
-            damaged = self.intake.damaged(source)
-            if damaged > told and now_s - told_s > TOLD_AGAIN_S:
-                self._damage[source] = (now_s, damaged)
-                yield f"{damaged - told} messages of {source} could not be decoded"
+            if count := self._news(source, self.intake.damaged(source), now_s):
+                yield f"{count} messages of {source} could not be decoded"
+        for stream, device in self._feeding.items():
+            if count := self._news(f"{stream} {device.name}", device.implausible, now_s):
+                yield f"{count} readings of {stream} are beyond what a sensor can measure: check its unit and scale"
+
+    def _news(self, what: str, count: int, now_s: float) -> int:
+        """By how much a count has grown since it was told; 0 if it is not to be told yet."""
+        told_s, told = self._told.get(what, (-math.inf, 0))
+        if count <= told or now_s - told_s <= TOLD_AGAIN_S:
+            return 0
+        self._told[what] = (now_s, count)
+        return count - told
 
     def _overrun(self) -> Iterator[str]:
         for name, transport in self.transports.items():
@@ -135,6 +143,7 @@ def _device(device: Device, now_s: float) -> dict[str, Any]:
         "delay_ms": round(1e3 * device.delay_s, 1),
         "drift_ppm": round(1e6 * device.clock.drift, 1),
         "restarts": device.clock.restarts,
+        "implausible": device.implausible,
         "battery_percent": device.battery_percent,
         "silent_s": round(now_s - device.last_arrival_s, 1) if math.isfinite(device.last_arrival_s) else None,
     }

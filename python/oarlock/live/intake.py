@@ -12,7 +12,10 @@ from dataclasses import dataclass, field, replace
 from oarlock.live.clock import DeviceClock
 from oarlock.live.reading import Decoder, Packet, Reading
 from oarlock.live.rig import Feed, Rig, Source
+from oarlock.recording.plausibility import GYRO_MAX_RAD_S
 
+_MOST = {"gyro_rad_s": GYRO_MAX_RAD_S, "accel_m_s2": 2000.0, "mag_ut": 10_000.0, "value": 1000.0}
+"""Beyond the ranges of sensors: 2000 m/s2 is 200 g, and at 10 mT a magnetometer has a magnet on it."""
 MOST_SENDERS = 256
 """Addresses of a source that are known at once: programs that connect again and again have a new one each time."""
 RATE_OVER_S = 2.0
@@ -53,6 +56,8 @@ class Device:
     readings: int = 0
     lost: int = 0
     """Readings that its counter shows to be missing."""
+    implausible: int = 0
+    """Readings that no sensor can measure; they are left out."""
     last_arrival_s: float = -math.inf
     delay_s: float = 0.0
     """How much later than the fastest readings the last ones came, on average."""
@@ -203,11 +208,21 @@ class Intake:
         found = []
         for stream in device.streams:
             values = values_for(self._feeds[stream], reading)
+            if values is not None and not is_plausible(values):
+                device.implausible += 1
+                continue
             # At an exchange two devices may feed the same stream, but not at the same time.
             if values is not None and time_s != self._newest_s.get(stream):
                 self._newest_s[stream] = time_s
                 found.append(Sampled(stream, time_s, values, arrival_s))
         return found
+
+
+def is_plausible(values: float | Mapping[str, tuple[float, ...]]) -> bool:
+    """Whether a sensor can measure this: damaged bytes may be numbers, too, and one of 1e6 rad/s costs the track."""
+    if not isinstance(values, Mapping):
+        return abs(values) <= _MOST["value"]
+    return all(max(map(abs, numbers)) <= _MOST.get(name, math.inf) for name, numbers in values.items())
 
 
 def values_for(feed: Feed, reading: Reading) -> float | Mapping[str, tuple[float, ...]] | None:
