@@ -1,4 +1,4 @@
-"""`make soak`, and with `latency` what `make bench-live` measures."""
+"""`make soak`: runs sessions with devices that misbehave, prints what was measured, and says what is wrong."""
 
 from __future__ import annotations
 

@@ -86,7 +86,8 @@ def _started(words: list[str], folder: Path) -> tuple[subprocess.Popen[bytes], W
     with _errors(folder).open("wb") as errors:
         child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors)
     assert child.stdout is not None
-    url = child.stdout.readline().decode().strip()
+    with child.stdout:
+        url = child.stdout.readline().decode().strip()
     if not url:
         raise SystemExit(f"the session did not start: {_errors(folder).read_text(encoding='utf-8')}")
     return child, Watcher(url, child.pid)
