@@ -1,7 +1,6 @@
 """The soak, short: devices that vanish, return, restart their clocks, send rubbish and swap addresses."""
 
 import pytest
-
 from bench.live.checks import growth_percent, heard
 from bench.live.misbehaving import planted
 from bench.live.soak import soak_virtual, summary
