@@ -11,6 +11,10 @@ from oarlock.live.intake import Device, Intake
 from oarlock.live.reading import Value
 from oarlock.live.recorder import Recorder
 from oarlock.live.session import LiveSession
+from oarlock.live.transports.transport import Transport
+from oarlock.live.transports.udp import Udp
+
+Key = tuple[str, str, str]
 
 SILENT_S = 0.7
 """A stream of which nothing came for so long is silent; with a look every half second it is named within 1.2 s."""
@@ -18,14 +22,22 @@ SILENT_S = 0.7
 LONGEST_TEXT = 40
 
 
+TOLD_AGAIN_S = 10.0
+"""Damage goes on for long where it occurs: it is told this often at most."""
+
+
 @dataclass
 class Watch:
     """Notices what changes from one look to the next."""
 
     intake: Intake
+    transports: Mapping[str, Transport] = field(default_factory=dict)
     _heard: set[str] = field(default_factory=set)
     _silent: set[str] = field(default_factory=set)
-    _restarts: dict[str, int] = field(default_factory=dict)
+    _restarts: dict[Key, int] = field(default_factory=dict)
+    _feeding: dict[str, Device] = field(default_factory=dict)
+    _told: dict[str, tuple[float, int]] = field(default_factory=dict)
+    _dropped: dict[str, int] = field(default_factory=dict)
 
     def events(self, now_s: float) -> Iterator[str]:
         """Sentences about what has changed since the last look."""
@@ -37,10 +49,50 @@ class Watch:
             yield f"{stream} is back"
         self._silent = silent
         self._heard |= set(self.intake.heard())
-        for device in list(self.intake.devices.values()):
-            if device.clock.restarts > self._restarts.get(device.name, 0):
+        yield from self._moved(now_s)
+        restarts = {}
+        for key, device in self.intake.devices.items():
+            restarts[key] = device.clock.restarts
+            if device.clock.restarts > self._restarts.get(key, 0):
                 yield f"the clock of {device.name} was set or started again; its readings are timed anew"
-            self._restarts[device.name] = device.clock.restarts
+        self._restarts = restarts
+        yield from self._left_out(now_s)
+        yield from self._overrun()
+
+    def _moved(self, now_s: float) -> Iterator[str]:
+        """Streams that another device feeds, since the last one fell silent."""
+        for device in self.intake.devices.values():
+            for stream in device.streams:
+                last = self._feeding.setdefault(stream, device)
+                if (
+                    last is not device
+                    and now_s - last.last_arrival_s > SILENT_S > now_s - device.last_arrival_s
+                ):
+                    self._feeding[stream] = device
+                    yield f"{stream} comes from {device.name} now, before from {last.name}"
+
+    def _left_out(self, now_s: float) -> Iterator[str]:
+        for source in self.intake.rig.sources:
+            if count := self._news(source, self.intake.damaged(source), now_s):
+                yield f"{count} messages of {source} could not be decoded"
+        for stream, device in self._feeding.items():
+            if count := self._news(f"{stream} {device.name}", device.implausible, now_s):
+                yield f"{count} readings of {stream} are beyond what a sensor can measure: check its unit and scale"
+
+    def _news(self, what: str, count: int, now_s: float) -> int:
+        """By how much a count has grown since it was told; 0 if it is not to be told yet."""
+        told_s, told = self._told.get(what, (-math.inf, 0))
+        if count <= told or now_s - told_s <= TOLD_AGAIN_S:
+            return 0
+        self._told[what] = (now_s, count)
+        return count - told
+
+    def _overrun(self) -> Iterator[str]:
+        for name, transport in self.transports.items():
+            count, told = dropped(transport) or 0, self._dropped.get(name, 0)
+            if count > told:
+                self._dropped[name] = count
+                yield f"{count - told} datagrams of {name} were lost because this machine is busy: close other programs"
 
     def is_ready(self, now_s: float) -> bool:
         """Whether every stream is heard and every clock in use has settled."""
@@ -77,9 +129,14 @@ def lost(state: str) -> str | None:
     return None if any(part.startswith(("connects ", "waits ")) for part in parts) else ""
 
 
+def dropped(transport: Transport) -> int | None:
+    """Packets that this machine received and lost before the session got them; None if it does not say."""
+    return transport.dropped if isinstance(transport, Udp) else None
+
+
 def health(
     session: LiveSession,
-    states: Mapping[str, str],
+    transports: Mapping[str, Transport],
     recorder: Recorder,
     free_bytes: int | None,
     now_s: float,
@@ -92,7 +149,8 @@ def health(
         "time_s": round(now_s, 2),
         "is_tracking": session.tracker is not None,
         "sources": [
-            {"name": name, "state": state, "damaged": intake.damaged(name)} for name, state in states.items()
+            {"name": name, "state": one.state, "damaged": intake.damaged(name), "dropped": dropped(one)}
+            for name, one in transports.items()
         ],
         "devices": [_device(device, now_s) for device in intake.devices.values()],
         "silent": intake.silent(now_s, SILENT_S),
@@ -117,6 +175,7 @@ def _device(device: Device, now_s: float) -> dict[str, Any]:
         "delay_ms": round(1e3 * device.delay_s, 1),
         "drift_ppm": round(1e6 * device.clock.drift, 1),
         "restarts": device.clock.restarts,
+        "implausible": device.implausible,
         "battery_percent": device.battery_percent,
         "silent_s": round(now_s - device.last_arrival_s, 1) if math.isfinite(device.last_arrival_s) else None,
         "channel": device.channel,

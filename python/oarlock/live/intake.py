@@ -13,7 +13,12 @@ from functools import partial
 from oarlock.live.clock import DeviceClock
 from oarlock.live.reading import Decoder, Packet, Reading, Value
 from oarlock.live.rig import Feed, Rig, Source
+from oarlock.recording.plausibility import GYRO_MAX_RAD_S
 
+_MOST = {"gyro_rad_s": GYRO_MAX_RAD_S, "accel_m_s2": 2000.0, "mag_ut": 10_000.0, "value": 1000.0}
+"""Beyond the ranges of sensors: 2000 m/s2 is 200 g, and at 10 mT a magnetometer has a magnet on it."""
+MOST_SENDERS = 256
+"""Addresses of a source that are known at once: programs that connect again and again have a new one each time."""
 RATE_OVER_S = 2.0
 """Rates are counted over so much time."""
 MOST_SHOWN = 50
@@ -84,6 +89,8 @@ class Device:
     readings: int = 0
     lost: int = 0
     """Readings that its counter shows to be missing."""
+    implausible: int = 0
+    """Readings that no sensor can measure; they are left out."""
     last_arrival_s: float = -math.inf
     delay_s: float = 0.0
     """How much later than the fastest readings the last ones came, on average."""
@@ -177,6 +184,9 @@ class Intake:
     _decoders: dict[tuple[str, str], Decoder] = field(default_factory=dict)
     _feeds: dict[str, Feed] = field(default_factory=dict)
     _newest_s: dict[str, float] = field(default_factory=dict)
+    _heard_s: dict[tuple[str, str], float] = field(default_factory=dict)
+    _damaged_before: dict[str, int] = field(default_factory=dict)
+    """By source, of senders that are forgotten."""
 
     def __post_init__(self) -> None:
         self._feeds = {feed.stream: feed for feed in self.rig.feeds}
@@ -188,8 +198,9 @@ class Intake:
             return []
         key = (packet.source, packet.address)
         if key not in self._decoders:
+            self._make_room(packet.source)
             self._decoders[key] = self.decoders(source)
-        arrival_s = self.seconds(packet.arrival_ns)
+        arrival_s = self._heard_s[key] = self.seconds(packet.arrival_ns)
         found: list[Sampled] = []
         for reading in self._decoders[key].decode(packet.data, packet.channel):
             device = self._device(packet, reading.device)
@@ -218,7 +229,8 @@ class Intake:
 
     def damaged(self, source: str) -> int:
         """Messages of a source that could not be decoded."""
-        return sum(d.damaged for (name, _), d in self._decoders.items() if name == source)
+        now = sum(d.damaged for (name, _), d in self._decoders.items() if name == source)
+        return now + self._damaged_before.get(source, 0)
 
     def silent(self, now_s: float, longer_s: float = 1.0) -> list[str]:
         """Streams from which nothing has come for so long, or ever."""
@@ -231,6 +243,17 @@ class Intake:
     def heard(self) -> list[str]:
         """Streams of which anything has come."""
         return [stream for device in self.devices.values() for stream in device.streams]
+
+    def _make_room(self, source: str) -> None:
+        """Forgets the sender that has been silent for longest, if a new one would be too many."""
+        known = [key for key in self._decoders if key[0] == source]
+        if len(known) < MOST_SENDERS:
+            return
+        gone = min(known, key=self._heard_s.__getitem__)
+        self._damaged_before[source] = self._damaged_before.get(source, 0) + self._decoders.pop(gone).damaged
+        del self._heard_s[gone]
+        for device in [device for device in self.devices if device[:2] == gone]:
+            del self.devices[device]
 
     def _device(self, packet: Packet, part: str) -> Device:
         key = (packet.source, packet.address, part)
@@ -273,11 +296,21 @@ class Intake:
         found = []
         for stream in device.streams:
             values = values_for(self._feeds[stream], reading)
+            if values is not None and not is_plausible(values):
+                device.implausible += 1
+                continue
             # At an exchange two devices may feed the same stream, but not at the same time.
             if values is not None and time_s != self._newest_s.get(stream):
                 self._newest_s[stream] = time_s
                 found.append(Sampled(stream, time_s, values, arrival_s))
         return found
+
+
+def is_plausible(values: float | Mapping[str, tuple[float, ...]]) -> bool:
+    """Whether a sensor can measure this: damaged bytes may be numbers, too, and one of 1e6 rad/s costs the track."""
+    if not isinstance(values, Mapping):
+        return abs(values) <= _MOST["value"]
+    return all(max(map(abs, numbers)) <= _MOST.get(name, math.inf) for name, numbers in values.items())
 
 
 def values_for(feed: Feed, reading: Reading) -> float | Mapping[str, tuple[float, ...]] | None:

@@ -14,6 +14,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
+from oarlock.live.event_log import EventLog
 from oarlock.live.folder import LiveFolder
 from oarlock.live.frame import frame_of
 from oarlock.live.guide.lead import Lead
@@ -22,11 +23,12 @@ from oarlock.live.named_angles import NamedAngles
 from oarlock.live.outputs.output import Output, Start
 from oarlock.live.reading import Packet
 from oarlock.live.recorder import Recorder
-from oarlock.live.rig import Rig
+from oarlock.live.rig import Rig, Source
 from oarlock.live.server import PageServer
 from oarlock.live.session import Estimate, LiveSession, command
+from oarlock.live.time_source import MACHINE_TIME, TimeSource
 from oarlock.live.transports import opened
-from oarlock.live.transports.transport import Transport, now_ns
+from oarlock.live.transports.transport import Transport
 from oarlock.storage.errors import DataError
 
 if TYPE_CHECKING:
@@ -67,6 +69,9 @@ class Live:
         lead: leads through a calibration session before tracking; None without. It needs the server.
         is_tracked_at_once: track without a command, as soon as all streams have been heard and their clocks settled
             and no guided start is open.
+        on_event: gets each event as a sentence; the folder's log has them, too.
+        time: true time, unless the session is simulated.
+        transport_of: opens a source.
     """
 
     rig: Rig
@@ -80,6 +85,8 @@ class Live:
     lead: Lead | None = None
     is_tracked_at_once: bool = True
     on_event: Callable[[str], None] = lambda text: None
+    time: TimeSource = MACHINE_TIME
+    transport_of: Callable[[Source], Transport] = opened
     session: LiveSession = field(init=False)
     transports: dict[str, Transport] = field(init=False)
     estimates: int = field(init=False, default=0)
@@ -92,10 +99,10 @@ class Live:
         Raises:
             DataError: a source or the page cannot be opened, or the folder cannot be written.
         """
-        start_ns = now_ns()
+        start_ns = self.time.now_ns()
         self.session = LiveSession(self.rig, self.model, start_ns, self.calibration)
-        self.transports = {name: opened(source) for name, source in self.rig.sources.items()}
-        self._watch, self._problems = Watch(self.session.intake), Problems()
+        self.transports = {name: self.transport_of(source) for name, source in self.rig.sources.items()}
+        self._watch, self._problems = Watch(self.session.intake, self.transports), Problems()
         self._named = NamedAngles(self.model)
         self._newest: Estimate | None = None
         self._working: set[asyncio.Task[None]] = set()
@@ -115,7 +122,7 @@ class Live:
 
     async def _recorded(self, place: LiveFolder, seconds: float | None) -> None:
         """Runs with a recorder; a session that could not begin leaves no folder."""
-        self._recorder = Recorder(place.packets)
+        self._recorder, self._log = Recorder(place.packets), EventLog(place.path)
         for output in self.outputs:
             output.start(Start(place.start_ns, place.start_epoch_s))
         self._pool = None
@@ -136,8 +143,9 @@ class Live:
         finally:
             if self._pool is not None:
                 self._pool.shutdown(wait=False, cancel_futures=True)
-            self.deliver(command(now_ns(), "stop"))
+            self.deliver(command(self.time.now_ns(), "stop"))
             self._recorder.close()
+            self._log.close()
             for output in self.outputs:
                 output.close()
             if has_begun:
@@ -153,6 +161,11 @@ class Live:
                 f"the recording could not be written: {error}. What was received is whole in {place.packets}: "
                 f"make room, then run oarlock live recover {place.path}"
             ) from error
+
+    @property
+    def seconds(self) -> float:
+        """Now, s from the session's start."""
+        return self.session.intake.seconds(self.time.now_ns())
 
     def deliver(self, packet: Packet) -> None:
         """Takes a packet: to the disk, to the tracker, and its estimates to all who listen."""
@@ -178,9 +191,9 @@ class Live:
         if told["do"] == "track" and self.lead is not None:
             self.lead.press("leave")
         keys = {str(k): v for k, v in told.items() if k != "do"}
-        before = len(self.session.problems)
-        self.deliver(command(now_ns(), told["do"], **keys))
-        if len(self.session.problems) > before:
+        before = self.session.refused
+        self.deliver(command(self.time.now_ns(), told["do"], **keys))
+        if self.session.refused > before:
             return self.session.problems[-1]
         self._tell(_carried_out(told["do"], keys))
         return None
@@ -207,19 +220,19 @@ class Live:
     async def _look_after(self) -> None:
         """Twice a second: who is silent, who is back, what the disk holds; and the start of tracking."""
         while True:
-            await asyncio.sleep(HEALTH_S)
-            now_s = self.session.intake.seconds(now_ns())
+            await self.time.sleep(HEALTH_S)
+            now_s = self.seconds
             for text in (*self._watch.events(now_s), *self._problems.events(self._problems_now())):
                 self._tell(text)
             is_awaited = self.lead is not None and self.lead.guide.is_open
             self.is_tracked_at_once &= self.session.tracker is None
             if self.is_tracked_at_once and not is_awaited and self._watch.is_ready(now_s):
                 self.is_tracked_at_once = False
-                self.deliver(command(now_ns(), "track"))
+                self.deliver(command(self.time.now_ns(), "track"))
                 self._tell("tracking")
             if self.server is not None:
-                states = {name: t.state for name, t in self.transports.items()}
-                told = health(self.session, states, self._recorder, _free_bytes(self.folder), now_s)
+                free = _free_bytes(self.folder)
+                told = health(self.session, self.transports, self._recorder, free, now_s)
                 self.server.publish({**told, "outputs": [output.health() for output in self.outputs]})
 
     def _problems_now(self) -> dict[str, str]:
@@ -252,8 +265,9 @@ class Live:
             self._announce({**message, "number": self._followed})
 
     def _tell(self, text: str) -> None:
+        now_s = self.seconds
         self.on_event(text)
-        now_s = self.session.intake.seconds(now_ns())
+        self._log.write(now_s, text)
         self._announce({"type": "event", "time_s": round(now_s, 2), "text": text})
 
     def _announce(self, message: Mapping[str, Any]) -> None:

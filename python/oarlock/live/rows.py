@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+import math
+from array import array
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
 import oarlock
 from oarlock.live.intake import Sampled
-from oarlock.live.rig import Rig
+from oarlock.live.rig import Feed, Rig
 from oarlock.recording.streams import Stream
+from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
 
+_WIDTHS = {"imu": 3, "vector": 3, "orientation": 4}
 
-@dataclass
+
 class Rows:
     """Readings of a rig's streams; of two with the same time the first one counts.
 
@@ -23,20 +26,18 @@ class Rows:
         rig: which kind each stream is of.
     """
 
-    rig: Rig
-    _rows: dict[str, dict[float, Any]] = field(init=False)
-
-    def __post_init__(self) -> None:
+    def __init__(self, rig: Rig) -> None:
+        self.rig = rig
         self.clear()
 
     def add(self, sampled: Iterable[Sampled]) -> None:
         """Takes readings."""
         for one in sampled:
-            self._rows[one.stream].setdefault(one.time_s, one.values)
+            self._rows[one.stream].add(one)
 
     def clear(self) -> None:
         """Forgets all readings."""
-        self._rows = {feed.stream: {} for feed in self.rig.feeds}
+        self._rows = {feed.stream: _Columns(feed) for feed in self.rig.feeds}
 
     def recording(self, from_s: float = -np.inf, to_s: float = np.inf) -> oarlock.Recording:
         """The readings as a recording.
@@ -48,35 +49,45 @@ class Rows:
         Raises:
             DataError: there is no reading.
         """
-        rows = {
-            name: {t: values for t, values in own.items() if from_s <= t <= to_s}
-            for name, own in self._rows.items()
-        }
-        streams = list(_streams(self.rig, rows))
+        found = [own.stream(from_s, to_s) for own in self._rows.values()]
+        streams = [stream for stream in found if stream is not None]
         if not streams:
             raise DataError("the packets have no reading of any of the rig's sensors; were its devices on?")
         return oarlock.Recording(streams, {"source": {"format": "live"}})
 
 
-def _streams(rig: Rig, rows: Mapping[str, Mapping[float, Any]]) -> Iterator[Stream]:
-    for feed in rig.feeds:
-        if not rows[feed.stream]:
-            continue
-        times, values = zip(*sorted(rows[feed.stream].items(), key=lambda row: row[0]), strict=True)
-        time_s = np.array(times)
-        if feed.kind == "imu":
-            yield oarlock.ImuStream(feed.stream, time_s, **_columns(values, feed.values))
-        elif feed.kind == "orientation":
-            yield oarlock.OrientationStream(
-                feed.stream, time_s, _columns(values, ("quat_wxyz",), 4)["quat_wxyz"]
-            )
-        elif feed.kind == "vector":
-            yield oarlock.VectorStream(feed.stream, time_s, _columns(values, ("value",))["value"])
-        else:
-            yield oarlock.ScalarStream(feed.stream, time_s, np.array(values))
+class _Columns:
+    """The readings of one stream, as columns of numbers: hours of them fit into memory."""
 
+    def __init__(self, feed: Feed) -> None:
+        self.feed, self.time_s = feed, array("d")
+        value = "quat_wxyz" if feed.kind == "orientation" else "value"
+        self._missing = (math.nan,) * _WIDTHS.get(feed.kind, 1)
+        self._columns = {name: array("d") for name in (feed.values if feed.kind == "imu" else (value,))}
 
-def _columns(values: tuple[Any, ...], names: tuple[str, ...], width: int = 3) -> dict[str, Any]:
-    missing = (np.nan,) * width
-    columns = {name: np.array([row.get(name, missing) for row in values]) for name in names}
-    return {name: rows for name, rows in columns.items() if np.isfinite(rows).any()}
+    def add(self, one: Sampled) -> None:
+        self.time_s.append(one.time_s)
+        values: Any = one.values if isinstance(one.values, Mapping) else {"value": (one.values,)}
+        for name, column in self._columns.items():
+            column.extend(values.get(name, self._missing))
+
+    def stream(self, from_s: float, to_s: float) -> Stream | None:
+        """The readings by time."""
+        # A copy: an array that numpy looks into cannot grow.
+        time_s, rows = np.unique(np.array(self.time_s), return_index=True)
+        is_in = (time_s >= from_s) & (time_s <= to_s)
+        if not is_in.any():
+            return None
+        time_s, values = time_s[is_in], {name: self._of(name)[rows[is_in]] for name in self._columns}
+        name = self.feed.stream
+        if self.feed.kind == "imu":
+            found = {k: column for k, column in values.items() if np.isfinite(column).any()}
+            return oarlock.ImuStream(name, time_s, **found)
+        if self.feed.kind == "orientation":
+            return oarlock.OrientationStream(name, time_s, values["quat_wxyz"])
+        if self.feed.kind == "vector":
+            return oarlock.VectorStream(name, time_s, values["value"])
+        return oarlock.ScalarStream(name, time_s, values["value"][:, 0])
+
+    def _of(self, name: str) -> FloatArray:
+        return np.array(self._columns[name]).reshape(-1, len(self._missing))

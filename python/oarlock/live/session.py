@@ -7,6 +7,7 @@ note, exchange a unit) are packets of the source `COMMANDS`, so they are recorde
 from __future__ import annotations
 
 import json
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 COMMANDS = ""
 """Source of the packets that a coach or a program sends: JSON objects with the key `do`."""
+MOST_PROBLEMS = 100
 
 
 def command(arrival_ns: int, do: str, **keys: object) -> Packet:
@@ -86,8 +88,10 @@ class LiveSession:
     tracker: Tracker | None = field(init=False, default=None)
     from_s: float = field(init=False, default=0.0)
     """The track begins with readings of this time."""
-    problems: list[str] = field(init=False, default_factory=list)
-    """Commands that could not be carried out, and why."""
+    problems: deque[str] = field(init=False, default_factory=lambda: deque(maxlen=MOST_PROBLEMS))
+    """The last commands that could not be carried out, and why."""
+    refused: int = field(init=False, default=0)
+    """How many could not."""
     listener: Callable[[list[Sampled]], None] | None = field(init=False, default=None)
     """Gets all readings, too; it decides no estimate."""
 
@@ -131,6 +135,7 @@ class LiveSession:
                     f"the command '{do}' is unknown; expected track, stop, assign, note, step or calibrate"
                 )
         except (ValueError, KeyError, TypeError, DataError) as error:
+            self.refused += 1
             self.problems.append(f"{packet.data[:200]!r}: {error}")
         return []
 

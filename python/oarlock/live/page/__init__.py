@@ -13,7 +13,6 @@ import numpy as np
 from oarlock.live.frame import SCHEMA
 from oarlock.live.named_angles import joints_with_names
 from oarlock.live.server import PageServer
-from oarlock.live.transports.transport import now_ns
 from oarlock.model.coordinates import joint_columns
 from oarlock.report.viewer.sides import side_of
 
@@ -52,7 +51,7 @@ def page_server(
         host,
         port,
         token,
-        clock=lambda: live.session.intake.seconds(now_ns()),
+        clock=lambda: live.seconds,
     )
     return live.server
 
@@ -72,7 +71,7 @@ def hello(live: Live, title: str = "", more: Mapping[str, Any] | None = None) ->
         "schema": SCHEMA,
         "title": title or live.model.name,
         "model": live.model.name,
-        "sent_s": round(live.session.intake.seconds(now_ns()), 4),
+        "sent_s": round(live.seconds, 4),
         "figure": None if live.picture is None else live.picture.structure,
         "joints": list(_joints(live.model)),
         "streams": [

@@ -65,7 +65,7 @@ class GuidedSculler:
             span = trial.spans.get(step.name, (BEFORE_S, begin_s))
             piece = trial.recording.slice(start_s=span[0] - BEFORE_S, end_s=span[1] + AFTER_S)
             self._steps[step.name] = _rows(piece)
-        self._rowing = _rows(endless_sculling(self.model, self.seed, self.truth))
+        self._rowing = _rows(endless_sculling(self.model, self.seed, calibration=self.truth))
         self._names = [step.name for step in plan.steps]
 
     def values(self, asked: Mapping[str, Any], now_s: float) -> Iterator[tuple[str, dict[str, Any]]]:
