@@ -59,6 +59,7 @@ LEAF = {
     "model show": "test_cli.test_model_show_json_lists_the_measurement_rows",
     "live demo": "test_live_cli.test_the_demo_tracks_emulated_sensors",
     "live recover": "test_live_cli.test_a_rig_is_recorded_and_the_recording_written_again",
+    "live track": "test_live_track.test_a_session_becomes_a_track_that_other_verbs_read",
     "live run": "test_live_cli.test_a_rig_is_recorded_and_the_recording_written_again",
     "report": "test_cli.test_report_is_written_where_it_is_asked_for",
     "reproduce": "test_reproduce.test_the_verb_writes_a_page_and_tables",

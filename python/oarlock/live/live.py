@@ -100,6 +100,7 @@ class Live:
         finally:
             if self._pool is not None:
                 self._pool.shutdown(wait=False, cancel_futures=True)
+                self._pool = None
             self.deliver(command(now_ns(), "stop"))
             self._recorder.close()
             place.finish(self.model)
