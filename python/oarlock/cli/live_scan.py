@@ -26,7 +26,7 @@ from oarlock.cli.terminal import (
 
 if TYPE_CHECKING:
     from oarlock.live.rig import Source
-    from oarlock.live.scan.finding import Finding, Part, Problem, Scan
+    from oarlock.live.scan.finding import Device, Finding, Problem, Scan
     from oarlock.live.scan.scan import Asked
 
 _TICK_S = 0.1
@@ -159,37 +159,37 @@ def write_problems(problems: tuple[Problem, ...]) -> None:
 
 
 def _write_source(source: Source, senders: list[Finding]) -> None:
+    from oarlock.live.decoders import DECODERS
+    from oarlock.live.scan.finding import devices_of
     from oarlock.live.scan.source_words import words_of
 
     kinds = list(dict.fromkeys(one.what for one in senders))
-    heading(kinds[0] if len(kinds) == 1 else f"{len(senders)} devices of one kind")
+    heading(kinds[0] if len(kinds) == 1 else DECODERS[source.format].about.partition(":")[0])
+    devices = devices_of(senders)
     table(
-        ["device", "sends", ">Hz", ">battery", ">lost", "signal"],
-        [row for one in senders for row in _rows(one, len(kinds) > 1)],
+        ["device", "sends", ">Hz", ">battery", ">lost", ">signal", "from"],
+        [_row(one, one.finding.what if len(kinds) > 1 else one.finding.address) for one in devices],
     )
     for note in dict.fromkeys(one.note for one in senders if one.note):
         say(note, indent=2)
     say(f"rig file: {words_of(source)}", style="dim", indent=2)
 
 
-def _rows(one: Finding, is_named: bool) -> list[tuple[str, ...]]:
-    what = f"{one.address}  {one.what}" if is_named else one.address
-    if not one.parts:
-        return [(what, "not known before a connection", "", _percent(one.battery_percent), "", one.signal)]
-    return [_row(one, part, what) for part in one.parts]
-
-
-def _row(one: Finding, part: Part, what: str) -> tuple[str, ...]:
+def _row(one: Device, origin: str) -> tuple[str, ...]:
     from oarlock.live.scan.finding import sends
 
-    battery = part.battery_percent if part.battery_percent is not None else one.battery_percent
+    part, found = one.part, one.finding
+    battery = found.battery_percent
+    if part is not None and part.battery_percent is not None:
+        battery = part.battery_percent
     return (
-        f"{what}/{part.name}" if part.name else what,
-        sends(tuple(part.rates_hz)),
-        number(part.rate_hz, ".4g", ""),
+        one.name,
+        "unknown before a connection" if part is None else sends(tuple(part.rates_hz)),
+        "" if part is None else number(part.rate_hz, ".4g", ""),
         _percent(battery),
-        _percent(part.lost_percent or None, 1),
-        one.signal,
+        "" if part is None else _percent(part.lost_percent or None, 1),
+        found.signal,
+        "" if origin == one.name else origin,
     )
 
 

@@ -30,7 +30,7 @@ def _known(one: Found, kind: str) -> Finding:
     source = Source("", kind, "ble", {"addresses": [one.address]})
     name = f' "{one.name}"' if one.name else ""
     about = DECODERS[kind].about.partition(":")[0]
-    return Finding(f"{about}{name}", one.address, source, signal=_signal(one))
+    return Finding(f"{about}{name}", one.address, source, signal=_signal(one), name=one.name)
 
 
 def _signal(one: Found) -> str:

@@ -53,4 +53,4 @@ def _parts(header: bytes, channels: int, rate_hz: float | None) -> tuple[Part, .
     own = decoder()
     own.decode(header, HEADER)
     sample = own.decode(struct.pack(f"<{1 + channels}d", *[0.0] * (1 + channels)), SAMPLES)
-    return tuple(Part(one.device, dict.fromkeys(one.values, rate_hz)) for one in sample)
+    return tuple(Part(one.device, dict.fromkeys(one.values, rate_hz), last=one.values) for one in sample)

@@ -130,4 +130,5 @@ def _of_unit(unit: Announcement, found: Finding) -> Finding:
         what=f'x-IMU3 "{unit.name}" at {unit.address}, TCP port {unit.tcp_port}',
         battery_percent=unit.battery_percent,
         signal=signal,
+        name=unit.name,
     )

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from oarlock.live.decoders import DECODERS
-from oarlock.live.reading import Packet, Reading
+from oarlock.live.reading import Packet, Reading, Value
 from oarlock.live.rig import Source
 from oarlock.live.scan.finding import BATTERY, Part
 from oarlock.storage.errors import DataError
@@ -30,9 +30,11 @@ class _Tally:
     clocks_s: dict[str, list[float]] = field(default_factory=dict)
     counts: set[int] = field(default_factory=set)
     battery_percent: float | None = None
+    last: dict[str, Value] = field(default_factory=dict)
 
     def add(self, reading: Reading, arrival_s: float) -> None:
         for name, value in reading.values.items():
+            self.last[name] = value
             self.arrivals_s.setdefault(name, []).append(arrival_s)
             if reading.clock_s is not None:
                 self.clocks_s.setdefault(name, []).append(reading.clock_s)
@@ -42,12 +44,8 @@ class _Tally:
             self.counts.add(reading.count)
 
     def part(self, name: str) -> Part:
-        return Part(
-            name,
-            {key: self._rate_hz(key) for key in self.arrivals_s},
-            self.battery_percent,
-            self._lost_percent(),
-        )
+        rates_hz = {key: self._rate_hz(key) for key in self.arrivals_s}
+        return Part(name, rates_hz, self.battery_percent, self._lost_percent(), self.last)
 
     def _rate_hz(self, name: str) -> float | None:
         """By the device's clock where it has one, because arrivals come in bursts."""
