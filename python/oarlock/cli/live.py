@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from oarlock.cli import live_init, live_scan, live_track
+from oarlock.cli import live_doctor, live_init, live_scan, live_track
 from oarlock.cli.options import Json, example
 from oarlock.cli.terminal import print_json, say, steps, verb
 
@@ -50,6 +50,7 @@ UdpTo = Annotated[
 
 def add_to(app: typer.Typer) -> None:
     """Registers the verbs."""
+    live_doctor.add_to(group)
     live_init.add_to(group)
     live_scan.add_to(group)
     live_track.add_to(group)

@@ -57,6 +57,11 @@ class Candidate:
         return tuple(dict.fromkeys(name for name in own if name))
 
     @property
+    def whole(self) -> str:
+        """A name that no other device has."""
+        return f"{self.source}/{self.device.name}"
+
+    @property
     def title(self) -> str:
         """For people."""
         name = self.device.finding.name
@@ -174,12 +179,15 @@ def _called(name: str, stream: str, candidates: Sequence[Candidate]) -> Candidat
         called = [
             one
             for one in candidates
-            if device.casefold() in {n.casefold() for n in one.names} and quantity in ("", one.value)
+            if device.casefold() in {n.casefold() for n in (*one.names, one.whole)}
+            and quantity in ("", one.value)
         ]
         if len(called) == 1:
             return called[0]
         if called:
-            choices = " or ".join(f"--feed {stream}={one.device.name}:{one.value}" for one in called)
+            values = (f":{one.value}" if one.value else "" for one in called)
+            given = [one.whole + value for one, value in zip(called, values, strict=True)]
+            choices = " or ".join(f"--feed {stream}={name}" for name in given)
             raise DataError(f"--feed {stream}={name}: several fit. Give {choices}.")
     known = did_you_mean(name, [one.device.name for one in candidates])
     raise DataError(f"--feed {stream}={name}: no such device was heard that could feed it. {known}")

@@ -51,7 +51,7 @@ class Network:
                 problems.append(Problem(_place(hearing.source), hearing.problem.partition(": ")[2]))
             for address, packets in hearing.by_address().items():
                 found.append(_finding(hearing.source, address, packets, by_address))
-        return [*found, *self._silent(found)], problems
+        return [*_once(found), *self._silent(found)], problems
 
     async def _announced(self, seconds: float) -> list[Problem]:
         if not self._announcements:
@@ -90,6 +90,16 @@ class Network:
             for unit in self._units.values()
             if unit.serial not in heard
         ]
+
+
+def _once(found: Sequence[Finding]) -> list[Finding]:
+    """Without the connections to units that send datagrams, too: those need none."""
+    sending = {one.address for one in found if one.source is not None and one.source.transport == "udp"}
+    return [
+        one
+        for one in found
+        if one.source is None or one.source.transport == "udp" or one.address not in sending
+    ]
 
 
 def _place(source: Source) -> str:

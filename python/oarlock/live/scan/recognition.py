@@ -23,7 +23,7 @@ _EMPTY = {"command"}
 
 
 @dataclass
-class _Tally:
+class Tally:
     """The readings of one part."""
 
     arrivals_s: dict[str, list[float]] = field(default_factory=dict)
@@ -33,6 +33,7 @@ class _Tally:
     last: dict[str, Value] = field(default_factory=dict)
 
     def add(self, reading: Reading, arrival_s: float) -> None:
+        """Count a reading."""
         for name, value in reading.values.items():
             self.last[name] = value
             self.arrivals_s.setdefault(name, []).append(arrival_s)
@@ -44,19 +45,21 @@ class _Tally:
             self.counts.add(reading.count)
 
     def part(self, name: str) -> Part:
-        rates_hz = {key: self._rate_hz(key) for key in self.arrivals_s}
-        return Part(name, rates_hz, self.battery_percent, self._lost_percent(), self.last)
+        """All of it, as a part of this name."""
+        rates_hz = {key: self.rate_hz(key) for key in self.arrivals_s}
+        return Part(name, rates_hz, self.battery_percent, self.lost_percent(), self.last)
 
-    def _rate_hz(self, name: str) -> float | None:
-        """By the device's clock where it has one, because arrivals come in bursts."""
+    def rate_hz(self, name: str) -> float | None:
+        """Rate of a quantity: by the device's clock where it has one, because arrivals come in bursts."""
         for times in (self.clocks_s.get(name, []), self.arrivals_s[name]):
             span_s = max(times) - min(times) if len(times) > 2 else 0.0
             if len(times) == len(self.arrivals_s[name]) and span_s > 0.0:
-                share = 1.0 - (self._lost_percent() or 0.0) / 100.0
+                share = 1.0 - (self.lost_percent() or 0.0) / 100.0
                 return (len(times) - 1) / span_s / share
         return None
 
-    def _lost_percent(self) -> float | None:
+    def lost_percent(self) -> float | None:
+        """Readings that its counter shows to be missing; None without a counter."""
         if len(self.counts) < 2:
             return None
         expected = max(self.counts) - min(self.counts) + 1
@@ -110,7 +113,7 @@ def _tried(packets: Sequence[Packet], source: Source, name: str) -> tuple[int, R
     if name not in DECODERS:
         raise DataError(f"the format {name} is unknown; expected one of {', '.join(sorted(DECODERS))}")
     decoder = DECODERS[name].decoder(source.transport, **dict(source.decoder))
-    tallies: dict[str, _Tally] = {}
+    tallies: dict[str, Tally] = {}
     weight = readings = 0
     for packet in packets:
         for reading in decoder.decode(packet.data, packet.channel):
@@ -118,6 +121,6 @@ def _tried(packets: Sequence[Packet], source: Source, name: str) -> tuple[int, R
                 continue
             readings += 1
             weight += 2 if reading.values.keys() & _TELLING else 1
-            tallies.setdefault(reading.device, _Tally()).add(reading, packet.arrival_ns / 1e9)
+            tallies.setdefault(reading.device, Tally()).add(reading, packet.arrival_ns / 1e9)
     parts = tuple(tally.part(part) for part, tally in sorted(tallies.items()))
     return weight - 3 * decoder.damaged, Recognised(name, parts, readings, decoder.damaged)

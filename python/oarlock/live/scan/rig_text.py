@@ -131,7 +131,9 @@ class RigDraft:
         found = [one for one in self.sources.feeding(kind) if one not in self.feeds.values()]
         source = found[0].source if found else next((s.name for s, _ in self.sources.named), "units")
         yield from (f"# {line}" for line in _keys({"source": source}))
-        titles = ", ".join(one.title for one in found)
+        titles = (
+            ", ".join(f"{one.source}: {one.title}" for one in found) or "nothing that was heard measures it"
+        )
         yield _with_comment('# device = "..."', titles)
 
 
