@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from oarlock.live.rig import Rig
     from oarlock.rowing import StrokeFollower
 
+_AWAITED_S = 5.0
+
 group = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
@@ -166,8 +168,28 @@ def _run(
         token = secrets.token_urlsafe(12) if share else ""
         page_server(live, "0.0.0.0" if share else "127.0.0.1", port, token, more=more)
     asyncio.run(_until_stopped(live, seconds))
+    _write_end(live, out)
+
+
+def _write_end(live: Live, out: Path) -> None:
+    """Says what was written, and what to do with it."""
+    from oarlock.live.folder import RECORDING, RIG
+
     say(f"{live.estimates:,} estimates")
     say(f"Wrote {out}")
+    recording, check = out / RECORDING, f"oarlock live doctor {out / RIG}"
+    if not recording.is_dir():
+        say("No sensor of the rig was heard, so there is no recording.")
+        steps(f"{check}    why nothing came")
+        return
+    best = f"oarlock track {recording} --model {live.rig.model} --smooth --out {out}/best"
+    if live.estimates:
+        steps(f"oarlock live track {out} --out {out}/track    what was shown, with a report", best)
+        return
+    silent = sorted({feed.stream for feed in live.rig.feeds} - set(live.session.intake.heard()))
+    why = f"nothing came of {', '.join(silent)}" if silent else "its sensors were never all heard together"
+    say(f"It was not tracked, because {why}.")
+    steps(f"{check}    why they are silent", best)
 
 
 def _strokes(model: Model, calibration: Calibration | None) -> StrokeFollower | None:
@@ -192,5 +214,15 @@ async def _until_stopped(live: Live, seconds: float | None) -> None:
     started.cancel()
     if live.server is not None and not running.done():
         say(live.server.url)
+    waiting = asyncio.ensure_future(_say_who_is_awaited(live))
     with suppress(asyncio.CancelledError):
         await running
+    waiting.cancel()
+
+
+async def _say_who_is_awaited(live: Live) -> None:
+    """Names the streams without which tracking does not begin, if they have not come by now."""
+    await asyncio.sleep(_AWAITED_S)
+    missing = sorted({feed.stream for feed in live.rig.feeds} - set(live.session.intake.heard()))
+    if missing and not live.estimates:
+        say(f"waits for {', '.join(missing)}; `oarlock live doctor` says why they do not come")

@@ -137,7 +137,8 @@ def _allow(port: int) -> str:
     if system == "Darwin":
         return "System Settings, Network, Firewall, Options: allow incoming connections of Python"
     if system == "Windows":
-        return f'netsh advfirewall firewall add rule name="oarlock {port}" dir=in action=allow protocol=UDP localport={port}'
+        rule = f'name="oarlock {port}" dir=in action=allow protocol=UDP localport={port}'
+        return f"netsh advfirewall firewall add rule {rule}"
     if name == "firewalld":
         return f"sudo firewall-cmd --add-port={port}/udp"
     return f"sudo ufw allow {port}/udp" if name == "ufw" else "sudo nft list ruleset    shows what drops it"

@@ -55,8 +55,14 @@ async def hear(sources: Iterable[Source], seconds: float) -> list[Hearing]:
     """Listen to sources at the same time, for so long. What cannot be opened says why in its `problem`."""
     hearings = [Hearing(source) for source in sources]
     tasks = [asyncio.create_task(listen(one)) for one in hearings]
-    await _ended(tasks, seconds)
+    await pause(seconds)
+    await ended(tasks)
     return hearings
+
+
+async def pause(seconds: float) -> None:
+    """The time in which sources are heard."""
+    await asyncio.sleep(seconds)
 
 
 async def listen(hearing: Hearing) -> None:
@@ -71,9 +77,8 @@ async def listen(hearing: Hearing) -> None:
         hearing.state = "" if transport is None else transport.state
 
 
-async def _ended(tasks: Sequence[asyncio.Task[None]], seconds: float) -> None:
-    if tasks:
-        await asyncio.wait(tasks, timeout=seconds)
+async def ended(tasks: Sequence[asyncio.Task[None]]) -> None:
+    """Stop to listen; what failed in another way than `listen` expects is raised."""
     for task in tasks:
         task.cancel()
     for result in await asyncio.gather(*tasks, return_exceptions=True):

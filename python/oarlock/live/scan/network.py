@@ -10,8 +10,9 @@ from oarlock.live.decoders import DECODERS, ximu3_announcement
 from oarlock.live.decoders.ximu3_announcement import Announcement
 from oarlock.live.reading import Packet
 from oarlock.live.rig import Source
+from oarlock.live.scan import listening
 from oarlock.live.scan.finding import Finding, Problem
-from oarlock.live.scan.listening import Hearing, listen
+from oarlock.live.scan.listening import Hearing
 from oarlock.live.scan.recognition import recognised
 from oarlock.live.transports.announced import Announcements
 
@@ -39,11 +40,9 @@ class Network:
 
     async def scan(self, seconds: float) -> tuple[list[Finding], list[Problem]]:
         """What was heard within a time."""
-        self._tasks = [asyncio.create_task(listen(hearing)) for hearing in self._hearings]
+        self._tasks = [asyncio.create_task(listening.listen(hearing)) for hearing in self._hearings]
         problems = await self._announced(seconds)
-        for task in self._tasks:
-            task.cancel()
-        await asyncio.gather(*self._tasks, return_exceptions=True)
+        await listening.ended(self._tasks)
         by_address = {unit.address: unit for unit in self._units.values()}
         found: list[Finding] = []
         for hearing in self._hearings:
@@ -55,13 +54,13 @@ class Network:
 
     async def _announced(self, seconds: float) -> list[Problem]:
         if not self._announcements:
-            await asyncio.sleep(seconds)
+            await listening.pause(seconds)
             return []
         try:
             async with Announcements(self._take):
-                await asyncio.sleep(seconds)
+                await listening.pause(seconds)
         except OSError as error:
-            await asyncio.sleep(seconds)
+            await listening.pause(seconds)
             port = ximu3_announcement.PORT
             return [Problem(f"UDP port {port}", f"x-IMU3 units cannot be heard there ({error.strerror})")]
         return []
@@ -80,7 +79,7 @@ class Network:
     def _open(self, source: Source) -> None:
         hearing = Hearing(source)
         self._hearings.append(hearing)
-        self._tasks.append(asyncio.create_task(listen(hearing)))
+        self._tasks.append(asyncio.create_task(listening.listen(hearing)))
 
     def _silent(self, found: Sequence[Finding]) -> list[Finding]:
         """The units that announced themselves and of which nothing was received."""
