@@ -68,7 +68,7 @@ def init(
         oarlock.load_calibration(calibration)
     found = look(asked(seconds, only, source, connects=True))
     sources, streams = Found.of(found.findings), _kinds(body)
-    is_asked = sys.stdin.isatty() and not json_output
+    is_asked = is_terminal() and not json_output
     feeds = matched(streams, sources, by_hand, _chosen if is_asked else lambda stream, free: None)
     near = out.parent
     draft = RigDraft(body, _beside(model, near), _beside(calibration, near), sources, feeds)
@@ -78,6 +78,11 @@ def init(
         print_json(_document(draft, out, found))
         return
     _write(draft, found, out)
+
+
+def is_terminal() -> bool:
+    """Whether somebody can be asked."""
+    return sys.stdin.isatty()
 
 
 def _kinds(body: Model) -> dict[str, str]:
