@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from oarlock.cli import live_doctor, live_init, live_scan, live_track
 from oarlock.cli.body import Pose
 from oarlock.cli.options import Json, example
 from oarlock.cli.terminal import print_json, say, steps, verb
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
     from oarlock.live.outputs.table import Outputs
     from oarlock.live.rig import Rig
     from oarlock.rowing import StrokeFollower
+
+_AWAITED_S = 5.0
 
 group = typer.Typer(
     no_args_is_help=True,
@@ -72,6 +75,10 @@ NoGuide = Annotated[
 
 def add_to(app: typer.Typer) -> None:
     """Registers the verbs."""
+    live_doctor.add_to(group)
+    live_init.add_to(group)
+    live_scan.add_to(group)
+    live_track.add_to(group)
     app.add_typer(group, name="live")
 
 
@@ -238,8 +245,28 @@ def _run(
         token = secrets.token_urlsafe(12) if share else ""
         page_server(live, "0.0.0.0" if share else "127.0.0.1", port, token, more=more)
     asyncio.run(_until_stopped(live, seconds, beside))
+    _write_end(live, live.folder)
+
+
+def _write_end(live: Live, out: Path) -> None:
+    """Says what was written, and what to do with it."""
+    from oarlock.live.folder import RECORDING, RIG
+
     say(f"{live.estimates:,} estimates")
-    say(f"Wrote {live.folder}")
+    say(f"Wrote {out}")
+    recording, check = out / RECORDING, f"oarlock live doctor {out / RIG}"
+    if not recording.is_dir():
+        say("No sensor of the rig was heard, so there is no recording.")
+        steps(f"{check}    why nothing came")
+        return
+    best = f"oarlock track {recording} --model {live.rig.model} --smooth --out {out}/best"
+    if live.estimates:
+        steps(f"oarlock live track {out} --out {out}/track    what was shown, with a report", best)
+        return
+    silent = sorted({feed.stream for feed in live.rig.feeds} - set(live.session.intake.heard()))
+    why = f"nothing came of {', '.join(silent)}" if silent else "its sensors were never all heard together"
+    say(f"It was not tracked, because {why}.")
+    steps(f"{check}    why they are silent", best)
 
 
 def _strokes(model: Model, calibration: Calibration | None) -> StrokeFollower | None:
@@ -267,7 +294,17 @@ async def _until_stopped(
     started.cancel()
     if live.server is not None and not running.done():
         say(live.server.url)
+    waiting = asyncio.ensure_future(_say_who_is_awaited(live))
     with suppress(asyncio.CancelledError):
         await running
+    waiting.cancel()
     if other is not None:
         other.cancel()
+
+
+async def _say_who_is_awaited(live: Live) -> None:
+    """Names the streams without which tracking does not begin, if they have not come by now."""
+    await asyncio.sleep(_AWAITED_S)
+    missing = sorted({feed.stream for feed in live.rig.feeds} - set(live.session.intake.heard()))
+    if missing and not live.estimates:
+        say(f"waits for {', '.join(missing)}; `oarlock live doctor` says why they do not come")

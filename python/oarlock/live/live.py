@@ -143,6 +143,7 @@ class Live:
         finally:
             if self._pool is not None:
                 self._pool.shutdown(wait=False, cancel_futures=True)
+                self._pool = None
             self.deliver(command(self.time.now_ns(), "stop"))
             self._recorder.close()
             self._log.close()
