@@ -5,10 +5,11 @@ from __future__ import annotations
 import asyncio
 import shutil
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Coroutine, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
+from itertools import count
 from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -21,6 +22,7 @@ from oarlock.live.recorder import Recorder
 from oarlock.live.rig import Rig
 from oarlock.live.server import PageServer
 from oarlock.live.session import Estimate, LiveSession, command
+from oarlock.live.ties import Look, Ties, looked
 from oarlock.live.transports import opened
 from oarlock.live.transports.transport import Transport, now_ns
 
@@ -30,7 +32,10 @@ if TYPE_CHECKING:
     from oarlock.recording.calibration import Calibration
 
 FRAMES_HZ = 60.0
-HEALTH_S = 0.5
+LOOK_S = 0.25
+"""A sensor that fails is named within a second."""
+LOOKS = 2
+"""So many looks from one message of health to the next."""
 DOINGS = ("track", "stop", "note", "assign")
 """What a viewer may ask for."""
 
@@ -88,6 +93,8 @@ class Live:
         self.session = LiveSession(self.rig, self.model, start_ns, self.calibration)
         self.transports = {name: opened(source) for name, source in self.rig.sources.items()}
         self._watch = Watch(self.session.intake)
+        self._ties = Ties(self.session.intake) if self.rig.ties_clocks else None
+        self._ties_pool: ProcessPoolExecutor | None = None
         self._newest: Estimate | None = None
         self._working: set[asyncio.Task[None]] = set()
         self._followed = 0
@@ -98,8 +105,9 @@ class Live:
         try:
             await self._until_ended(seconds)
         finally:
-            if self._pool is not None:
-                self._pool.shutdown(wait=False, cancel_futures=True)
+            for pool in (self._pool, self._ties_pool):
+                if pool is not None:
+                    pool.shutdown(wait=False, cancel_futures=True)
             self.deliver(command(now_ns(), "stop"))
             self._recorder.close()
             place.finish(self.model)
@@ -146,9 +154,9 @@ class Live:
                 await self.server.stop()
 
     async def _look_after(self) -> None:
-        """Twice a second: who is silent, who is back, what the disk holds; and the start of tracking."""
-        while True:
-            await asyncio.sleep(HEALTH_S)
+        """Who is silent, who is back, what the disk holds; and the start of tracking."""
+        for look in count(1):
+            await asyncio.sleep(LOOK_S)
             now_s = self.session.intake.seconds(now_ns())
             for text in self._watch.events(now_s):
                 self._tell(text)
@@ -156,7 +164,8 @@ class Live:
                 self.is_tracked_at_once = False
                 self.deliver(command(now_ns(), "track"))
                 self._tell("tracking")
-            if self.server is not None:
+            self._tie(now_s)
+            if self.server is not None and look % LOOKS == 0:
                 free = shutil.disk_usage(self.folder).free
                 states = {name: t.state for name, t in self.transports.items()}
                 self.server.publish(health(self.session, states, self._recorder, free, now_s))
@@ -164,10 +173,38 @@ class Live:
     def _follow(self, estimate: Estimate) -> None:
         task = None if self.follower is None else self.follower.step(estimate.time_s, estimate.belief)
         if task is not None and self.follower is not None and self._pool is not None:
-            working = asyncio.get_running_loop().create_task(self._work(self.follower, task))
-            # The loop itself keeps no reference to its tasks.
-            self._working.add(working)
-            working.add_done_callback(self._working.discard)
+            self._keep(self._work(self.follower, task))
+
+    def _keep(self, work: Coroutine[Any, Any, None]) -> None:
+        working = asyncio.get_running_loop().create_task(work)
+        # The loop itself keeps no reference to its tasks.
+        self._working.add(working)
+        working.add_done_callback(self._working.discard)
+
+    def _tie(self, now_s: float) -> None:
+        """Compares the devices' clocks from time to time, in another process."""
+        if self._ties is None or self.session.tracker is None:
+            return
+        look = self._ties.look(now_s, self.session.calibration)
+        if look is not None:
+            if self._ties_pool is None:
+                self._ties_pool = ProcessPoolExecutor(1, get_context("spawn"))
+            self._keep(self._tied(self._ties, look, self._ties_pool))
+
+    async def _tied(self, ties: Ties, look: Look, pool: ProcessPoolExecutor) -> None:
+        loop = asyncio.get_running_loop()
+        try:
+            found = await loop.run_in_executor(pool, looked, look, self.model)
+        except (BrokenProcessPool, RuntimeError) as error:
+            self._ties = None
+            self._tell(f"clocks are no longer compared: {error}")
+            return
+        for keys in ties.commands(look, found, self.session.intake.seconds(now_ns())):
+            self.deliver(command(now_ns(), "clock", **keys))
+            self._tell(
+                f"the movement shows that {keys['stream']} is {1e3 * keys['late_s']:+.1f} ms late "
+                f"(± {1e3 * keys['std_s']:.1f} ms): its times are corrected"
+            )
 
     async def _work(self, follower: Follower, task: object) -> None:
         loop = asyncio.get_running_loop()

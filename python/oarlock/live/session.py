@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import oarlock
+from oarlock.formats.arbitrary_units import SCALE_KEY
 from oarlock.live.decoders import DECODERS
 from oarlock.live.intake import Intake, Sampled
 from oarlock.live.reading import Decoder, Packet
@@ -31,17 +32,30 @@ COMMANDS = ""
 
 
 def command(arrival_ns: int, do: str, **keys: object) -> Packet:
-    """A command as a packet: `track`, `stop`, `note` with `text`, `assign` with `stream` and `device`."""
+    """A command as a packet: `track`, `stop`, `note` with `text`, `assign` with `stream` and `device`.
+
+    A session gives itself `clock` with `stream`, `late_s` and `std_s`: by how much its device's clock is late.
+    """
     return Packet(COMMANDS, "", "", arrival_ns, json.dumps({"do": do, **keys}).encode())
 
 
-def live_config(rig: Rig, model: Model) -> Config:
-    """The settings of a rig's tracker: a row at the rate of the fastest unit, encoders as sensors like any other."""
+def live_config(rig: Rig, model: Model, stamp_std_s: Mapping[str, float] | None = None) -> Config:
+    """The settings of a rig's tracker: a row at the rate of the fastest unit, encoders as sensors like any other.
+
+    Args:
+        rig: which sensors there are.
+        model: of the body.
+        stamp_std_s: standard deviations of time stamps by stream.
+    """
     fed = {feed.stream for feed in rig.feeds}
     inputs = [joint.name for joint in model.describe().inputs if joint.name not in fed]
     rate_hz = rig.rate_hz or 0.0
     return oarlock.Config(
-        wait_s=rig.wait_s, sample_rate_hz=rate_hz, output_rate_hz=rate_hz, inputs=inputs, stamp_std_s={}
+        wait_s=rig.wait_s,
+        sample_rate_hz=rate_hz,
+        output_rate_hz=rate_hz,
+        inputs=inputs,
+        stamp_std_s=dict(stamp_std_s or {}),
     )
 
 
@@ -110,14 +124,17 @@ class LiveSession:
             order = json.loads(packet.data)
             do = order["do"]
             if do == "track":
+                self.config = live_config(self.rig, self.model, self.intake.stamp_stds())
                 self.tracker = oarlock.Tracker(self.model, self.calibration, self.config)
                 self.from_s = self.intake.seconds(packet.arrival_ns)
             elif do == "stop":
                 return self._stop(self.intake.seconds(packet.arrival_ns))
             elif do == "assign":
                 self.intake.assign(order["stream"], order["device"])
+            elif do == "clock":
+                self.intake.tie(order["stream"], float(order["late_s"]), float(order["std_s"]))
             elif do != "note":
-                raise DataError(f"the command '{do}' is unknown; expected track, stop, assign or note")
+                raise DataError(f"the command '{do}' is unknown; expected track, stop, assign, clock or note")
         except (ValueError, KeyError, TypeError, DataError) as error:
             self.problems.append(f"{packet.data[:200]!r}: {error}")
         return []
@@ -144,7 +161,7 @@ def recorded(packets: Iterable[Packet], rig: Rig, start_ns: int) -> oarlock.Reco
     streams = list(_streams(rig, rows))
     if not streams:
         raise DataError("the packets have no reading of any of the rig's sensors; were its devices on?")
-    return oarlock.Recording(streams, {"source": {"format": "live"}})
+    return oarlock.Recording(streams, {"source": {"format": "live"}, **_mag_scales(intake)})
 
 
 def _new_decoder(source: Source) -> Decoder:
@@ -153,6 +170,12 @@ def _new_decoder(source: Source) -> Decoder:
         raise DataError(f"source '{source.name}': the format {source.format} is unknown. {known}")
     options: Mapping[str, Any] = source.decoder
     return DECODERS[source.format].decoder(source.transport, **options)
+
+
+def _mag_scales(intake: Intake) -> Mapping[str, object]:
+    """The entry of `Recording.meta` for magnetometers in arbitrary units."""
+    known = {name: one.unit_ut for name, one in intake.mag_units.items() if one.unit_ut is not None}
+    return {SCALE_KEY: known} if known else {}
 
 
 def _all_sampled(packets: Iterable[Packet], intake: Intake) -> Iterator[Sampled]:
@@ -171,6 +194,8 @@ def _follow(intake: Intake, packet: Packet) -> list[Sampled]:
             return intake.flush(intake.seconds(packet.arrival_ns))
         if order["do"] == "assign":
             intake.assign(order["stream"], order["device"])
+        if order["do"] == "clock":
+            intake.tie(order["stream"], float(order["late_s"]), float(order["std_s"]))
     except (ValueError, KeyError, TypeError):
         pass
     return []
