@@ -18,7 +18,7 @@ SETTLE_S, SETTLE_READINGS = 0.4, 8
 LONGEST_SETTLE_S = 2.0
 """The same for readings that are rare."""
 SLEW, LARGEST_SLEW, SLEW_S = 1e-3, 2e-2, 3.0
-"""The offset in use moves by `SLEW` a second, or what is left in `SLEW_S` if that is more, up to `LARGEST_SLEW`: above
+"""The offset in use moves by `SLEW` a second, or by its drift and what is left in `SLEW_S` if that is more, up to `LARGEST_SLEW`: above
 any drift, and below what a movement shows."""
 RESTART_S = 0.25
 """Readings that are off by more are late, or the clock was set."""
@@ -190,7 +190,7 @@ class DeviceClock(Generic[T]):
     def _slew(self, arrival_s: float) -> None:
         assert self._offset_s is not None
         left_s = self.envelope.offset_s(arrival_s) - self._offset_s
-        slew = min(max(abs(left_s) / SLEW_S, SLEW), LARGEST_SLEW)
+        slew = min(max(abs(left_s) / SLEW_S + abs(self.drift), SLEW), LARGEST_SLEW)
         room_s = slew * max(arrival_s - self._used_at_s, 0.0)
         self._offset_s += min(max(left_s, -room_s), room_s)
         self._used_at_s = max(arrival_s, self._used_at_s)

@@ -17,7 +17,7 @@ from oarlock.live.transports.udp import Udp
 Key = tuple[str, str, str]
 
 SILENT_S = 0.7
-"""A stream of which nothing came for so long is silent; with a look every half second it is named within 1.2 s."""
+"""A stream of which nothing came for so long is silent; with four looks a second it is named within 0.95 s."""
 
 LONGEST_TEXT = 40
 
@@ -34,6 +34,8 @@ class Watch:
     transports: Mapping[str, Transport] = field(default_factory=dict)
     _heard: set[str] = field(default_factory=set)
     _silent: set[str] = field(default_factory=set)
+    _stuck: set[str] = field(default_factory=set)
+    _learnt: set[str] = field(default_factory=set)
     _restarts: dict[Key, int] = field(default_factory=dict)
     _feeding: dict[str, Device] = field(default_factory=dict)
     _told: dict[str, tuple[float, int]] = field(default_factory=dict)
@@ -41,12 +43,28 @@ class Watch:
 
     def events(self, now_s: float) -> Iterator[str]:
         """Sentences about what has changed since the last look."""
+        feeding = self.intake.feeding()
         # Before its first reading a stream is awaited, not silent.
         silent = set(self.intake.silent(now_s, SILENT_S)) & self._heard
         for stream in sorted(silent - self._silent):
-            yield f"{stream} is silent"
+            device = feeding.get(stream)
+            is_heard = device is not None and now_s - device.last_arrival_s < SILENT_S
+            yield f"{stream} sends no readings that can be used" if is_heard else f"{stream} is silent"
         for stream in sorted(self._silent - silent):
             yield f"{stream} is back"
+        stuck = set(self.intake.stuck()) - silent
+        for stream in sorted(stuck - self._stuck):
+            yield f"{stream} is stuck: it repeats one reading. Switch the unit off and on"
+        for stream in sorted(self._stuck - stuck - silent):
+            yield f"{stream} measures again"
+        self._stuck = stuck
+        for stream, unit in self.intake.mag_units.items():
+            if unit.is_learnt and unit.unit_ut is not None and stream not in self._learnt:
+                self._learnt.add(stream)
+                yield (
+                    f"the magnetometer of {stream} has arbitrary units: one is taken for {unit.unit_ut:.4g} uT; "
+                    f"write mag_unit_ut = {unit.unit_ut:.4g} into the rig file to keep it"
+                )
         self._silent = silent
         self._heard |= set(self.intake.heard())
         yield from self._moved(now_s)
@@ -154,6 +172,7 @@ def health(
         ],
         "devices": [_device(device, now_s) for device in intake.devices.values()],
         "silent": intake.silent(now_s, SILENT_S),
+        "stuck": intake.stuck(),
         "arrivals": arrivals,
         "recorder": {
             "packets": recorder.packets,
@@ -176,6 +195,8 @@ def _device(device: Device, now_s: float) -> dict[str, Any]:
         "drift_ppm": round(1e6 * device.clock.drift, 1),
         "restarts": device.clock.restarts,
         "implausible": device.implausible,
+        "tie_ms": None if math.isnan(device.tie.std_s) else round(1e3 * device.tie.late_s, 1),
+        "tie_std_ms": None if math.isnan(device.tie.std_s) else round(1e3 * device.tie.std_s, 1),
         "battery_percent": device.battery_percent,
         "silent_s": round(now_s - device.last_arrival_s, 1) if math.isfinite(device.last_arrival_s) else None,
         "channel": device.channel,

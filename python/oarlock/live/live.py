@@ -6,10 +6,11 @@ import asyncio
 import shutil
 import signal
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Coroutine, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
+from itertools import count
 from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -26,6 +27,7 @@ from oarlock.live.recorder import Recorder
 from oarlock.live.rig import Rig, Source
 from oarlock.live.server import PageServer
 from oarlock.live.session import Estimate, LiveSession, command
+from oarlock.live.ties import Look, Ties, looked
 from oarlock.live.time_source import MACHINE_TIME, TimeSource
 from oarlock.live.transports import opened
 from oarlock.live.transports.transport import Transport
@@ -37,7 +39,10 @@ if TYPE_CHECKING:
     from oarlock.recording.calibration import Calibration
 
 FRAMES_HZ = 60.0
-HEALTH_S = 0.5
+LOOK_S = 0.25
+"""A sensor that fails is named within a second."""
+LOOKS = 2
+"""So many looks from one message of health to the next."""
 DOINGS = ("track", "stop", "note", "assign", "guide")
 """What a viewer may ask for."""
 
@@ -104,6 +109,8 @@ class Live:
         self.transports = {name: self.transport_of(source) for name, source in self.rig.sources.items()}
         self._watch, self._problems = Watch(self.session.intake, self.transports), Problems()
         self._named = NamedAngles(self.model)
+        self._ties = Ties(self.session.intake) if self.rig.ties_clocks else None
+        self._ties_pool: ProcessPoolExecutor | None = None
         self._newest: Estimate | None = None
         self._working: set[asyncio.Task[None]] = set()
         self._followed = 0
@@ -141,9 +148,10 @@ class Live:
             has_begun = bool(self.session.intake.devices)
             raise
         finally:
-            if self._pool is not None:
-                self._pool.shutdown(wait=False, cancel_futures=True)
-                self._pool = None
+            for pool in (self._pool, self._ties_pool):
+                if pool is not None:
+                    pool.shutdown(wait=False, cancel_futures=True)
+            self._pool = self._ties_pool = None
             self.deliver(command(self.time.now_ns(), "stop"))
             self._recorder.close()
             self._log.close()
@@ -219,9 +227,9 @@ class Live:
                 await self.server.stop()
 
     async def _look_after(self) -> None:
-        """Twice a second: who is silent, who is back, what the disk holds; and the start of tracking."""
-        while True:
-            await self.time.sleep(HEALTH_S)
+        """Who is silent, who is back, what the disk holds; and the start of tracking."""
+        for look in count(1):
+            await self.time.sleep(LOOK_S)
             now_s = self.seconds
             for text in (*self._watch.events(now_s), *self._problems.events(self._problems_now())):
                 self._tell(text)
@@ -231,7 +239,8 @@ class Live:
                 self.is_tracked_at_once = False
                 self.deliver(command(self.time.now_ns(), "track"))
                 self._tell("tracking")
-            if self.server is not None:
+            self._tie(now_s)
+            if self.server is not None and look % LOOKS == 0:
                 free = _free_bytes(self.folder)
                 told = health(self.session, self.transports, self._recorder, free, now_s)
                 self.server.publish({**told, "outputs": [output.health() for output in self.outputs]})
@@ -248,10 +257,38 @@ class Live:
     def _follow(self, estimate: Estimate) -> None:
         task = None if self.follower is None else self.follower.step(estimate.time_s, estimate.belief)
         if task is not None and self.follower is not None and self._pool is not None:
-            working = asyncio.get_running_loop().create_task(self._work(self.follower, task))
-            # The loop itself keeps no reference to its tasks.
-            self._working.add(working)
-            working.add_done_callback(self._working.discard)
+            self._keep(self._work(self.follower, task))
+
+    def _keep(self, work: Coroutine[Any, Any, None]) -> None:
+        working = asyncio.get_running_loop().create_task(work)
+        # The loop itself keeps no reference to its tasks.
+        self._working.add(working)
+        working.add_done_callback(self._working.discard)
+
+    def _tie(self, now_s: float) -> None:
+        """Compares the devices' clocks from time to time, in another process."""
+        if self._ties is None or self.session.tracker is None:
+            return
+        look = self._ties.look(now_s, self.session.calibration)
+        if look is not None:
+            if self._ties_pool is None:
+                self._ties_pool = ProcessPoolExecutor(1, get_context("spawn"))
+            self._keep(self._tied(self._ties, look, self._ties_pool))
+
+    async def _tied(self, ties: Ties, look: Look, pool: ProcessPoolExecutor) -> None:
+        loop = asyncio.get_running_loop()
+        try:
+            found = await loop.run_in_executor(pool, looked, look, self.model)
+        except (BrokenProcessPool, RuntimeError) as error:
+            self._ties = None
+            self._tell(f"clocks are no longer compared: {error}")
+            return
+        for keys in ties.commands(look, found, self.seconds):
+            self.deliver(command(self.time.now_ns(), "clock", **keys))
+            self._tell(
+                f"the movement shows that {keys['stream']} is {1e3 * keys['late_s']:+.1f} ms late "
+                f"(± {1e3 * keys['std_s']:.1f} ms): its times are corrected"
+            )
 
     async def _work(self, follower: Follower, task: object) -> None:
         loop = asyncio.get_running_loop()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from array import array
 from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -39,10 +40,17 @@ class Rows:
         """Forgets all readings."""
         self._rows = {feed.stream: _Columns(feed) for feed in self.rig.feeds}
 
-    def recording(self, from_s: float = -np.inf, to_s: float = np.inf) -> oarlock.Recording:
+    def recording(
+        self,
+        meta: Mapping[str, object] = MappingProxyType({}),
+        *,
+        from_s: float = -np.inf,
+        to_s: float = np.inf,
+    ) -> oarlock.Recording:
         """The readings as a recording.
 
         Args:
+            meta: entries beside the source.
             from_s: of this time or later.
             to_s: of this time or earlier.
 
@@ -53,7 +61,7 @@ class Rows:
         streams = [stream for stream in found if stream is not None]
         if not streams:
             raise DataError("the packets have no reading of any of the rig's sensors; were its devices on?")
-        return oarlock.Recording(streams, {"source": {"format": "live"}})
+        return oarlock.Recording(streams, {"source": {"format": "live"}, **meta})
 
 
 class _Columns:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import oarlock
+from oarlock.formats.arbitrary_units import SCALE_KEY
 from oarlock.live.decoders import DECODERS
 from oarlock.live.intake import Intake, Sampled, Spare
 from oarlock.live.reading import Decoder, Packet
@@ -36,18 +37,29 @@ def command(arrival_ns: int, do: str, **keys: object) -> Packet:
 
     It is `track`, `stop`, `note` with `text`, or `assign` with `stream` and `device`. A guided start adds `step` with
     `name`, `begin_s` and `end_s` (null: the step does not count), and `calibrate` with `toml`, the text of a
-    calibration file, which serves all tracking from then on.
+    calibration file, which serves all tracking from then on. A session gives itself `clock` with `stream`, `late_s`
+    and `std_s`: by how much its device's clock is late.
     """
     return Packet(COMMANDS, "", "", arrival_ns, json.dumps({"do": do, **keys}).encode())
 
 
-def live_config(rig: Rig, model: Model) -> Config:
-    """The settings of a rig's tracker: a row at the rate of the fastest unit, encoders as sensors like any other."""
+def live_config(rig: Rig, model: Model, stamp_std_s: Mapping[str, float] | None = None) -> Config:
+    """The settings of a rig's tracker: a row at the rate of the fastest unit, encoders as sensors like any other.
+
+    Args:
+        rig: which sensors there are.
+        model: of the body.
+        stamp_std_s: standard deviations of time stamps by stream.
+    """
     fed = {feed.stream for feed in rig.feeds}
     inputs = [joint.name for joint in model.describe().inputs if joint.name not in fed]
     rate_hz = rig.rate_hz or 0.0
     return oarlock.Config(
-        wait_s=rig.wait_s, sample_rate_hz=rate_hz, output_rate_hz=rate_hz, inputs=inputs, stamp_std_s={}
+        wait_s=rig.wait_s,
+        sample_rate_hz=rate_hz,
+        output_rate_hz=rate_hz,
+        inputs=inputs,
+        stamp_std_s=dict(stamp_std_s or {}),
     )
 
 
@@ -122,6 +134,7 @@ class LiveSession:
             order = json.loads(packet.data)
             do = order["do"]
             if do == "track":
+                self.config = live_config(self.rig, self.model, self.intake.stamp_stds())
                 self.tracker = oarlock.Tracker(self.model, self.calibration, self.config)
                 self.from_s = self.intake.seconds(packet.arrival_ns)
             elif do == "stop":
@@ -130,9 +143,11 @@ class LiveSession:
                 self.intake.assign(order["stream"], order["device"])
             elif do == "calibrate":
                 self.calibration = parsed_calibration(order["toml"])
+            elif do == "clock":
+                self.intake.tie(order["stream"], float(order["late_s"]), float(order["std_s"]))
             elif do not in ("note", "step"):
                 raise DataError(
-                    f"the command '{do}' is unknown; expected track, stop, assign, note, step or calibrate"
+                    f"the command '{do}' is unknown; expected track, stop, assign, note, step, calibrate or clock"
                 )
         except (ValueError, KeyError, TypeError, DataError) as error:
             self.refused += 1
@@ -167,7 +182,7 @@ def recorded(
     """
     intake, rows = Intake(rig, start_ns, _new_decoder, keep), Rows(rig)
     rows.add(_all_sampled(packets, intake))
-    return rows.recording()
+    return rows.recording(_mag_scales(intake))
 
 
 def _new_decoder(source: Source) -> Decoder:
@@ -176,6 +191,12 @@ def _new_decoder(source: Source) -> Decoder:
         raise DataError(f"source '{source.name}': the format {source.format} is unknown. {known}")
     options: Mapping[str, Any] = source.decoder
     return DECODERS[source.format].decoder(source.transport, **options)
+
+
+def _mag_scales(intake: Intake) -> Mapping[str, object]:
+    """The entry of `Recording.meta` for magnetometers in arbitrary units."""
+    known = {name: one.unit_ut for name, one in intake.mag_units.items() if one.unit_ut is not None}
+    return {SCALE_KEY: known} if known else {}
 
 
 def _all_sampled(packets: Iterable[Packet], intake: Intake) -> Iterator[Sampled]:
@@ -192,6 +213,8 @@ def _follow(intake: Intake, packet: Packet) -> list[Sampled]:
             return intake.flush()
         if order["do"] == "assign":
             intake.assign(order["stream"], order["device"])
+        if order["do"] == "clock":
+            intake.tie(order["stream"], float(order["late_s"]), float(order["std_s"]))
     except (ValueError, KeyError, TypeError):
         pass
     return []

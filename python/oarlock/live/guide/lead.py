@@ -152,7 +152,7 @@ class Lead:
         self._parts.pop(order.name, None)
         begin_s, end_s = order.span_s
         try:
-            self._parts[order.name] = self._rows.recording(begin_s - PAD_S, end_s + PAD_S)
+            self._parts[order.name] = self._rows.recording(from_s=begin_s - PAD_S, to_s=end_s + PAD_S)
         except DataError:
             self._tell(f'guided start: nothing was heard in "{order.name}"')
         self._rows.clear()
