@@ -19,8 +19,7 @@ LONGEST_SETTLE_S = 2.0
 """The same for readings that are rare."""
 SLEW, LARGEST_SLEW, SLEW_S = 1e-3, 2e-2, 3.0
 """The offset in use moves by `SLEW` a second, or by its drift and what is left in `SLEW_S` if that is more, up to
-`LARGEST_SLEW`: above
-any drift, and below what a movement shows."""
+`LARGEST_SLEW`: above any drift, and below what a movement shows."""
 RESTART_S = 0.25
 """Readings that are off by more are late, or the clock was set."""
 STAY_S, SAME_S = 1.0, 0.05
