@@ -35,9 +35,7 @@ def mount_checks(
     ]
 
 
-def rest_checks(
-    plan: SessionPlan, spans: Mapping[str, Span], units: Mapping[str, UnitRows]
-) -> list[Check]:
+def rest_checks(plan: SessionPlan, spans: Mapping[str, Span], units: Mapping[str, UnitRows]) -> list[Check]:
     """Postures at given times in which a unit did not rest."""
     checks = []
     for step in plan.steps:

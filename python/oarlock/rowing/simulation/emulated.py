@@ -33,16 +33,19 @@ USUAL_FAULTS = Faults(
 """A usual day in a boathouse: clocks that drift, Wi-Fi that queues and loses, a unit that drops out, a magnet."""
 
 
-def endless_sculling(model: Model, seed: int = 0, calibration: Calibration | None = None) -> Recording:
+def endless_sculling(
+    model: Model, seed: int = 0, calibration: Calibration | None = None, rate_hz: float = RATE_HZ
+) -> Recording:
     """One period of strokes that are all alike, whose end joins its start, as the sensors of a model measure it.
 
     Args:
         model: a sculler.
         seed: of the noise.
         calibration: the mounts; None for the model's.
+        rate_hz: of all units.
     """
     motion = sculling(model, _LEAD_S + PERIOD_S + 1.0, RATE_SPM, surge=False, variation=0.0, seed=seed)
-    _, recording = simulate(model, motion, STREAMS, seed, rate_hz=RATE_HZ, calibration=calibration)
+    _, recording = simulate(model, motion, STREAMS, seed, rate_hz=rate_hz, calibration=calibration)
     cut = recording.slice(start_s=_LEAD_S, end_s=_LEAD_S + PERIOD_S)
     return Recording([stream.at_rows(slice(None), stream.time_s - _LEAD_S) for stream in cut.streams])
 
