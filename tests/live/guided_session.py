@@ -36,9 +36,7 @@ class GuidedSession:
         picture = LivePicture.of(model, drawn.look, drawn.strands)
         self.guide = Guide(oarlock.default_plan(model), PACE)
         self.estimates = []
-        self.live = Live(
-            rig, model, folder, picture=picture, lead=Lead(self.guide), outputs=[self], on_event=print
-        )
+        self.live = Live(rig, model, folder, picture=picture, lead=Lead(self.guide), outputs=[self])
         self.server, self.port = page_server(self.live, title="Guided sculler"), port
         self.ready, self.ended = threading.Event(), Future()
         self.thread = threading.Thread(target=self._run, daemon=True)
