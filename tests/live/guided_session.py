@@ -16,9 +16,11 @@ from oarlock.live.picture import LivePicture
 from oarlock.live.transports.transport import now_ns
 from oarlock.live.transports.udp import free_port
 from oarlock.rowing import live_look
-from oarlock.rowing.simulation.emulated import RATE_HZ, STREAMS
+from oarlock.rowing.simulation.emulated import STREAMS
 from oarlock.rowing.simulation.guided import GuidedSculler, send_guided
 
+RATE_HZ = 50.0
+"""Session, sculler and both browsers share the machine."""
 PACE = Pace(countdown_s=1.0, seconds={"turn": 40.0, "pose": 4.0, "move": 11.5})
 """A sculler who needs no time to read."""
 
@@ -27,7 +29,7 @@ class GuidedSession:
     """Runs until it is left; the newest estimates are kept."""
 
     def __init__(self, model, folder, seed=3):
-        self.sculler = GuidedSculler(model, seed=seed)
+        self.sculler = GuidedSculler(model, seed=seed, rate_hz=RATE_HZ)
         port = free_port()
         rig = lines_rig(model, "sculler", port, RATE_HZ, STREAMS)
         drawn = live_look(model)

@@ -71,7 +71,16 @@ def test_readings_that_are_late_are_awaited():
     guide = begun()
     guide.press("go", 0.0)
     guide.tick(3.0)
-    assert guide.tick(7.4) == [] and guide.tick(7.5)
+    assert guide.tick(7.4) == []
+    assert guide.tick(7.6, heard_s=7.2) == [], "a slow radio holds readings up"
+    assert guide.tick(7.6, heard_s=7.4)
+
+
+def test_readings_that_never_come_are_not_awaited_for_ever():
+    guide = begun()
+    guide.press("go", 0.0)
+    guide.tick(3.0)
+    assert guide.tick(11.9, heard_s=5.0) == [] and guide.tick(12.1, heard_s=5.0)
 
 
 def test_a_failed_step_is_done_again_alone():

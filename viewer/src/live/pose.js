@@ -11,9 +11,11 @@ const PERIOD_S = 2.2;
 const CORNER = [-1, 0.3, 0.8];
 /** The box around a person has empty corners. */
 const ZOOM = 1.35;
+/** Whoever wants no movement sees where the first swing ends. */
+const STILL = matchMedia("(prefers-reduced-motion: reduce)");
 const BODY = ["body", "seat"];
 /** Pictures a second: enough for a movement, little work for a phone. */
-const PICTURES_HZ = 20;
+const PICTURES_HZ = 12;
 
 export class PosePicture {
   constructor(structure, steps) {
@@ -79,10 +81,10 @@ export class PosePicture {
   draw(time_s) {
     const frames = this.steps[this.at]?.pictures ?? [];
     if (!frames.length || !this.drawn.width) return;
-    const moves = this.isMoving && frames.length > 1;
+    const moves = this.isMoving && frames.length > 1 && !STILL.matches;
     if (!this.isStale && (!moves || time_s < this.drawn_s + 1 / PICTURES_HZ)) return;
     Object.assign(this, { isStale: false, drawn_s: time_s });
-    const place = moves ? ((time_s / PERIOD_S) % 1) * frames.length : 0;
+    const place = moves ? ((time_s / PERIOD_S) % 1) * frames.length : Math.floor(frames.length / 4);
     const [one, other] = [frames[Math.floor(place)], frames[(Math.floor(place) + 1) % frames.length]];
     const share = place % 1;
     this.figure.take({ time_s: 0, places_mm: between(one.places_mm, other.places_mm, share), turns: between(one.turns, other.turns, share) });

@@ -9,9 +9,11 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from oarlock.calibration.session.checks import REDO
 from oarlock.live.guide.pictures import pictures_of
-from oarlock.live.guide.steps import PRESSES, Cut, Guide, Judge, Listen, Order, Send, Swap
+from oarlock.live.guide.steps import PAD_S, PRESSES, Cut, Guide, Judge, Listen, Order, Send, Swap
 from oarlock.live.guide.verdict import Task, Verdict, judged, prepared
 from oarlock.live.health import SILENT_S
 from oarlock.live.intake import Sampled
@@ -28,8 +30,6 @@ if TYPE_CHECKING:
 LOOK_S = 0.05
 REPEAT_S = 0.5
 """The state is published so often, for viewers who come later, and whenever it changes."""
-PAD_S = 0.3
-"""Readings before and after a step that are kept, too: they are interpolated to the times of others."""
 
 
 @dataclass
@@ -43,6 +43,7 @@ class Lead:
     guide: Guide
     _rows: Rows = field(init=False)
     _parts: dict[str, Recording] = field(init=False, default_factory=dict)
+    _newest_s: dict[str, float] = field(init=False, default_factory=dict)
     _is_listening: bool = field(init=False, default=False)
     _shown: tuple[Mapping[str, Any], float] = field(init=False, default=({}, 0.0))
     _judging: set[asyncio.Task[None]] = field(init=False, default_factory=set)
@@ -99,7 +100,7 @@ class Lead:
         """Looks at the clock, until it is cancelled."""
         while True:
             await asyncio.sleep(LOOK_S)
-            self._carry_out(self.guide.tick(self._now_s(), self.missing()))
+            self._carry_out(self.guide.tick(self._now_s(), self.missing(), self._heard_s()))
             self._show()
 
     def missing(self) -> list[str]:
@@ -112,10 +113,17 @@ class Lead:
             feed.stream for feed in self.session.rig.feeds if feed.kind == "imu" and feed.stream in lacking
         ]
 
+    def _heard_s(self) -> float:
+        """All units have been heard up to this time."""
+        units = [feed.stream for feed in self.session.rig.feeds if feed.kind == "imu"]
+        return min((self._newest_s.get(name, -np.inf) for name in units), default=np.inf)
+
     def _now_s(self) -> float:
         return self.session.intake.seconds(now_ns())
 
     def _hear(self, sampled: list[Sampled]) -> None:
+        for one in sampled:
+            self._newest_s[one.stream] = one.time_s
         if self._is_listening:
             self._rows.add(sampled)
 

@@ -10,12 +10,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
+
 from oarlock.calibration.session.checks import KEPT, PASSED, REDO
 from oarlock.calibration.session.plan import SessionPlan, SessionStep
 from oarlock.live.guide.verdict import Verdict
 
 SKIPPED = "skipped"
 PRESSES = ("open", "go", "back", "skip", "swap", "leave")
+PAD_S = 0.3
+"""Readings before and after a step that are kept, too: they are interpolated to the times of others."""
 LEAST_RUN_S = 3.0
 """A step that is ended sooner by a press shows too little."""
 
@@ -28,6 +32,7 @@ class Pace:
         countdown_s: to take up the posture.
         seconds: of each kind of step.
         settle_s: after a step, for readings that are late.
+        patience_s: so long the readings of slow units are awaited.
     """
 
     countdown_s: float = 5.0
@@ -35,6 +40,7 @@ class Pace:
         default_factory=lambda: {"still": 10.0, "turn": 45.0, "pose": 4.0, "move": 12.0}
     )
     settle_s: float = 0.5
+    patience_s: float = 5.0
 
 
 @dataclass(frozen=True)
@@ -150,14 +156,22 @@ class Guide:
             return self._skip() if self.phase in ("ready", "countdown") else []
         return self._go(now_s, missing)
 
-    def tick(self, now_s: float, missing: Sequence[str] = ()) -> list[Order]:
-        """What the passing of time brings; called often."""
+    def tick(self, now_s: float, missing: Sequence[str] = (), heard_s: float = np.inf) -> list[Order]:
+        """What the passing of time brings; called often.
+
+        Args:
+            now_s: the session's time.
+            missing: units that are not heard.
+            heard_s: all readings up to this time have come.
+        """
         if self.phase in ("countdown", "running") and missing:
             self.phase = "ready"
             self.problem = f"{_listed(missing)} fell silent. Check battery and radio, then do the step again."
         if self.phase == "countdown" and now_s >= self.begins_s:
             self.phase = "running"
-        if self.phase == "running" and now_s >= self.ends_s + self.pace.settle_s:
+        late_s = now_s - self.ends_s
+        has_all = late_s >= self.pace.settle_s and heard_s >= self.ends_s + PAD_S
+        if self.phase == "running" and (has_all or late_s >= self.pace.patience_s):
             return self._cut()
         return []
 

@@ -26,13 +26,13 @@ from oarlock.live.emulators.lines import json_line
 from oarlock.rowing.simulation.emulated import PERIOD_S, RATE_HZ, STREAMS, endless_sculling
 
 BEFORE_S, AFTER_S = 1.2, 1.0
-"""Rest before and after a step; a person who was asked begins after as much."""
+"""Rest before and after a movement; a person who was asked begins after as much."""
 ERRORS = SessionErrors(
     gyro_bias_rad_s=0.0, accel_bias_m_s2=0.0, accel_scale=0.0, hard_iron_ut=0.0, soft_iron=0.0
 )
 
 Rows = Mapping[str, Mapping[str, Any]]
-"""Stream -> quantity -> rows at `RATE_HZ`."""
+"""Stream -> quantity -> rows at one rate."""
 
 
 @dataclass
@@ -44,12 +44,14 @@ class GuidedSculler:
         plan: the steps; None for the model's own.
         errors: of mounts and postures. Readings have noise only: biases are not simulated in the rowing.
         seed: of all that is drawn.
+        rate_hz: of all units.
     """
 
     model: Model
     plan: SessionPlan | None = None
     errors: SessionErrors = ERRORS
     seed: int = 0
+    rate_hz: float = RATE_HZ
     truth: Calibration = field(init=False)
     """The mounts as they are."""
     _steps: dict[str, Rows] = field(init=False, default_factory=dict)
@@ -58,14 +60,16 @@ class GuidedSculler:
 
     def __post_init__(self) -> None:
         plan = default_plan(self.model) if self.plan is None else self.plan
-        trial = simulate_session(self.model, plan, self.errors, seed=self.seed, rate_hz=RATE_HZ)
+        trial = simulate_session(self.model, plan, self.errors, seed=self.seed, rate_hz=self.rate_hz)
         self.truth = trial.calibration
         begin_s = min(span[0] for span in trial.spans.values()) - 2.0 * BEFORE_S
         for step in plan.steps:
-            span = trial.spans.get(step.name, (BEFORE_S, begin_s))
-            piece = trial.recording.slice(start_s=span[0] - BEFORE_S, end_s=span[1] + AFTER_S)
+            from_s, to_s = trial.spans.get(step.name, (0.0, begin_s))
+            if step.kind == "move":
+                from_s, to_s = from_s - BEFORE_S, to_s + AFTER_S
+            piece = trial.recording.slice(start_s=from_s, end_s=to_s)
             self._steps[step.name] = _rows(piece)
-        self._rowing = _rows(endless_sculling(self.model, self.seed, calibration=self.truth))
+        self._rowing = _rows(endless_sculling(self.model, self.seed, self.rate_hz, self.truth))
         self._names = [step.name for step in plan.steps]
 
     def values(self, asked: Mapping[str, Any], now_s: float) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -76,7 +80,7 @@ class GuidedSculler:
             now_s: the session's time.
         """
         if asked["phase"] in ("calibrated", "closed"):
-            row = round(RATE_HZ * (now_s % PERIOD_S))
+            row = round(self.rate_hz * (now_s % PERIOD_S))
             yield from _at(self._rowing, row, self._rowing)
             return
         piece = self._steps[self._names[asked["at"]]]
@@ -84,10 +88,10 @@ class GuidedSculler:
 
     def _row(self, asked: Mapping[str, Any], now_s: float) -> int:
         if asked["phase"] == "running" and now_s >= asked["begins_s"]:
-            return round(RATE_HZ * (now_s - float(asked["begins_s"])))
+            return round(self.rate_hz * (now_s - float(asked["begins_s"])))
         # To and fro over the rest before the step: a person breathes.
-        length = round(RATE_HZ * 0.8 * BEFORE_S)
-        return abs(round(RATE_HZ * now_s) % (2 * length) - length)
+        length = round(self.rate_hz * 0.8 * BEFORE_S)
+        return abs(round(self.rate_hz * now_s) % (2 * length) - length)
 
 
 def _rows(recording: Recording) -> Rows:
@@ -120,7 +124,7 @@ async def send_guided(
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
         for count in itertools.count():
             # A busy machine sends late; units measure in time all the same.
-            clock_s = count / RATE_HZ
+            clock_s = count / sculler.rate_hz
             await asyncio.sleep(max(0.0, begun_s + clock_s - time.monotonic()))
             for name, values in sculler.values(asked()[0], zero_s + clock_s):
                 sender.sendto(json_line(Delivery(clock_s, name, clock_s, count, values)), ("127.0.0.1", port))
