@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import shutil
+import signal
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -110,7 +111,10 @@ class Live:
         self._recorder = Recorder(place.packets)
         for output in self.outputs:
             output.start(Start(place.start_ns, place.start_epoch_s))
-        self._pool = None if self.follower is None else ProcessPoolExecutor(1, get_context("spawn"))
+        self._pool = None if self.follower is None else _pool()
+        if self._pool is not None and self.follower is not None:
+            # The process starts and imports now, so that the first repetition is not late.
+            self._pool.submit(_imported, self.follower.work)
         has_begun = True
         try:
             await self._until_ended(seconds)
@@ -130,13 +134,19 @@ class Live:
                 place.discard()
 
     def _finish(self, place: LiveFolder) -> None:
+        missing = ""
+        if self._recorder.problem:
+            missing = f"the last {self._recorder.lost:,} packets found no room: {self._recorder.problem}. "
         try:
             place.finish(self.model)
         except (DataError, OSError) as error:
             raise DataError(
-                f"the recording could not be written: {error}. What was received is whole in {place.packets}: "
-                f"make room, then run oarlock live recover {place.path}"
+                f"{missing}The recording could not be written: {error}. "
+                f"What was received before is whole in {place.packets}: make room, then run "
+                f"oarlock live recover {place.path}"
             ) from error
+        if missing:
+            raise DataError(f"{missing}What was received before is whole in {place.path}")
 
     def deliver(self, packet: Packet) -> None:
         """Takes a packet: to the disk, to the tracker, and its estimates to all who listen."""
@@ -242,6 +252,15 @@ class Live:
         self._published_s = now_s
         self.server.publish(frame_of(self._newest, self.model, self.picture, self._named))
         self._newest = None
+
+
+def _pool() -> ProcessPoolExecutor:
+    """Another process, which leaves Ctrl-C to this one."""
+    return ProcessPoolExecutor(1, get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_IGN))
+
+
+def _imported(work: object) -> None:
+    """Makes another process import what work needs, which it does to receive it."""
 
 
 def _free_bytes(folder: Path) -> int | None:
