@@ -30,7 +30,9 @@ class LiveProcess:
     def __init__(self, rig, out, *options):
         words = [sys.executable, "-m", "oarlock", "live", "run", str(rig), "--out", str(out), *options]
         pipe = subprocess.PIPE
-        self.process = subprocess.Popen(words, stdout=pipe, stderr=pipe, text=True, env=ENVIRONMENT)
+        self.process = subprocess.Popen(
+            words, stdout=pipe, stderr=pipe, text=True, env=ENVIRONMENT, start_new_session=True
+        )
         self.said = ""
         self._readers = [
             threading.Thread(target=self._read, args=(stream,), daemon=True)
@@ -57,7 +59,7 @@ class LiveProcess:
     def end(self):
         """Ctrl-C; its exit status, and what it has printed, in one line."""
         if self.process.poll() is None:
-            self.process.send_signal(signal.SIGINT)
+            os.killpg(self.process.pid, signal.SIGINT)  # to all its processes, as a terminal does
         return self.end_by_itself()
 
     def end_by_itself(self):
@@ -82,7 +84,7 @@ def running(rig, out, *options):
         yield session
     finally:
         if session.process.poll() is None:
-            session.process.kill()
+            os.killpg(session.process.pid, signal.SIGKILL)
         session.end_by_itself()
 
 

@@ -132,11 +132,10 @@ class Live:
         self._recorder, self._log = Recorder(place.packets), EventLog(place.path)
         for output in self.outputs:
             output.start(Start(place.start_ns, place.start_epoch_s))
-        self._pool = None
-        if self.follower is not None or self.lead is not None:
-            # Ctrl-C in a terminal reaches all processes; the session ends its own.
-            undisturbed = (signal.SIGINT, signal.SIG_IGN)
-            self._pool = ProcessPoolExecutor(1, get_context("spawn"), signal.signal, undisturbed)
+        self._pool = None if self.follower is None and self.lead is None else _pool()
+        if self._pool is not None and self.follower is not None:
+            # The process starts and imports now, so that the first repetition is not late.
+            self._pool.submit(_imported, self.follower.work)
         if self.lead is not None and self.server is not None and self._pool is not None:
             self.lead.join(
                 self.session, self.picture, self.deliver, self._tell, self.server.publish, self._pool
@@ -163,13 +162,19 @@ class Live:
                 place.discard()
 
     def _finish(self, place: LiveFolder) -> None:
+        missing = ""
+        if self._recorder.problem:
+            missing = f"the last {self._recorder.lost:,} packets found no room: {self._recorder.problem}. "
         try:
             place.finish(self.model)
         except (DataError, OSError) as error:
             raise DataError(
-                f"the recording could not be written: {error}. What was received is whole in {place.packets}: "
-                f"make room, then run oarlock live recover {place.path}"
+                f"{missing}The recording could not be written: {error}. "
+                f"What was received before is whole in {place.packets}: make room, then run "
+                f"oarlock live recover {place.path}"
             ) from error
+        if missing:
+            raise DataError(f"{missing}What was received before is whole in {place.path}")
 
     @property
     def seconds(self) -> float:
@@ -322,6 +327,15 @@ class Live:
         self._published_s = now_s
         self.server.publish(frame_of(self._newest, self.model, self.picture, self._named))
         self._newest = None
+
+
+def _pool() -> ProcessPoolExecutor:
+    """Another process, which leaves Ctrl-C to this one."""
+    return ProcessPoolExecutor(1, get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_IGN))
+
+
+def _imported(work: object) -> None:
+    """Makes another process import what work needs, which it does to receive it."""
 
 
 def _free_bytes(folder: Path) -> int | None:

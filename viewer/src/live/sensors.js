@@ -97,16 +97,17 @@ export class Sensors {
   }
 
   tellRecorder({ packets, lost, problem, free_gb }) {
-    const words = `Recorder: ${plural(packets, "packet")} on disk, ${free_gb} GB free${lost ? `, ${plural(lost, "packet")} lost` : ""}.`;
+    const words = `Recorder: ${plural(packets, "packet")} on disk, ${free_gb === null ? "its disk cannot be read" : `${free_gb} GB free`}${lost ? `, ${plural(lost, "packet")} lost` : ""}.`;
     this.recorder.textContent = problem ? `${words} Problem: ${problem}` : words;
     this.recorder.classList.toggle("ol-alarm", Boolean(problem || lost));
   }
 
-  tellArrivals({ arrivals, sources }) {
+  tellArrivals({ arrivals, sources, outputs = [] }) {
     const late = Object.entries(arrivals).filter(([, count]) => count > 0).map(([kind, count]) => `${kind.replaceAll("_", " ")}: ${count}`);
     const damaged = sources.filter((source) => source.damaged).map((source) => `${source.name}: ${plural(source.damaged, "damaged message")}`);
+    const sent = outputs.map(({ name, sent: count, skipped, problem }) => `${name}: ${problem || `${count} sent`}${skipped ? `, ${skipped} left out` : ""}`);
     const states = sources.map((source) => `${source.name}: ${source.state}`);
-    this.arrivals.textContent = [`Sources: ${states.join(", ")}.`, late.length ? `Readings: ${late.join(", ")}.` : "", damaged.length ? `${damaged.join(", ")}.` : ""].filter(Boolean).join(" ");
+    this.arrivals.textContent = [`Sources: ${states.join(", ")}.`, late.length ? `Readings: ${late.join(", ")}.` : "", damaged.length ? `${damaged.join(", ")}.` : "", sent.length ? `Outputs: ${sent.join("; ")}.` : ""].filter(Boolean).join(" ");
   }
 }
 
