@@ -74,7 +74,7 @@ def repeated(folder: Path) -> Digest:
     digest = Digest()
     for packet in place.read():
         for estimate in session.take(packet):
-            digest.put(estimate)
+            digest.put(estimate.time_s, estimate.belief)
     return digest
 
 

@@ -12,19 +12,19 @@ import hashlib
 import json
 import signal
 import struct
+from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from bench.live.misbehaving import sent
 from bench.live.virtual import VirtualTime, VirtualUdp
-from oarlock import Model, load_model
+from oarlock import Belief, Model, load_model
 from oarlock.live.emulators.rig import LINES, lines_rig
 from oarlock.live.live import Live
 from oarlock.live.page import page_server
 from oarlock.live.picture import LivePicture
-from oarlock.live.session import Estimate
 from oarlock.rowing import StrokeFollower, live_look
 from oarlock.rowing.simulation.emulated import STREAMS
 
@@ -33,26 +33,49 @@ FIGURES = "estimated.json"
 
 @dataclass
 class Digest:
-    """An output that remembers all bits of all estimates in a few bytes."""
+    """Remembers all bits of all estimates in a few bytes."""
 
     count: int = 0
-    last: Estimate | None = None
+    last: tuple[float, Belief] | None = None
     _hash: Any = field(default_factory=hashlib.sha256)
 
-    def put(self, estimate: Estimate) -> None:
+    def put(self, time_s: float, belief: Belief) -> None:
         """Takes an estimate."""
-        self.count, self.last = self.count + 1, estimate
-        self._hash.update(struct.pack("<d", estimate.time_s))
-        self._hash.update(estimate.belief.mean.tobytes() + estimate.belief.std.tobytes())
+        self.count, self.last = self.count + 1, (time_s, belief)
+        self._hash.update(struct.pack("<d", time_s) + belief.mean.tobytes() + belief.std.tobytes())
 
     def figures(self) -> dict[str, object]:
         """How many, the digest of all, and the last one bit for bit."""
         told: dict[str, object] = {"estimates": self.count, "digest": self._hash.hexdigest()}
         if self.last is not None:
-            told["last_time_s"] = self.last.time_s
-            told["last_mean"] = self.last.belief.mean.tobytes().hex()
-            told["last_std"] = self.last.belief.std.tobytes().hex()
+            time_s, belief = self.last
+            told["last_time_s"] = time_s
+            told["last_mean"] = belief.mean.tobytes().hex()
+            told["last_std"] = belief.std.tobytes().hex()
         return told
+
+
+@dataclass
+class Noted:
+    """A follower of a session that notes each estimate before another follower gets it.
+
+    Args:
+        digest: of the estimates.
+        strokes: finds strokes; None: nobody does.
+    """
+
+    digest: Digest
+    strokes: StrokeFollower | None = None
+
+    @property
+    def work(self) -> Callable[[Any], Mapping[str, Any] | None]:
+        """Of the other follower."""
+        return dict if self.strokes is None else self.strokes.work
+
+    def step(self, time_s: float, belief: Belief) -> object | None:
+        """What the other follower has to do."""
+        self.digest.put(time_s, belief)
+        return None if self.strokes is None else self.strokes.step(time_s, belief)
 
 
 def pictured(model: Model) -> LivePicture:
@@ -64,29 +87,39 @@ def pictured(model: Model) -> LivePicture:
 def made(model: Model, folder: Path, rate_hz: float, port: int) -> Live:
     """A session in true time, with all that the command line gives it."""
     rig = lines_rig(model, "sculler", port, rate_hz, STREAMS)
-    live = Live(rig, model, folder, picture=pictured(model), follower=StrokeFollower(model))
+    follower = Noted(Digest(), StrokeFollower(model))
+    live = Live(rig, model, folder, picture=pictured(model), follower=follower)
     page_server(live)
     return live
 
 
 def made_virtual(model: Model, folder: Path, rate_hz: float, seconds: float) -> tuple[Live, VirtualUdp]:
-    """A session that waits for nothing. Strokes are left out: their process would have to keep up."""
+    """A session that waits for nothing. Strokes and ties of clocks are left out: their processes could not keep up."""
     time = VirtualTime()
     source = VirtualUdp(LINES, time, sent(model, seconds, rate_hz))
     rig = lines_rig(model, "sculler", 1, rate_hz, STREAMS)
-    live = Live(rig, model, folder, picture=pictured(model), time=time, transport_of=lambda _: source)
+    rig = replace(rig, ties_clocks=False)
+    live = Live(
+        *(rig, model, folder),
+        picture=pictured(model),
+        follower=Noted(Digest()),
+        time=time,
+        transport_of=lambda _: source,
+    )
     page_server(live)
     return live, source
 
 
 async def run(live: Live, source: VirtualUdp | None = None) -> dict[str, object]:
     """Runs a session until a signal, or until the virtual source has ended; what it estimated."""
-    digest = Digest()
-    live.outputs = [digest]
     running = asyncio.ensure_future(live.run())
     asyncio.get_running_loop().add_signal_handler(signal.SIGINT, running.cancel)
-    await live.started.wait()
-    assert live.server is not None
+    started = asyncio.ensure_future(live.started.wait())
+    await asyncio.wait([started, running], return_when=asyncio.FIRST_COMPLETED)
+    if running.done():
+        started.cancel()
+        await running
+    assert live.server is not None and isinstance(live.follower, Noted)
     print(live.server.url, flush=True)
     if source is not None:
         ended = asyncio.ensure_future(source.has_ended.wait())
@@ -94,7 +127,7 @@ async def run(live: Live, source: VirtualUdp | None = None) -> dict[str, object]
         running.cancel()
     with suppress(asyncio.CancelledError):
         await running
-    return digest.figures() | {"from_s": live.session.from_s}
+    return live.follower.digest.figures() | {"from_s": live.session.from_s}
 
 
 def main() -> None:

@@ -20,7 +20,7 @@ from oarlock.live.emulators.deliveries import Faults, endless
 from oarlock.live.emulators.lines import json_line
 from oarlock.live.emulators.rig import lines_rig
 from oarlock.live.folder import LiveFolder
-from oarlock.live.outputs import joints_of
+from oarlock.live.frame import frame_of
 from oarlock.live.rig import rig_document
 from oarlock.live.session import COMMANDS
 from oarlock.live.transports.udp import free_port
@@ -103,7 +103,8 @@ def killed(senders, folder, alive_s):
             try:
                 lines.append(listener.recv(1 << 16))
             except BlockingIOError:
-                return [json.loads(line) for line in lines]
+                told = [json.loads(line) for line in lines]
+                return [one for one in told if one["type"] == "frame"]
 
 
 def check(senders, folder, estimates):
@@ -128,7 +129,7 @@ def check(senders, folder, estimates):
         counts = counts if session.tracker is None else session.tracker.arrivals
     known = [one for one in estimates if one["arrival_s"] <= last_s - 1e-3]
     for one in known:
-        assert one["joints"] == joints_of(again[one["time_s"]], senders.model)
+        assert one["joints"] == frame_of(again[one["time_s"]], senders.model)["joints"]
     return session, again, counts, len(known)
 
 
@@ -142,7 +143,7 @@ def check_recording(senders, folder, session, again, counts):
     live = [one for one in again.values() if one.time_s in set(track.time_s)]
     rows = np.searchsorted(track.time_s, [one.time_s for one in live])
     for one, row in zip(live, rows, strict=True):
-        for name, (value, std) in joints_of(one, senders.model).items():
+        for name, (value, std) in frame_of(one, senders.model)["joints"].items():
             column = columns[name]
             assert (value, std) == (
                 round(float(track.q[row, column]), 5),

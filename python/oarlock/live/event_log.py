@@ -22,7 +22,8 @@ class EventLog:
 
     def write(self, time_s: float, text: str) -> None:
         """Adds a line."""
-        with suppress(OSError):
+        # Work of another process may end after the session.
+        with suppress(OSError, ValueError):
             self._file.write(json.dumps({"time_s": round(time_s, 2), "text": text}) + "\n")
 
     def close(self) -> None:

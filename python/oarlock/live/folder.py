@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from oarlock.calibration.session.plan import load_session_plan
 from oarlock.live.channel_tables import FOLDER as CHANNELS
 from oarlock.live.channel_tables import Channels
+from oarlock.live.event_log import FILE as EVENTS
 from oarlock.live.guide.steps import timed
 from oarlock.live.reading import Packet
 from oarlock.live.recorder import Damage, read_packets
@@ -96,7 +97,7 @@ class LiveFolder:
     def discard(self) -> None:
         """Removes what `create` and the recorder wrote: the session could not begin."""
         shutil.rmtree(self.packets, ignore_errors=True)
-        for name in (SESSION, RIG, CALIBRATION):
+        for name in (SESSION, RIG, CALIBRATION, EVENTS):
             (self.path / name).unlink(missing_ok=True)
         with contextlib.suppress(OSError):  # it has files of others
             self.path.rmdir()

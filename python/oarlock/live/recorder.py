@@ -124,7 +124,7 @@ def _append(file: IO[bytes], page: bytes) -> None:
         rest = memoryview(page)
         while rest:
             rest = rest[file.write(rest) :]
-        os.fdatasync(file.fileno())
+        getattr(os, "fdatasync", os.fsync)(file.fileno())
     except OSError:
         file.seek(at)
         file.truncate()
