@@ -19,7 +19,7 @@ export PYO3_PYTHON := $(CURDIR)/$(BIN)/python
 
 RUST_SOURCES := Cargo.toml Cargo.lock $(wildcard crates/*/Cargo.toml) $(shell find crates/*/src -name '*.rs')
 
-.PHONY: help demo test test-all test-long fuzz bench bench-others bench-page pages player pictures lint format docs validation lock clean
+.PHONY: help demo test test-all test-long fuzz bench bench-others bench-page soak pages player pictures lint format docs validation lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -62,6 +62,13 @@ bench-others: $(VENV)/.package $(VENV)/.bench ## measure this machine beside fil
 bench-page: ## put the table of the last `make bench` into docs/performance.md
 	$(BIN)/python -m bench --page docs/performance.md
 
+# Rates of the devices in the session without waiting are halved, so that it ends within two hours on an idle core.
+SOAK_MINUTES ?= 60
+SOAK_HOURS ?= 10
+soak: $(VENV)/.package ## run live sessions with devices that misbehave: SOAK_MINUTES (60) in true time, SOAK_HOURS (10) without waiting
+	$(BIN)/python -m bench.live --minutes 0 --hours $(SOAK_HOURS) --rate-hz 50
+	$(BIN)/python -m bench.live --minutes $(SOAK_MINUTES) --hours 0 --rate-hz 100
+
 # `make pages PAGES=status` measures one of them, SEEDS=1 a shorter study of faults, SETS=broad one set of the validation.
 PAGES ?= status validation robustness_quick robustness
 pages: $(VENV)/.package $(VENV)/.validation ## measure the figures of README, bands, validation and robustness anew, with date and commit
@@ -100,7 +107,7 @@ lock: $(VENV)/.created ## compute the pinned versions in requirements/ again
 	$(BIN)/python -m venv $(VENV)/lock
 	$(VENV)/lock/bin/python -m pip install --quiet --disable-pip-version-check pip-tools
 	$(COMPILE) --extra test --extra lint --extra dataframe --extra xarray --extra c3d --extra hdf5 --extra mcap --extra compare \
-		--extra ble --extra serial --extra emulate \
+		--extra ble --extra serial --extra mqtt --extra emulate \
 		--output-file requirements/dev.txt pyproject.toml requirements/build.in
 	$(COMPILE) --constraint requirements/dev.txt --output-file requirements/run.txt pyproject.toml requirements/build.in
 	$(COMPILE) --constraint requirements/dev.txt --output-file requirements/validation.txt requirements/validation.in

@@ -21,8 +21,8 @@ FUZZED = ("arrays", "settings", "files", "units", "wearings", "decoders")
 CAMPAIGN_S = 5
 # The same in every run, so that a change does not fail for what it did not touch; `make fuzz` draws new ones.
 FUZZ_SEED = "1"
-# Processor time of a part by itself, in seconds, rounded up; of fuzzing and of pages, which wait, time by the clock.
-# A part that is not named here is new.
+# Processor time of a part by itself, in seconds, rounded up; of fuzzing, pages and emulated devices, which wait, time
+# by the clock. A part that is not named here is new.
 USUAL_S = {
     "fuzz arrays": 35.0,
     "fuzz settings": 25.0,
@@ -35,6 +35,8 @@ USUAL_S = {
     "test_clocks_apart": 900.0,
     "test_consider": 25.0,
     "test_docs": 35.0,
+    "test_emulated_over_the_air": 60.0,
+    "test_emulated_transports": 250.0,
     "test_exact_recordings": 50.0,
     "test_faults": 5.0,
     "test_field_simulator": 5.0,
@@ -46,6 +48,8 @@ USUAL_S = {
     "test_reproduce": 20.0,
     "test_strokes": 15.0,
     "test_suspects": 190.0,
+    "test_soak": 80.0,
+    "test_sessions_killed": 700.0,
     "test_sweep": 10.0,
     "test_technique": 15.0,
     "test_page_browser": 80.0,

@@ -1,5 +1,7 @@
 """Sensors that do not tick together: every joint in every row, live delivery in any order, streams nobody knows."""
 
+from importlib import resources
+
 import numpy as np
 import pytest
 from bench.apart import JITTER_S, RATES_HZ, TOGETHER_HZ, recorded
@@ -158,3 +160,29 @@ def test_sensors_apart_are_as_accurate_as_together(sculler, seed):
         scores[name] = evaluation.mean_rmse_deg(joints), evaluation.mean_coverage(joints)
     assert scores["apart"][0] < 1.2 * scores["together"][0], scores
     assert abs(scores["apart"][1] - scores["together"][1]) < 0.03, scores
+
+
+@pytest.mark.parametrize("phase", [0.3, 0.5])
+def test_exact_orientations_halfway_between_two_samples(tmp_path, phase):
+    """The velocity that brings a reading to its sample must not feed back on itself: it grew to 1e7 deg."""
+    shipped = (resources.files("oarlock.model") / "shipped" / "pendulum3.toml").read_text()
+    keys = 'kind = "orientation"\nstd_rad = 0.01\nframe'
+    sensors = "".join(
+        f'[[sensor]]\nname = "{n}"\n{keys} = "{n}_link"\n' for n in ("upper", "middle", "lower")
+    )
+    (tmp_path / "turned.toml").write_text(shipped.partition("\n[[sensor]]\n")[0] + "\n" + sensors)
+    model = oarlock.load_model(tmp_path / "turned.toml")
+    rate_hz, knots = 50.0, np.arange(0.0, 5.0, 0.02)
+    q = 0.35 * np.sin(2 * np.pi * np.outer(knots, [0.4, 0.6, 0.7]))
+    truth, together = oarlock.simulate(
+        model, oarlock.Motion(tuple(model.coordinate_names), knots, q), seed=2, rate_hz=rate_hz
+    )
+    late_s = phase / rate_hz - together.start_s
+    apart = oarlock.Recording([s.at_rows(slice(None), s.time_s + late_s) for s in together.streams])
+
+    def error_deg(track, late_s):
+        expected = np.column_stack([np.interp(track.time_s - late_s, truth.time_s, c) for c in truth.q.T])
+        return np.degrees(np.sqrt(np.mean((track.q - expected)[100:-2] ** 2)))
+
+    gathered = oarlock.track(model, apart, config=oarlock.Config(sample_rate_hz=rate_hz))
+    assert error_deg(gathered, late_s) < 1.1 * error_deg(oarlock.track(model, together), 0.0)

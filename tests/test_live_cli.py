@@ -19,6 +19,8 @@ def test_a_rig_is_recorded_and_the_recording_written_again(sculler, tmp_path):
     out = tmp_path / "today"
     said = run("live", "run", tmp_path / "rig.toml", "--no-page", "--seconds", "0.3", "--out", out).stdout
     assert "0 estimates" in said and "Wrote" in said
+    assert "No sensor of the rig was heard" in said
+    assert f"oarlock live doctor {out / 'rig.toml'}" in " ".join(said.split())
     again = run("live", "recover", out).stdout
     assert "no reading of the rig's sensors" in again
     assert json.loads(run("live", "recover", out, "--json").stdout) == {"recording": None, "damage": []}
@@ -37,3 +39,4 @@ def test_the_demo_tracks_emulated_sensors(tmp_path):
     assert {"back", "seat", "r_oar_phi"} <= set(recording.names)
     assert np.isfinite(recording.sensor("back").gyro_rad_s).all()
     assert f"Wrote {out}" in said
+    assert f"oarlock track {out / 'recording'} --model sculler" in " ".join(said.split())

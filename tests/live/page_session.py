@@ -84,7 +84,11 @@ class PageSession:
 
     def spare(self):
         """One reading of a unit that the rig does not use."""
-        data = encoded(dataclasses.replace(self.sent[0], device="spare-7"))
+        self.also("spare-7", **self.sent[0].values)
+
+    def also(self, device, **values):
+        """One reading of a device that feeds no sensor."""
+        data = encoded(dataclasses.replace(self.sent[0], device=device, values=values))
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
             sender.sendto(data, ("127.0.0.1", self.port_in))
 

@@ -191,7 +191,7 @@ def test_options_are_checked(options, says):
 
 def test_a_source_of_a_rig_asks_for_what_its_decoder_reads(monkeypatch):
     radio = FakeRadio()
-    monkeypatch.setattr("oarlock.live.transports.ble._own_radio", lambda: radio)
+    monkeypatch.setattr("oarlock.live.transports.ble.own_radio", lambda: radio)
     ble = opened(Source("units", "dot", "ble", {"address": "A"}, {"mode": 21}))
     asyncio.run(running(ble, lambda: ble.state == "receives from A"))
     assert ("write", "A", "15172001", "010115") in radio.asked

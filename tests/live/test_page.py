@@ -12,11 +12,11 @@ from websockets.sync.client import connect
 
 import oarlock
 from oarlock.live.client import socket_address
+from oarlock.live.frame import SCHEMA
 from oarlock.live.live import Live
-from oarlock.live.outputs import SCHEMA
+from oarlock.live.named_angles import NamedAngles, joints_with_names
 from oarlock.live.page import page_files
 from oarlock.live.session import LiveSession
-from oarlock.model.coordinates import joint_columns
 from oarlock.storage.errors import DataError
 
 FEW = 20
@@ -105,9 +105,10 @@ def test_the_first_message_names_every_coordinate_with_its_unit(name, tmp_path):
     live.session = LiveSession(live.rig, model, 0)
     told = hello(live, more={"strokes": STROKES})
     joints = {joint["name"]: joint for joint in told["joints"]}
-    assert list(joints) == [
-        model.coordinate_names[k] for c in joint_columns(model.coordinate_names).values() for k in c
-    ]
+    is_rotation = {f"{joint}.r{axis}" for joint in joints_with_names(model) for axis in "xyz"}
+    assert set(joints) == {*model.coordinate_names, *NamedAngles(model).names} - is_rotation
+    assert len(joints) == len(told["joints"]) == len(model.coordinate_names)
+    assert ("shoulder_elevation_r" in joints) == (name == "full_body")
     assert told["strokes"] == STROKES and told["title"] == name and told["figure"] is None
     distances = {joint for joint in joints if joints[joint]["unit"] == "mm"}
     assert distances == ({"seat"} if name == "sculler" else {"pelvis.x", "pelvis.y", "pelvis.z"})

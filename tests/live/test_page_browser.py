@@ -2,14 +2,13 @@
 
 import json
 import re
-import time
 from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 import pytest
 from page_session import PageSession
+from page_tabs import opened, until
 from senders import with_test_format
 
 from headless_chromium import CHROMIUM, HANGS_MS, SOFTWARE, driver_of_chromium
@@ -21,8 +20,6 @@ pytestmark = pytest.mark.long
 NOT_TRIED = "THE LIVE PAGE WAS NOT TRIED IN A BROWSER"
 SECONDS = 60.0
 SIZES = [(1280, 860), (390, 844)]
-GPU_STALL = "GPU stall"
-"""Software WebGL says how slowly it reads pixels back."""
 LEAST_CONTRAST = 4.5
 """WCAG 2.2, level AA, of text of any size."""
 PLACE_M = 2e-3
@@ -64,37 +61,6 @@ def session(sculler, tmp_path, monkeypatch):
     with_test_format(monkeypatch)
     with PageSession(sculler, tmp_path / "today", SECONDS, token="t0k&n") as running:
         yield running
-
-
-@contextmanager
-def opened(browser, session, size=(1280, 860), expected=(), **settings):
-    """A tab of the page; whatever the console says fails the test, as does a request to elsewhere."""
-    complaints: list[str] = []
-    context = browser.new_context(viewport={"width": size[0], "height": size[1]}, **settings)
-    tab = context.new_page()
-    tab.set_default_timeout(HANGS_MS)
-    tab.on("console", lambda message: complaints.append(f"{message.type}: {message.text}"))
-    tab.on("pageerror", lambda error: complaints.append(str(error)))
-    home = session.url.partition("?")[0]
-    tab.on(
-        "request",
-        lambda r: r.url.startswith((home, "data:")) or complaints.append(f"asked for {r.url}"),
-    )
-    tab.goto(session.url)
-    until(tab, "(oarlock.live?.frames ?? 0) > 3")
-    yield tab
-    context.close()
-    assert not [text for text in complaints if not any(sign in text for sign in (GPU_STALL, *expected))]
-
-
-def until(tab, code):
-    """Waits for an expression of the page; its rules forbid that Playwright's own waiting evaluates text there."""
-    for _ in range(HANGS_MS // 50):
-        found = tab.evaluate(f"() => {code}")
-        if found:
-            return found
-        time.sleep(0.05)
-    raise AssertionError(f"never: {code}")
 
 
 def test_the_figure_is_where_the_joints_say_and_moves(browser, session, sculler):
@@ -150,6 +116,31 @@ def test_a_silent_sensor_stands_out_and_another_unit_takes_its_place(browser, se
         tab.locator(".ol-events").get_by_text(f"{spare} feeds back from now on").wait_for()
         session.silenced.clear()
         tab.locator("tr.ol-spare", has_text="/back").wait_for()
+
+
+SHOWN = {
+    "speed": "4.21 m/s",
+    "heart rate": "152 /min",
+    "pace": "1:58.8 /500 m",
+    "latitude": "48.117302°",
+    "stroke state": "<i>Drive",
+}
+
+
+def test_what_feeds_no_sensor_is_shown_with_its_unit(browser, session):
+    values = {"speed_m_s": 4.2125, "heart_rate_per_min": 152.0, "pace_s_per_500_m": 118.84}
+    values |= {"latitude_deg": 48.117302, "stroke_state": "<i>Drive"}
+    with opened(browser, session) as tab:
+        assert not tab.locator(".ol-channels").is_visible()
+        session.also("erg-3", **values, handle_force_n=(1.0, 2.0))
+        group = tab.locator(".ol-channels > div", has_text="radio/erg-3")
+        group.wait_for()
+        rows = [row.split("\n") for row in group.locator("dl > div").all_inner_texts()]
+        assert dict(rows) == SHOWN
+        tab.locator("tr.ol-spare", has_text="recorded, feeds no sensor").wait_for()
+        session.also("erg-3", speed_m_s=-0.004)
+        group.get_by_text("0.00 m/s").wait_for()
+        group.get_by_text("silent for").wait_for()
 
 
 def test_a_note_by_keyboard_is_in_the_recording(browser, session, tmp_path):

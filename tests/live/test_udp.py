@@ -2,13 +2,14 @@
 
 import asyncio
 import socket
+import struct
 import sys
 import time
 
 import pytest
 
 from oarlock.live.transports.transport import Options
-from oarlock.live.transports.udp import Udp, free_port
+from oarlock.live.transports.udp import _SO_TIMESTAMPNS, Udp, free_port
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux says when it received a datagram")
@@ -38,3 +39,30 @@ def test_a_busy_program_delays_no_stamp():
     for packet, at_ns in zip(got, sent_ns, strict=True):
         # Two clocks are read one after the other, which takes microseconds; a thread may be held up between.
         assert at_ns - 10**6 <= packet.arrival_ns <= read_ns - 2 * 10**8
+
+
+class Queued:
+    """A socket that holds datagrams with the times at which the kernel received them."""
+
+    def __init__(self, received_ns):
+        self.waiting = list(received_ns)
+
+    def recvmsg(self, *_):
+        if not self.waiting:
+            raise BlockingIOError
+        stamp = struct.pack("@ll", *divmod(self.waiting.pop(0), 10**9))
+        return b"x", [(socket.SOL_SOCKET, _SO_TIMESTAMPNS, stamp)], 0, ("127.0.0.1", 7)
+
+
+@pytest.mark.parametrize("set_s", [-3600.0, -2.0, 0.0, 2.0, 3600.0])
+def test_a_clock_of_the_day_that_is_set_moves_no_stamp(set_s):
+    transport, got = Udp("radio", Options("radio", {"port": 9})), []
+    before_ns, day_ns = time.monotonic_ns(), time.time_ns()
+    transport._receive(Queued([day_ns]), got.append)
+    # These were received before the clock was set, and are read after it.
+    waited = Queued([day_ns - round(1e9 * set_s) + 1000 * number for number in range(5)])
+    transport._receive(waited, got.append)
+    stamps = [packet.arrival_ns for packet in got]
+    assert len(stamps) == 6 and stamps == sorted(stamps)
+    # A clock is read twice for each stamp, which takes microseconds.
+    assert before_ns - 10**6 <= stamps[0] and stamps[-1] <= time.monotonic_ns()

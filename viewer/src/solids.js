@@ -1,11 +1,16 @@
 // The figure's solids in space: limbs, joints, loops, strands, carried shapes and ellipsoids.
 
-import { BufferAttribute, BufferGeometry, CylinderGeometry, Group, Matrix4, Mesh, MeshLambertMaterial, Quaternion, SphereGeometry, Vector3 } from "three";
+import { BufferAttribute, BufferGeometry, CircleGeometry, CylinderGeometry, Group, Matrix4, Mesh, MeshLambertMaterial, Quaternion, SphereGeometry, Vector3 } from "three";
 
 import { coloured } from "./palette.js";
 
-const ROD = new CylinderGeometry(1, 1, 1, 16, 1, true).translate(0, 0.5, 0);
-const BALL = new SphereGeometry(1, 20, 14);
+/** What a figure is made of: shapes of limbs, joints and ground, and their surface. */
+export const FINE = {
+  ground: (reach) => new CircleGeometry(reach, 64),
+  rod: new CylinderGeometry(1, 1, 1, 16, 1, true).translate(0, 0.5, 0),
+  ball: new SphereGeometry(1, 20, 14),
+  material: (look) => new MeshLambertMaterial(look),
+};
 const UP = new Vector3(0, 1, 0);
 /** A 95 % ellipsoid of a point in space: sqrt of the 95 % quantile of chi-squared with 3 degrees of freedom. */
 export const ELLIPSOID_95 = 2.7955;
@@ -40,7 +45,8 @@ function mesh(geometry, material, shadow = true) {
 
 export class Solids {
   /** `ghostly` leaves colours out and lets light through. */
-  constructor(figure, radius_m, colours, ghostly = false) {
+  constructor(figure, radius_m, colours, ghostly = false, stuff = FINE) {
+    this.stuff = stuff;
     this.figure = figure;
     this.radius_m = radius_m;
     this.colours = colours;
@@ -59,7 +65,7 @@ export class Solids {
     const colour = this.ghostly ? this.colours.ghost : coloured(this.colours, side, part);
     if (!this.materials.has(colour)) {
       const see = this.ghostly ? { transparent: true, opacity: 0.42 } : {};
-      this.materials.set(colour, new MeshLambertMaterial({ color: colour, ...see }));
+      this.materials.set(colour, this.stuff.material({ color: colour, ...see }));
     }
     return this.materials.get(colour);
   }
@@ -74,12 +80,12 @@ export class Solids {
     this.rods = bones.map((bone) => ({
       ends: bone.ends,
       radius: this.radius_m * (bone.moves ? 1 : FIXED_SHARE),
-      solid: this.add(mesh(ROD, this.material(bone.moves ? bone.side : "", bone.moves ? "body" : "frame"), !this.ghostly)),
+      solid: this.add(mesh(this.stuff.rod, this.material(bone.moves ? bone.side : "", bone.moves ? "body" : "frame"), !this.ghostly)),
     }));
     const thick = new Map();
     for (const rod of this.rods) for (const end of rod.ends) if ((thick.get(end)?.radius ?? 0) < rod.radius) thick.set(end, rod);
-    this.joints = [...thick].map(([point, rod]) => ({ point, radius: rod.radius * (rod.radius === this.radius_m ? 1.3 : 1), solid: this.add(mesh(BALL, rod.solid.material, !this.ghostly)) }));
-    this.loops = this.ghostly ? [] : loops.map((loop) => ({ ends: loop.ends, ball: this.add(mesh(BALL, this.material("", "loop"))), rod: this.add(mesh(ROD, this.material("", "loop"))) }));
+    this.joints = [...thick].map(([point, rod]) => ({ point, radius: rod.radius * (rod.radius === this.radius_m ? 1.3 : 1), solid: this.add(mesh(this.stuff.ball, rod.solid.material, !this.ghostly)) }));
+    this.loops = this.ghostly ? [] : loops.map((loop) => ({ ends: loop.ends, ball: this.add(mesh(this.stuff.ball, this.material("", "loop"))), rod: this.add(mesh(this.stuff.rod, this.material("", "loop"))) }));
   }
 
   addSurroundings() {
@@ -93,8 +99,8 @@ export class Solids {
         point,
         before: k ? strand.points[k - 1] : null,
         radius: strand.radius_m,
-        ball: this.add(mesh(BALL, this.material("", strand.part === "body" ? "skin" : strand.part))),
-        rod: k ? this.add(mesh(ROD, this.material("", strand.part === "body" ? "skin" : strand.part))) : null,
+        ball: this.add(mesh(this.stuff.ball, this.material("", strand.part === "body" ? "skin" : strand.part))),
+        rod: k ? this.add(mesh(this.stuff.rod, this.material("", strand.part === "body" ? "skin" : strand.part))) : null,
       })),
     );
   }
@@ -115,7 +121,7 @@ export class Solids {
   addEllipsoids() {
     const spread = this.figure.scene.spread;
     const material = new MeshLambertMaterial({ color: this.ghostly ? this.colours.ghost : this.colours.spread, transparent: true, opacity: 0.4, depthWrite: false, depthTest: false });
-    this.ellipsoids = (spread?.points ?? []).map(() => this.add(mesh(BALL, material, false)));
+    this.ellipsoids = (spread?.points ?? []).map(() => this.add(mesh(this.stuff.ball, material, false)));
   }
 
   showAt(time_s) {

@@ -150,7 +150,7 @@ function shaded(colour, share) {
 }
 
 /** Takes a point of the carrier's axes to root axes. */
-function carried([x, y, z, qw, qx, qy, qz]) {
+export function carried([x, y, z, qw, qx, qy, qz]) {
   return ([a, b, c]) => {
     const t = [2 * (qy * c - qz * b), 2 * (qz * a - qx * c), 2 * (qx * b - qy * a)];
     return [

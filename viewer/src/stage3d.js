@@ -1,15 +1,16 @@
 // The picture in space, drawn by three.js.
 
-import { AmbientLight, BufferAttribute, BufferGeometry, CircleGeometry, Color, DirectionalLight, Fog, HemisphereLight, LineBasicMaterial, LineSegments, Mesh, MeshLambertMaterial, PCFShadowMap, PerspectiveCamera, Quaternion, Scene, Vector3, WebGLRenderer } from "three";
+import { AmbientLight, BufferAttribute, BufferGeometry, Color, DirectionalLight, Fog, HemisphereLight, LineBasicMaterial, LineSegments, Mesh, PCFShadowMap, PerspectiveCamera, Quaternion, Scene, Vector3, WebGLRenderer } from "three";
 
-import { Solids } from "./solids.js";
+import { FINE, Solids } from "./solids.js";
 
 const REACH = 14;
 const SHADOW_PX = 1024;
 
 export class SpaceStage {
   /** Throws where the browser has no WebGL. `isQuick` leaves out shadows, smooth edges and a copy for print. */
-  constructor(canvas, view, figure, ghost, isQuick = false) {
+  constructor(canvas, view, figure, ghost, isQuick = false, stuff = FINE) {
+    this.stuff = stuff;
     this.renderer = new WebGLRenderer({ canvas, antialias: !isQuick, preserveDrawingBuffer: !isQuick, powerPreference: "low-power" });
     this.renderer.shadowMap.enabled = !isQuick;
     this.renderer.shadowMap.type = PCFShadowMap;
@@ -28,9 +29,9 @@ export class SpaceStage {
     this.clear();
     this.world = new Scene();
     this.world.background = new Color(colours.sky);
-    this.solids = new Solids(this.figure, radius_m, colours);
+    this.solids = new Solids(this.figure, radius_m, colours, false, this.stuff);
     this.world.add(this.solids.group);
-    this.ghostSolids = this.ghost && new Solids(this.ghost, radius_m, colours, true);
+    this.ghostSolids = this.ghost && new Solids(this.ghost, radius_m, colours, true, this.stuff);
     if (this.ghostSolids) this.world.add(this.ghostSolids.group);
     this.addLights();
     this.addGround();
@@ -68,7 +69,7 @@ export class SpaceStage {
     const { camera, bounds, ground, colours, radius_m } = this.view;
     const reach = REACH * Math.max(...bounds.half);
     const water = ground.kind === "water";
-    const plane = new Mesh(new CircleGeometry(reach, 64), new MeshLambertMaterial({ color: water ? colours.water : colours.ground, transparent: water, opacity: water ? 0.82 : 1 }));
+    const plane = new Mesh(this.stuff.ground(reach), this.stuff.material({ color: water ? colours.water : colours.ground, transparent: water, opacity: water ? 0.82 : 1 }));
     plane.receiveShadow = true;
     const up = new Vector3().fromArray(camera.up);
     const level = new Vector3().fromArray(bounds.centre);

@@ -16,6 +16,7 @@ VERBS = {
     "demo": "Track a simulated sculler and a real pendulum.",
     "run": "From files of a recording to angles and a report, in one command.",
     "live": "Track sensors while they send: record, estimate, show on a page.",
+    "emulate": "Send what a device would send, to develop without one.",
     "simulate": "Simulate a rower: write a recording and its ground truth.",
     "track": "Turn a recording into joint angles with uncertainty.",
     "evaluate": "Score a track against ground truth or optical markers.",

@@ -7,20 +7,27 @@ import secrets
 import signal
 import subprocess
 import sys
+from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from oarlock.cli import live_doctor, live_init, live_scan, live_track
+from oarlock.cli.body import Pose
 from oarlock.cli.options import Json, example
 from oarlock.cli.terminal import print_json, say, steps, verb
 
 if TYPE_CHECKING:
     from oarlock import Calibration, Model
+    from oarlock.live.guide.lead import Lead
     from oarlock.live.live import Live
+    from oarlock.live.outputs.table import Outputs
     from oarlock.live.rig import Rig
     from oarlock.rowing import StrokeFollower
+
+_AWAITED_S = 5.0
 
 group = typer.Typer(
     no_args_is_help=True,
@@ -42,13 +49,36 @@ Seconds = Annotated[
 ]
 NoPage = Annotated[bool, typer.Option("--no-page", help="Record and track without a page.")]
 UdpTo = Annotated[
-    str | None,
-    typer.Option("--udp", metavar="HOST:PORT", help="Send each estimate there as a line of JSON, too."),
+    list[str] | None,
+    typer.Option(
+        "--udp", metavar="HOST:PORT", help="Send estimates, strokes and events there as JSON lines."
+    ),
+]
+OscTo = Annotated[
+    list[str] | None, typer.Option("--osc", metavar="HOST:PORT", help="The same as Open Sound Control.")
+]
+LslAs = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--lsl", metavar="NAME", help="The same as streams of the Lab Streaming Layer; oarlock[lsl]."
+    ),
+]
+
+
+NoGuide = Annotated[
+    bool,
+    typer.Option(
+        "--no-guide", help="No guided start on the page: track at once, with the mounts of the model."
+    ),
 ]
 
 
 def add_to(app: typer.Typer) -> None:
     """Registers the verbs."""
+    live_doctor.add_to(group)
+    live_init.add_to(group)
+    live_scan.add_to(group)
+    live_track.add_to(group)
     app.add_typer(group, name="live")
 
 
@@ -61,19 +91,32 @@ def run(
     share: Share = False,
     no_page: NoPage = False,
     udp: UdpTo = None,
+    osc: OscTo = None,
+    lsl: LslAs = None,
     seconds: Seconds = None,
+    no_guide: NoGuide = False,
+    plan: Annotated[
+        Path | None,
+        typer.Option("--plan", metavar="FILE", help="Plan of the guided start; default: the model's own."),
+    ] = None,
+    pose: Pose = "N",
 ) -> None:
     """Record, track and show what a rig's sensors send.
 
     Every packet is on the disk within a second, before anything is estimated. Ctrl-C ends the session and writes its
-    recording.
+    recording. Without a calibration the page leads through a guided session first, which can be skipped.
     """
     import oarlock
+    from oarlock.live.outputs.table import Outputs
     from oarlock.live.rig import Rig
 
-    found = Rig.load(rig)
+    found, wanted = Rig.load(rig), Outputs(tuple(udp or ()), tuple(osc or ()), tuple(lsl or ()))
     calibration = None if found.calibration is None else oarlock.load_calibration(found.calibration)
-    _run(found, oarlock.load_model(found.model), calibration, out, port, share, no_page, udp, seconds)
+    model = oarlock.load_model(found.model)
+    live = _session(found, model, calibration, out, wanted)
+    if not (no_guide or no_page):
+        live.lead = _lead(model, calibration, plan, pose)
+    _run(live, port, share, no_page, seconds)
 
 
 @group.command("demo", epilog=example("oarlock live demo"))
@@ -87,6 +130,12 @@ def demo(
     share: Share = False,
     no_page: NoPage = False,
     seconds: Seconds = None,
+    guided: Annotated[
+        bool,
+        typer.Option(
+            "--guided", help="Units on unknown mounts, and a sculler who does what the guided start asks."
+        ),
+    ] = False,
 ) -> None:
     """Show a sculler whose sensors are emulated on this machine: drifting clocks, losses, a magnet, a dropout."""
     import oarlock
@@ -97,12 +146,16 @@ def demo(
 
     model, sent_to = oarlock.load_model("sculler"), free_port()
     rig = lines_rig(model, "sculler", sent_to, RATE_HZ, STREAMS)
+    live = _session(rig, model, None, out or dated_folder(Path("out")))
+    if guided:
+        _run_guided(live, sent_to, port, share, seconds)
+        return
     words = [sys.executable, "-m", "oarlock.rowing.simulation.emulated", str(sent_to)]
     emulator = subprocess.Popen(words, stdout=subprocess.PIPE)
     assert emulator.stdout is not None
     try:
         emulator.stdout.readline()
-        _run(rig, model, None, out or dated_folder(Path("out")), port, share, no_page, None, seconds)
+        _run(live, port, share, no_page, seconds)
     finally:
         emulator.terminate()
         emulator.stdout.close()
@@ -132,37 +185,88 @@ def recover(folder: Session, json_output: Json = False) -> None:
     steps(f"oarlock live track {folder} --out {folder}/track")
 
 
-def _run(
-    rig: Rig,
-    model: Model,
-    calibration: Calibration | None,
-    out: Path,
-    port: int,
-    share: bool,
-    no_page: bool,
-    udp: str | None,
-    seconds: float | None,
-) -> None:
+def _lead(model: Model, calibration: Calibration | None, plan: Path | None, pose: str) -> Lead | None:
+    """The guided start of a model; None if it has no inertial units or no steps for them."""
+    import oarlock
+    from oarlock.live.guide.lead import Lead
+    from oarlock.live.guide.steps import Guide
+
+    followed = oarlock.default_plan(model, pose) if plan is None else oarlock.load_session_plan(plan, pose)
+    followed.check(model)
+    guide = Guide(followed, phase="offered" if calibration is None else "closed")
+    return Lead(guide) if guide.progress and model.describe().inertial_units else None
+
+
+def _run_guided(live: Live, sent_to: int, port: int, share: bool, seconds: float | None) -> None:
+    """The demo of the guided start: its emulated sculler looks at what the page shows."""
+    from oarlock.live.transports.transport import now_ns
+    from oarlock.rowing.simulation.guided import GuidedSculler, send_guided
+
+    live.lead = _lead(live.model, None, None, "N")
+    assert live.lead is not None
+    guide, sculler = live.lead.guide, GuidedSculler(live.model)
+
+    async def send() -> None:
+        await live.started.wait()
+        await send_guided(sculler, sent_to, lambda: (guide.told(), live.session.intake.seconds(now_ns())))
+
+    _run(live, port, share, False, seconds, send)
+
+
+def _session(
+    rig: Rig, model: Model, calibration: Calibration | None, out: Path, wanted: Outputs | None = None
+) -> Live:
     from oarlock.live.live import Live
-    from oarlock.live.outputs import UdpLines
+    from oarlock.live.outputs.choose import outputs_of
     from oarlock.live.picture import LivePicture
     from oarlock.rowing import live_look
 
     follower, drawn = _strokes(model, calibration), live_look(model)
     picture = LivePicture.of(model) if drawn is None else LivePicture.of(model, drawn.look, drawn.strands)
     live = Live(rig, model, out, calibration, picture=picture, follower=follower, on_event=say)
-    if udp is not None:
-        host, _, to_port = udp.rpartition(":")
-        live.outputs = [UdpLines(model, host or "127.0.0.1", int(to_port))]
+    live.outputs = outputs_of(model, rig.rate_hz, rig.outputs, *([wanted] if wanted else []))
+    return live
+
+
+def _run(
+    live: Live,
+    port: int,
+    share: bool,
+    no_page: bool,
+    seconds: float | None,
+    beside: Callable[[], Awaitable[None]] | None = None,
+) -> None:
+    """Runs a session, and something beside it."""
     if not no_page:
         from oarlock.live.page import page_server
 
-        more = None if follower is None else {"strokes": {"columns": follower.columns}}
+        columns = getattr(live.follower, "columns", None)
+        more = None if columns is None else {"strokes": {"columns": columns}}
         token = secrets.token_urlsafe(12) if share else ""
         page_server(live, "0.0.0.0" if share else "127.0.0.1", port, token, more=more)
-    asyncio.run(_until_stopped(live, seconds))
+    asyncio.run(_until_stopped(live, seconds, beside))
+    _write_end(live, live.folder)
+
+
+def _write_end(live: Live, out: Path) -> None:
+    """Says what was written, and what to do with it."""
+    from oarlock.live.folder import RECORDING, RIG
+
     say(f"{live.estimates:,} estimates")
     say(f"Wrote {out}")
+    recording, check = out / RECORDING, f"oarlock live doctor {out / RIG}"
+    if not recording.is_dir():
+        say("No sensor of the rig was heard, so there is no recording.")
+        steps(f"{check}    why nothing came")
+        return
+    best = f"oarlock track {recording} --model {live.rig.model} --smooth --out {out}/best"
+    if live.estimates:
+        steps(f"oarlock live track {out} --out {out}/track    what was shown, with a report", best)
+        return
+    silent = sorted({feed.stream for feed in live.rig.feeds} - set(live.session.intake.heard()))
+    why = f"nothing came of {', '.join(silent)}" if silent else "its sensors were never all heard together"
+    say(f"It was not tracked, because {why}.")
+    steps(f"{check}    why they are silent", best)
 
 
 def _strokes(model: Model, calibration: Calibration | None) -> StrokeFollower | None:
@@ -175,7 +279,9 @@ def _strokes(model: Model, calibration: Calibration | None) -> StrokeFollower | 
     return None
 
 
-async def _until_stopped(live: Live, seconds: float | None) -> None:
+async def _until_stopped(
+    live: Live, seconds: float | None, beside: Callable[[], Awaitable[None]] | None
+) -> None:
     """Runs a session until Ctrl-C, the end of the terminal or the time is up, so that its recording is written."""
     running = asyncio.ensure_future(live.run(seconds))
     loop = asyncio.get_running_loop()
@@ -183,9 +289,22 @@ async def _until_stopped(live: Live, seconds: float | None) -> None:
         with suppress(NotImplementedError):  # Windows has no handlers of an event loop
             loop.add_signal_handler(stopped, running.cancel)
     started = asyncio.ensure_future(live.started.wait())
+    other = None if beside is None else asyncio.ensure_future(beside())
     await asyncio.wait([running, started], return_when=asyncio.FIRST_COMPLETED)
     started.cancel()
     if live.server is not None and not running.done():
         say(live.server.url)
+    waiting = asyncio.ensure_future(_say_who_is_awaited(live))
     with suppress(asyncio.CancelledError):
         await running
+    waiting.cancel()
+    if other is not None:
+        other.cancel()
+
+
+async def _say_who_is_awaited(live: Live) -> None:
+    """Names the streams without which tracking does not begin, if they have not come by now."""
+    await asyncio.sleep(_AWAITED_S)
+    missing = sorted({feed.stream for feed in live.rig.feeds} - set(live.session.intake.heard()))
+    if missing and not live.estimates:
+        say(f"waits for {', '.join(missing)}; `oarlock live doctor` says why they do not come")

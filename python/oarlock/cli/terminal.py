@@ -122,6 +122,22 @@ def pairs(rows: Sequence[tuple[str, object]]) -> None:
     _print_trimmed(grid)
 
 
+_STATES: Final = {"ok": "green", "note": "yellow", "problem": "bold red"}
+
+
+def checklist(rows: Sequence[tuple[str, str, str, Sequence[str]]]) -> None:
+    """Prints findings: `ok`, `note` or `problem`, what was looked at, the finding, and below it what to try."""
+    grid = Table.grid(padding=(0, 2, 0, 0))
+    for _ in range(2):
+        grid.add_column(no_wrap=True)
+    grid.add_column(overflow="fold")
+    for state, about, text, tries in rows:
+        grid.add_row(Text(state, style=_STATES[state]), Text(about, style="dim"), Text(text))
+        for one in tries:
+            grid.add_row("", "", Text(f"-> {one}"))
+    _print_trimmed(Padding(grid, (0, 0, 0, 2)))
+
+
 def _print_trimmed(what: RenderableType) -> None:
     # Tables and wrapped lines end in spaces, which are removed.
     console = page()

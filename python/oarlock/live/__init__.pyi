@@ -1,5 +1,6 @@
 """The public names of `oarlock.live` and the modules that define them."""
 
-from .client import frames
+from .channel_tables import Channel, channels
+from .client import events, frames
 
-__all__ = ["frames"]
+__all__ = ["Channel", "channels", "events", "frames"]

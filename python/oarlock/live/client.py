@@ -1,14 +1,15 @@
-"""`frames`: the newest estimates of a running session, for programs of others; docs/live.md documents the messages."""
+"""`frames` and `events` of a running session, for programs of others; docs/live.md documents the messages."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Any
 from urllib.parse import urlsplit, urlunsplit
 
 from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidURI
-from websockets.sync.client import connect
+from websockets.sync.client import ClientConnection, connect
 
 from oarlock.storage.errors import DataError
 
@@ -22,33 +23,54 @@ def frames(url: str) -> Iterator[dict[str, Any]]:
     A program that is slower than the session misses frames and is never late.
 
     Args:
-        url: the page's address with its token, such as `http://127.0.0.1:8765/?token=...`.
+        url: the page's address with its token, such as `http://127.0.0.1:8123/?token=...`.
 
     Yields:
-        `time_s`, `arrival_s`, `joints` (name -> value and standard deviation, rad or m) and, with a figure, its points.
+        `time_s`, `arrival_s`, `joints` (name -> value and standard deviation, rad or m), `angles` (the same of ball
+        joints' angles) and, with a figure, its points.
 
     Raises:
         DataError: no session answers at this address, or it refuses.
     """
-    address = socket_address(url)
+    with _connected(url) as socket, suppress(ConnectionClosed):
+        for message in socket:
+            told = json.loads(message)
+            if told["type"] != "now":
+                continue
+            if "frame" in told:
+                yield told["frame"]
+            socket.send(_SHOWN)
+
+
+def events(url: str) -> Iterator[dict[str, Any]]:
+    """What happens in a running session until it ends: first the last 200 that have been, then each as it comes.
+
+    Args:
+        url: the page's address with its token, such as `http://127.0.0.1:8123/?token=...`.
+
+    Yields:
+        `type` and `time_s`; of the type "event" `text`; of a repetition that was completed `number` and `values`
+        (key -> `value` and `std`).
+
+    Raises:
+        DataError: no session answers at this address, or it refuses.
+    """
+    # A program that acknowledges no message gets one frame only.
+    with _connected(url) as socket, suppress(ConnectionClosed):
+        for message in socket:
+            told = json.loads(message)
+            if told["type"] not in ("hello", "now", "problem"):
+                yield told
+
+
+def _connected(url: str) -> ClientConnection:
     try:
-        socket = connect(address, compression=None)
+        return connect(socket_address(url), compression=None)
     except (OSError, InvalidHandshake, InvalidURI) as error:
         raise DataError(
             f"no session answers at {url} ({error}). "
             "Copy the whole address that `oarlock live` prints, with its token, while the session runs"
         ) from error
-    with socket:
-        try:
-            for message in socket:
-                told = json.loads(message)
-                if told["type"] != "now":
-                    continue
-                if "frame" in told:
-                    yield told["frame"]
-                socket.send(_SHOWN)
-        except ConnectionClosed:
-            return
 
 
 def socket_address(url: str) -> str:

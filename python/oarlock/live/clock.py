@@ -1,47 +1,81 @@
-"""A device's clock against this machine's, from arrivals: offset and drift, used at once, slewed, never stepped.
+"""A device's clock against this machine's, from arrivals: used after 0.4 s, slewed, never stepped while it runs on.
 
-A reading arrives after it was measured, never before: the delay, arrival minus the device's clock, is the offset plus
-a time on the way that has a minimum. So the least delay of each few seconds tells the offset, and a robust line through
-those tells the drift (lower envelope; Moon, Skelly and Towsley 1999). The mean of the delays would be late by the mean
-time on the way.
+A reading whose delay fits the line of the least delays (`Envelope`) has its time at once. One that is off by more than
+`RESTART_S` is held back until the next ones show why: the device's clock was set, or the reading is only late. Late
+readings keep the times at which they were measured, and none is lost.
 """
 
 from __future__ import annotations
 
-from collections import deque
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from typing import Generic, NamedTuple, TypeVar
 
-import numpy as np
+from oarlock.live.envelope import Envelope
 
-from oarlock.storage.array_gate import FloatArray
-
-SETTLE_S = 2.0
-"""The least delay of so much time is the first offset."""
-WINDOW_S, WINDOWS = 5.0, 240
-"""The least delay is taken of each such window; the line goes through those of the last 20 minutes."""
-SLEW = 1e-3
-"""The offset in use moves by this much a second at most: far above any drift, far below what a movement shows."""
+SETTLE_S, SETTLE_READINGS = 0.4, 8
+"""The least delay of so much time and so many readings is the first offset. A tracker can go back by 0.5 s."""
+LONGEST_SETTLE_S = 2.0
+"""The same for readings that are rare."""
+SLEW, LARGEST_SLEW, SLEW_S = 1e-3, 2e-2, 3.0
+"""The offset in use moves by `SLEW` a second, or by its drift and what is left in `SLEW_S` if that is more, up to
+`LARGEST_SLEW`: above any drift, and below what a movement shows."""
 RESTART_S = 0.25
-"""A clock that is off by more was set or started again."""
-DRIFT_STD = 50e-6
-"""Before a line is known: the drift of quartz clocks, and of the crystals of small units when warm."""
-LEAST_DELAY_STD_S = 5e-4
-_ROUNDS = 8
+"""Readings that are off by more are late, or the clock was set."""
+STAY_S, SAME_S = 1.0, 0.05
+"""Readings whose least delay stays the same for so long, to so much, are not late: the device's clock paused."""
+BACK_S = 1.0
+"""Readings may overtake each other by less; stamps that jump back by more are those of a clock that was set."""
+SURE = 3
+"""So many readings in a row that agree show that a clock was set; a single one may be damaged."""
+
+T = TypeVar("T")
+
+
+class Heard(NamedTuple, Generic[T]):
+    """A reading as it was received.
+
+    Args:
+        clock_s: the device's stamp.
+        arrival_s: by this machine's clock.
+        what: was measured.
+    """
+
+    clock_s: float
+    arrival_s: float
+    what: T
+
+    @property
+    def delay_s(self) -> float:
+        """Arrival minus stamp."""
+        return self.arrival_s - self.clock_s
+
+
+def _no() -> bool:
+    return False
 
 
 @dataclass
-class DeviceClock:
-    """Turns a device's stamps into seconds of this machine; the same readings give the same bits."""
+class DeviceClock(Generic[T]):
+    """Turns a device's stamps into seconds of this machine; the same readings give the same bits.
 
+    Args:
+        are_others_late: whether the readings of all other senders are late at this time, too. If so this machine was
+            held up, and no clock paused.
+        envelope: of the delays.
+    """
+
+    are_others_late: Callable[[], bool] = _no
+    envelope: Envelope = field(default_factory=Envelope)
     restarts: int = 0
     """How often the device's clock was set or started again."""
-    _settling: tuple[float, float] | None = None
+    is_late: bool = False
+    """Whether the last reading came much later than usual."""
     _offset_s: float | None = None
     _used_at_s: float = 0.0
-    _last_clock_s: float = -np.inf
-    _window: tuple[float, float, float] | None = None
-    _least: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=WINDOWS))
-    _line: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    _began_clock_s: float = 0.0
+    _last: Heard[T] | None = None
+    _held: list[Heard[T]] = field(default_factory=list)
 
     @property
     def offset_s(self) -> float | None:
@@ -51,97 +85,132 @@ class DeviceClock:
     @property
     def drift(self) -> float:
         """By how much the device's clock is slow, as a ratio: 50e-6 is 50 ppm."""
-        return self._line[2]
+        return self.envelope.drift
 
-    def time_s(self, clock_s: float, arrival_s: float) -> float | None:
-        """The time of a reading by this machine's clock, s; None in the first two seconds and after a restart.
+    def take(self, clock_s: float, arrival_s: float, what: T) -> list[tuple[T, float]]:
+        """Takes a reading, and gives all whose times are known now, in the order in which they came.
 
         Args:
             clock_s: the device's stamp, s, unwrapped.
             arrival_s: when the reading was received, s, by this machine's monotonic clock.
+            what: was measured.
+
+        Returns:
+            What was measured, and when by this machine's clock, s.
         """
-        delay_s = arrival_s - clock_s
-        if self._is_restarted(clock_s, delay_s):
-            self._restart()
-        self._last_clock_s = max(clock_s, self._last_clock_s)
-        if self._offset_s is None and not self._settled(arrival_s, delay_s):
-            return None
-        self._see(arrival_s, delay_s)
+        one = Heard(clock_s, arrival_s, what)
+        if self._offset_s is None:
+            return self._settle(one)
+        off_s = one.delay_s - self.envelope.offset_s(arrival_s)
+        self.is_late = off_s > RESTART_S
+        if abs(off_s) > RESTART_S:
+            return self._doubt(one)
+        self._last = one
+        self.envelope.see(arrival_s, one.delay_s)
         self._slew(arrival_s)
-        return None if self._offset_s is None else clock_s + self._offset_s
+        return [*self._release(), *self._timed([one])]
 
-    def _is_restarted(self, clock_s: float, delay_s: float) -> bool:
-        known_s = self._offset_s if self._offset_s is not None else self._settling and self._settling[1]
-        if known_s is None:
+    def flush(self) -> list[tuple[T, float]]:
+        """Gives the readings that are held back; they are taken for late ones."""
+        if self._offset_s is not None:
+            return self._release()
+        held, self._held = self._held, []
+        return _by_least(held)
+
+    def _settle(self, one: Heard[T]) -> list[tuple[T, float]]:
+        """Holds readings back until the first offset is known."""
+        found: list[tuple[T, float]] = []
+        if self._held and _is_set(self._held[-1], one):
+            found = _by_least(self._held)
+            self.restarts += 1
+            self._held = []
+        self._held.append(one)
+        lasts_s = one.arrival_s - self._held[0].arrival_s
+        if lasts_s < LONGEST_SETTLE_S and (lasts_s < SETTLE_S or len(self._held) < SETTLE_READINGS):
+            return found
+        self.envelope.begin((h.arrival_s, h.delay_s) for h in self._held)
+        self._offset_s, self._used_at_s = self.envelope.offset_s(one.arrival_s), one.arrival_s
+        self._began_clock_s = min(h.clock_s for h in self._held)
+        self._last = one
+        self.is_late = False
+        return [*found, *self._release()]
+
+    def _release(self) -> list[tuple[T, float]]:
+        """What was held back and is only late. A stamp that is too early for its arrival is damaged."""
+        held, self._held = self._held, []
+        return self._timed(h for h in held if self._can_be_late(h))
+
+    def _can_be_late(self, one: Heard[T]) -> bool:
+        early_s = self.envelope.offset_s(one.arrival_s) - one.delay_s
+        return early_s <= RESTART_S and one.clock_s >= self._began_clock_s
+
+    def _timed(self, heard: Iterable[Heard[T]]) -> list[tuple[T, float]]:
+        assert self._offset_s is not None
+        return [(h.what, h.clock_s + self._offset_s) for h in heard]
+
+    def _doubt(self, one: Heard[T]) -> list[tuple[T, float]]:
+        """Holds a reading back that does not fit; or says what it and those before it show."""
+        assert self._last is not None
+        self._held.append(one)
+        newest = self._held[-SURE:]
+        if self._are_set(newest):
+            return self._restart(self._held[:-SURE], newest)
+        if not self.is_late or self._is_back(one):
+            return []
+        if self.are_others_late():
+            return self._release()
+        if one.arrival_s - self._held[0].arrival_s < STAY_S or len(self._held) < SURE:
+            return []
+        return self._restart([], self._held) if _stays(self._held) else self._release()
+
+    def _is_back(self, one: Heard[T]) -> bool:
+        return self._last is not None and one.clock_s < self._last.clock_s - BACK_S
+
+    def _are_set(self, newest: list[Heard[T]]) -> bool:
+        """Whether these show by themselves that the clock was set: back, or ahead of what a reading can be."""
+        delays = [h.delay_s for h in newest]
+        if len(newest) < SURE or max(delays) - min(delays) > RESTART_S:
             return False
-        return clock_s < self._last_clock_s - 1.0 or delay_s < known_s - RESTART_S
+        ahead = all(h.delay_s < self.envelope.offset_s(h.arrival_s) - RESTART_S for h in newest)
+        return ahead or all(self._is_back(h) for h in newest)
 
-    def _restart(self) -> None:
-        self.restarts += 1
-        self._settling = self._offset_s = self._window = None
-        self._last_clock_s = -np.inf
-        self._least.clear()
-
-    def _settled(self, arrival_s: float, delay_s: float) -> bool:
-        """Takes part in the first offset, and says whether it is known."""
-        if self._settling is None:
-            self._settling = (arrival_s, delay_s)
-        began_s, least_s = self._settling
-        self._settling = (began_s, min(least_s, delay_s))
-        if arrival_s < began_s + SETTLE_S:
-            return False
-        self._offset_s, self._used_at_s = self._settling[1], arrival_s
-        # The drift of an earlier segment is that of the same crystal.
-        self._line = (arrival_s, self._offset_s, self._line[2])
-        self._settling = None
-        return True
-
-    def _see(self, arrival_s: float, delay_s: float) -> None:
-        """Takes the delay into its window; a window that has ended gives a point of the line."""
-        if self._window is None:
-            self._window = (arrival_s, arrival_s, delay_s)
-            return
-        began_s, at_s, least_s = self._window
-        if arrival_s < began_s + WINDOW_S:
-            if delay_s < least_s:
-                self._window = (began_s, arrival_s, delay_s)
-            return
-        self._window = (arrival_s, arrival_s, delay_s)
-        at, offset, drift = self._line
-        if least_s > offset + drift * (at_s - at) + RESTART_S and len(self._least) > 0:
-            # Even the fastest reading of this window is late: the device paused its clock.
-            self._restart()
-            return
-        self._least.append((at_s, least_s))
-        self._line = envelope(np.array(self._least))
+    def _restart(self, old: list[Heard[T]], new: list[Heard[T]]) -> list[tuple[T, float]]:
+        """Begins a segment with the new ones; those that were held back before them are late."""
+        assert self._last is not None
+        # Readings that were late from the start make later ones look early; but their stamps run on.
+        if self.is_late or _is_set(self._last, new[0]):
+            self.restarts += 1
+        self._held = old
+        found = self._release()
+        self._offset_s = None
+        for one in new:
+            found += self._settle(one)
+        return found
 
     def _slew(self, arrival_s: float) -> None:
-        if self._offset_s is None:
-            return
-        at, offset, drift = self._line
-        target_s = offset + drift * (arrival_s - at)
-        room_s = SLEW * max(arrival_s - self._used_at_s, 0.0)
-        self._offset_s += float(np.clip(target_s - self._offset_s, -room_s, room_s))
+        assert self._offset_s is not None
+        left_s = self.envelope.offset_s(arrival_s) - self._offset_s
+        slew = min(max(abs(left_s) / SLEW_S + abs(self.drift), SLEW), LARGEST_SLEW)
+        room_s = slew * max(arrival_s - self._used_at_s, 0.0)
+        self._offset_s += min(max(left_s, -room_s), room_s)
         self._used_at_s = max(arrival_s, self._used_at_s)
 
 
-def envelope(least: FloatArray) -> tuple[float, float, float]:
-    """The line through the least delays of windows: a time, the offset there (s), and the drift.
+def _by_least(held: Sequence[Heard[T]]) -> list[tuple[T, float]]:
+    """Times of readings that nothing but themselves can time."""
+    least_s = min((h.delay_s for h in held), default=0.0)
+    return [(h.what, h.clock_s + least_s) for h in held]
 
-    Args:
-        least: (N, 2) arrival s, least delay s.
 
-    Points above the line weigh less: a window may have had no fast reading. Drift has a prior of `DRIFT_STD`.
-    """
-    middle = float(least[:, 0].mean())
-    late, delay = least[:, 0] - middle, least[:, 1]
-    weight = np.full(len(least), LEAST_DELAY_STD_S**-2)
-    offset = drift = 0.0
-    for _ in range(_ROUNDS):
-        total, first = weight.sum(), weight @ late
-        normal = np.array([[total, first], [first, weight @ late**2 + DRIFT_STD**-2]])
-        offset, drift = (float(x) for x in np.linalg.solve(normal, [weight @ delay, weight @ (late * delay)]))
-        off = delay - offset - drift * late
-        std = max(float(np.median(np.abs(off))) * 1.4826, LEAST_DELAY_STD_S)
-        weight = 1.0 / (1.0 + (np.maximum(off, 0.0) / std) ** 2) / std**2
-    return middle, offset, drift
+def _is_set(last: Heard[T], one: Heard[T]) -> bool:
+    """Whether the stamps jump from one reading to the next."""
+    step_s = one.clock_s - last.clock_s
+    return step_s < -BACK_S or step_s - max(one.arrival_s - last.arrival_s, 0.0) > RESTART_S
+
+
+def _stays(late: Sequence[Heard[T]]) -> bool:
+    """Whether the least delay is the same in both halves. Where queues fill and empty it is not."""
+    middle_s = 0.5 * (late[0].arrival_s + late[-1].arrival_s)
+    first = min(h.delay_s for h in late if h.arrival_s <= middle_s)
+    second = min(h.delay_s for h in late if h.arrival_s > middle_s)
+    return abs(second - first) < SAME_S

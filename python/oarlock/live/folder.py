@@ -2,31 +2,43 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
+import shutil
 import time
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from oarlock.calibration.session.plan import load_session_plan
+from oarlock.live.channel_tables import FOLDER as CHANNELS
+from oarlock.live.channel_tables import Channels
+from oarlock.live.event_log import FILE as EVENTS
+from oarlock.live.guide.steps import timed
 from oarlock.live.reading import Packet
 from oarlock.live.recorder import Damage, read_packets
 from oarlock.live.rig import Rig, rig_document
-from oarlock.live.session import LiveSession, recorded
-from oarlock.recording.calibration import load_calibration
+from oarlock.live.session import COMMANDS, LiveSession, recorded
+from oarlock.recording.calibration import load_calibration, parsed_calibration
 from oarlock.storage.errors import DataError
+from oarlock.storage.folder_writer import replaced_folder
 from oarlock.storage.toml import TomlTable, write_toml
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator, Mapping
 
     from oarlock._core import Model
+    from oarlock.calibration.session.plan import SessionPlan
     from oarlock.recording.calibration import Calibration
     from oarlock.recording.recording import Recording
 
 FORMAT = 1
-SESSION, RIG, CALIBRATION, PACKETS, RECORDING = (
+SESSION, RIG, CALIBRATION, PLAN, PACKETS, RECORDING = (
     "live.toml",
     "rig.toml",
     "calibration.toml",
+    "plan.toml",
     "packets",
     "recording",
 )
@@ -52,8 +64,15 @@ class LiveFolder:
     start_epoch_s: float
 
     @classmethod
-    def create(cls, path: Path, rig: Rig, calibration: Calibration | None, start_ns: int) -> LiveFolder:
-        """Write what a session is run with, before its first packet.
+    def create(
+        cls,
+        path: Path,
+        rig: Rig,
+        calibration: Calibration | None,
+        start_ns: int,
+        plan: SessionPlan | None = None,
+    ) -> LiveFolder:
+        """Write what a session is run with, before its first packet; the plan is that of its guided start.
 
         Raises:
             DataError: the folder has a session, or cannot be written.
@@ -66,12 +85,22 @@ class LiveFolder:
             raise DataError(f"{path}: cannot be made ({error.strerror})") from error
         if calibration is not None:
             calibration.save(path / CALIBRATION)
+        if plan is not None:
+            plan.save(path / PLAN)
         own = replace(rig, calibration=Path(CALIBRATION) if calibration is not None else None)
         write_toml(path / RIG, rig_document(own))
         made = cls(path, start_ns, time.time() - (time.monotonic_ns() - start_ns) / 1e9)
         keys = {"format": FORMAT, "start_ns": start_ns, "start_epoch_s": made.start_epoch_s}
         write_toml(path / SESSION, keys)
         return made
+
+    def discard(self) -> None:
+        """Removes what `create` and the recorder wrote: the session could not begin."""
+        shutil.rmtree(self.packets, ignore_errors=True)
+        for name in (SESSION, RIG, CALIBRATION, EVENTS):
+            (self.path / name).unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # it has files of others
+            self.path.rmdir()
 
     @classmethod
     def load(cls, path: Path) -> LiveFolder:
@@ -106,15 +135,58 @@ class LiveFolder:
         return LiveSession(self.rig(model), model, self.start_ns, calibration)
 
     def finish(self, model: Model) -> tuple[Recording | None, list[Damage]]:
-        """Write the recording of the packets; None if they have no reading of a sensor.
+        """Write the recording of the packets, None if they have no reading of a sensor, and what else they have.
+
+        With a guided start it has the plan with the times of its steps, and the calibration that was found, too.
 
         Raises:
-            DataError: the recording cannot be written.
+            DataError: the recording or the channels cannot be written.
         """
         damage: list[Damage] = []
-        try:
-            made = recorded(self.read(damage), self.rig(model), self.start_ns)
-        except DataError:
-            return None, damage
-        made.save(self.path / RECORDING)
+        guided, others = Guided(), Channels()
+        made: Recording | None = None
+        with suppress(DataError):
+            packets = guided.passing(self.read(damage))
+            made = recorded(packets, self.rig(model), self.start_ns, others.take)
+        if others:
+            others.save(self.path / CHANNELS)
+        if made is not None:
+            self._save(made, guided)
         return made, damage
+
+    def _save(self, made: Recording, guided: Guided) -> None:
+        with replaced_folder(self.path / RECORDING, "recording") as place:
+            made.save(place)
+            if guided.spans_s and (self.path / PLAN).exists():
+                timed(load_session_plan(self.path / PLAN), guided.spans_s).save(place / PLAN)
+            if guided.calibration:
+                parsed_calibration(guided.calibration).save(place / CALIBRATION)
+
+
+@dataclass
+class Guided:
+    """What commands of a guided start say: when its steps were done, and the calibration.
+
+    Args:
+        spans_s: step -> from and to, s.
+        calibration: text of its file; empty if there is none.
+    """
+
+    spans_s: dict[str, tuple[float, float]] = field(default_factory=dict)
+    calibration: str = ""
+
+    def passing(self, packets: Iterable[Packet]) -> Iterator[Packet]:
+        """The same packets; their commands are noted on the way."""
+        for packet in packets:
+            if packet.source == COMMANDS:
+                with suppress(ValueError, KeyError, TypeError):
+                    self._note(json.loads(packet.data))
+            yield packet
+
+    def _note(self, order: Mapping[str, Any]) -> None:
+        if order["do"] == "calibrate":
+            self.calibration = order["toml"]
+        elif order["do"] == "step" and order["end_s"] is None:
+            self.spans_s.pop(order["name"], None)
+        elif order["do"] == "step":
+            self.spans_s[order["name"]] = (float(order["begin_s"]), float(order["end_s"]))

@@ -8,11 +8,22 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from oarlock.live.intake import Device, Intake
+from oarlock.live.reading import Value
 from oarlock.live.recorder import Recorder
 from oarlock.live.session import LiveSession
+from oarlock.live.transports.transport import Transport
+from oarlock.live.transports.udp import Udp
+
+Key = tuple[str, str, str]
 
 SILENT_S = 0.7
-"""A stream of which nothing came for so long is silent; with a look every half second it is named within 1.2 s."""
+"""A stream of which nothing came for so long is silent; with four looks a second it is named within 0.95 s."""
+
+LONGEST_TEXT = 40
+
+
+TOLD_AGAIN_S = 10.0
+"""Damage goes on for long where it occurs: it is told this often at most."""
 
 
 @dataclass
@@ -20,24 +31,86 @@ class Watch:
     """Notices what changes from one look to the next."""
 
     intake: Intake
+    transports: Mapping[str, Transport] = field(default_factory=dict)
     _heard: set[str] = field(default_factory=set)
     _silent: set[str] = field(default_factory=set)
-    _restarts: dict[str, int] = field(default_factory=dict)
+    _stuck: set[str] = field(default_factory=set)
+    _learnt: set[str] = field(default_factory=set)
+    _restarts: dict[Key, int] = field(default_factory=dict)
+    _feeding: dict[str, Device] = field(default_factory=dict)
+    _told: dict[str, tuple[float, int]] = field(default_factory=dict)
+    _dropped: dict[str, int] = field(default_factory=dict)
 
     def events(self, now_s: float) -> Iterator[str]:
         """Sentences about what has changed since the last look."""
+        feeding = self.intake.feeding()
         # Before its first reading a stream is awaited, not silent.
         silent = set(self.intake.silent(now_s, SILENT_S)) & self._heard
         for stream in sorted(silent - self._silent):
-            yield f"{stream} is silent"
+            device = feeding.get(stream)
+            is_heard = device is not None and now_s - device.last_arrival_s < SILENT_S
+            yield f"{stream} sends no readings that can be used" if is_heard else f"{stream} is silent"
         for stream in sorted(self._silent - silent):
             yield f"{stream} is back"
+        stuck = set(self.intake.stuck()) - silent
+        for stream in sorted(stuck - self._stuck):
+            yield f"{stream} is stuck: it repeats one reading. Switch the unit off and on"
+        for stream in sorted(self._stuck - stuck - silent):
+            yield f"{stream} measures again"
+        self._stuck = stuck
+        for stream, unit in self.intake.mag_units.items():
+            if unit.is_learnt and unit.unit_ut is not None and stream not in self._learnt:
+                self._learnt.add(stream)
+                yield (
+                    f"the magnetometer of {stream} has arbitrary units: one is taken for {unit.unit_ut:.4g} uT; "
+                    f"write mag_unit_ut = {unit.unit_ut:.4g} into the rig file to keep it"
+                )
         self._silent = silent
         self._heard |= set(self.intake.heard())
-        for device in list(self.intake.devices.values()):
-            if device.clock.restarts > self._restarts.get(device.name, 0):
-                yield f"the clock of {device.name} was set, or its readings were held up; they are used again in 2 s"
-            self._restarts[device.name] = device.clock.restarts
+        yield from self._moved(now_s)
+        restarts = {}
+        for key, device in self.intake.devices.items():
+            restarts[key] = device.clock.restarts
+            if device.clock.restarts > self._restarts.get(key, 0):
+                yield f"the clock of {device.name} was set or started again; its readings are timed anew"
+        self._restarts = restarts
+        yield from self._left_out(now_s)
+        yield from self._overrun()
+
+    def _moved(self, now_s: float) -> Iterator[str]:
+        """Streams that another device feeds, since the last one fell silent."""
+        for device in self.intake.devices.values():
+            for stream in device.streams:
+                last = self._feeding.setdefault(stream, device)
+                if (
+                    last is not device
+                    and now_s - last.last_arrival_s > SILENT_S > now_s - device.last_arrival_s
+                ):
+                    self._feeding[stream] = device
+                    yield f"{stream} comes from {device.name} now, before from {last.name}"
+
+    def _left_out(self, now_s: float) -> Iterator[str]:
+        for source in self.intake.rig.sources:
+            if count := self._news(source, self.intake.damaged(source), now_s):
+                yield f"{count} messages of {source} could not be decoded"
+        for stream, device in self._feeding.items():
+            if count := self._news(f"{stream} {device.name}", device.implausible, now_s):
+                yield f"{count} readings of {stream} are beyond what a sensor can measure: check its unit and scale"
+
+    def _news(self, what: str, count: int, now_s: float) -> int:
+        """By how much a count has grown since it was told; 0 if it is not to be told yet."""
+        told_s, told = self._told.get(what, (-math.inf, 0))
+        if count <= told or now_s - told_s <= TOLD_AGAIN_S:
+            return 0
+        self._told[what] = (now_s, count)
+        return count - told
+
+    def _overrun(self) -> Iterator[str]:
+        for name, transport in self.transports.items():
+            count, told = dropped(transport) or 0, self._dropped.get(name, 0)
+            if count > told:
+                self._dropped[name] = count
+                yield f"{count - told} datagrams of {name} were lost because this machine is busy: close other programs"
 
     def is_ready(self, now_s: float) -> bool:
         """Whether every stream is heard and every clock in use has settled."""
@@ -45,8 +118,46 @@ class Watch:
         return not self.intake.silent(now_s, SILENT_S) and all(device.is_settled for device in feeding)
 
 
+@dataclass
+class Problems:
+    """Says once that something does not work, and once that it works again."""
+
+    _wrong: set[str] = field(default_factory=set)
+
+    def events(self, now: Mapping[str, str]) -> Iterator[str]:
+        """Sentences about what has changed since the last look.
+
+        Args:
+            now: what -> what is wrong with it, or an empty text; what is not named is as it was.
+        """
+        for name, problem in now.items():
+            if problem and name not in self._wrong:
+                self._wrong.add(name)
+                yield f"{name}: {problem}"
+            elif not problem and name in self._wrong:
+                self._wrong.remove(name)
+                yield f"{name}: works again"
+
+
+def lost(state: str) -> str | None:
+    """The state of a transport if it, or one of its links, is lost; empty if it reads, None while it tries again."""
+    parts = state.split("; ")
+    if any(part.startswith("lost ") for part in parts):
+        return state
+    return None if any(part.startswith(("connects ", "waits ")) for part in parts) else ""
+
+
+def dropped(transport: Transport) -> int | None:
+    """Packets that this machine received and lost before the session got them; None if it does not say."""
+    return transport.dropped if isinstance(transport, Udp) else None
+
+
 def health(
-    session: LiveSession, states: Mapping[str, str], recorder: Recorder, free_bytes: int, now_s: float
+    session: LiveSession,
+    transports: Mapping[str, Transport],
+    recorder: Recorder,
+    free_bytes: int | None,
+    now_s: float,
 ) -> dict[str, Any]:
     """What the page shows of sources, devices and the recorder."""
     intake = session.intake
@@ -56,16 +167,18 @@ def health(
         "time_s": round(now_s, 2),
         "is_tracking": session.tracker is not None,
         "sources": [
-            {"name": name, "state": state, "damaged": intake.damaged(name)} for name, state in states.items()
+            {"name": name, "state": one.state, "damaged": intake.damaged(name), "dropped": dropped(one)}
+            for name, one in transports.items()
         ],
         "devices": [_device(device, now_s) for device in intake.devices.values()],
         "silent": intake.silent(now_s, SILENT_S),
+        "stuck": intake.stuck(),
         "arrivals": arrivals,
         "recorder": {
             "packets": recorder.packets,
             "lost": recorder.lost,
             "problem": recorder.problem,
-            "free_gb": round(free_bytes / 1e9, 1),
+            "free_gb": None if free_bytes is None else round(free_bytes / 1e9, 1),
         },
     }
 
@@ -81,6 +194,20 @@ def _device(device: Device, now_s: float) -> dict[str, Any]:
         "delay_ms": round(1e3 * device.delay_s, 1),
         "drift_ppm": round(1e6 * device.clock.drift, 1),
         "restarts": device.clock.restarts,
+        "implausible": device.implausible,
+        "tie_ms": None if math.isnan(device.tie.std_s) else round(1e3 * device.tie.late_s, 1),
+        "tie_std_ms": None if math.isnan(device.tie.std_s) else round(1e3 * device.tie.std_s, 1),
         "battery_percent": device.battery_percent,
         "silent_s": round(now_s - device.last_arrival_s, 1) if math.isfinite(device.last_arrival_s) else None,
+        "channel": device.channel,
+        "values": dict(_shown(device.newest)),
     }
+
+
+def _shown(newest: Mapping[str, Value]) -> Iterator[tuple[str, float | str]]:
+    """Numbers and short texts; the battery has its own place."""
+    for name, value in newest.items():
+        if isinstance(value, str):
+            yield name, value[:LONGEST_TEXT]
+        elif not isinstance(value, tuple) and name != "battery_percent" and math.isfinite(value):
+            yield name, float(f"{value:.9g}")

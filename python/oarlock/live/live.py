@@ -4,25 +4,34 @@ from __future__ import annotations
 
 import asyncio
 import shutil
+import signal
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Coroutine, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
+from itertools import count
 from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
+from oarlock.live.event_log import EventLog
 from oarlock.live.folder import LiveFolder
-from oarlock.live.health import Watch, health
-from oarlock.live.outputs import Output, frame_of
+from oarlock.live.frame import frame_of
+from oarlock.live.guide.lead import Lead
+from oarlock.live.health import Problems, Watch, health, lost
+from oarlock.live.named_angles import NamedAngles
+from oarlock.live.outputs.output import Output, Start
 from oarlock.live.reading import Packet
 from oarlock.live.recorder import Recorder
-from oarlock.live.rig import Rig
+from oarlock.live.rig import Rig, Source
 from oarlock.live.server import PageServer
 from oarlock.live.session import Estimate, LiveSession, command
+from oarlock.live.ties import Look, Ties, looked
+from oarlock.live.time_source import MACHINE_TIME, TimeSource
 from oarlock.live.transports import opened
-from oarlock.live.transports.transport import Transport, now_ns
+from oarlock.live.transports.transport import Transport
+from oarlock.storage.errors import DataError
 
 if TYPE_CHECKING:
     from oarlock._core import Belief, Model
@@ -30,8 +39,11 @@ if TYPE_CHECKING:
     from oarlock.recording.calibration import Calibration
 
 FRAMES_HZ = 60.0
-HEALTH_S = 0.5
-DOINGS = ("track", "stop", "note", "assign")
+LOOK_S = 0.25
+"""A sensor that fails is named within a second."""
+LOOKS = 2
+"""So many looks from one message of health to the next."""
+DOINGS = ("track", "stop", "note", "assign", "guide")
 """What a viewer may ask for."""
 
 
@@ -57,9 +69,14 @@ class Live:
         calibration: mounts, biases and lengths; None for the model's.
         server: page and WebSocket; None without.
         picture: the figure of the page; None without.
-        outputs: what else gets each estimate.
+        outputs: other programs that get each estimate, event and repetition.
         follower: makes messages of what it recognises in the estimates, such as repetitions; None without.
-        is_tracked_at_once: track without a command, as soon as all streams have been heard and their clocks settled.
+        lead: leads through a calibration session before tracking; None without. It needs the server.
+        is_tracked_at_once: track without a command, as soon as all streams have been heard and their clocks settled
+            and no guided start is open.
+        on_event: gets each event as a sentence; the folder's log has them, too.
+        time: true time, unless the session is simulated.
+        transport_of: opens a source.
     """
 
     rig: Rig
@@ -70,8 +87,11 @@ class Live:
     picture: LivePicture | None = None
     outputs: Sequence[Output] = ()
     follower: Follower | None = None
+    lead: Lead | None = None
     is_tracked_at_once: bool = True
     on_event: Callable[[str], None] = lambda text: None
+    time: TimeSource = MACHINE_TIME
+    transport_of: Callable[[Source], Transport] = opened
     session: LiveSession = field(init=False)
     transports: dict[str, Transport] = field(init=False)
     estimates: int = field(init=False, default=0)
@@ -84,25 +104,82 @@ class Live:
         Raises:
             DataError: a source or the page cannot be opened, or the folder cannot be written.
         """
-        start_ns = now_ns()
+        start_ns = self.time.now_ns()
         self.session = LiveSession(self.rig, self.model, start_ns, self.calibration)
-        self.transports = {name: opened(source) for name, source in self.rig.sources.items()}
-        self._watch = Watch(self.session.intake)
+        self.transports = {name: self.transport_of(source) for name, source in self.rig.sources.items()}
+        self._watch, self._problems = Watch(self.session.intake, self.transports), Problems()
+        self._named = NamedAngles(self.model)
+        self._ties = Ties(self.session.intake) if self.rig.ties_clocks else None
+        self._ties_pool: ProcessPoolExecutor | None = None
         self._newest: Estimate | None = None
         self._working: set[asyncio.Task[None]] = set()
         self._followed = 0
         self._published_s = 0.0
-        place = LiveFolder.create(self.folder, self.rig, self.calibration, start_ns)
-        self._recorder = Recorder(place.packets)
-        self._pool = None if self.follower is None else ProcessPoolExecutor(1, get_context("spawn"))
+        if self.server is None:
+            self.lead = None
+        else:
+            await self.server.start()
+        plan = None if self.lead is None else self.lead.guide.plan
+        try:
+            place = LiveFolder.create(self.folder, self.rig, self.calibration, start_ns, plan)
+            await self._recorded(place, seconds)
+        finally:
+            if self.server is not None:
+                await self.server.stop()
+
+    async def _recorded(self, place: LiveFolder, seconds: float | None) -> None:
+        """Runs with a recorder; a session that could not begin leaves no folder."""
+        self._recorder, self._log = Recorder(place.packets), EventLog(place.path)
+        for output in self.outputs:
+            output.start(Start(place.start_ns, place.start_epoch_s))
+        self._pool = None if self.follower is None and self.lead is None else _pool()
+        if self._pool is not None and self.follower is not None:
+            # The process starts and imports now, so that the first repetition is not late.
+            self._pool.submit(_imported, self.follower.work)
+        if self.lead is not None and self.server is not None and self._pool is not None:
+            self.lead.join(
+                self.session, self.picture, self.deliver, self._tell, self.server.publish, self._pool
+            )
+        has_begun = True
         try:
             await self._until_ended(seconds)
+        except DataError:
+            has_begun = bool(self.session.intake.devices)
+            raise
         finally:
-            if self._pool is not None:
-                self._pool.shutdown(wait=False, cancel_futures=True)
-            self.deliver(command(now_ns(), "stop"))
+            for pool in (self._pool, self._ties_pool):
+                if pool is not None:
+                    pool.shutdown(wait=False, cancel_futures=True)
+            self._pool = self._ties_pool = None
+            self.deliver(command(self.time.now_ns(), "stop"))
             self._recorder.close()
+            self._log.close()
+            for output in self.outputs:
+                output.close()
+            if has_begun:
+                self._finish(place)
+            else:
+                place.discard()
+
+    def _finish(self, place: LiveFolder) -> None:
+        missing = ""
+        if self._recorder.problem:
+            missing = f"the last {self._recorder.lost:,} packets found no room: {self._recorder.problem}. "
+        try:
             place.finish(self.model)
+        except (DataError, OSError) as error:
+            raise DataError(
+                f"{missing}The recording could not be written: {error}. "
+                f"What was received before is whole in {place.packets}: make room, then run "
+                f"oarlock live recover {place.path}"
+            ) from error
+        if missing:
+            raise DataError(f"{missing}What was received before is whole in {place.path}")
+
+    @property
+    def seconds(self) -> float:
+        """Now, s from the session's start."""
+        return self.session.intake.seconds(self.time.now_ns())
 
     def deliver(self, packet: Packet) -> None:
         """Takes a packet: to the disk, to the tracker, and its estimates to all who listen."""
@@ -119,19 +196,27 @@ class Live:
         """Carries out a viewer's command; why not, if it cannot."""
         if told["do"] not in DOINGS:
             return f"'{str(told['do'])[:40]}' is unknown; expected {', '.join(DOINGS)}"
+        if told["do"] == "guide":
+            return (
+                "this session has no guided start"
+                if self.lead is None
+                else self.lead.press(told.get("press"))
+            )
+        if told["do"] == "track" and self.lead is not None:
+            self.lead.press("leave")
         keys = {str(k): v for k, v in told.items() if k != "do"}
-        before = len(self.session.problems)
-        self.deliver(command(now_ns(), told["do"], **keys))
-        if len(self.session.problems) > before:
+        before = self.session.refused
+        self.deliver(command(self.time.now_ns(), told["do"], **keys))
+        if self.session.refused > before:
             return self.session.problems[-1]
         self._tell(_carried_out(told["do"], keys))
         return None
 
     async def _until_ended(self, seconds: float | None) -> None:
-        if self.server is not None:
-            await self.server.start()
         tasks = [asyncio.create_task(t.run(self.deliver)) for t in self.transports.values()]
         tasks.append(asyncio.create_task(self._look_after()))
+        if self.lead is not None:
+            tasks.append(asyncio.create_task(self.lead.run()))
         await asyncio.sleep(0.0)
         self.started.set()
         try:
@@ -143,31 +228,72 @@ class Live:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
             if self.server is not None:
+                # before the recording is written, which holds up this loop
                 await self.server.stop()
 
     async def _look_after(self) -> None:
-        """Twice a second: who is silent, who is back, what the disk holds; and the start of tracking."""
-        while True:
-            await asyncio.sleep(HEALTH_S)
-            now_s = self.session.intake.seconds(now_ns())
-            for text in self._watch.events(now_s):
+        """Who is silent, who is back, what the disk holds; and the start of tracking."""
+        for look in count(1):
+            await self.time.sleep(LOOK_S)
+            now_s = self.seconds
+            for text in (*self._watch.events(now_s), *self._problems.events(self._problems_now())):
                 self._tell(text)
-            if self.is_tracked_at_once and self.session.tracker is None and self._watch.is_ready(now_s):
+            is_awaited = self.lead is not None and self.lead.guide.is_open
+            self.is_tracked_at_once &= self.session.tracker is None
+            if self.is_tracked_at_once and not is_awaited and self._watch.is_ready(now_s):
                 self.is_tracked_at_once = False
-                self.deliver(command(now_ns(), "track"))
+                self.deliver(command(self.time.now_ns(), "track"))
                 self._tell("tracking")
-            if self.server is not None:
-                free = shutil.disk_usage(self.folder).free
-                states = {name: t.state for name, t in self.transports.items()}
-                self.server.publish(health(self.session, states, self._recorder, free, now_s))
+            self._tie(now_s)
+            if self.server is not None and look % LOOKS == 0:
+                free = _free_bytes(self.folder)
+                told = health(self.session, self.transports, self._recorder, free, now_s)
+                self.server.publish({**told, "outputs": [output.health() for output in self.outputs]})
+
+    def _problems_now(self) -> dict[str, str]:
+        """What is wrong with recorder, sources and outputs: empty for those that work, absent for those that try."""
+        states = {f"source {name}": t.state for name, t in self.transports.items()}
+        return {
+            "recorder": self._recorder.problem,
+            **{name: problem for name, state in states.items() if (problem := lost(state)) is not None},
+            **{output.way.name: output.problem for output in self.outputs},
+        }
 
     def _follow(self, estimate: Estimate) -> None:
         task = None if self.follower is None else self.follower.step(estimate.time_s, estimate.belief)
         if task is not None and self.follower is not None and self._pool is not None:
-            working = asyncio.get_running_loop().create_task(self._work(self.follower, task))
-            # The loop itself keeps no reference to its tasks.
-            self._working.add(working)
-            working.add_done_callback(self._working.discard)
+            self._keep(self._work(self.follower, task))
+
+    def _keep(self, work: Coroutine[Any, Any, None]) -> None:
+        working = asyncio.get_running_loop().create_task(work)
+        # The loop itself keeps no reference to its tasks.
+        self._working.add(working)
+        working.add_done_callback(self._working.discard)
+
+    def _tie(self, now_s: float) -> None:
+        """Compares the devices' clocks from time to time, in another process."""
+        if self._ties is None or self.session.tracker is None:
+            return
+        look = self._ties.look(now_s, self.session.calibration)
+        if look is not None:
+            if self._ties_pool is None:
+                self._ties_pool = ProcessPoolExecutor(1, get_context("spawn"))
+            self._keep(self._tied(self._ties, look, self._ties_pool))
+
+    async def _tied(self, ties: Ties, look: Look, pool: ProcessPoolExecutor) -> None:
+        loop = asyncio.get_running_loop()
+        try:
+            found = await loop.run_in_executor(pool, looked, look, self.model)
+        except (BrokenProcessPool, RuntimeError) as error:
+            self._ties = None
+            self._tell(f"clocks are no longer compared: {error}")
+            return
+        for keys in ties.commands(look, found, self.seconds):
+            self.deliver(command(self.time.now_ns(), "clock", **keys))
+            self._tell(
+                f"the movement shows that {keys['stream']} is {1e3 * keys['late_s']:+.1f} ms late "
+                f"(± {1e3 * keys['std_s']:.1f} ms): its times are corrected"
+            )
 
     async def _work(self, follower: Follower, task: object) -> None:
         loop = asyncio.get_running_loop()
@@ -177,23 +303,47 @@ class Live:
             self._pool = None
             self._tell(f"it is no longer followed what is repeated: {error}")
             return
-        if message is not None and self.server is not None:
+        if message is not None:
             self._followed += 1
-            self.server.announce({**message, "number": self._followed})
+            self._announce({**message, "number": self._followed})
 
     def _tell(self, text: str) -> None:
+        now_s = self.seconds
         self.on_event(text)
+        self._log.write(now_s, text)
+        self._announce({"type": "event", "time_s": round(now_s, 2), "text": text})
+
+    def _announce(self, message: Mapping[str, Any]) -> None:
+        """Tells viewers and outputs what happened."""
         if self.server is not None:
-            now_s = self.session.intake.seconds(now_ns())
-            self.server.announce({"type": "event", "time_s": round(now_s, 2), "text": text})
+            self.server.announce(message)
+        for output in self.outputs:
+            output.tell(message)
 
     def _publish(self) -> None:
         now_s = time.monotonic()
         if self.server is None or self._newest is None or now_s - self._published_s < 1.0 / FRAMES_HZ:
             return
         self._published_s = now_s
-        self.server.publish(frame_of(self._newest, self.model, self.picture))
+        self.server.publish(frame_of(self._newest, self.model, self.picture, self._named))
         self._newest = None
+
+
+def _pool() -> ProcessPoolExecutor:
+    """Another process, which leaves Ctrl-C to this one."""
+    return ProcessPoolExecutor(1, get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_IGN))
+
+
+def _imported(work: object) -> None:
+    """Makes another process import what work needs, which it does to receive it."""
+
+
+def _free_bytes(folder: Path) -> int | None:
+    """Room on the folder's disk; None where it cannot be read, because the disk was taken away."""
+    try:
+        return shutil.disk_usage(folder).free
+    except OSError:
+        return None
 
 
 def _carried_out(do: str, keys: Mapping[str, Any]) -> str:

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 Value = float | tuple[float, ...] | str
+RETAINED = "retained"
+"""Channel of a packet that a broker kept for new listeners: nobody knows when it was sent."""
 
 
 @dataclass(frozen=True, slots=True)

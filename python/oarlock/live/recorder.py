@@ -103,7 +103,7 @@ class Recorder:
                 self._file.close()
                 self._file = self._next_file()
         except OSError as error:
-            self._keep(page, f"{self.folder}: {error.strerror}")
+            self._keep(page, f"nothing is recorded at this time: {error.strerror} ({self.folder})")
 
     def _keep(self, page: list[Packet], problem: str) -> None:
         """Puts a page back that could not be written; what is torn in the file is cut off."""
@@ -124,7 +124,7 @@ def _append(file: IO[bytes], page: bytes) -> None:
         rest = memoryview(page)
         while rest:
             rest = rest[file.write(rest) :]
-        os.fdatasync(file.fileno())
+        getattr(os, "fdatasync", os.fsync)(file.fileno())
     except OSError:
         file.seek(at)
         file.truncate()

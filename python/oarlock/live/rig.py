@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from oarlock.live.outputs.table import Outputs
 from oarlock.model.description import ImuDescription
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
@@ -22,7 +23,8 @@ _KINDS = {
     "position": ("vector", ("position_m",)),
     "orientation": ("orientation", ("quat_wxyz",)),
 }
-_TOP = ("format", "model", "calibration", "wait_ms", "sources", "streams")
+_TOP = ("format", "model", "calibration", "wait_ms", "tie_clocks", "sources", "streams", "outputs")
+_OF_STREAM = ("source", "device", "value", "rate_hz", "scale", "offset", "stamp_std_ms", "mag_unit_ut")
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,7 @@ class Source:
     Args:
         name: in the rig file.
         format: how the bytes are to be read, a name of `oarlock.live.decoders.DECODERS`.
-        transport: "udp", "tcp", "serial", "ble", "lsl" or "replay".
+        transport: "udp", "tcp", "serial", "ble", "lsl", "websocket", "mqtt" or "replay".
         options: what else the transport needs, such as `port`.
         decoder: options of the format.
     """
@@ -56,6 +58,8 @@ class Feed:
         values: names of the values of a `Reading` that it takes: what an inertial unit measures, one for others.
         rate_hz: expected rate; None if unknown.
         scale, offset: scale * value + offset is what the model's sensor reads, rad or m.
+        stamp_std_s: standard deviation of its time stamps; None: of a device without a clock, by its transport.
+        mag_unit_ut: unit of a magnetometer in arbitrary units, uT; None: learnt from its first readings.
     """
 
     stream: str
@@ -66,6 +70,8 @@ class Feed:
     rate_hz: float | None = None
     scale: float = 1.0
     offset: float = 0.0
+    stamp_std_s: float | None = None
+    mag_unit_ut: float | None = None
 
     def takes(self, address: str, part: str) -> bool:
         """Whether readings of this sender feed it."""
@@ -86,6 +92,8 @@ class Rig:
         sources: by name.
         feeds: one for each stream.
         wait_s: how long an estimate waits for readings that come late.
+        outputs: where estimates go beside the page.
+        ties_clocks: compare the devices' clocks by the movement, and correct what is left between them.
     """
 
     model: str
@@ -93,6 +101,8 @@ class Rig:
     sources: Mapping[str, Source]
     feeds: tuple[Feed, ...]
     wait_s: float = 0.03
+    outputs: Outputs = field(default_factory=Outputs)
+    ties_clocks: bool = True
 
     @classmethod
     def load(cls, file: Path, model: Model | None = None) -> Rig:
@@ -149,6 +159,8 @@ def _read(table: TomlTable, model: Model | None) -> Rig:
         sources,
         _feeds(table.table("streams"), sources, streams, name),
         table.number("wait_ms", 30.0) / 1e3,
+        outputs=Outputs.read(table.table("outputs", {})),
+        ties_clocks=table.boolean("tie_clocks", True),
     )
 
 
@@ -175,16 +187,15 @@ def _feeds(
                 f"{table.where(stream)}: the model {model} has no such sensor. {did_you_mean(stream, sorted(streams))}"
             )
         own = table.table(stream)
-        own.check_keys(("source", "device", "value", "rate_hz", "scale", "offset"))
+        own.check_keys(_OF_STREAM)
         source = own.string("source")
         if source not in sources:
             raise DataError(f"{own.where('source')}: is unknown. {did_you_mean(source, sorted(sources))}")
         kind, values = streams[stream]
         if kind != "imu":
             values = (own.string("value", values[0]),)
-        rate_hz = own.number("rate_hz", 0.0)
-        if rate_hz < 0.0:
-            raise DataError(f"{own.where('rate_hz')}: is {rate_hz:g}; expected Hz, above 0")
+        rate_hz = _positive(own, "rate_hz", "Hz")
+        stamp_std_ms = _positive(own, "stamp_std_ms", "ms")
         found.append(
             Feed(
                 stream,
@@ -192,12 +203,22 @@ def _feeds(
                 source,
                 own.string("device", ""),
                 values,
-                rate_hz or None,
+                rate_hz,
                 own.number("scale", 1.0),
                 own.number("offset", 0.0),
+                None if stamp_std_ms is None else stamp_std_ms / 1e3,
+                _positive(own, "mag_unit_ut", "uT"),
             )
         )
     return tuple(found)
+
+
+def _positive(table: TomlTable, key: str, unit: str) -> float | None:
+    """A number that may be absent; None without, and for 0."""
+    value = table.number(key, 0.0)
+    if value < 0.0:
+        raise DataError(f"{table.where(key)}: is {value:g}; expected {unit}, above 0")
+    return value or None
 
 
 def rig_document(rig: Rig) -> dict[str, object]:
@@ -209,11 +230,16 @@ def rig_document(rig: Rig) -> dict[str, object]:
     plain = Feed("", "", "")
     streams = {}
     for f in rig.feeds:
-        keys = {k: getattr(f, k) for k in ("device", "rate_hz", "scale", "offset")}
+        keys = {k: getattr(f, k) for k in ("device", "rate_hz", "scale", "offset", "mag_unit_ut")}
         told = {k: v for k, v in keys.items() if v != getattr(plain, k)}
+        if f.stamp_std_s is not None:
+            told["stamp_std_ms"] = 1e3 * f.stamp_std_s
         value = {} if f.kind == "imu" else {"value": f.values[0]}
         streams[f.stream] = {"source": f.source, **value, **told}
     head: dict[str, object] = {"format": FORMAT, "model": rig.model}
     if rig.calibration is not None:
         head["calibration"] = str(rig.calibration)
-    return {**head, "wait_ms": 1e3 * rig.wait_s, "sources": sources, "streams": streams}
+    outputs = {"outputs": rig.outputs.document()} if rig.outputs.document() else {}
+    if not rig.ties_clocks:
+        head["tie_clocks"] = False
+    return {**head, "wait_ms": 1e3 * rig.wait_s, "sources": sources, "streams": streams, **outputs}

@@ -26,9 +26,12 @@ from websockets.http11 import Request, Response
 from oarlock.storage.errors import DataError
 
 SOCKET_PATH = "/live"
+OWN_NAMES = ("127.0.0.1", "localhost", "::1")
 LONGEST_MESSAGE = 1 << 16
 MOST_RUBBISH = 100
 """A viewer that sends more messages than this that are none is disconnected."""
+LONGEST_CLOSE_S = 1.0
+"""A viewer that does not answer holds up the end of a session for so long."""
 MOST_TOLD = 1000
 MOST_KEPT = 200
 """Announcements that a viewer gets who comes later."""
@@ -130,6 +133,7 @@ class PageServer:
                 compression=None,
                 max_size=LONGEST_MESSAGE,
                 max_queue=16,
+                close_timeout=LONGEST_CLOSE_S,
             )
         except OSError as error:
             raise DataError(
@@ -172,6 +176,11 @@ class PageServer:
             return _response(
                 HTTPStatus.FORBIDDEN, "text/plain", b"This address lacks the token of the session.\n"
             )
+        if not self._is_named(request.headers.get("Host", "")):
+            self.refused += 1
+            return _response(
+                HTTPStatus.FORBIDDEN, "text/plain", f"The page is at {self.url}\n".encode("ascii", "replace")
+            )
         if parts.path == SOCKET_PATH:
             if self._is_foreign(request.headers):
                 self.refused += 1
@@ -187,6 +196,13 @@ class PageServer:
     def _may_enter(self, query: str) -> bool:
         given = parse_qs(query).get("token", [""])[0]
         return hmac.compare_digest(given.encode(), self.token.encode()) if self.token else True
+
+    def _is_named(self, host: str) -> bool:
+        """Whether the browser asked for this machine by a name that no other site can take.
+
+        Without a token a site whose name is made to lead to this machine would else be the session's own Origin.
+        """
+        return bool(self.token) or urlsplit(f"//{host}").hostname in OWN_NAMES
 
     def _is_foreign(self, headers: Headers) -> bool:
         """A page of another site, opened in a browser on this network; programs send no Origin."""

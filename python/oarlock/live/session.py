@@ -7,41 +7,59 @@ note, exchange a unit) are packets of the source `COMMANDS`, so they are recorde
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 import oarlock
+from oarlock.formats.arbitrary_units import SCALE_KEY
 from oarlock.live.decoders import DECODERS
-from oarlock.live.intake import Intake, Sampled
+from oarlock.live.intake import Intake, Sampled, Spare
 from oarlock.live.reading import Decoder, Packet
 from oarlock.live.rig import Rig, Source
+from oarlock.live.rows import Rows
+from oarlock.recording.calibration import parsed_calibration
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
 
 if TYPE_CHECKING:
     from oarlock._core import Belief, Config, Info, Model, Tracker
     from oarlock.recording.calibration import Calibration
-    from oarlock.recording.streams import Stream
 
 COMMANDS = ""
 """Source of the packets that a coach or a program sends: JSON objects with the key `do`."""
+MOST_PROBLEMS = 100
 
 
 def command(arrival_ns: int, do: str, **keys: object) -> Packet:
-    """A command as a packet: `track`, `stop`, `note` with `text`, `assign` with `stream` and `device`."""
+    """A command as a packet.
+
+    It is `track`, `stop`, `note` with `text`, or `assign` with `stream` and `device`. A guided start adds `step` with
+    `name`, `begin_s` and `end_s` (null: the step does not count), and `calibrate` with `toml`, the text of a
+    calibration file, which serves all tracking from then on. A session gives itself `clock` with `stream`, `late_s`
+    and `std_s`: by how much its device's clock is late.
+    """
     return Packet(COMMANDS, "", "", arrival_ns, json.dumps({"do": do, **keys}).encode())
 
 
-def live_config(rig: Rig, model: Model) -> Config:
-    """The settings of a rig's tracker: a row at the rate of the fastest unit, encoders as sensors like any other."""
+def live_config(rig: Rig, model: Model, stamp_std_s: Mapping[str, float] | None = None) -> Config:
+    """The settings of a rig's tracker: a row at the rate of the fastest unit, encoders as sensors like any other.
+
+    Args:
+        rig: which sensors there are.
+        model: of the body.
+        stamp_std_s: standard deviations of time stamps by stream.
+    """
     fed = {feed.stream for feed in rig.feeds}
     inputs = [joint.name for joint in model.describe().inputs if joint.name not in fed]
     rate_hz = rig.rate_hz or 0.0
     return oarlock.Config(
-        wait_s=rig.wait_s, sample_rate_hz=rate_hz, output_rate_hz=rate_hz, inputs=inputs, stamp_std_s={}
+        wait_s=rig.wait_s,
+        sample_rate_hz=rate_hz,
+        output_rate_hz=rate_hz,
+        inputs=inputs,
+        stamp_std_s=dict(stamp_std_s or {}),
     )
 
 
@@ -82,8 +100,12 @@ class LiveSession:
     tracker: Tracker | None = field(init=False, default=None)
     from_s: float = field(init=False, default=0.0)
     """The track begins with readings of this time."""
-    problems: list[str] = field(init=False, default_factory=list)
-    """Commands that could not be carried out, and why."""
+    problems: deque[str] = field(init=False, default_factory=lambda: deque(maxlen=MOST_PROBLEMS))
+    """The last commands that could not be carried out, and why."""
+    refused: int = field(init=False, default=0)
+    """How many could not."""
+    listener: Callable[[list[Sampled]], None] | None = field(init=False, default=None)
+    """Gets all readings, too; it decides no estimate."""
 
     def __post_init__(self) -> None:
         self.config = live_config(self.rig, self.model)
@@ -94,6 +116,8 @@ class LiveSession:
         if packet.source == COMMANDS:
             return self._carry_out(packet)
         sampled = self.intake.take(packet)
+        if self.listener is not None:
+            self.listener(sampled)
         return [] if self.tracker is None else self._estimates(sampled)
 
     def _estimates(self, sampled: Iterable[Sampled]) -> list[Estimate]:
@@ -110,42 +134,55 @@ class LiveSession:
             order = json.loads(packet.data)
             do = order["do"]
             if do == "track":
+                self.config = live_config(self.rig, self.model, self.intake.stamp_stds())
                 self.tracker = oarlock.Tracker(self.model, self.calibration, self.config)
                 self.from_s = self.intake.seconds(packet.arrival_ns)
             elif do == "stop":
                 return self._stop(self.intake.seconds(packet.arrival_ns))
             elif do == "assign":
                 self.intake.assign(order["stream"], order["device"])
-            elif do != "note":
-                raise DataError(f"the command '{do}' is unknown; expected track, stop, assign or note")
+            elif do == "calibrate":
+                self.calibration = parsed_calibration(order["toml"])
+            elif do == "clock":
+                self.intake.tie(order["stream"], float(order["late_s"]), float(order["std_s"]))
+            elif do not in ("note", "step"):
+                raise DataError(
+                    f"the command '{do}' is unknown; expected track, stop, assign, note, step, calibrate or clock"
+                )
         except (ValueError, KeyError, TypeError, DataError) as error:
+            self.refused += 1
             self.problems.append(f"{packet.data[:200]!r}: {error}")
         return []
 
     def _stop(self, arrival_s: float) -> list[Estimate]:
+        held = self.intake.flush()
+        if self.tracker is None:
+            return []
+        found = self._estimates(held)
         tracker, self.tracker = self.tracker, None
-        done = [] if tracker is None else tracker.flush()
-        return [Estimate(info.time_s, arrival_s, belief, info) for belief, info in done]
+        return found + [Estimate(info.time_s, arrival_s, belief, info) for belief, info in tracker.flush()]
 
 
-def recorded(packets: Iterable[Packet], rig: Rig, start_ns: int) -> oarlock.Recording:
+def recorded(
+    packets: Iterable[Packet],
+    rig: Rig,
+    start_ns: int,
+    keep: Callable[[Spare], None] = lambda spare: None,
+) -> oarlock.Recording:
     """The readings of the model's sensors in a session's packets, as a recording.
+
+    Args:
+        packets: in the order of arrival.
+        rig: which device feeds which stream.
+        start_ns: the session's start by the clock of arrivals.
+        keep: gets what feeds no sensor.
 
     Raises:
         DataError: no packet has a reading of a sensor.
     """
-    intake = Intake(rig, start_ns, _new_decoder)
-    rows: dict[str, dict[float, Any]] = {feed.stream: {} for feed in rig.feeds}
-    for packet in packets:
-        if packet.source == COMMANDS:
-            _follow(intake, packet)
-            continue
-        for one in intake.take(packet):
-            rows[one.stream].setdefault(one.time_s, one.values)
-    streams = list(_streams(rig, rows))
-    if not streams:
-        raise DataError("the packets have no reading of any of the rig's sensors; were its devices on?")
-    return oarlock.Recording(streams, {"source": {"format": "live"}})
+    intake, rows = Intake(rig, start_ns, _new_decoder, keep), Rows(rig)
+    rows.add(_all_sampled(packets, intake))
+    return rows.recording(_mag_scales(intake))
 
 
 def _new_decoder(source: Source) -> Decoder:
@@ -156,35 +193,28 @@ def _new_decoder(source: Source) -> Decoder:
     return DECODERS[source.format].decoder(source.transport, **options)
 
 
-def _follow(intake: Intake, packet: Packet) -> None:
-    """Carries out what changes which device feeds which stream."""
+def _mag_scales(intake: Intake) -> Mapping[str, object]:
+    """The entry of `Recording.meta` for magnetometers in arbitrary units."""
+    known = {name: one.unit_ut for name, one in intake.mag_units.items() if one.unit_ut is not None}
+    return {SCALE_KEY: known} if known else {}
+
+
+def _all_sampled(packets: Iterable[Packet], intake: Intake) -> Iterator[Sampled]:
+    for packet in packets:
+        yield from intake.take(packet) if packet.source != COMMANDS else _follow(intake, packet)
+    yield from intake.flush()
+
+
+def _follow(intake: Intake, packet: Packet) -> list[Sampled]:
+    """Carries out what changes which readings there are."""
     try:
         order = json.loads(packet.data)
+        if order["do"] == "stop":
+            return intake.flush()
         if order["do"] == "assign":
             intake.assign(order["stream"], order["device"])
+        if order["do"] == "clock":
+            intake.tie(order["stream"], float(order["late_s"]), float(order["std_s"]))
     except (ValueError, KeyError, TypeError):
-        return
-
-
-def _streams(rig: Rig, rows: Mapping[str, Mapping[float, Any]]) -> Iterator[Stream]:
-    for feed in rig.feeds:
-        if not rows[feed.stream]:
-            continue
-        times, values = zip(*sorted(rows[feed.stream].items(), key=lambda row: row[0]), strict=True)
-        time_s = np.array(times)
-        if feed.kind == "imu":
-            yield oarlock.ImuStream(feed.stream, time_s, **_columns(values, feed.values))
-        elif feed.kind == "orientation":
-            yield oarlock.OrientationStream(
-                feed.stream, time_s, _columns(values, ("quat_wxyz",), 4)["quat_wxyz"]
-            )
-        elif feed.kind == "vector":
-            yield oarlock.VectorStream(feed.stream, time_s, _columns(values, ("value",))["value"])
-        else:
-            yield oarlock.ScalarStream(feed.stream, time_s, np.array(values))
-
-
-def _columns(values: tuple[Any, ...], names: tuple[str, ...], width: int = 3) -> dict[str, Any]:
-    missing = (np.nan,) * width
-    columns = {name: np.array([row.get(name, missing) for row in values]) for name in names}
-    return {name: rows for name, rows in columns.items() if np.isfinite(rows).any()}
+        pass
+    return []

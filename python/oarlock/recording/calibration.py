@@ -10,7 +10,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from oarlock.recording.calibration_file import read_calibration, write_calibration
+from oarlock.recording.calibration_file import document_of, fields_of, read_calibration, write_calibration
 from oarlock.recording.calibration_values import (
     Mount,
     accel_scale,
@@ -27,6 +27,7 @@ from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.copies import copied_notes
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
+from oarlock.storage.toml import TomlTable, toml_text
 
 if TYPE_CHECKING:
     from oarlock.recording.recording import Recording
@@ -122,6 +123,20 @@ def load_calibration(file: str | PathLike[str]) -> Calibration:
         DataError: The file cannot be read, a key is unknown, or `Calibration` refuses a value.
     """
     return Calibration(**read_calibration(place_of(file)))
+
+
+def parsed_calibration(text: str) -> Calibration:
+    """The calibration in the text of a calibration file.
+
+    Raises:
+        DataError: as `load_calibration`.
+    """
+    return Calibration(**fields_of(TomlTable.parsed(text, Path("calibration"))))
+
+
+def calibration_text(calibration: Calibration) -> str:
+    """The text of a calibration's file; `parsed_calibration` gives back identical values."""
+    return toml_text(document_of({f.name: getattr(calibration, f.name) for f in fields(calibration)}))
 
 
 def _three(check: Callable[..., FloatArray], name: str, unit: str) -> Callable[[Any, str], FloatArray]:

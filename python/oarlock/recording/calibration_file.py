@@ -29,6 +29,11 @@ OPTIONAL = ("parameter_stds", *ARRAYS, "clocks", "encoders")
 
 def write_calibration(fields: Mapping[str, Any], file: Path) -> None:
     """Write the fields of a calibration as TOML. Empty fields are omitted."""
+    write_toml(file, document_of(fields))
+
+
+def document_of(fields: Mapping[str, Any]) -> dict[str, object]:
+    """The fields of a calibration as a TOML document. Empty fields are omitted."""
     mounts = {n: {"rotation": r.tolist(), "offset_m": o.tolist()} for n, (r, o) in fields["mounts"].items()}
     document: dict[str, object] = {
         "format": FORMAT,
@@ -42,12 +47,16 @@ def write_calibration(fields: Mapping[str, Any], file: Path) -> None:
         "encoders": {n: asdict(e) for n, e in fields["encoders"].items()},
     }
     document |= {name: values for name, values in written.items() if values}
-    write_toml(file, document | {"noted": dict(fields["noted"])})
+    return document | {"noted": dict(fields["noted"])}
 
 
 def read_calibration(file: Path) -> dict[str, Any]:
     """The fields of a calibration, unchecked; see `oarlock.load_calibration`."""
-    top = TomlTable.read(file)
+    return fields_of(TomlTable.read(file))
+
+
+def fields_of(top: TomlTable) -> dict[str, Any]:
+    """The fields of a calibration in a file's top table, unchecked."""
     top.check_format(FORMAT)
     top.check_keys({"format", "parameters", "mounts", "noted", *OPTIONAL})
     values: dict[str, Any] = {

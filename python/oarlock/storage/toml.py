@@ -50,6 +50,11 @@ class TomlTable:
             raise DataError(f"{file}: cannot be read ({error.strerror})") from error
         except UnicodeDecodeError as error:
             raise DataError(f"{file}: is not UTF-8 text (byte {error.start}). Save it as UTF-8.") from error
+        return cls.parsed(text, file)
+
+    @classmethod
+    def parsed(cls, text: str, file: Path) -> "TomlTable":
+        """Parse a text; errors name it like a file."""
         try:
             return cls(tomllib.loads(text), file, text)
         except (ValueError, RecursionError) as error:

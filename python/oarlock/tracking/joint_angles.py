@@ -9,7 +9,7 @@ of a right one, as the society advises, so that signs mean the same on both side
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -47,23 +47,57 @@ class JointAngle:
 
 
 @dataclass(frozen=True)
-class _Named:
-    """Names, signs and offsets of the three angles of a sequence."""
+class NamedRotation:
+    """Names, signs and offsets of the angles of a ball joint.
+
+    Args:
+        sequence: such as "YXY".
+        names: of its three angles, or of the middle one alone: the angle between the long axes of both segments.
+        signs, offsets_rad: sign * angle + offset is what the name means.
+        is_mirrored: of a left limb, which is taken as the mirror image of a right one.
+    """
 
     sequence: str
-    names: tuple[str, str, str]
+    names: tuple[str, ...]
     signs: tuple[float, float, float] = (1.0, 1.0, 1.0)
     offsets_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    is_mirrored: bool = False
+
+    def rotation(self, quat_wxyz: Floats) -> Floats:
+        """Rotations (T, 4) of the joint as the names count them."""
+        return quat_wxyz * [1.0, -1.0, -1.0, 1.0] if self.is_mirrored else quat_wxyz
 
 
 _SHOULDER: Final = {
     # The society counts elevation about -X; this is the triple across the pole of the one with a positive middle angle.
-    "YXY": _Named("YXY", ("plane", "elevation", "rotation"), offsets_rad=(np.pi, 0.0, -np.pi)),
-    "XZY": _Named("XZY", ("abduction", "flexion", "rotation"), (-1.0, 1.0, 1.0)),
-    "ZXY": _Named("ZXY", ("flexion", "abduction", "rotation"), (1.0, -1.0, 1.0)),
+    "YXY": NamedRotation("YXY", ("plane", "elevation", "rotation"), offsets_rad=(np.pi, 0.0, -np.pi)),
+    "XZY": NamedRotation("XZY", ("abduction", "flexion", "rotation"), (-1.0, 1.0, 1.0)),
+    "ZXY": NamedRotation("ZXY", ("flexion", "abduction", "rotation"), (1.0, -1.0, 1.0)),
 }
 # Baker 2001, Human Movement Science 20, 859-860: rotation first, so that the others are those of the clinic
-_IN_THE_ROOM: Final = _Named("YXZ", ("rotation", "obliquity", "tilt"), (1.0, -1.0, -1.0))
+_IN_THE_ROOM: Final = NamedRotation("YXZ", ("rotation", "obliquity", "tilt"), (1.0, -1.0, -1.0))
+# The middle angle of YXY is well defined near its poles too.
+_BEND: Final = "YXY"
+
+
+def named_rotation(joint: str, is_free: bool, shoulder: str = "YXY") -> NamedRotation | None:
+    """How the angles of a ball or free joint of the shipped bodies are named; None for other names.
+
+    Args:
+        joint: its name.
+        is_free: whether it is a free joint.
+        shoulder: sequence of a shoulder, as for `joint_angles`.
+    """
+    if is_free:
+        return replace(_IN_THE_ROOM, names=tuple(f"{joint}_{name}" for name in _IN_THE_ROOM.names))
+    stem, _, side = joint.rpartition("_")
+    if side not in ("r", "l"):
+        return None
+    if stem == "shoulder":
+        named = _SHOULDER[shoulder]
+        names = tuple(f"shoulder_{name}_{side}" for name in named.names)
+        return replace(named, names=names, is_mirrored=side == "l")
+    return NamedRotation(_BEND, (f"elbow_flexion_{side}",)) if stem == "elbow" else None
 
 
 def joint_angles(track: Track, shoulder: str = "YXY") -> dict[str, JointAngle]:
@@ -93,29 +127,24 @@ def joint_angles(track: Track, shoulder: str = "YXY") -> dict[str, JointAngle]:
 
 def _angles(track: Track, joint: str, shoulder: str) -> Iterator[JointAngle]:
     series = track[joint]
-    if isinstance(series, FreeSeries):
-        yield from _named(series, _IN_THE_ROOM, f"{joint}_", "")
-    elif isinstance(series, BallSeries):
-        stem, _, side = joint.rpartition("_")
-        if stem == "shoulder" and side in ("r", "l"):
-            yield from _named(series, _SHOULDER[shoulder], "shoulder_", f"_{side}")
-        elif stem == "elbow" and side in ("r", "l"):
-            yield _bend(series, f"elbow_flexion_{side}")
+    if isinstance(series, BallSeries):
+        named = named_rotation(joint, isinstance(series, FreeSeries), shoulder)
+        if named is not None:
+            yield from _bend(series, *named.names) if len(named.names) == 1 else _named(series, named)
     elif series.unit == "rad":
         never = np.zeros(len(series.value), bool)
         yield JointAngle(joint, series.value, series.std, series.observed, never)
 
 
-def _bend(series: BallSeries, name: str) -> JointAngle:
-    """The angle between the long axes: the middle one of YXY, which is well defined near its poles too."""
-    angles = angles_from_quat(series.quat_wxyz, "YXY")
-    stds = angle_stds(angles, "YXY", series.std_rad)
+def _bend(series: BallSeries, name: str) -> Iterator[JointAngle]:
+    angles = angles_from_quat(series.quat_wxyz, _BEND)
+    stds = angle_stds(angles, _BEND, series.std_rad)
     never = np.zeros(len(angles), bool)
-    return JointAngle(name, np.arccos(np.cos(angles[:, 1])), stds[:, 1], series.observed, never)
+    yield JointAngle(name, np.arccos(np.cos(angles[:, 1])), stds[:, 1], series.observed, never)
 
 
-def _named(series: BallSeries, named: _Named, before: str, after: str) -> Iterator[JointAngle]:
-    quat = series.quat_wxyz * ([1.0, -1.0, -1.0, 1.0] if after == "_l" else [1.0, 1.0, 1.0, 1.0])
+def _named(series: BallSeries, named: NamedRotation) -> Iterator[JointAngle]:
+    quat = named.rotation(series.quat_wxyz)
     angles = angles_from_quat(quat, named.sequence)
     stds = angle_stds(angles, named.sequence, series.std_rad)
     near = near_singular(quat, named.sequence)
@@ -123,6 +152,4 @@ def _named(series: BallSeries, named: _Named, before: str, after: str) -> Iterat
         value = named.signs[k] * angles[:, k] + named.offsets_rad[k]
         there = value[np.isfinite(value)]
         turns = np.round(np.median(there) / (2.0 * np.pi)) if there.size else 0.0
-        yield JointAngle(
-            f"{before}{name}{after}", value - 2.0 * np.pi * turns, stds[:, k], series.observed, near
-        )
+        yield JointAngle(name, value - 2.0 * np.pi * turns, stds[:, k], series.observed, near)

@@ -6,6 +6,7 @@ import { Bar } from "./bar.js";
 import { Big } from "./big.js";
 import { Curves } from "./curves.js";
 import { LiveFigure } from "./figure.js";
+import { Guide } from "./guide.js";
 import { History } from "./history.js";
 import { Link, now_s } from "./link.js";
 import { Log } from "./log.js";
@@ -57,13 +58,14 @@ export class App {
     this.stage = this.figure && new Stage(this.figure, memory);
     this.curves = new Curves(hello.joints, hello.figure?.first_curves, this.history, memory);
     this.strokes = hello.strokes ? new Strokes(hello.strokes, memory) : null;
-    this.sensors = new Sensors(hello.streams, order);
+    this.guide = hello.guide ? new Guide(hello.guide, hello.streams, hello.figure, order, () => this.link.sessionTime()) : null;
+    this.sensors = new Sensors(hello.streams, order, hello.guide && (() => order({ do: "guide", press: "open" })));
     this.log = new Log(order, () => this.link.sessionTime());
     this.big = new Big(this.curves, this.strokes, this.history);
     this.bar = new Bar(hello, { order, note: () => this.log.ask(), big: () => this.enlarge() });
     const left = element("div", { class: "ol-column" }, this.stage?.root, this.strokes?.root);
     const main = element("main", { class: "ol-main-columns" }, left, element("div", { class: "ol-column" }, this.curves.root), element("div", { class: "ol-column ol-wide" }, this.sensors.root, this.log.root));
-    this.root.replaceChildren(this.bar.root, this.bar.alarms, this.big.root, main, this.log.dialog);
+    this.root.replaceChildren(this.bar.root, this.bar.alarms, ...[this.guide?.root].filter(Boolean), this.big.root, main, this.log.dialog);
     this.memory = memory;
     this.enlarge(memory.get("big", false));
     this.tell();
@@ -73,6 +75,7 @@ export class App {
   turn(now_ms, before_ms) {
     requestAnimationFrame((next_ms) => this.turn(next_ms, now_ms));
     if (!this.bar) return;
+    this.guide?.draw();
     if (this.stage && this.big.root.hidden && now_ms - before_ms < PAUSE_MS) this.stage.pace(now_ms - before_ms);
     if (this.waiting) this.take(this.waiting);
     else if (this.stage?.isStale && this.frame) this.stage.draw(this.frame.time_s);
@@ -82,6 +85,7 @@ export class App {
     this.waiting = null;
     this.skipped = message.skipped ?? 0;
     if (message.health) this.takeHealth(message.health);
+    if (message.guide) this.takeGuide(message.guide);
     if (message.frame) {
       this.frame = message.frame;
       this.frames += 1;
@@ -92,6 +96,15 @@ export class App {
     this.painting = { arrived_s, frame: message.frame };
     // a message to itself comes after the browser has painted what was drawn here
     this.afterPaint.port2.postMessage(null);
+  }
+
+  takeGuide(state) {
+    if (!this.guide) return;
+    const wasOpen = this.guide.isOpen;
+    this.guide.take(state);
+    this.root.classList.toggle("ol-guiding", this.guide.isOpen);
+    if (this.guide.isOpen && !wasOpen) this.enlarge(false);
+    if (this.guide.isOpen && this.health) this.guide.takeHealth(this.health);
   }
 
   draw() {
@@ -112,6 +125,7 @@ export class App {
   takeHealth(health) {
     this.health = health;
     this.sensors.take(health);
+    this.guide?.takeHealth(health);
     const heard = new Set(health.devices.flatMap((device) => device.streams));
     const [silent, awaited] = [true, false].map((isHeard) => health.silent.filter((name) => heard.has(name) === isHeard).join(", "));
     this.bar.alarm("silent", silent && `Silent: ${silent}. Check battery and radio, or exchange the unit.`);
@@ -160,6 +174,10 @@ export class App {
   key(event) {
     if (!this.bar || event.ctrlKey || event.metaKey || event.altKey) return;
     if (event.target.closest?.("input, select, dialog")) return;
+    if (this.guide?.key(event)) {
+      event.preventDefault();
+      return;
+    }
     const keys = { n: () => this.log.ask(), b: () => this.enlarge(), t: () => this.bar.start(), Escape: () => this.enlarge(false) };
     const view = /^[1-9]$/.test(event.key) && this.stage ? () => this.stage.see(Number(event.key) - 1) : null;
     const done = keys[event.key.length === 1 ? event.key.toLowerCase() : event.key] ?? view;

@@ -23,7 +23,7 @@ export class History {
     const row = this.count % ROWS;
     this.time_s[row] = frame.time_s;
     this.joints.forEach(({ name, scale }, k) => {
-      const [value, std] = frame.joints[name] ?? [null, null];
+      const [value, std] = frame.joints[name] ?? frame.angles?.[name] ?? [null, null];
       this.value[k][row] = value === null ? NaN : scale * value;
       this.std[k][row] = std === null ? NaN : scale * std;
     });

@@ -1,6 +1,7 @@
 // Health of the sensors, in words, and the exchange of a unit.
 
 import { button, choice, element } from "../dom.js";
+import { Channels, SILENT_S } from "./channels.js";
 import { ago, decimals } from "./numbers.js";
 
 const SLOW_SHARE = 0.8;
@@ -17,19 +18,22 @@ const UNHEARD = "not heard yet";
 const plural = (count, word) => `${count} ${word}${count === 1 ? "" : "s"}`;
 
 export class Sensors {
-  constructor(streams, order) {
+  /** `guide` opens the guided start; none in sessions that have none. */
+  constructor(streams, order, guide) {
     Object.assign(this, { streams, order, rows: new Map() });
     this.body = element("tbody", {});
     const heads = ["Sensor", "State", "Rate", "Lost", "Delay", "Drift", "Battery", "Unit"].map((text) => element("th", { scope: "col", text }));
     const table = element("table", { class: "ol-sensors" }, element("thead", {}, element("tr", {}, ...heads)), this.body);
     this.summary = element("span", { class: "ol-hint" });
+    this.calibrate = guide && button("Guided start", guide, { class: "ol-button ol-calibrate", label: "Open the guided start: calibrate the mounts" });
     this.recorder = element("p", { class: "ol-recorder" });
     this.arrivals = element("p", { class: "ol-hint" });
     this.stream = choice("Sensor", streams.map(({ name }) => [name, name]), () => {});
     this.device = choice("is now unit", [], () => {});
     this.apply = button("Use this unit", () => this.exchange(), { class: "ol-button" });
     this.exchanger = element("details", { class: "ol-chooser" }, element("summary", { text: "Exchange a unit" }), element("p", { class: "ol-hint", text: "Switch the new unit on. It appears in the list when it is heard." }), element("div", { class: "ol-fields" }, this.stream.field, this.device.field, this.apply));
-    this.root = element("section", { class: "ol-card", "aria-labelledby": "ol-sensors" }, element("div", { class: "ol-head" }, element("h2", { id: "ol-sensors", text: "Sensors" }), this.summary), table, this.exchanger, this.recorder, this.arrivals);
+    this.channels = new Channels();
+    this.root = element("section", { class: "ol-card", "aria-labelledby": "ol-sensors" }, element("div", { class: "ol-head" }, element("h2", { id: "ol-sensors", text: "Sensors" }), this.summary, this.calibrate), table, this.channels.root, this.exchanger, this.recorder, this.arrivals);
   }
 
   exchange() {
@@ -40,12 +44,13 @@ export class Sensors {
     const rows = this.streams.map((stream) => stateOf(stream, health));
     const used = new Set(rows.map((row) => row.device).filter(Boolean));
     const spare = health.devices.filter((device) => !used.has(device) && !device.streams.length);
-    const spares = spare.map((device) => ({ name: device.name, device, state: device.silent_s > 1 ? `not used, silent for ${ago(device.silent_s)}` : "not used, sends", level: "spare" }));
+    const spares = spare.map((device) => ({ name: device.name, device, state: spareState(device), level: "spare" }));
     const shown = [...rows, ...spares];
     for (const row of shown) this.row(row);
     for (const [name, { root }] of this.rows) if (!shown.some((row) => row.name === name)) root.remove(), this.rows.delete(name);
     const missing = health.silent.length;
     this.summary.textContent = missing ? `${rows.length - missing} of ${rows.length} send` : `all ${rows.length} send`;
+    this.channels.take(health.devices);
     this.offer([...spare, ...used]);
     this.tellRecorder(health.recorder);
     this.tellArrivals(health);
@@ -92,16 +97,17 @@ export class Sensors {
   }
 
   tellRecorder({ packets, lost, problem, free_gb }) {
-    const words = `Recorder: ${plural(packets, "packet")} on disk, ${free_gb} GB free${lost ? `, ${plural(lost, "packet")} lost` : ""}.`;
+    const words = `Recorder: ${plural(packets, "packet")} on disk, ${free_gb === null ? "its disk cannot be read" : `${free_gb} GB free`}${lost ? `, ${plural(lost, "packet")} lost` : ""}.`;
     this.recorder.textContent = problem ? `${words} Problem: ${problem}` : words;
     this.recorder.classList.toggle("ol-alarm", Boolean(problem || lost));
   }
 
-  tellArrivals({ arrivals, sources }) {
+  tellArrivals({ arrivals, sources, outputs = [] }) {
     const late = Object.entries(arrivals).filter(([, count]) => count > 0).map(([kind, count]) => `${kind.replaceAll("_", " ")}: ${count}`);
     const damaged = sources.filter((source) => source.damaged).map((source) => `${source.name}: ${plural(source.damaged, "damaged message")}`);
+    const sent = outputs.map(({ name, sent: count, skipped, problem }) => `${name}: ${problem || `${count} sent`}${skipped ? `, ${skipped} left out` : ""}`);
     const states = sources.map((source) => `${source.name}: ${source.state}`);
-    this.arrivals.textContent = [`Sources: ${states.join(", ")}.`, late.length ? `Readings: ${late.join(", ")}.` : "", damaged.length ? `${damaged.join(", ")}.` : ""].filter(Boolean).join(" ");
+    this.arrivals.textContent = [`Sources: ${states.join(", ")}.`, late.length ? `Readings: ${late.join(", ")}.` : "", damaged.length ? `${damaged.join(", ")}.` : "", sent.length ? `Outputs: ${sent.join("; ")}.` : ""].filter(Boolean).join(" ");
   }
 }
 
@@ -117,6 +123,12 @@ function numbersOf(device) {
     battery_percent === null ? ["–"] : [`${decimals(battery_percent, 0)} %`, battery_percent < LOW_PERCENT],
     [name || source],
   ];
+}
+
+function spareState(device) {
+  const isRecorded = Object.keys(device.values ?? {}).length > 0;
+  const isSilent = device.silent_s > (isRecorded ? SILENT_S : 1);
+  return `${isRecorded ? "recorded, feeds no sensor" : "not used"}, ${isSilent ? `silent for ${ago(device.silent_s)}` : "sends"}`;
 }
 
 /** What a stream does, in words; level "bad" for silent, "odd" for slow or lossy, "good" otherwise. */

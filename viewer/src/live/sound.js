@@ -1,4 +1,4 @@
-// A tone after each stroke: high within all targets, low outside of one.
+// Tones: after each stroke, high within all targets, low outside of one; and those of the guided start.
 
 const TONES_HZ = { true: 880, false: 220 };
 const LENGTH_S = 0.18;
@@ -16,10 +16,14 @@ export class Sound {
   }
 
   play(isWithin) {
+    this.tone(TONES_HZ[isWithin]);
+  }
+
+  tone(hz) {
     if (!this.isOn) return;
     const { context } = this;
     const [tone, volume] = [context.createOscillator(), context.createGain()];
-    tone.frequency.value = TONES_HZ[isWithin];
+    tone.frequency.value = hz;
     volume.gain.setValueAtTime(0.25, context.currentTime);
     volume.gain.exponentialRampToValueAtTime(0.001, context.currentTime + LENGTH_S);
     tone.connect(volume).connect(context.destination);

@@ -8,6 +8,7 @@ import { palette } from "../palette.js";
 import { FlatStage } from "../stage2d.js";
 import { SpaceStage } from "../stage3d.js";
 import { DRAWER } from "./drawer.js";
+import { QuickStage } from "./quick.js";
 
 /** Of the way to where the camera should look, a frame. */
 const EASE = 0.08;
@@ -17,7 +18,7 @@ const TURN_RAD = 0.12;
 
 /** Of a picture's full sharpness, from the best to what a machine without graphics card can draw. */
 const SHARPNESS = [1, 0.75, 0.55, 0.4];
-const START_WITHOUT_CARD = 2;
+const START_WITHOUT_CARD = 1;
 /** A picture that takes longer than this between two frames is drawn less sharp; the median of so many. */
 const SLOW_MS = 27;
 const JUDGED = 45;
@@ -61,10 +62,11 @@ export class Stage {
   build(flat = this.drawer === "none") {
     this.drawn?.dispose();
     this.camera.lookAt(this.figure.bounds());
-    this.view = this.viewOf();
+    this.view = viewOf(this.figure, this.camera);
     const canvas = element("canvas", { role: "img", tabindex: "0", "aria-label": `Moving figure of ${this.figure.scene.model}. Arrow keys turn it, plus and minus zoom.` });
     this.place.replaceChildren(canvas);
-    this.drawn = new (flat ? FlatStage : SpaceStage)(canvas, this.view, this.figure, null, this.level > 0);
+    const Drawn = flat ? FlatStage : this.level > 0 ? QuickStage : SpaceStage;
+    this.drawn = new Drawn(canvas, this.view, this.figure, null);
     this.flat = flat;
     this.empty.hidden = true;
     this.note.hidden = !flat;
@@ -78,19 +80,6 @@ export class Stage {
     this.resize();
   }
 
-  viewOf() {
-    const bounds = this.figure.bounds();
-    const { scene } = this.figure;
-    const { up } = this.camera;
-    const height = (point) => point.reduce((sum, value, k) => sum + value * up[k], 0);
-    const lowest = height(bounds.centre) - bounds.half.reduce((sum, value, k) => sum + Math.abs(value * up[k]), 0);
-    const size = Math.max(...bounds.half, 0.05);
-    const power = 10 ** Math.floor(Math.log10(size));
-    const radius_m = scene.limb_radius_m ?? 0.022 * size;
-    const ground = { kind: scene.ground.kind, height_m: scene.ground.height_m ?? lowest - 1.5 * radius_m, step_m: power * (size / power > 4 ? 2 : 0.5) };
-    return { camera: this.camera, colours: palette(), radius_m, bounds, ground };
-  }
-
   resize() {
     const { clientWidth, clientHeight } = this.place;
     if (!this.drawn || !clientWidth || !clientHeight) return;
@@ -101,7 +90,7 @@ export class Stage {
 
   recolour() {
     if (!this.drawn) return;
-    Object.assign(this.view, this.viewOf());
+    Object.assign(this.view, viewOf(this.figure, this.camera));
     if (this.drawn.solids) this.drawn.solids.radius_m = this.view.radius_m;
     this.drawn.recolour();
     this.isStale = true;
@@ -149,4 +138,18 @@ export class Stage {
     else this.camera.turn(...turns[event.key]);
     this.isStale = true;
   }
+}
+
+/** What a stage draws with: colours, the ground below the figure, thickness of limbs. */
+export function viewOf(figure, camera) {
+  const bounds = figure.bounds();
+  const { scene } = figure;
+  const { up } = camera;
+  const height = (point) => point.reduce((sum, value, k) => sum + value * up[k], 0);
+  const lowest = height(bounds.centre) - bounds.half.reduce((sum, value, k) => sum + Math.abs(value * up[k]), 0);
+  const size = Math.max(...bounds.half, 0.05);
+  const power = 10 ** Math.floor(Math.log10(size));
+  const radius_m = scene.limb_radius_m ?? 0.022 * size;
+  const ground = { kind: scene.ground.kind, height_m: scene.ground.height_m ?? lowest - 1.5 * radius_m, step_m: power * (size / power > 4 ? 2 : 0.5) };
+  return { camera, colours: palette(), radius_m, bounds, ground };
 }

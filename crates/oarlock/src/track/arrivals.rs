@@ -2,7 +2,8 @@
 //!
 //! A sample is made when the newest reading is `wait_s` younger than its end. A reading that comes later still is used if the
 //! state estimate of a time before it is kept: the tracker goes back and takes all samples since again, so that it is where it
-//! would be had the reading come in time. Estimates that were given stay as they were given.
+//! would be had the reading come in time. The samples are taken again when the next reading comes that is not late, so that many
+//! late ones in a row cost as much as one. Estimates that were given stay as they were given.
 
 use super::hypothesis::Hypothesis;
 use super::{Sink, Tracker};
@@ -39,7 +40,10 @@ struct Kept {
 #[derive(Debug, Clone)]
 pub struct Arrivals {
     feed: Feed,
+    /// Behind the samples of the newest kept state estimate, while `ahead` is set.
     cursor: Cursor,
+    /// Behind the samples that were read once; set from the first of some late readings until their samples are taken again.
+    ahead: Option<Cursor>,
     wait_s: f64,
     /// Oldest first.
     kept: VecDeque<Kept>,
@@ -57,7 +61,7 @@ impl Arrivals {
         let feed = Feed::new(Gathering::of(config), rows, body.model.coordinate_count());
         let (cursor, sample) = (feed.start(), tracker.empty_sample());
         let (kept, counts, last_s) = (VecDeque::new(), Counts::default(), f64::NEG_INFINITY);
-        Arrivals { feed, cursor, wait_s: config.wait_s, kept, sample, last_s, counts }
+        Arrivals { feed, cursor, ahead: None, wait_s: config.wait_s, kept, sample, last_s, counts }
     }
 
     /// How readings arrived so far.
@@ -67,7 +71,7 @@ impl Arrivals {
 
     /// Number of readings that wait for others.
     pub fn waiting(&self) -> usize {
-        self.feed.waiting(&self.cursor)
+        self.feed.waiting(self.reached())
     }
 
     /// Takes the readings that `reading` has at `place`, and gives `sink` what the tracker estimates from the samples that are
@@ -79,9 +83,10 @@ impl Arrivals {
             return Err(Error::Data(format!("reading at {true_s} s: expected a finite time stamp, s")));
         }
         self.counts.received += 1;
-        let is_late = self.feed.is_past(&self.cursor, true_s);
-        let back = if is_late { self.kept.iter().rposition(|kept| kept.is_before(&self.feed, true_s)) } else { None };
-        if is_late && back.is_none() {
+        let is_late = self.feed.is_past(self.reached(), true_s);
+        let is_past = is_late && self.feed.is_past(&self.cursor, true_s);
+        let back = if is_past { self.kept.iter().rposition(|kept| kept.is_before(&self.feed, true_s)) } else { None };
+        if is_past && back.is_none() {
             self.counts.too_late += 1;
             return Ok(());
         }
@@ -90,28 +95,42 @@ impl Arrivals {
             return Ok(());
         }
         if let Some(back) = back {
-            self.counts.late += 1;
-            self.go_back(tracker, back)?;
+            self.go_back(back);
         }
+        if is_late {
+            self.counts.late += 1;
+            return Ok(());
+        }
+        self.catch_up(tracker)?;
         self.go_on(tracker, self.wait_s, sink)
     }
 
     /// Takes all that still waits, at the end of a recording.
     pub fn finish(&mut self, tracker: &mut Tracker, sink: Sink) -> Result<()> {
+        self.catch_up(tracker)?;
         self.go_on(tracker, f64::NEG_INFINITY, sink)?;
         tracker.finish(sink)
     }
 
-    /// Takes the samples since a kept state estimate again.
-    fn go_back(&mut self, tracker: &mut Tracker, back: usize) -> Result<()> {
+    /// The position behind all samples that were read.
+    fn reached(&self) -> &Cursor {
+        self.ahead.as_ref().unwrap_or(&self.cursor)
+    }
+
+    /// Makes a kept state estimate the newest one.
+    fn go_back(&mut self, back: usize) {
         self.kept.truncate(back + 1);
-        let until_s = self.last_s;
-        let kept = &self.kept[back];
-        self.cursor = kept.cursor.clone();
+        let read = std::mem::replace(&mut self.cursor, self.kept[back].cursor.clone());
+        self.ahead.get_or_insert(read);
+    }
+
+    /// Takes the samples since the newest kept state estimate again, if late readings belong to them.
+    fn catch_up(&mut self, tracker: &mut Tracker) -> Result<()> {
+        let (Some(_), Some(kept)) = (self.ahead.take(), self.kept.back()) else { return Ok(()) };
         tracker.resume(kept.known.clone())?;
         loop {
             let mut cursor = self.cursor.clone();
-            if !self.feed.next(f64::NEG_INFINITY, &mut cursor, &mut self.sample) || self.sample.time_s > until_s {
+            if !self.feed.next(f64::NEG_INFINITY, &mut cursor, &mut self.sample) || self.sample.time_s > self.last_s {
                 return Ok(());
             }
             self.cursor = cursor;

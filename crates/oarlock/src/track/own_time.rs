@@ -4,8 +4,9 @@
 //! z - (h(x(t + offset)) - h(x(t))), to second order in the offset. An acceleration changes in between. How much it changes
 //! from one tick to the next is the (learnt) driving noise; it is taken to change evenly, and the part of the offset adds its
 //! variance to that of the reading. White noise over the offset alone would be many times as much: bodies move smoothly. A time
-//! stamp that is uncertain adds (h' stamp_std)^2. What all this leaves, the offset times the error of the velocity, is small
-//! beside the noise while offsets are milliseconds.
+//! stamp that is uncertain adds (h' stamp_std)^2. The error of the estimated motion adds the variance of what it moves the
+//! coordinates in the offset. Without it an exact marker some milliseconds off makes the velocity feed back on itself: with
+//! R >= off^2 P_v the gain of the velocity times the offset is 1/2 at most, P_qv off / (P_q + R) <= 1/2.
 
 use super::readings::Readings;
 use super::subject::Subject;
@@ -36,8 +37,18 @@ pub(super) struct OwnTime {
     here: Vec<f64>,
     rate: Vec<f64>,
     driven: Vec<f64>,
-    /// States of accelerations with the densities of their driving noise, and of the rate that each changes.
-    drives: Vec<(usize, Option<usize>, f64)>,
+    drives: Vec<Drive>,
+}
+
+/// What drives an acceleration.
+#[derive(Debug, Clone, Copy)]
+struct Drive {
+    /// State of the acceleration.
+    accel: usize,
+    /// States of the value and the rate that it changes.
+    moved: Option<(usize, usize)>,
+    /// Of the driving noise.
+    density: f64,
 }
 
 impl OwnTime {
@@ -101,17 +112,20 @@ impl OwnTime {
         }
     }
 
-    /// Variance of the readings by the change of accelerations over `reach_s`. Each lane has all of it, with the signs of a Walsh function:
+    /// Variance of the readings by the change of accelerations over `reach_s`, and by the error of the estimated motion. Each lane has all of it, with the signs of a Walsh function:
     /// in the mean over eight lanes the products of two drives cancel unless their numbers differ by a multiple of eight.
     fn drive(&mut self, subject: &Subject, belief: &Belief, reach_s: f64, moment: &Moment) {
         self.delta.fill(Lane::splat(0.0));
-        for (i, ((accel, rate, density), factor)) in self.drives.iter().zip(&belief.drive).enumerate() {
-            let size = density * (factor / self.tick_s).sqrt() * reach_s;
-            let sign = |lane: usize| if (lane & i).count_ones().is_multiple_of(2) { size } else { -size };
-            let signed = Lane(std::array::from_fn(sign));
-            self.delta[*accel] = signed;
-            if let Some(rate) = rate {
-                self.delta[*rate] = Lane(signed.0.map(|x| 0.5 * x * reach_s));
+        let std = |state: usize| belief.covariance.at(state, state).max(0.0).sqrt();
+        for (i, (drive, factor)) in self.drives.iter().zip(&belief.drive).enumerate() {
+            let size = drive.density * (factor / self.tick_s).sqrt() * reach_s;
+            let sign = |lane: usize| if (lane & i).count_ones().is_multiple_of(2) { 1.0 } else { -1.0 };
+            let signs: [f64; LANES] = std::array::from_fn(sign);
+            self.delta[drive.accel] = Lane(signs.map(|s| s * size));
+            if let Some((q, rate)) = drive.moved {
+                let unsure = (std(rate) * reach_s).hypot(0.5 * std(drive.accel) * reach_s.powi(2));
+                self.delta[q] = Lane(signs.map(|s| s * unsure));
+                self.delta[rate] = Lane(signs.map(|s| 0.5 * s * size * reach_s));
             }
         }
         let at = Points { mean: &belief.mean, delta: &self.delta, off: &self.off };
@@ -141,16 +155,16 @@ impl OwnTime {
     }
 }
 
-/// Accelerations in the order of the learnt factors, each with the rate that it changes and the density of its noise.
-fn drives(body: &Body) -> Vec<(usize, Option<usize>, f64)> {
+/// Accelerations in the order of the learnt factors.
+fn drives(body: &Body) -> Vec<Drive> {
     let joints = body.moving().filter_map(|(_, axis, slots)| {
         let (rate, accel) = slots.rates?;
-        Some((accel, Some(rate), axis.process.density))
+        Some(Drive { accel, moved: Some((slots.q, rate)), density: axis.process.density })
     });
     let pushes = body.layout.pushes.iter().map(|push| {
         // A push with a rise time has no noise of its own within milliseconds.
         let density = if push.rate.is_none() { body.model.base_accelerations[push.number].density } else { 0.0 };
-        (push.state, None, density)
+        Drive { accel: push.state, moved: None, density }
     });
     joints.chain(pushes).collect()
 }

@@ -115,8 +115,10 @@ class _Readings:
         return (sines + p[9]) / DIP_STD, np.hstack(slopes) / DIP_STD
 
     def _prior(self, p: FloatArray) -> tuple[FloatArray, FloatArray]:
-        std = np.repeat([OFFSET_PRIOR_UT, SOFT_PRIOR], [3, 5])
-        return (p - self.expected)[:8] / std, np.eye(8, 10) / std[:, None]
+        std = np.repeat([OFFSET_PRIOR_UT, SOFT_PRIOR, 1.0], [3, 5, 1])
+        # Without rests nothing shows the dip.
+        rows = [*range(8), 9][: 8 if len(self.ups) else 9]
+        return (p - self.expected)[rows] / std[: len(rows)], np.eye(10)[rows] / std[: len(rows), None]
 
 
 def _matrix(p: FloatArray) -> FloatArray:

@@ -11,8 +11,13 @@ from oarlock.calibration.session.body import Body
 from oarlock.calibration.session.checks import KEPT, PASSED, REDO, Check, within
 from oarlock.calibration.session.mounts import LEAST_PURITY, LEAST_SWEPT_RAD, MOUNT_LIMIT_RAD, Mounts
 from oarlock.calibration.session.plan import SessionPlan
+from oarlock.calibration.session.timing import EDGE_S
+from oarlock.calibration.session.unit_rows import Span, UnitRows
 from oarlock.storage.array_gate import FloatArray
 
+REST_LIMIT_RAD_S = 0.25
+"""Scatter of a gyroscope in a posture: a person sways by a fifth of it, and moves by four times as much."""
+LEAST_ROWS = 4
 OFF_LIMIT_STDS = 2.0
 OFF_LIMIT_RAD = float(np.radians(10.0))
 NORTH_LIMIT_RAD = float(np.radians(12.0))
@@ -28,6 +33,23 @@ def mount_checks(
         *(_mount(name, found, nominal[name]) for name in found.solved),
         *_norths(found),
     ]
+
+
+def rest_checks(plan: SessionPlan, spans: Mapping[str, Span], units: Mapping[str, UnitRows]) -> list[Check]:
+    """Postures at given times in which a unit did not rest."""
+    checks = []
+    for step in plan.steps:
+        if step.kind == "pose" and step.name in spans:
+            restless = [name for name, unit in units.items() if not _rests(unit, spans[step.name])]
+            sentence = f"{', '.join(restless)} did not rest: hold still for three seconds and do it again."
+            if restless:
+                checks.append(Check(step.name, "", "posture", "-", np.nan, np.nan, "", REDO, sentence))
+    return checks
+
+
+def _rests(unit: UnitRows, span_s: Span) -> bool:
+    gyro = unit.gyro[unit.rows((span_s[0] + EDGE_S, span_s[1] - EDGE_S))]
+    return len(gyro) >= LEAST_ROWS and float(gyro.std(axis=0).max()) < REST_LIMIT_RAD_S
 
 
 def _movements(found: Mounts, plan: SessionPlan, body: Body) -> list[Check]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -75,6 +75,12 @@ class MountSearch:
             mounts[name] = solved_mount(sights[name], self.nominal[name])
         return Mounts(mounts, sights, moved, self._norths(mounts), by_north)
 
+    def sights(self, unit: UnitRows) -> list[Sight]:
+        """What readings say of a mount on the link of the unit's name, as if nothing else had moved."""
+        nominal = {unit.name: solved_mount([], self.nominal[unit.name])}
+        axes, _ = replace(self, units={unit.name: unit})._axes(nominal, against_parents=False)
+        return [*self._ups(unit), *axes.get(unit.name, [])]
+
     # --- gravity ------------------------------------------------------------------------------------
 
     def _ups(self, unit: UnitRows) -> list[Sight]:
@@ -114,7 +120,7 @@ class MountSearch:
             q = self.body.posture(step.pose)
             about = None if step.axis is None else np.asarray(step.axis, dtype=np.float64)
             for joint in step.joints:
-                for child in self._turned(step, joint):
+                for child in (u for u in self.turned(step, joint) if u in self.units):
                     parent = self.body.above(joint, child) if against_parents else None
                     one = self._turning(step, child, parent, q, mounts)
                     moved[step.name, child] = one
@@ -127,7 +133,7 @@ class MountSearch:
                     )
         return found, moved
 
-    def _turned(self, step: SessionStep, joint: str) -> list[str]:
+    def turned(self, step: SessionStep, joint: str) -> list[str]:
         """The units that a movement of a joint turns: the nearest, and those that move with them as one."""
         own = set(self.body.joints[joint])
         return [

@@ -114,6 +114,10 @@ class SessionStep:
         if self.kind == "sign" and not self.other:
             raise DataError(f"{where}: a sign needs other, the stream that it is held against")
 
+    def __reduce__(self) -> tuple[type, tuple[object, ...]]:
+        values = (getattr(self, f.name) for f in fields(self))
+        return SessionStep, tuple(dict(v) if isinstance(v, Mapping) else v for v in values)
+
     @property
     def span_s(self) -> tuple[float, float] | None:
         """(start, end) in s where both are given."""

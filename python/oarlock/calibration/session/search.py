@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from oarlock.calibration.session.body import Body
 from oarlock.calibration.session.checks import REDO, Check
 from oarlock.calibration.session.encoders import encoder_scales
-from oarlock.calibration.session.mount_checks import mount_checks
+from oarlock.calibration.session.mount_checks import mount_checks, rest_checks
 from oarlock.calibration.session.mounts import Mounts, MountSearch
 from oarlock.calibration.session.plan import SessionPlan, default_plan
 from oarlock.calibration.session.sensors import SensorSearch
@@ -94,6 +94,7 @@ def calibrate_session(
         *missing_steps(plan, spans),
         *(c for n, s in searches.items() for c in s.checks(described[n])),
         *field_checks(worn.model, searches),
+        *rest_checks(plan, spans, rows),
         *mount_checks(found, plan, body, worn.rotations),
         *encoder_checks,
     ]
@@ -154,7 +155,7 @@ def _calibrated(
             "plan": plan.name,
             "model": worn.model.name,
             "passed": not any(c.outcome == REDO for c in checks),
-            "step": [step_note(step, spans, checks) for step in plan.steps],
+            "step": [step_note(step, plan, spans, checks) for step in plan.steps],
             "check": [c.as_dict() for c in checks],
         },
     }

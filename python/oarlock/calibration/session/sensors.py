@@ -34,9 +34,14 @@ class SensorSearch:
 
     @classmethod
     def of(cls, unit: UnitRows, plan: SessionPlan, spans: Mapping[str, Span], gravity: float) -> SensorSearch:
-        """Looks at the rests of the plan's steps, and for the magnetometer at the turns, else at everything."""
+        """Looks at the rests of the plan's steps, and for the magnetometer at the turns.
+
+        Without turns the magnetometer's readings in all steps count if the plan gives their times, else all readings.
+        """
         stills = stills_of(unit, plan, spans)
         turns = [spans[s.name] for s in plan.steps if s.kind == "turn" and s.name in spans]
+        if not turns and all(s.span_s is not None for s in plan.steps):
+            turns = sorted(spans.values())
         return cls(
             unit, gyro_rest(unit, stills), accel_rest(unit, stills, gravity), mag_fit(unit, turns, stills)
         )

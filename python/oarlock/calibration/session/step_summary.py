@@ -26,9 +26,11 @@ def _missing(step: SessionStep) -> tuple[str, str]:
     return REDO, f'"{step.name}" was not found in the recording: do it again.'
 
 
-def step_note(step: SessionStep, spans: Mapping[str, Span], checks: Sequence[Check]) -> dict[str, object]:
+def step_note(
+    step: SessionStep, plan: SessionPlan, spans: Mapping[str, Span], checks: Sequence[Check]
+) -> dict[str, object]:
     """The step for the calibration's notes."""
-    own = [c for c in checks if step.name in c.step.split(", ") or c.step == step.name]
+    own = [c for c in checks if step.name in _steps_of(c, plan)]
     if step.kind in ("turn", "still") and step.name in spans:
         own += [c for c in checks if c.what in OF_REST]
     outcome, sentence = _in_words(step, own)
@@ -36,6 +38,12 @@ def step_note(step: SessionStep, spans: Mapping[str, Span], checks: Sequence[Che
     if step.name in spans:
         note |= {"start_s": float(spans[step.name][0]), "end_s": float(spans[step.name][1])}
     return note | {"outcome": outcome, "sentence": sentence}
+
+
+def _steps_of(check: Check, plan: SessionPlan) -> list[str]:
+    """The steps that a check is about: one, whose name may have a comma, or several with commas between them."""
+    is_one = any(check.step == step.name for step in plan.steps)
+    return [check.step] if is_one else check.step.split(", ")
 
 
 def _in_words(step: SessionStep, own: Sequence[Check]) -> tuple[str, str]:

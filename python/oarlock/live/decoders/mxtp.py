@@ -16,6 +16,7 @@ from types import MappingProxyType
 from oarlock.formats.devices.mvnx import FULL_BODY, SENSOR
 from oarlock.formats.devices.unit_readings import stream_name
 from oarlock.live.decoders.quantities import are_sound, radians
+from oarlock.live.decoders.sample_clock import SampleClock
 from oarlock.live.decoders.wrapping import Wrapping
 from oarlock.live.reading import Reading, Value
 
@@ -60,7 +61,7 @@ class MxtpDecoder:
             raise ValueError(f'gyro_unit is "{gyro_unit}"; expected deg/s or rad/s')
         self.damaged = 0
         self._gyro, self._every, self._datagrams = _GYRO[gyro_unit], every, datagrams
-        self._samples, self._clock = Wrapping(2**32), Wrapping(2**32)
+        self._samples, self._clock, self._fine = Wrapping(2**32), Wrapping(2**32), SampleClock()
         self._rest = b""
         self._lost = False
 
@@ -120,9 +121,9 @@ class MxtpDecoder:
             if are_sound(values)
         ]
         self.damaged += items > len(found)
-        clock_s = self._clock.unwrapped(time_ms) / 1e3
-        count = self._samples.unwrapped(sample) // self._every
-        return [Reading(name, clock_s, values, count) for name, values in found]
+        samples = self._samples.unwrapped(sample)
+        clock_s = self._fine.time_s(samples, self._clock.unwrapped(time_ms) / 1e3)
+        return [Reading(name, clock_s, values, samples // self._every) for name, values in found]
 
     def _pose(self, item: bytes) -> tuple[str, dict[str, Value]]:
         segment, *n = struct.unpack(">I7f", item)

@@ -12,7 +12,7 @@ import math
 from collections.abc import Mapping
 from datetime import datetime
 
-from oarlock.live.reading import Reading, Value
+from oarlock.live.reading import RETAINED, Reading, Value
 
 _MS = 0.001
 _BOTH = {
@@ -72,7 +72,14 @@ class OpenRowingMonitorDecoder:
         self.damaged = 0
 
     def decode(self, data: bytes, channel: str = "") -> list[Reading]:
-        """The reading of a message; a WebSocket message of another type than `metrics` gives none."""
+        """The reading of a message; a WebSocket message of another type than `metrics` gives none.
+
+        Args:
+            data: the message.
+            channel: `retained` for one that a broker kept from before anybody listened: it gives none.
+        """
+        if channel == RETAINED:
+            return []
         message = _parsed(data)
         if not isinstance(message, dict):
             self.damaged += 1

@@ -21,13 +21,17 @@ _OBJECT = struct.Struct("<24s6d")
 _OBJECT_ID = 0
 
 
-def decoder() -> Messages:
-    """A decoder of one Tracker: a reading for each object that it sees; its name is the device."""
+def decoder(*, rate_hz: float = 0.0) -> Messages:
+    """A decoder of one Tracker: a reading for each object that it sees; its name is the device.
+
+    Args:
+        rate_hz: of the cameras' frames, whose count then is the readings' clock; 0 if unknown: they have none.
+    """
     frames = Wrapping(2**32)
-    return Messages(lambda data: _readings(data, frames), b"")
+    return Messages(lambda data: _readings(data, frames, rate_hz), b"")
 
 
-def _readings(data: bytes, frames: Wrapping) -> list[Reading] | None:
+def _readings(data: bytes, frames: Wrapping, rate_hz: float) -> list[Reading] | None:
     try:
         frame, items = _HEAD.unpack_from(data)
         found, at = [], _HEAD.size
@@ -48,7 +52,8 @@ def _readings(data: bytes, frames: Wrapping) -> list[Reading] | None:
     if not all(are_sound(one.values) for one in seen):
         return None
     count = frames.unwrapped(frame)
-    return [Reading(one.device, None, one.values, count) for one in seen]
+    clock_s = count / rate_hz if rate_hz > 0.0 else None
+    return [Reading(one.device, clock_s, one.values, count) for one in seen]
 
 
 def _reading(name: bytes, numbers: list[float]) -> Reading:

@@ -1,1 +1,1 @@
-"""Devices that are not there: virtual peripherals to develop against, by bumble (`oarlock[emulate]`)."""
+"""Devices that are not there, to develop against: the bytes of real ones, by UDP, TCP, serial line, Bluetooth."""

@@ -59,18 +59,23 @@ class Delivery:
     values: Mapping[str, float | tuple[float, ...]] = field(hash=False)
 
 
-def deliveries(recording: Recording, faults: Faults, seed: int = 0) -> list[Delivery]:
+def deliveries(
+    recording: Recording, faults: Faults, seed: int = 0, *, is_one_device: bool = False
+) -> list[Delivery]:
     """All readings of a recording as its devices send them, in the order of arrival.
 
     Args:
         recording: a stream is a device.
         faults: on the way.
         seed: of all that is drawn.
+        is_one_device: one device has all streams, so that they share its clock and its way.
     """
-    return _round(recording, faults, seed, 0, 0.0)
+    return _round(recording, faults, seed, 0, 0.0, is_one_device)
 
 
-def endless(recording: Recording, period_s: float, faults: Faults, seed: int = 0) -> Iterator[Delivery]:
+def endless(
+    recording: Recording, period_s: float, faults: Faults, seed: int = 0, *, is_one_device: bool = False
+) -> Iterator[Delivery]:
     """A recording of a movement that repeats itself, again and again, while clocks and counters run on.
 
     Args:
@@ -78,18 +83,21 @@ def endless(recording: Recording, period_s: float, faults: Faults, seed: int = 0
         period_s: after which it begins again.
         faults: on the way; their times count from the first start.
         seed: of all that is drawn.
+        is_one_device: as for `deliveries`.
     """
     for number in itertools.count():
-        yield from _round(recording, faults, seed, number, period_s)
+        yield from _round(recording, faults, seed, number, period_s, is_one_device)
 
 
-def _round(recording: Recording, faults: Faults, seed: int, number: int, period_s: float) -> list[Delivery]:
+def _round(
+    recording: Recording, faults: Faults, seed: int, number: int, period_s: float, is_one_device: bool
+) -> list[Delivery]:
     found = [
         delivery
         for device, stream in enumerate(recording.streams)
-        for delivery in _of(stream, faults, (seed, device), number, number * period_s)
+        for delivery in _of(stream, faults, (seed, 0 if is_one_device else device), number, number * period_s)
     ]
-    return sorted(found, key=lambda delivery: delivery.due_s)
+    return sorted(found, key=lambda delivery: (delivery.due_s, delivery.clock_s))
 
 
 def _of(
@@ -122,7 +130,7 @@ def _together(values: Floats, burst: int) -> Floats:
 def _values(stream: Stream, row: int, time_s: float, faults: Faults) -> dict[str, float | tuple[float, ...]]:
     found: dict[str, float | tuple[float, ...]] = {}
     for name, rows in stream.values.items():
-        value = rows[row]
+        name, value = "position_m" if stream.kind == "vector" else name, rows[row]
         if np.isfinite(value).all():
             found[name] = float(value) if np.ndim(value) == 0 else tuple(float(x) for x in value)
     field_ut = found.get("mag_ut")

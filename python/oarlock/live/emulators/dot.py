@@ -1,4 +1,4 @@
-"""A virtual Movella DOT that replays a stream of an inertial unit in a raw mode.
+"""Virtual Movella DOTs that send what an inertial unit measures, in a raw mode.
 
 Source: Movella, "DOT BLE Services Specifications", XD0506P revision C. Numbers are little-endian, the stamp
 is in us in 32 bits. Characteristics have a fixed length; zeros follow a shorter payload. The magnetometer
@@ -9,14 +9,20 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
 from struct import pack
+from typing import cast
 
 import numpy as np
 from bumble.device import Device
 
+from oarlock.live.emulators.bluetooth import placed
+from oarlock.live.emulators.deliveries import Delivery
+from oarlock.live.emulators.emulated import Emulated, Message, Sender, Wiring
 from oarlock.live.emulators.peripheral import Offers, Peripheral
+from oarlock.live.transports.radio import short
 from oarlock.recording.streams import ImuStream
+from oarlock.storage.errors import DataError
 
 _UUID = "1517{:04x}-4947-11e9-8646-d663bd873d93"
 _CONTROL, _MEASURE, _BATTERY = 0x1002, 0x2001, 0x3001
@@ -24,7 +30,12 @@ _LONG, _MEDIUM = (0x2002, 63), (0x2003, 40)
 _PAYLOADS = {20: _MEDIUM, 21: _MEDIUM, 26: _LONG}
 _MAG_PER_UT = 4096.0 / 50.0
 
+MODE, RATE_HZ = 20, 60
+NAME = "Movella DOT"
+_UNTURNED = (1.0, 0.0, 0.0, 0.0)
+
 Numbers = Sequence[float]
+Row = tuple[float, int, bytes]
 
 
 def payload(
@@ -39,12 +50,74 @@ def payload(
     return data.ljust(_PAYLOADS[mode][1], b"\x00")
 
 
+def messages(emulated: Emulated, mode: int = MODE) -> Iterator[Message]:
+    """The notifications of all units."""
+    channel = short(_UUID.format(_PAYLOADS[mode][0]))
+    for delivery in emulated.deliveries():
+        data = _payload_of(delivery, mode)
+        if data is not None:
+            yield Message(delivery.due_s, delivery.device, data, channel)
+
+
+def wiring(emulated: Emulated) -> Wiring:
+    """Units of one source, by their addresses; the magnetometer's unit is not uT."""
+    names = emulated.recording.names
+    addresses = [f"D4:22:CD:00:00:{number:02X}" for number in range(1, len(names) + 1)]
+    options: dict[str, object] = {"addresses": addresses, "rate_hz": RATE_HZ}
+    senders = {n: Sender("dot", "ble", options, a) for n, a in zip(names, addresses, strict=True)}
+    streams = {name: (name, "") for name in names}
+    return Wiring("dot", senders, streams, {"mode": MODE}, ("gyro_rad_s", "accel_m_s2"))
+
+
+async def emulate(emulated: Emulated) -> None:
+    """Be one unit at the place's adapter until it is cancelled; the movement begins with each start command.
+
+    Raises:
+        DataError: there are several units: an adapter has one address.
+    """
+    if len(emulated.recording.names) != 1:
+        known = ",".join(emulated.recording.names)
+        raise DataError(f"an adapter can be one unit; choose it with --units: {known}")
+    [(unit, own)] = wiring(emulated).senders.items()
+    async with placed(emulated, own.address) as device:
+        await be(device, emulated, unit)
+
+
+async def be(
+    device: Device,
+    emulated: Emulated,
+    unit: str,
+    *,
+    name: str = NAME,
+    begun: Callable[[], Awaitable[object]] | None = None,
+    sent: Callable[[int], None] = lambda row: None,
+) -> None:
+    """Be one unit of a recording until cancelled.
+
+    Args:
+        device: of `air`, on a link of this process or on an adapter.
+        emulated: what all units measure, and what goes wrong on the way.
+        unit: name of the stream.
+        name: that it advertises.
+        begun: awaited after each start command, such as until all units are started; then the movement begins.
+        sent: called with the count of each reading that was notified.
+    """
+
+    def rows(mode: int) -> Iterator[Row]:
+        for delivery in emulated.deliveries():
+            data = _payload_of(delivery, mode) if delivery.device == unit else None
+            if data is not None:
+                yield delivery.due_s, delivery.count, data
+
+    await _Unit(device, name, rows, begun).run(sent)
+
+
 async def run(
     device: Device,
     stream: ImuStream,
     *,
     quat_wxyz: np.ndarray | None = None,
-    name: str = "Movella DOT",
+    name: str = NAME,
     first_us: int = 0,
     speed: float = 1.0,
     sent: Callable[[int], None] = lambda row: None,
@@ -61,11 +134,40 @@ async def run(
         speed: 2.0 replays twice as fast, with the same stamps.
         sent: called with the index of each row that was notified.
     """
-    await _Unit(device, stream, quat_wxyz, name).run(first_us, speed, sent)
+    count, nothing = len(stream.time_s), np.zeros((len(stream.time_s), 3))
+    columns = [nothing if a is None else a for a in (stream.gyro_rad_s, stream.accel_m_s2, stream.mag_ut)]
+    columns.append(np.tile(_UNTURNED, (count, 1)) if quat_wxyz is None else quat_wxyz)
+
+    def rows(mode: int) -> Iterator[Row]:
+        for row, time_s in enumerate((stream.time_s - stream.time_s[0]).tolist()):
+            gyro, accel, mag, quat = (values[row].tolist() for values in columns)
+            if all(map(math.isfinite, (*gyro, *accel, *mag, *quat))):
+                stamp_us = first_us + round(1e6 * time_s)
+                yield time_s / speed, row, payload(mode, stamp_us, gyro, accel, mag, quat)
+
+    await _Unit(device, name, rows).run(sent)
+
+
+def _payload_of(delivery: Delivery, mode: int) -> bytes | None:
+    """The measurement; None without gyroscope or accelerometer."""
+    values = cast("Mapping[str, Numbers]", delivery.values)
+    if "gyro_rad_s" not in values or "accel_m_s2" not in values:
+        return None
+    stamp_us = round(1e6 * delivery.clock_s)
+    field = values.get("mag_ut", (0.0, 0.0, 0.0))
+    return payload(mode, stamp_us, values["gyro_rad_s"], values["accel_m_s2"], field, _UNTURNED)
 
 
 class _Unit:
-    def __init__(self, device: Device, stream: ImuStream, quat_wxyz: np.ndarray | None, name: str) -> None:
+    """Sends the rows of a mode: when each is due after the start, its number, and the payload."""
+
+    def __init__(
+        self,
+        device: Device,
+        name: str,
+        rows: Callable[[int], Iterator[Row]],
+        begun: Callable[[], Awaitable[object]] | None = None,
+    ) -> None:
         services = {
             _UUID.format(0x1000): Offers(written=[_UUID.format(_CONTROL)]),
             _UUID.format(0x2000): Offers(
@@ -74,35 +176,28 @@ class _Unit:
             _UUID.format(0x3000): Offers([_UUID.format(_BATTERY)]),
         }
         self._peripheral = Peripheral(device, name, services, self._written)
-        count, nothing = len(stream.time_s), np.zeros((len(stream.time_s), 3))
-        self._time_s = stream.time_s
-        self._rows = [
-            nothing if a is None else a for a in (stream.gyro_rad_s, stream.accel_m_s2, stream.mag_ut)
-        ]
-        self._rows.append(np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)) if quat_wxyz is None else quat_wxyz)
+        self._rows, self._begun = rows, begun
         self._mode: int | None = None
         self._told = asyncio.Event()
 
-    async def run(self, first_us: int, speed: float, sent: Callable[[int], None]) -> None:
+    async def run(self, sent: Callable[[int], None]) -> None:
         async with self._peripheral.there():
             while True:
                 await self._told.wait()
                 self._told.clear()
                 if self._mode is not None:
                     await self._peripheral.notify(_UUID.format(_BATTERY), bytes([88, 0]))
-                    await self._replay(self._mode, first_us, speed, sent)
+                    await self._send(self._mode, sent)
 
-    async def _replay(self, mode: int, first_us: int, speed: float, sent: Callable[[int], None]) -> None:
+    async def _send(self, mode: int, sent: Callable[[int], None]) -> None:
+        if self._begun is not None:
+            await self._begun()
         loop = asyncio.get_running_loop()
         began_s, uuid = loop.time(), _UUID.format(_PAYLOADS[mode][0])
-        for row, time_s in enumerate(self._time_s - self._time_s[0]):
-            await asyncio.sleep(began_s + time_s / speed - loop.time())
+        for due_s, row, data in self._rows(mode):
+            await asyncio.sleep(began_s + due_s - loop.time())
             if self._told.is_set():  # stopped, or started anew
                 return
-            gyro, accel, mag, quat = (values[row].tolist() for values in self._rows)
-            if not all(map(math.isfinite, (*gyro, *accel, *mag, *quat))):
-                continue
-            data = payload(mode, first_us + round(1e6 * time_s), gyro, accel, mag, quat)
             if await self._peripheral.notify(uuid, data):
                 sent(row)
 

@@ -10,8 +10,13 @@ from struct import pack
 
 from bumble.device import Device
 
+from oarlock.live.emulators.bluetooth import notify, placed, sender
+from oarlock.live.emulators.emulated import Emulated, Message, Wiring
+from oarlock.live.emulators.on_the_way import on_the_way
 from oarlock.live.emulators.peripheral import Offers, Peripheral
 
+NAME = "Oarlock belt"
+_UNIT = "belt"
 _SERVICE, _MEASUREMENT = "180D", "2A37"
 # Contact is felt and there, intervals follow.
 _FLAGS = 0b1_0110
@@ -22,12 +27,34 @@ def message(rate_per_min: float, rr_s: tuple[float, ...]) -> bytes:
     return pack(f"<BB{len(rr_s)}H", _FLAGS, round(rate_per_min), *(round(1024.0 * rr) for rr in rr_s))
 
 
+def messages(
+    emulated: Emulated, rate_per_min: float = 150.0, swing_per_min: float = 5.0
+) -> Iterator[Message]:
+    """A measurement a second."""
+    moments = ((float(second), one) for second, one in enumerate(_beats(rate_per_min, swing_per_min), 1))
+    for due_s, _, (rate, rr_s) in on_the_way(emulated, moments):
+        yield Message(due_s, _UNIT, message(rate, rr_s), _MEASUREMENT)
+
+
+def wiring(emulated: Emulated) -> Wiring:
+    """It feeds no sensor."""
+    return Wiring("heart_rate", {_UNIT: sender(_UNIT)}, {})
+
+
+async def emulate(emulated: Emulated) -> None:
+    """Send at the place's adapter until the recording's time is over, or it is cancelled."""
+    async with placed(emulated) as device:
+        peripheral = _peripheral(device, NAME)
+        async with peripheral.there():
+            await notify(peripheral, messages(emulated))
+
+
 async def run(
     device: Device,
     *,
     rate_per_min: float = 150.0,
     swing_per_min: float = 5.0,
-    name: str = "Oarlock belt",
+    name: str = NAME,
     speed: float = 1.0,
     sent: Callable[[float, tuple[float, ...]], None] = lambda rate_per_min, rr_s: None,
 ) -> None:
@@ -41,7 +68,7 @@ async def run(
         speed: 2.0 sends twice as fast.
         sent: called with rate and intervals of each message that was notified.
     """
-    peripheral = Peripheral(device, name, {_SERVICE: Offers([_MEASUREMENT])})
+    peripheral = _peripheral(device, name)
     async with peripheral.there():
         loop = asyncio.get_running_loop()
         began_s = loop.time()
@@ -49,6 +76,10 @@ async def run(
             await asyncio.sleep(began_s + second / speed - loop.time())
             if await peripheral.notify(_MEASUREMENT, message(rate, rr_s)):
                 sent(rate, rr_s)
+
+
+def _peripheral(device: Device, name: str) -> Peripheral:
+    return Peripheral(device, name, {_SERVICE: Offers([_MEASUREMENT])})
 
 
 def _beats(rate_per_min: float, swing_per_min: float) -> Iterator[tuple[float, tuple[float, ...]]]:

@@ -1,4 +1,4 @@
-"""Emulates units that send JSON lines by UDP: what a club builds from a microcontroller and a sensor chip."""
+"""Emulates units that send JSON lines: what a club builds from a microcontroller and a sensor chip."""
 
 from __future__ import annotations
 
@@ -6,10 +6,14 @@ import asyncio
 import json
 import socket
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 
+from oarlock.live.emulators.carriers import carry, senders
 from oarlock.live.emulators.deliveries import Delivery
+from oarlock.live.emulators.emulated import Emulated, Message, Wiring
 
+_UNIT = "lines"
+"""One sender passes on what all units measure; each line names its unit."""
 _WRAP = 2**32
 
 
@@ -22,6 +26,23 @@ def json_line(delivery: Delivery) -> bytes:
         **delivery.values,
     }
     return json.dumps(told, separators=(",", ":")).encode() + b"\n"
+
+
+def messages(emulated: Emulated) -> Iterator[Message]:
+    """A line for each reading."""
+    for delivery in emulated.deliveries():
+        yield Message(delivery.due_s, _UNIT, json_line(delivery))
+
+
+def wiring(emulated: Emulated) -> Wiring:
+    """Each stream is a device of the one sender."""
+    streams = {name: (_UNIT, name) for name in emulated.recording.names}
+    return Wiring("lines", senders(emulated.place, "lines", [_UNIT]), streams)
+
+
+async def emulate(emulated: Emulated) -> None:
+    """Send lines until the movement ends, or it is cancelled."""
+    await carry(emulated, [_UNIT], messages(emulated))
 
 
 async def send(

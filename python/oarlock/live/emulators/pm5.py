@@ -8,95 +8,95 @@ recovery.
 from __future__ import annotations
 
 import asyncio
-import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
 
 from bumble.device import Device
 
+from oarlock.live.emulators.bluetooth import placed, sender
+from oarlock.live.emulators.emulated import Emulated, Message, Wiring
+from oarlock.live.emulators.on_the_way import on_the_way
 from oarlock.live.emulators.peripheral import Offers, Peripheral
-from oarlock.live.emulators.pm5_messages import MESSAGES, Values, force_curve
+from oarlock.live.emulators.pm5_messages import MESSAGES, force_curve
+from oarlock.live.emulators.rower import Rowing, Values
+from oarlock.live.transports.radio import short
 
 _UUID = "ce06{:04x}-43e5-11e4-916c-0800200c9a66"
 _NOTIFIES = (0x31, 0x32, 0x33, 0x35, 0x36, 0x3D, 0x3E, 0x80)
 _STATUS = (0x31, 0x32, 0x33, 0x3E)
 _FORCE_CURVE, _MULTIPLEXED, _STATUS_RATE = 0x3D, 0x80, 0x34
 _PERIODS_S = (1.0, 0.5, 0.25, 0.1)
-_DRIVING, _RECOVERING = 2.0, 4.0
-# Concept2 gives pace and power as P = 2.8 v^3.
-_DRAG_W_S3_M3 = 2.8
+
+NAME = "PM5 430000000"
+_UNIT = "pm5"
 
 Sent = Callable[[int, Values | tuple[float, ...]], None]
+Moment = tuple[float, tuple[int, ...]]
+OnWay = Callable[[Iterable[Moment]], Iterator[tuple[float, float, tuple[int, ...]]]]
 
 
-@dataclass(frozen=True)
-class Rowing:
-    """Equal strokes.
+def _moments(rowing: Rowing, period_s: Callable[[], float]) -> Iterator[Moment]:
+    """When which characteristics notify, without end.
 
     Args:
-        rate_per_min: strokes a minute.
-        drive_s: duration of the drive, shorter than a stroke.
-        handle_travel_m: of the handle in the drive.
-        peak_force_n: of the handle; the curve is half a sine.
+        rowing: the strokes.
+        period_s: gives the time between two messages of status, which can change.
     """
+    status_s = 0.0
+    for event_s, numbers in _events(rowing):
+        while status_s <= event_s:
+            yield status_s, _STATUS
+            status_s += period_s()
+        yield event_s, numbers
 
-    rate_per_min: float = 24.0
-    drive_s: float = 0.8
-    handle_travel_m: float = 1.4
-    peak_force_n: float = 600.0
 
-    @property
-    def stroke_s(self) -> float:
-        """Duration of a stroke."""
-        return 60.0 / self.rate_per_min
+def _parts(rowing: Rowing, number: int, time_s: float, is_multiplexed: bool) -> list[bytes]:
+    """The notifications of a characteristic."""
+    if number == _FORCE_CURVE:
+        return force_curve(rowing.force_n())
+    return [MESSAGES[number](rowing.values(time_s), is_multiplexed)]
 
-    def force_n(self) -> tuple[float, ...]:
-        """The force curve: a value each 10 ms."""
-        count = round(self.drive_s / 0.01)
-        return tuple(self.peak_force_n * math.sin(math.pi * (i + 0.5) / count) for i in range(count))
 
-    def values(self, time_s: float) -> Values:
-        """What the monitor shows at a time since the first drive began."""
-        number, phase_s = divmod(time_s, self.stroke_s)
-        mean_force_n = 2.0 / math.pi * self.peak_force_n
-        work_j = mean_force_n * self.handle_travel_m
-        speed_m_s = math.cbrt(work_j / self.stroke_s / _DRAG_W_S3_M3)
-        power_w = work_j / self.stroke_s
-        return {
-            "elapsed_s": time_s,
-            "distance_m": speed_m_s * time_s,
-            "stroke_state": _DRIVING if phase_s < self.drive_s else _RECOVERING,
-            "drag_factor": 120.0,
-            "speed_m_s": speed_m_s,
-            "pace_s_per_500_m": 500.0 / speed_m_s,
-            "rate_per_min": self.rate_per_min,
-            "power_w": power_w,
-            "energy_kcal": power_w * time_s / 1000.0,
-            "energy_rate_kcal_per_h": 3.6 * power_w,
-            "handle_travel_m": self.handle_travel_m,
-            "drive_time_s": self.drive_s,
-            "recovery_time_s": self.stroke_s - self.drive_s,
-            "distance_per_stroke_m": speed_m_s * self.stroke_s,
-            "peak_force_n": self.peak_force_n,
-            "mean_force_n": mean_force_n,
-            "work_j": work_j,
-            "stroke_number": number + 1.0,
-        }
+def _at_once(moments: Iterable[Moment]) -> Iterator[tuple[float, float, tuple[int, ...]]]:
+    """Nothing delays what is sent."""
+    for time_s, numbers in moments:
+        yield time_s, time_s, numbers
 
-    def events(self) -> Iterator[tuple[float, tuple[int, ...]]]:
-        """The ends of drives and recoveries without end: time, and the characteristics that notify."""
-        number = 0
-        while True:
-            yield number * self.stroke_s + self.drive_s, (0x35, 0x36, _FORCE_CURVE)
-            number += 1
-            yield number * self.stroke_s - 1e-6, (0x35,)  # still of the stroke that ends
+
+def _events(rowing: Rowing) -> Iterator[Moment]:
+    """The ends of drives and recoveries without end: time, and the characteristics that notify."""
+    number = 0
+    while True:
+        yield number * rowing.stroke_s + rowing.drive_s, (0x35, 0x36, _FORCE_CURVE)
+        number += 1
+        yield number * rowing.stroke_s - 1e-6, (0x35,)  # still of the stroke that ends
+
+
+def messages(emulated: Emulated, rowing: Rowing | None = None) -> Iterator[Message]:
+    """What a monitor notifies whose status is asked for each 250 ms, each characteristic by itself."""
+    rower = rowing or Rowing()
+    for due_s, time_s, numbers in on_the_way(emulated, _moments(rower, lambda: _PERIODS_S[2])):
+        for number in numbers:
+            for data in _parts(rower, number, time_s, False):
+                yield Message(due_s, _UNIT, data, short(_UUID.format(number)))
+
+
+def wiring(emulated: Emulated) -> Wiring:
+    """It feeds no sensor."""
+    return Wiring("pm5", {_UNIT: sender(_UNIT)}, {})
+
+
+async def emulate(emulated: Emulated) -> None:
+    """Row at the place's adapter until the recording's time is over, or it is cancelled."""
+    async with placed(emulated) as device:
+        monitor = _Monitor(device, Rowing(), NAME, lambda number, values: None)
+        await monitor.run(1.0, lambda moments: on_the_way(emulated, moments))
 
 
 async def run(
     device: Device,
     rowing: Rowing | None = None,
     *,
-    name: str = "PM5 430000000",
+    name: str = NAME,
     speed: float = 1.0,
     sent: Sent = lambda number, values: None,
 ) -> None:
@@ -119,23 +119,14 @@ class _Monitor:
         self._rowing, self._sent = rowing, sent
         self._period_s = _PERIODS_S[1]
 
-    async def run(self, speed: float) -> None:
+    async def run(self, speed: float, on_way: OnWay = _at_once) -> None:
         async with self._peripheral.there():
             loop = asyncio.get_running_loop()
             began_s = loop.time()
-            for time_s, numbers in self._moments():
-                await asyncio.sleep(began_s + time_s / speed - loop.time())
+            for due_s, time_s, numbers in on_way(_moments(self._rowing, lambda: self._period_s)):
+                await asyncio.sleep(began_s + due_s / speed - loop.time())
                 for number in numbers:
                     await self._notify(number, time_s)
-
-    def _moments(self) -> Iterator[tuple[float, tuple[int, ...]]]:
-        """When which characteristics notify, without end."""
-        status_s = 0.0
-        for event_s, numbers in self._rowing.events():
-            while status_s <= event_s:
-                yield status_s, _STATUS
-                status_s += self._period_s
-            yield event_s, numbers
 
     async def _notify(self, number: int, time_s: float) -> None:
         """By the own characteristic if somebody has subscribed to it, else by the multiplexed one."""
@@ -144,15 +135,10 @@ class _Monitor:
         head = bytes([number]) if is_multiplexed else b""
         if not self._peripheral.is_subscribed(place):
             return
-        values: Values | tuple[float, ...] = self._rowing.values(time_s)
-        if number == _FORCE_CURVE:
-            values = self._rowing.force_n()
-            messages = force_curve(values)
-        else:
-            messages = [MESSAGES[number](self._rowing.values(time_s), is_multiplexed)]
-        for message in messages:
-            await self._peripheral.notify(place, head + message)
-        self._sent(number, values)
+        for data in _parts(self._rowing, number, time_s, is_multiplexed):
+            await self._peripheral.notify(place, head + data)
+        is_curve = number == _FORCE_CURVE
+        self._sent(number, self._rowing.force_n() if is_curve else self._rowing.values(time_s))
 
     def _written(self, uuid: str, data: bytes) -> None:
         if len(data) == 1 and data[0] < len(_PERIODS_S):

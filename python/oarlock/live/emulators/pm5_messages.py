@@ -10,12 +10,12 @@ from collections.abc import Callable, Mapping, Sequence
 from struct import pack
 from types import MappingProxyType
 
+from oarlock.live.emulators.rower import Values
+
 NEWTONS_PER_POUND = 4.4482216152605
 WORDS_OF_A_PART = 9
 # 15 is the largest number of parts that four bits hold.
 MOST_WORDS = 15 * WORDS_OF_A_PART
-
-Values = Mapping[str, float]
 
 
 def general_status(v: Values, is_multiplexed: bool) -> bytes:

@@ -1,11 +1,38 @@
-"""The rig of emulated units: JSON lines by UDP, a device for each stream of a recording."""
+"""The rig of emulated devices: a sensor of the model for each stream that they send."""
 
 from __future__ import annotations
 
 from oarlock._core import Model
+from oarlock.live.emulators.emulated import Emulated
+from oarlock.live.emulators.kinds import Kind
 from oarlock.live.rig import Feed, Rig, Source, streams_of
 
 LINES = "lines"
+
+
+def rig_of(kind: Kind, emulated: Emulated, model: Model, name: str) -> Rig:
+    """The rig file's content that receives what a kind sends on this machine.
+
+    Args:
+        kind: that emulates.
+        emulated: as `Kind.emulated` gives it.
+        model: of the body.
+        name: of the model, as a rig file has it.
+    """
+    wired, known = kind.device.wiring(emulated), streams_of(model)
+    sources = {
+        own.source: Source(own.source, wired.format, own.transport, own.options, wired.decoder)
+        for own in wired.senders.values()
+    }
+    feeds = []
+    for stream in emulated.recording.streams:
+        if stream.name not in wired.streams or stream.name not in known:
+            continue
+        own, (shape, values) = wired.senders[wired.streams[stream.name][0]], known[stream.name]
+        carried = tuple(v for v in values if shape != "imu" or v in wired.values)
+        rate_hz = round(stream.rate_hz, 3)
+        feeds.append(Feed(stream.name, shape, own.source, wired.device(stream.name), carried, rate_hz))
+    return Rig(name, None, sources, tuple(feeds))
 
 
 def lines_rig(model: Model, name: str, port: int, rate_hz: float, streams: tuple[str, ...] = ()) -> Rig:

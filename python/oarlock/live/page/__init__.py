@@ -10,9 +10,9 @@ from urllib.parse import quote
 
 import numpy as np
 
-from oarlock.live.outputs import SCHEMA
+from oarlock.live.frame import SCHEMA
+from oarlock.live.named_angles import joints_with_names
 from oarlock.live.server import PageServer
-from oarlock.live.transports.transport import now_ns
 from oarlock.model.coordinates import joint_columns
 from oarlock.report.viewer.sides import side_of
 
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 FOLDER = Path(__file__).parent
 BUILT = ("live.js", "live.css")
 _DEG = 180.0 / np.pi
-_AXES = ("x", "y", "z")
 
 
 def page_server(
@@ -52,7 +51,7 @@ def page_server(
         host,
         port,
         token,
-        clock=lambda: live.session.intake.seconds(now_ns()),
+        clock=lambda: live.seconds,
     )
     return live.server
 
@@ -72,38 +71,45 @@ def hello(live: Live, title: str = "", more: Mapping[str, Any] | None = None) ->
         "schema": SCHEMA,
         "title": title or live.model.name,
         "model": live.model.name,
-        "sent_s": round(live.session.intake.seconds(now_ns()), 4),
+        "sent_s": round(live.seconds, 4),
         "figure": None if live.picture is None else live.picture.structure,
         "joints": list(_joints(live.model)),
         "streams": [
             {"name": feed.stream, "kind": feed.kind, "rate_hz": feed.rate_hz} for feed in live.rig.feeds
         ],
     }
-    return told | dict(more or {})
+    guide = {} if live.lead is None else {"guide": live.lead.hello}
+    return told | guide | dict(more or {})
 
 
 def _joints(model: Model) -> Iterator[dict[str, Any]]:
-    """Each coordinate with its words, in the unit that a coach reads: degrees, and millimetres for distances."""
-    names = list(model.coordinate_names)
-    hints = {joint.name: joint.label or "" for joint in model.describe().joints}
-    kinds = {joint.name: joint.kind for joint in model.describe().joints}
-    for joint, columns in joint_columns(names).items():
-        side, stem = side_of(joint)
-        for place, column in enumerate(columns):
-            part, is_length = _part(kinds.get(joint, "hinge"), place)
-            yield {
-                "name": names[column],
-                "label": f"{side} {stem}{part}".strip().replace("_", " "),
-                "panel": f"{stem}{part}".replace("_", " "),
-                "side": side,
-                "unit": "mm" if is_length else "deg",
-                "scale": 1e3 if is_length else _DEG,
-                "hint": hints.get(joint, ""),
-            }
+    """Each coordinate with its words, in the unit that a coach reads: degrees, and millimetres for distances.
+
+    The parts of a rotation vector say nothing to a coach: the named angles of its joint stand in their place.
+    """
+    joints = {joint.name: joint for joint in model.describe().joints}
+    rotations = joints_with_names(model)
+    for name, columns in joint_columns(model.coordinate_names).items():
+        hint = (joints[name].label if name in joints else "") or ""
+        if name not in rotations:
+            is_slide = name in joints and joints[name].kind == "slide"
+            yield _curve(name, is_slide, hint)
+            continue
+        for column in columns[:-3]:
+            yield _curve(model.coordinate_names[column], True, hint)
+        for angle in rotations[name].names:
+            yield _curve(angle, False, hint)
 
 
-def _part(kind: str, place: int) -> tuple[str, bool]:
-    """What one coordinate of a joint is called beside the joint's name, and whether it is a distance."""
-    if kind == "free":
-        return f" {'position' if place < 3 else 'rotation vector'} {_AXES[place % 3]}", place < 3
-    return (f" rotation vector {_AXES[place]}", False) if kind == "ball" else ("", kind == "slide")
+def _curve(name: str, is_length: bool, hint: str) -> dict[str, Any]:
+    side, stem = side_of(name)
+    panel = stem.replace("_", " ").replace(".", " ")
+    return {
+        "name": name,
+        "label": f"{side} {panel}".strip(),
+        "panel": panel,
+        "side": side,
+        "unit": "mm" if is_length else "deg",
+        "scale": 1e3 if is_length else _DEG,
+        "hint": hint,
+    }

@@ -21,6 +21,8 @@ TRANSPORTS: Mapping[str, tuple[str, str]] = MappingProxyType(
         "ble": ("Ble", "devices of Bluetooth Low Energy"),
         "serial": ("Serial", "a serial line"),
         "lsl": ("Lsl", "a stream of the Lab Streaming Layer"),
+        "websocket": ("WebSocket", "messages of a WebSocket server"),
+        "mqtt": ("Mqtt", "messages of an MQTT broker"),
         "replay": ("Replay", "a recording, with its true timing"),
     }
 )
@@ -44,7 +46,12 @@ def opened(source: Source) -> Transport:
 
 
 def _asked(source: Source) -> dict[str, object]:
-    """What a Bluetooth device is asked for, from its format and the decoder's options; others are asked nothing."""
+    """What a device is asked for: by Bluetooth what its format and decoder need, by serial line to start."""
+    if source.transport == "serial" and source.format == "shimmer3":
+        from oarlock.live.decoders.shimmer3 import GET_CALIBRATION, GET_INQUIRY, START, STOP
+
+        first = [one.hex() for one in (GET_INQUIRY, GET_CALIBRATION, START)]
+        return {"first": first, "last": [STOP.hex()]}
     if source.transport != "ble":
         return {}
     if "mode" in source.options:

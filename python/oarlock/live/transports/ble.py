@@ -42,7 +42,7 @@ class Ble:
         addresses = (
             options.texts("addresses") if "addresses" in options.values else (options.text("address"),)
         )
-        profile, radio = KINDS[name].profile(options), radio or _own_radio()
+        profile, radio = KINDS[name].profile(options), radio or own_radio()
         self.state = "not started"
         self.links = tuple(Link(source, address, profile, radio, self._told) for address in addresses)
         """One for each device."""
@@ -128,7 +128,8 @@ def _turn() -> asyncio.Lock:
     return _TURNS.setdefault(asyncio.get_running_loop(), asyncio.Lock())
 
 
-def _own_radio() -> Radio:
+def own_radio() -> Radio:
+    """This machine's Bluetooth adapter."""
     from oarlock.live.transports.bleak_radio import BleakRadio
 
     return BleakRadio()

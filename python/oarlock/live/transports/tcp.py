@@ -1,34 +1,101 @@
-"""A connection to a device that serves its data at a port, as an x-IMU3 or MVN does."""
+"""Connections to devices that serve their data at a port, as an x-IMU3 or MVN does."""
 
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Awaitable, Callable
+from contextlib import AsyncExitStack
 
 from oarlock.live.reading import Packet
+from oarlock.live.transports.announced import Announcements
 from oarlock.live.transports.transport import Deliver, Options, again_and_again, now_ns
+from oarlock.storage.errors import DataError
 
 READ_BYTES = 1 << 16
+Where = Callable[[], Awaitable[tuple[str, int]]]
 
 
 class Tcp:
-    """Connects to a device, and again when it is lost. Options: `host` and `port` of the device."""
+    """Connects to devices, and again when they are lost.
+
+    Options: `host` and `port` of a device; or `units`, serial numbers or names of x-IMU3 units, whose addresses are
+    found from what they announce. The address of a device is `host:port`, or the unit as the rig file names it.
+    """
 
     def __init__(self, source: str, options: Options) -> None:
+        self.source, self.state = source, "not started"
+        self._units: tuple[str, ...] = ()
+        if "units" in options.values:
+            options.check("units")
+            self._units = options.texts("units")
+            return
         options.check("host", "port")
-        self.source, self.host, self.port = source, options.text("host"), options.port()
-        self.state = "not started"
+        self.host, self.port = options.text("host"), options.port()
 
     async def run(self, deliver: Deliver) -> None:
         """Delivers what arrives together as a packet until it is cancelled."""
-        place = f"{self.host}:{self.port}"
+        async with AsyncExitStack() as stack:
+            links = await self._links(stack)
 
-        async def connected() -> None:
-            reader, writer = await asyncio.open_connection(self.host, self.port)
-            self.state = f"connected to {place}"
-            try:
-                while data := await reader.read(READ_BYTES):
-                    deliver(Packet(self.source, place, "", now_ns(), data))
-            finally:
-                writer.close()
+            def told() -> None:
+                self.state = "; ".join(link.state for link in links)
 
-        await again_and_again(self, connected, place)
+            async with asyncio.TaskGroup() as group:
+                for link in links:
+                    link.told = told
+                    group.create_task(link.run(deliver))
+
+    async def _links(self, stack: AsyncExitStack) -> list[_Link]:
+        if not self._units:
+            place = f"{self.host}:{self.port}"
+            return [_Link(self.source, place, place, self._given)]
+        try:
+            announced = await stack.enter_async_context(Announcements())
+        except OSError as error:
+            raise DataError(
+                f"source '{self.source}': cannot hear which x-IMU3 units there are ({error.strerror}). "
+                "Give host and port of each in place of units"
+            ) from error
+        return [_Link(self.source, unit, f"x-IMU3 {unit}", _found(announced, unit)) for unit in self._units]
+
+    async def _given(self) -> tuple[str, int]:
+        return self.host, self.port
+
+
+def _found(announced: Announcements, unit: str) -> Where:
+    async def where() -> tuple[str, int]:
+        told = await announced.unit(unit)
+        return told.address, told.tcp_port
+
+    return where
+
+
+class _Link:
+    """One device."""
+
+    def __init__(self, source: str, address: str, place: str, where: Where) -> None:
+        self._source, self._address, self._place, self._where = source, address, place, where
+        self._state = "not started"
+        self.told: Callable[[], None] = lambda: None
+
+    @property
+    def state(self) -> str:
+        """How it does, for people."""
+        return self._state
+
+    @state.setter
+    def state(self, text: str) -> None:
+        self._state = text
+        self.told()
+
+    async def run(self, deliver: Deliver) -> None:
+        await again_and_again(self, lambda: self._connected(deliver), self._place)
+
+    async def _connected(self, deliver: Deliver) -> None:
+        reader, writer = await asyncio.open_connection(*await self._where())
+        self.state = f"connected to {self._place}"
+        try:
+            while data := await reader.read(READ_BYTES):
+                deliver(Packet(self._source, self._address, "", now_ns(), data))
+        finally:
+            writer.close()

@@ -12,7 +12,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from oarlock.live.decoders.ximu3_announcement import Announcement
 from oarlock.live.reading import Packet
+from oarlock.live.transports.announced import Announcements
 from oarlock.live.transports.transport import Deliver, Options, now_ns
 from oarlock.storage.errors import DataError
 
@@ -26,26 +28,52 @@ _TOLD_BYTES = 64
 
 
 class Udp:
-    """Listens at a port. Options: `port`; `host`, the address of this machine, else all of them.
+    """Listens at a port. Options: `port`; `host`, the address of this machine, else all of them; `units`.
 
-    The address of a device is `host:port` of the sender.
+    The address of a device is `host:port` of the sender; of x-IMU3 units whose serial numbers or names are `units`,
+    it is that word, once they have announced themselves.
     """
 
     def __init__(self, source: str, options: Options) -> None:
-        options.check("host", "port")
+        options.check("host", "port", "units")
+        self._units = (
+            {unit.casefold(): unit for unit in options.texts("units")} if "units" in options.values else {}
+        )
+        self._names: dict[str, str] = {}
         self.source, self.host, self.port = source, options.text("host", "0.0.0.0"), options.port()
         self.state = "not started"
         self._socket: socket.socket | None = None
+        self._last_ns = 0
 
     async def run(self, deliver: Deliver) -> None:
         """Delivers each datagram as a packet until it is cancelled."""
+        async with contextlib.AsyncExitStack() as stack:
+            if self._units:
+                await self._hear_names(stack)
+            await self._listen(deliver)
+
+    async def _hear_names(self, stack: contextlib.AsyncExitStack) -> None:
+        try:
+            await stack.enter_async_context(Announcements(self._name))
+        except OSError as error:
+            raise DataError(
+                f"source '{self.source}': cannot hear which x-IMU3 units there are ({error.strerror}). "
+                "Leave units out, and name devices by their addresses"
+            ) from error
+
+    def _name(self, unit: Announcement) -> None:
+        for word in (unit.serial.casefold(), unit.name.casefold()):
+            if word in self._units:
+                self._names[unit.address] = self._units[word]
+
+    async def _listen(self, deliver: Deliver) -> None:
         loop = asyncio.get_running_loop()
         self._socket = self._bound()
         self.port = self._socket.getsockname()[1]
         try:
             loop.add_reader(self._socket, self._receive, self._socket, deliver)
         except NotImplementedError:  # the usual loop of Windows watches no sockets
-            await loop.create_datagram_endpoint(lambda: _Receiver(self.source, deliver), sock=self._socket)
+            await loop.create_datagram_endpoint(lambda: _Receiver(self, deliver), sock=self._socket)
         self.state = f"listens at port {self.port}"
         try:
             await asyncio.Event().wait()
@@ -61,7 +89,14 @@ class Udp:
                 data, told, _, sender = bound.recvmsg(LONGEST, _TOLD_BYTES)
             except (BlockingIOError, ConnectionError):
                 return
-            deliver(Packet(self.source, f"{sender[0]}:{sender[1]}", "", _arrival_ns(told), data))
+            # Datagrams come in their order; a clock of the day that is set meanwhile would say otherwise.
+            self._last_ns = max(self._last_ns, _arrival_ns(told))
+            deliver(self.packet(sender, self._last_ns, data))
+
+    def packet(self, sender: tuple[str | Any, int], arrival_ns: int, data: bytes) -> Packet:
+        """A datagram as a packet."""
+        address = self._names.get(sender[0]) or f"{sender[0]}:{sender[1]}"
+        return Packet(self.source, address, "", arrival_ns, data)
 
     def _bound(self) -> socket.socket:
         made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -76,7 +111,8 @@ class Udp:
             made.close()
             raise DataError(
                 f"source '{self.source}': port {self.port} at {self.host} cannot be opened ({error.strerror}). "
-                "Another program may listen there: end it, or send to another port"
+                "Another program may listen there, such as a session that still runs: end it, or give this source "
+                "another port in the rig file and let the devices send there"
             ) from error
         made.setblocking(False)
         return made
@@ -114,8 +150,8 @@ def _arrival_ns(told: Sequence[tuple[int, int, bytes]]) -> int:
 
 
 class _Receiver(asyncio.DatagramProtocol):
-    def __init__(self, source: str, deliver: Deliver) -> None:
-        self._source, self._deliver = source, deliver
+    def __init__(self, udp: Udp, deliver: Deliver) -> None:
+        self._udp, self._deliver = udp, deliver
 
     def datagram_received(self, data: bytes, addr: tuple[str | Any, int]) -> None:
-        self._deliver(Packet(self._source, f"{addr[0]}:{addr[1]}", "", now_ns(), data))
+        self._deliver(self._udp.packet(addr, now_ns(), data))

@@ -7,9 +7,10 @@ import itertools
 import sys
 from collections.abc import Iterator
 
-from oarlock import Model, Recording, load_model, simulate
+from oarlock import Calibration, Model, Recording, load_model, simulate
 from oarlock.live.emulators.deliveries import Delivery, Faults, endless
 from oarlock.live.emulators.lines import send
+from oarlock.live.emulators.swinging import at_zero
 from oarlock.rowing.simulation.motion import sculling
 
 STROKES, RATE_SPM, RATE_HZ = 8, 24.0, 100.0
@@ -33,12 +34,20 @@ USUAL_FAULTS = Faults(
 """A usual day in a boathouse: clocks that drift, Wi-Fi that queues and loses, a unit that drops out, a magnet."""
 
 
-def endless_sculling(model: Model, seed: int = 0) -> Recording:
-    """One period of strokes that are all alike, whose end joins its start, as the sensors of a model measure it."""
+def endless_sculling(
+    model: Model, seed: int = 0, rate_hz: float = RATE_HZ, calibration: Calibration | None = None
+) -> Recording:
+    """One period of strokes that are all alike, whose end joins its start, as the sensors of a model measure it.
+
+    Args:
+        model: a sculler.
+        seed: of the noise.
+        rate_hz: of the sensors.
+        calibration: the mounts; None for the model's.
+    """
     motion = sculling(model, _LEAD_S + PERIOD_S + 1.0, RATE_SPM, surge=False, variation=0.0, seed=seed)
-    _, recording = simulate(model, motion, STREAMS, seed, rate_hz=RATE_HZ)
-    cut = recording.slice(start_s=_LEAD_S, end_s=_LEAD_S + PERIOD_S)
-    return Recording([stream.at_rows(slice(None), stream.time_s - _LEAD_S) for stream in cut.streams])
+    _, recording = simulate(model, motion, STREAMS, seed, rate_hz=rate_hz, calibration=calibration)
+    return at_zero(recording, _LEAD_S, PERIOD_S)
 
 
 def rowing_devices(model: Model, faults: Faults = USUAL_FAULTS, seed: int = 0) -> Iterator[Delivery]:

@@ -1,0 +1,131 @@
+"""What an emulated device measures, what goes wrong on the way, and where it sends; all emulators take this."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from oarlock.live.emulators.deliveries import Delivery, Faults, deliveries, endless
+
+if TYPE_CHECKING:
+    from oarlock.recording.recording import Recording
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a device sends.
+
+    Args:
+        transport: "udp", "tcp", "serial", "ble", "lsl" or what else the kind has; "" for its usual one.
+        host: to whom (UDP), or at which address of this machine (TCP).
+        port: of the receiver (UDP), or at which the first unit serves (TCP); None for the kind's usual one. By UDP
+            units send from the ports that follow it, so that a receiver can tell them apart.
+        path: where the serial line of the first unit appears; None for `oarlock-line`.
+        adapter: a Bluetooth adapter that the system does not use, as bumble names it, such as `usb:0`.
+    """
+
+    transport: str = ""
+    host: str = "127.0.0.1"
+    port: int | None = None
+    path: Path | None = None
+    adapter: str = ""
+
+
+@dataclass(frozen=True)
+class Emulated:
+    """What a device is to emulate.
+
+    Args:
+        recording: what its sensors measure; devices without a body, such as a belt, look only at its times.
+        period_s: after which the recording begins again; None to send it once.
+        faults: on the way.
+        seed: of all that is drawn.
+        place: where to send.
+        say: gets a line when something is open, such as the path of a serial line.
+    """
+
+    recording: Recording
+    period_s: float | None = None
+    faults: Faults = field(default_factory=Faults)
+    seed: int = 0
+    place: Place = field(default_factory=Place)
+    say: Callable[[str], None] = lambda text: None
+
+    def of(self, *kinds: str) -> Emulated:
+        """The same with only the streams of these kinds ("imu", "scalar", "vector", "orientation")."""
+        from oarlock.recording.recording import Recording
+
+        streams = [stream for stream in self.recording.streams if stream.kind in kinds]
+        return replace(self, recording=Recording(streams))
+
+    def deliveries(self, *, is_one_device: bool = False) -> Iterator[Delivery]:
+        """The readings as they are sent, in this order.
+
+        Args:
+            is_one_device: all streams have one clock and one way, and are sent together.
+        """
+        if self.period_s is None:
+            return iter(deliveries(self.recording, self.faults, self.seed, is_one_device=is_one_device))
+        return endless(self.recording, self.period_s, self.faults, self.seed, is_one_device=is_one_device)
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """Bytes that a device sends at once.
+
+    Args:
+        due_s: when they arrive, s from the start.
+        unit: which of the devices.
+        data: the bytes.
+        channel: the part of the device, as in `Packet`.
+    """
+
+    due_s: float
+    unit: str
+    data: bytes
+    channel: str = ""
+
+
+@dataclass(frozen=True)
+class Sender:
+    """How a receiver finds one unit: a source of its rig file, and the address from which packets come.
+
+    Args:
+        source: name of the source; units may share one.
+        transport: of the source.
+        options: of the transport.
+        address: as the transport tells it.
+    """
+
+    source: str
+    transport: str
+    options: dict[str, object]
+    address: str
+
+
+@dataclass(frozen=True)
+class Wiring:
+    """How the streams of an emulated recording reach a receiver.
+
+    Args:
+        format: name of the decoder.
+        senders: by unit.
+        streams: stream -> unit, and the part of it as readings name it ("" if it has only one).
+        decoder: options of the decoder.
+        values: quantities that the wire carries of an inertial unit.
+    """
+
+    format: str
+    senders: dict[str, Sender]
+    streams: dict[str, tuple[str, str]]
+    decoder: dict[str, object] = field(default_factory=dict)
+    values: tuple[str, ...] = ("gyro_rad_s", "accel_m_s2", "mag_ut")
+
+    def device(self, stream: str) -> str:
+        """The device of a stream as a rig file names it."""
+        unit, part = self.streams[stream]
+        own = self.senders[unit]
+        is_alone = sum(other.source == own.source for other in self.senders.values()) == 1
+        return part if is_alone else "/".join(name for name in (own.address, part) if name)

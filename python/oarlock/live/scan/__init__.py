@@ -1,0 +1,1 @@
+"""What is in the air and on the wires: for `oarlock live scan`, `init` and `doctor`."""

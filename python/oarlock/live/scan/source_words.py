@@ -1,0 +1,63 @@
+"""Sources in the words of the command line: `udp:9000`, `tcp:192.168.1.5:7000:ximu3`, `serial:/dev/ttyUSB0`."""
+
+from __future__ import annotations
+
+import re
+
+from oarlock.live.decoders import DECODERS
+from oarlock.live.rig import Source
+from oarlock.storage.errors import DataError
+
+FORMS = "udp:PORT, tcp:HOST:PORT, serial:DEVICE[@BAUD], ble:FORMAT:ADDRESS, lsl:NAME or replay:FOLDER"
+_UDP = re.compile(r"(\d+)")
+_TCP = re.compile(r"(.+):(\d+)")
+_SERIAL = re.compile(r"([^@]+)(?:@(\d+))?")
+_BLE = re.compile(r"(\w+):(.+)")
+
+
+def source_of(text: str) -> Source:
+    """A source; its name is empty, and its format too, if the words have none.
+
+    Raises:
+        DataError: the words are none of `FORMS`.
+    """
+    transport, _, rest = text.strip().partition(":")
+    if transport == "ble" and (found := _BLE.fullmatch(rest)):
+        return _checked(text, Source("", found[1], "ble", {"addresses": [found[2]]}))
+    if transport == "lsl" and rest:
+        return Source("", "lsl", "lsl", {"name": rest})
+    place, _, name = rest.rpartition(":")
+    if name not in DECODERS or not place:
+        place, name = rest, ""
+    options = _options(transport, place)
+    if options is None:
+        raise DataError(f"--source {text}: expected {FORMS}; all but ble and lsl may end with :FORMAT")
+    return _checked(text, Source("", name, transport, options))
+
+
+def _options(transport: str, place: str) -> dict[str, object] | None:
+    if transport == "udp" and (found := _UDP.fullmatch(place)):
+        return {"port": int(found[1])}
+    if transport == "tcp" and (found := _TCP.fullmatch(place)):
+        return {"host": found[1], "port": int(found[2])}
+    if transport == "serial" and (found := _SERIAL.fullmatch(place)):
+        return {"device": found[1]} | ({"baud": int(found[2])} if found[2] else {})
+    return {"folder": place} if transport == "replay" and place else None
+
+
+def words_of(source: Source) -> str:
+    """What a rig file has of a source, on one line: `transport = "udp", port = 9000`."""
+    from oarlock.storage.toml import toml_text
+
+    told = {"format": source.format, "transport": source.transport, **source.options}
+    return ", ".join(toml_text(told).strip().splitlines())
+
+
+def _checked(text: str, source: Source) -> Source:
+    known = [name for name, one in DECODERS.items() if source.transport in one.transports]
+    if source.transport != "replay" and source.format and source.format not in known:
+        raise DataError(
+            f"--source {text}: {source.transport} does not carry the format {source.format}; "
+            f"it carries {', '.join(known)}"
+        )
+    return source

@@ -1,0 +1,236 @@
+"""Emulated devices to joint angles: what a session makes of their bytes, against the offline track and the truth."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass, field, replace
+from importlib import resources
+
+import numpy as np
+
+import oarlock
+from oarlock.live.emulators.deliveries import Faults
+from oarlock.live.emulators.emulated import Emulated, Place
+from oarlock.live.emulators.kinds import KINDS, Kind
+from oarlock.live.emulators.rig import rig_of
+from oarlock.live.folder import LiveFolder
+from oarlock.live.live import Live
+from oarlock.live.reading import Packet
+from oarlock.live.rig import Rig
+from oarlock.live.session import LiveSession, command
+
+START_NS = 7_000_000_000_000
+TRACKED_FROM_S, COMPARED_FROM_S = 3.0, 5.0
+"""Clocks settle in 2 s; a track needs a while to forget how it began."""
+LATE_S = 1e-3
+"""Least time on the way."""
+PERFECT = Faults(least_ms=1e3 * LATE_S, jitter_ms=0.0)
+FAULTY = Faults(drift_ppm=50.0, least_ms=1e3 * LATE_S, jitter_ms=10.0, burst=3, loss=0.03)
+WAIT_S = 0.15
+"""An estimate waits for late readings: bursts of three at 60 Hz, and ten times the mean of the jitter."""
+
+
+LINKS = ("upper_link", "middle_link", "lower_link")
+SENSORS = {"orientation": "std_rad = 0.01", "position": "std_m = 0.001\npoint = [0.1, 0, 0]"}
+
+
+@dataclass(frozen=True)
+class Angles:
+    """Angles of hinges over the time of the movement.
+
+    Args:
+        time_s: (T,) of the movement.
+        deg: (T, n) angles, degrees.
+    """
+
+    time_s: np.ndarray
+    deg: np.ndarray
+
+    def at(self, time_s):
+        """(T, n) linear between samples."""
+        return np.column_stack([np.interp(time_s, self.time_s, column) for column in self.deg.T])
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A live track beside the offline track of the same readings without faults.
+
+    Args:
+        difference_deg: largest difference of an angle.
+        live_deg, offline_deg: root mean square errors to the ground truth.
+        session: that made the live track.
+    """
+
+    difference_deg: float
+    live_deg: float
+    offline_deg: float
+    session: LiveSession = field(repr=False)
+
+
+def pendulum_with(kind, folder):
+    """The shipped pendulum with other sensors on its links."""
+    shipped = (resources.files("oarlock.model") / "shipped" / "pendulum3.toml").read_text()
+    sensors = "\n".join(
+        f'[[sensor]]\nname = "{link}_{kind}"\nkind = "{kind}"\nframe = "{link}"\n{SENSORS[kind]}\n'
+        for link in LINKS
+    )
+    file = folder / f"{kind}.toml"
+    file.write_text(shipped.partition("\n[[sensor]]\n")[0] + "\n" + sensors)
+    return oarlock.load_model(file)
+
+
+def emulated_by(name, recording, faults, seed=0, place=None, **keys):
+    """A kind, and what it is asked to emulate."""
+    kind = KINDS[name]
+    asked = Emulated(recording, faults=faults, seed=seed, place=place or Place(), **keys)
+    return kind, kind.emulated(asked)
+
+
+def packets_of(kind, emulated):
+    """Packets as a receiver's transport delivers them, at the times at which they are due."""
+    wired = kind.device.wiring(emulated)
+    for message in kind.device.messages(emulated):
+        own = wired.senders[message.unit]
+        arrival_ns = START_NS + round(1e9 * message.due_s)
+        yield Packet(own.source, own.address, message.channel, arrival_ns, message.data)
+
+
+def lived(kind, emulated, model, packets=None):
+    """A session and its estimates from packets; tracking begins when the clocks have settled."""
+    rig = replace(rig_of(kind, emulated, model, model.name), wait_s=WAIT_S)
+    session, found = LiveSession(rig, model, START_NS), []
+    taken = list(packets_of(kind, emulated) if packets is None else packets)
+    track = command(START_NS + round(1e9 * TRACKED_FROM_S), "track")
+    ordered = sorted([*taken, track], key=lambda packet: packet.arrival_ns)
+    for packet in [*ordered, command(ordered[-1].arrival_ns + 1, "stop")]:
+        found += session.take(packet)
+    assert not session.problems
+    return session, found
+
+
+def angles_of(model, estimates):
+    """Angles of the hinges of estimates."""
+    names = [joint.name for joint in model.describe().joints if joint.kind == "hinge"]
+    columns = [estimates[0].belief.state_names.index(name) for name in names]
+    time_s = np.array([one.time_s for one in estimates])
+    return Angles(time_s, np.degrees([np.asarray(one.belief.mean)[columns] for one in estimates]))
+
+
+def track_angles(model, track, late_s=0.0):
+    """Angles of the hinges of an offline track."""
+    names = [joint.name for joint in model.describe().joints if joint.kind == "hinge"]
+    columns = [track.coordinate_names.index(name) for name in names]
+    return Angles(track.time_s + late_s, np.degrees(track.q[:, columns]))
+
+
+def compared(kind, emulated, model, truth, packets=None):
+    """A session of an emulated device beside the offline track of what it measured, and the truth."""
+    session, estimates = lived(kind, emulated, model, packets)
+    live = angles_of(model, estimates)
+    measured = as_received(emulated.recording, kind.device.wiring(emulated).values)
+    whole = oarlock.track(model, measured.slice(start_s=TRACKED_FROM_S), config=session.config)
+    offline, true = track_angles(model, whole), track_angles(model, truth, LATE_S)
+    time_s = live.time_s[(live.time_s >= COMPARED_FROM_S) & (live.time_s <= offline.time_s[-1])]
+    assert len(time_s) > 100
+    told, expected, right = (angles.at(time_s) for angles in (live, offline, true))
+    return Compared(float(np.abs(told - expected).max()), rms(told - right), rms(expected - right), session)
+
+
+def as_received(recording, values, late_s=LATE_S):
+    """A recording with the quantities that a wire carries, in the time of the receiver.
+
+    That time is later by the least time on the way, which no clock can tell.
+    """
+
+    def cut(stream):
+        if stream.kind != "imu":
+            return stream.at_rows(slice(None), stream.time_s + late_s)
+        kept = {name: rows for name, rows in stream.values.items() if name in values}
+        return oarlock.ImuStream(stream.name, stream.time_s + late_s, **kept)
+
+    return oarlock.Recording([cut(stream) for stream in recording.streams])
+
+
+def rms(values):
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+@dataclass(frozen=True)
+class Ran:
+    """What a session received by a real transport, in real time.
+
+    Args:
+        packets: in the order of arrival.
+        start_ns: of the session.
+        model, kind, emulated: what was run.
+        rig: of the session.
+    """
+
+    packets: list[Packet]
+    start_ns: int
+    model: oarlock.Model
+    kind: Kind
+    emulated: Emulated
+    rig: Rig
+
+
+async def run_for_real(kind, emulated, model, folder, seconds=None):
+    """Runs emulated devices and a session, connected by their transport, until all is sent."""
+    rig = replace(rig_of(kind, emulated, model, model.name), wait_s=WAIT_S)
+    live, opened = Live(rig, model, folder), asyncio.Event()
+    told = replace(emulated, say=lambda text: opened.set())
+    running = asyncio.create_task(live.run(seconds))
+    if emulated.place.transport == "udp":
+        await live.started.wait()
+        await kind.device.emulate(told)
+    else:
+        emulating = asyncio.create_task(kind.device.emulate(told))
+        await asyncio.wait([emulating, running], return_when=asyncio.FIRST_COMPLETED)
+        emulating.cancel()
+    await asyncio.sleep(0.3)  # what is on the way
+    running.cancel()
+    await asyncio.gather(running, return_exceptions=True)
+    place = LiveFolder.load(folder)
+    return Ran(list(place.read()), place.start_ns, model, kind, emulated, place.rig(model))
+
+
+def offsets_of(session, packets):
+    """Estimates, and for each device what its clock's offset was at every packet of the track."""
+    estimates, offsets = [], {}
+    for packet in packets:
+        estimates += session.take(packet)
+        if session.tracker is not None:
+            for key, device in session.intake.devices.items():
+                if device.streams and device.clock.offset_s is not None:
+                    offsets.setdefault(key, []).append(device.clock.offset_s)
+    return estimates, offsets
+
+
+def compared_in_time(ran, truth):
+    """The live track of what was received beside the offline track, and how far apart the clocks were found to be, s.
+
+    The offline track has the readings later by as much as the session's clocks have them in the mean: that is the way
+    through this machine. By how much devices differ from that is the error of their clocks.
+    """
+    virtual, _ = lived(ran.kind, ran.emulated, ran.model)
+    session = LiveSession(ran.rig, ran.model, ran.start_ns)
+    estimates, offsets = offsets_of(session, ran.packets)
+    assert not session.problems and estimates
+    late_s = {
+        key: LATE_S + np.array(found) - virtual.intake.devices[key].clock.offset_s
+        for key, found in offsets.items()
+    }
+    mean_s = float(np.mean([values.mean() for values in late_s.values()]))
+    spread_s = max(float(np.abs(values - mean_s).max()) for values in late_s.values())
+    carried = ran.kind.device.wiring(ran.emulated).values
+    measured = as_received(ran.emulated.recording, carried, mean_s).slice(start_s=session.from_s)
+    whole = oarlock.track(ran.model, measured, config=session.config)
+    live, offline = angles_of(ran.model, estimates), track_angles(ran.model, whole)
+    true = track_angles(ran.model, truth, mean_s)
+    from_s = session.from_s + COMPARED_FROM_S - TRACKED_FROM_S
+    time_s = live.time_s[(live.time_s >= from_s) & (live.time_s <= offline.time_s[-1])]
+    assert len(time_s) > 100
+    told, expected, right = (angles.at(time_s) for angles in (live, offline, true))
+    found = Compared(float(np.abs(told - expected).max()), rms(told - right), rms(expected - right), session)
+    fastest_deg_s = float(np.abs(np.gradient(true.deg, true.time_s, axis=0)).max())
+    return found, spread_s, fastest_deg_s

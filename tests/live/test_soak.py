@@ -1,0 +1,38 @@
+"""The soak, short: devices that vanish, return, restart their clocks, send rubbish and swap addresses."""
+
+import pytest
+from bench.live.checks import growth_percent, heard
+from bench.live.misbehaving import planted
+from bench.live.soak import soak_virtual, summary
+
+RATE_HZ = 50.0
+
+
+@pytest.mark.parametrize(
+    "seconds", [64.0, pytest.param(330.0, marks=pytest.mark.long)], ids=["a minute", "five minutes"]
+)
+def test_a_session_tells_what_goes_wrong_and_its_recording_gives_its_estimates(tmp_path, seconds):
+    found = soak_virtual(tmp_path / "session", seconds, RATE_HZ)
+    assert not found.problems, summary("soak", found)
+    count = len(planted(seconds))
+    assert found.figures["planted events in the log"] == f"{count} of {count}"
+    # Silence is told after 0.7 s, with a look each 0.5 s; a clock is known to be set by its first reading.
+    assert found.figures["longest time until one was in the log, s"] < 1.6
+    assert found.figures["estimates"] > 0.9 * RATE_HZ * (seconds - 10.0)
+
+
+def test_an_event_that_is_missing_or_told_too_late_is_found():
+    plan = planted(64.0)
+    events = [{"time_s": one.at_s + 1.0, "text": " ".join(one.words)} for one in plan]
+    assert heard(plan, events).missing == ()
+    assert heard(plan, events[1:]).missing == (plan[0],)
+    late = [{**events[0], "time_s": plan[0].at_s + 30.0}, *events[1:]]
+    assert heard(plan, late).missing == (plan[0],)
+    more = heard(plan, [*events, {"time_s": 20.0, "text": "something else"}])
+    assert (more.missing, more.others) == ((), ("something else",))
+
+
+def test_growth_counts_from_behind_the_warm_up():
+    rising = [(float(k), 1000 + max(k - 20, 0)) for k in range(100)]
+    assert growth_percent([(float(k), 500 if k < 20 else 1000) for k in range(100)]) == 0.0
+    assert 5.0 < growth_percent(rising) < 7.0
