@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
+from itertools import chain, islice
 from struct import pack
 from typing import cast
 
@@ -190,11 +191,14 @@ class _Unit:
                     await self._send(self._mode, sent)
 
     async def _send(self, mode: int, sent: Callable[[int], None]) -> None:
+        rows = self._rows(mode)
+        # To make the first row may take a while, by which units that begin together would be apart.
+        first = list(islice(rows, 1))
         if self._begun is not None:
             await self._begun()
         loop = asyncio.get_running_loop()
         began_s, uuid = loop.time(), _UUID.format(_PAYLOADS[mode][0])
-        for due_s, row, data in self._rows(mode):
+        for due_s, row, data in chain(first, rows):
             await asyncio.sleep(began_s + due_s - loop.time())
             if self._told.is_set():  # stopped, or started anew
                 return
