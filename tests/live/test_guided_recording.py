@@ -83,7 +83,9 @@ class Led:
             self.order(now_s, "step", name="N-pose", begin_s=None, end_s=None)
             first = self.plan.steps[0]
             self.order(now_s, "step", name="N-pose", begin_s=first.start_s, end_s=first.end_s)
-            parts = [self.rows.recording(s.start_s - PAD_S, s.end_s + PAD_S) for s in self.plan.steps]
+            parts = [
+                self.rows.recording(from_s=s.start_s - PAD_S, to_s=s.end_s + PAD_S) for s in self.plan.steps
+            ]
             self.verdict = judged(Task(1, self.model, self.plan, parts, None))
             self.order(now_s, "calibrate", toml=self.verdict.calibration)
         if self.session.tracker is None and now_s > done_s + BEFORE_TRACK_S:
