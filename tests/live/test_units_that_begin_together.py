@@ -8,6 +8,7 @@ from oarlock.live.emulators.air import Air
 from oarlock.live.emulators.emulated import Emulated
 from oarlock.live.emulators.kinds import KINDS
 from oarlock.live.emulators.swinging import swinging
+from oarlock.live.emulators.together import Together
 from oarlock.live.emulators.virtual_radio import VirtualRadio
 from oarlock.live.transports.ble import Ble
 from oarlock.live.transports.transport import Options
@@ -24,14 +25,15 @@ class Noted(Emulated):
         return super().deliveries(**keys)
 
 
-async def started_together(emulated, notes):
+async def started_together(emulated, notes, starts):
     """Three units, until each has sent a reading."""
     air, units = Air(), KINDS["dot"].device.wiring(emulated).senders
-    together, sending = asyncio.Barrier(len(units)), asyncio.Barrier(len(units) + 1)
+    together, sending = Together(len(units)), asyncio.Barrier(len(units) + 1)
 
     async def begun():
         notes.append("asked")
-        await together.wait()
+        starts.append(await together.begun())
+        return starts[-1]
 
     async def be(unit, address):
         first = asyncio.Event()
@@ -52,8 +54,9 @@ async def started_together(emulated, notes):
 
 
 def test_a_unit_makes_its_first_reading_before_it_waits_for_the_others(pendulum):
-    notes = []
+    notes, starts = [], []
     measured = swinging(pendulum, 60.0, seed=2)[1].slice(end_s=0.5)
     emulated = Noted(measured, notes=notes)
-    asyncio.run(asyncio.wait_for(started_together(emulated, notes), 120.0))
+    asyncio.run(asyncio.wait_for(started_together(emulated, notes, starts), 120.0))
     assert notes == ["made", "asked"] * 3
+    assert len(starts) == 3 and len(set(starts)) == 1
