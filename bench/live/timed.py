@@ -10,7 +10,7 @@ import argparse
 import asyncio
 import itertools
 import json
-import os
+import time
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -38,15 +38,26 @@ class Timed:
     """
 
     live: Live
-    rows: list[tuple[float, float, float]] = field(default_factory=list)
-    """Of each estimate: its moment, when the packet came that completed it, and when it came out, s."""
+    rows: list[tuple[float, float, float, float]] = field(default_factory=list)
+    """Of each estimate: its moment, when the packet came that completed it, when it came out, and what time the session
+    had the processor until then, s."""
+
+    name: str = "times"
+    problem: str = ""
+
+    @property
+    def way(self) -> Timed:
+        """It is its own way out."""
+        return self
 
     def start(self, start: Start) -> None:
         """Nothing to open."""
 
     def put(self, estimate: Estimate) -> None:
         """Takes an estimate as soon as it is there."""
-        self.rows.append((round(estimate.time_s, 4), estimate.arrival_s, self.live.seconds))
+        self.rows.append(
+            (round(estimate.time_s, 4), estimate.arrival_s, self.live.seconds, time.process_time())
+        )
 
     def tell(self, message: Any) -> None:
         """Events are not timed."""
@@ -59,16 +70,14 @@ class Timed:
         return {"name": "times", "problem": "", "sent": len(self.rows), "skipped": 0}
 
 
-def figures(live: Live, timed: Timed, dropped: int | None) -> dict[str, Any]:
-    """What a session found: times, readings that were lost, and the processor time of its own process."""
+def figures(live: Live, timed: Timed, dropped: int) -> dict[str, Any]:
+    """What a session found: times, and readings that were lost."""
     devices = live.session.intake.devices.values()
-    own = os.times()
     return {
         "rows": timed.rows,
         "readings": sum(device.readings for device in devices),
         "lost": sum(device.lost for device in devices),
         "dropped": dropped,
-        "processor_s": own.user + own.system,
     }
 
 
@@ -76,18 +85,20 @@ async def _session(folder: Path, port: int) -> dict[str, Any]:
     live = made(load_model("sculler"), folder, RATE_HZ, port)
     timed = Timed(live)
     live.outputs = (timed,)  # type: ignore[assignment]
-    counted: list[int | None] = [None]
+    dropped = 0
 
     async def count() -> None:
         """The kernel counts as long as the socket is open."""
+        nonlocal dropped
         while True:
             await asyncio.sleep(0.5)
-            counted[0] = sum(t.dropped or 0 for t in live.transports.values() if isinstance(t, Udp))
+            now = sum(t.dropped or 0 for t in live.transports.values() if isinstance(t, Udp))
+            dropped = max(dropped, now)
 
     counting = asyncio.ensure_future(count())
     await run(live)
     counting.cancel()
-    return figures(live, timed, counted[0])
+    return figures(live, timed, dropped)
 
 
 def main() -> None:
