@@ -22,11 +22,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pages.sections import into_page, table
 
 from bench.live.child import FIGURES
 from oarlock.evaluation.comparison.comparison import processor
 from oarlock.live.transports.udp import free_port
-from pages.sections import into_page, table
 
 OUT = Path("out/bench-live")
 MARKS = "latency"
@@ -96,7 +96,7 @@ def _two(values: np.ndarray) -> str:
 
 @contextmanager
 def session(folder: Path) -> Iterator[str]:
-    """The address of a session whose sensors are emulated in another process; its figures are in the folder after it."""
+    """The address of a session with emulated sensors; its figures are in the folder when it has ended."""
     port = str(free_port())
     with subprocess.Popen(
         [sys.executable, "-m", "bench.live.timed", "--send", port], stdout=subprocess.PIPE, text=True

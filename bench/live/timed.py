@@ -1,7 +1,7 @@
 """A live session in a process of its own that notes when each estimate came out, and its sender.
 
-`python -m bench.live.timed FOLDER PORT` runs until SIGINT; `python -m bench.live.timed --send PORT` sends five units and
-five encoders at 100 Hz, without losses.
+`python -m bench.live.timed FOLDER PORT` runs until SIGINT; `python -m bench.live.timed --send PORT` sends five
+units and five encoders at 100 Hz, without losses.
 """
 
 from __future__ import annotations
