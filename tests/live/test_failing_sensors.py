@@ -67,7 +67,8 @@ def watched(transport, fault):
 )
 def test_the_failing_sensor_alone_is_named_within_a_second_and_when_it_is_back(transport, fault, text, back):
     told, _ = watched(transport, fault)
-    (failed_s, failed), (back_s, returned) = told
+    # A line with NaN is no JSON: it is counted as damaged, too.
+    (failed_s, failed), (back_s, returned) = [one for one in told if "could not be decoded" not in one[1]]
     assert failed.startswith(text)
     assert returned == back
     assert FAILS_S < failed_s <= FAILS_S + 1.0

@@ -59,7 +59,7 @@ class Led:
         rig = rig_of(model, recording, wait_s=0.05)
         self.place = LiveFolder.create(folder, rig, None, START_NS, trial.plan)
         self.session, self.rows = LiveSession(rig, model, START_NS), Rows(rig)
-        self.session.listener = self.rows.add
+        self.session.listeners.append(self.rows.add)
         self.recorder = Recorder(self.place.packets)
         moves = {s.name for s in trial.plan.steps if s.kind == "move"}
         self.plan = timed(
@@ -83,7 +83,9 @@ class Led:
             self.order(now_s, "step", name="N-pose", begin_s=None, end_s=None)
             first = self.plan.steps[0]
             self.order(now_s, "step", name="N-pose", begin_s=first.start_s, end_s=first.end_s)
-            parts = [self.rows.recording(s.start_s - PAD_S, s.end_s + PAD_S) for s in self.plan.steps]
+            parts = [
+                self.rows.recording(from_s=s.start_s - PAD_S, to_s=s.end_s + PAD_S) for s in self.plan.steps
+            ]
             self.verdict = judged(Task(1, self.model, self.plan, parts, None))
             self.order(now_s, "calibrate", toml=self.verdict.calibration)
         if self.session.tracker is None and now_s > done_s + BEFORE_TRACK_S:

@@ -68,7 +68,7 @@ def counted(rate_hz, rig_hz, seconds=60.0):
     readings = [Reading("", None, {"value": 0.1}, int(k)) for k in count[kept]]
     feed = Feed("seat", "scalar", "radio", "", ("value",), rig_hz)
     found, intake = taken(rig_of(feed), readings, arrival_s)
-    found += intake.flush(float(arrival_s[-1]))
+    found += intake.flush()
     off_s = np.array([one.time_s for one in found]) - true_s - 2e-3
     return true_s, off_s, intake
 

@@ -75,12 +75,12 @@ def without_next_steps() -> Iterator[None]:
 
 
 def steps(*lines: str) -> None:
-    """Prints the suggested next commands, one a line."""
+    """Prints the suggested next commands, one a line, however long: a command that is broken cannot be copied."""
     if not _NEXT_STEPS.get():
         return
     heading("Next")
     for line in lines:
-        say(f"  {line}")
+        page().print(Text(f"  {line}"), soft_wrap=True)
 
 
 def table(columns: Sequence[str], rows: Sequence[Sequence[object]], indent: int = 2) -> None:

@@ -148,12 +148,8 @@ class Device:
         return f"{self.source}/{self.part}" if self.part else self.source
 
     def spare(self, reading: Reading) -> dict[str, Value]:
-        """What no stream takes of a reading; it is also kept as the newest."""
-        found = {name: value for name, value in reading.values.items() if name not in self.taken}
-        for name, value in found.items():
-            if name in self.newest or len(self.newest) < MOST_SHOWN:
-                self.newest[name] = value
-        return found
+        """What no stream takes of a reading."""
+        return {name: value for name, value in reading.values.items() if name not in self.taken}
 
     def rate_hz(self, now_s: float) -> float:
         """Readings a second of late; 0 for one that is silent."""
@@ -179,6 +175,9 @@ class Device:
             self._second = (arrival_s, 0)
         self._second = (self._second[0], self._second[1] + 1)
         self.last_arrival_s = arrival_s
+        for name, value in self.spare(reading).items():
+            if name in self.newest or len(self.newest) < MOST_SHOWN:
+                self.newest[name] = value
         battery = reading.values.get("battery_percent")
         if isinstance(battery, float | int):
             self.battery_percent = float(battery)
