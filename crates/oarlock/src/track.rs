@@ -23,6 +23,7 @@ pub mod score;
 mod stance;
 mod step;
 mod subject;
+mod vibration;
 mod worn;
 
 use crate::body::Body;

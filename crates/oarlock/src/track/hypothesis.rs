@@ -4,9 +4,11 @@ mod flat;
 
 use super::consider::Doubt;
 use super::faults::FaultState;
+use super::magnetic::{FieldState, IronState};
 use super::north::NorthState;
 use super::rest::RestState;
 use super::stance::StanceState;
+use super::vibration::VibrationState;
 use crate::estimate::belief::Belief;
 use crate::estimate::System;
 pub use flat::MEMORY;
@@ -37,13 +39,24 @@ pub struct SourceMemory {
     pub(super) faults: FaultState,
     pub(super) north: NorthState,
     pub(super) stance: StanceState,
+    pub(super) field: FieldState,
+    pub(super) iron: IronState,
+    pub(super) vibration: VibrationState,
 }
 
 impl SourceMemory {
     /// A memory that contains only the time of the last reading.
     pub fn new(seen_s: f64) -> Self {
-        let (faults, north) = (FaultState::NONE, NorthState::NONE);
-        SourceMemory { seen_s, rest: RestState::NONE, faults, north, stance: StanceState::NONE }
+        SourceMemory {
+            seen_s,
+            rest: RestState::NONE,
+            faults: FaultState::NONE,
+            north: NorthState::NONE,
+            stance: StanceState::NONE,
+            field: FieldState::NONE,
+            iron: IronState::NONE,
+            vibration: VibrationState::NONE,
+        }
     }
 }
 

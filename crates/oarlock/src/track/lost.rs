@@ -78,6 +78,7 @@ pub(super) fn give_up(subject: &Subject, readings: &Readings, one: &mut Hypothes
         // The next reading of each source is treated as one after a dropout. Units with clocks of their own give
         // samples of one unit each.
         (source.seen_s, source.north) = (f64::NEG_INFINITY, NorthState::NONE);
+        source.field.forget_dip();
     }
 }
 

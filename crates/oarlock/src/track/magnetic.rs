@@ -6,7 +6,15 @@
 //! the weight of a field. A reading that passes both is tested by its innovation. A disturbance lasts while a body
 //! passes it, so the innovation test has a longer patience than other sensors, and rejected innovations do not change
 //! the learnt innovation level.
+//!
+//! A deviation has four explanations. The field is bent here: `evidence` finds a wrong norm or a sudden change, and the
+//! reading is not used. The unit carries iron: `iron` finds and subtracts it. The field differs for all units: their
+//! norms deviate alike, and readings are scaled. What remains is a wrong posture, which the reading then corrects.
 
+mod evidence;
+mod iron;
+
+use super::hypothesis::SourceMemory;
 use super::readings::Readings;
 use super::subject::Subject;
 use crate::body::posture::Posture;
@@ -14,6 +22,8 @@ use crate::config::Magnetometer;
 use crate::estimate::filter::{DirectionTest, Info, Verdict};
 use crate::rotation::Vec3;
 use crate::sensor::Quantity;
+pub(super) use evidence::FieldState;
+pub(super) use iron::IronState;
 
 /// Largest relative deviation of the norm.
 const NORM_TOLERANCE: f64 = 0.15;
@@ -24,6 +34,11 @@ const HORIZON_SIGMAS: f64 = 5.0;
 /// Time after which rejected innovations are accepted, s: the estimated heading is then wrong. A gyroscope whose bias
 /// is known to 0.002 rad/s keeps a heading within a degree for this time.
 pub(super) const PATIENCE_S: f64 = 10.0;
+
+/// Norms of several units deviate alike if they differ by less than this share. Up to `USUAL_SHARE` the deviation is
+/// that of the units.
+const ALIKE_SHARE: f64 = 0.1;
+const USUAL_SHARE: f64 = 0.05;
 
 /// Names of [`Field`] in its order.
 pub const FIELD: [&str; 5] = ["missing", "undisturbed", "norm", "dip", "innovation"];
@@ -100,9 +115,39 @@ impl Magnetic {
         }
     }
 
+    /// Corrects readings by the iron of their unit and by the common deviation of all norms, and tests the norms again,
+    /// with the memory of each unit.
+    pub fn follow_norms(
+        &mut self,
+        subject: &Subject,
+        sources: &mut [SourceMemory],
+        readings: &mut Readings,
+        time_s: f64,
+    ) {
+        if self.usage != Magnetometer::Gated {
+            return;
+        }
+        let norm_ut = subject.body.field.norm_ut;
+        let scale = 1.0 / (1.0 + common_deviation(subject, sources));
+        for p in subject.parts_of(Quantity::Mag) {
+            let rows = subject.groups.parts[p].clone();
+            let (source, reading) = (subject.source_of_part[p], Vec3(readings.three(rows.start)));
+            let SourceMemory { field, iron, .. } = &mut sources[source];
+            if reading.0.iter().any(|x| x.is_nan()) {
+                continue;
+            }
+            let own = reading - iron.known_ut();
+            let off = |v: Vec3<f64>, by: f64| v.0.iter().map(|x| x * x).sum::<f64>().sqrt() * by / norm_ut - 1.0;
+            let came_s = time_s + readings.offset_s[source];
+            self.excluded[p] = field.follow_norm([off(own, scale), off(own, 1.0)], came_s, NORM_TOLERANCE);
+            iron.follow(reading * scale, norm_ut, field.interval_s);
+            readings.z[rows].copy_from_slice(&(own * scale).0);
+        }
+    }
+
     /// Measures the dip of every field against the vertical of a mean. The filter supplies the uncertainty of the
     /// vertical.
-    pub fn measure_dips(&mut self, subject: &Subject, readings: &Readings, mean: &[f64]) {
+    pub fn measure_dips(&mut self, subject: &Subject, sources: &mut [SourceMemory], readings: &Readings, mean: &[f64]) {
         self.direction_tests.fill(None);
         let gated = self.usage == Magnetometer::Gated;
         if !gated || subject.magnetic_rows().all(|r| readings.z[r].is_nan()) {
@@ -111,9 +156,14 @@ impl Magnetic {
         let body = &subject.body;
         body.lower_up(mean, &readings.moment, &mut self.posture);
         for p in subject.parts_of(Quantity::Mag) {
-            let up = self.up_seen_by(subject, subject.source_of_part[p]);
+            let source = subject.source_of_part[p];
+            let up = self.up_seen_by(subject, source);
             let measured = Vec3(readings.three(subject.groups.parts[p].start));
             self.direction_tests[p] = up.and_then(|up| direction(measured, up, body.field.norm_ut, body.field.dip_rad));
+            if let Some(test) = &mut self.direction_tests[p] {
+                let norm_ut = body.field.norm_ut;
+                test.off = norm_ut * sources[source].field.follow_dip(test.off / norm_ut, DIP_TOLERANCE_RAD);
+            }
         }
     }
 
@@ -121,6 +171,20 @@ impl Magnetic {
     pub fn up_seen_by(&self, subject: &Subject, source: usize) -> Option<Vec3<f64>> {
         subject.body.up_seen_by(source, &self.posture)
     }
+}
+
+/// Relative deviation that the norms of all units have in common; zero if there are fewer than two or they differ.
+fn common_deviation(subject: &Subject, sources: &[SourceMemory]) -> f64 {
+    let (mut low, mut high, mut sum, mut count) = (f64::INFINITY, f64::NEG_INFINITY, 0.0, 0);
+    let units = subject.parts_of(Quantity::Mag).map(|p| subject.source_of_part[p]);
+    for norm in units.filter_map(|s| sources[s].field.known_norm()) {
+        (low, high, sum, count) = (norm.min(low), norm.max(high), sum + norm, count + 1);
+    }
+    if count < 2 || high - low > ALIKE_SHARE {
+        return 0.0;
+    }
+    let mean = sum / f64::from(count);
+    mean.signum() * (mean.abs() - USUAL_SHARE).max(0.0)
 }
 
 /// Parts that are not used to learn process noise: magnetometers, unless `always` is configured.

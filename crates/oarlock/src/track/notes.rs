@@ -1,6 +1,7 @@
 //! Notes: sentences about what a run could not use or observe. `track` stores them and the report prints them.
 
 mod ranges;
+mod shaken;
 
 use super::faults::Fault;
 use super::loops::dependence;
@@ -26,6 +27,7 @@ pub fn notes(run: &Run) -> Vec<String> {
     notes.extend(rejections(&counts, &field));
     notes.extend(disturbances(&counts, &field));
     notes.extend(faults(&counts));
+    notes.extend(shaken::notes(run));
     notes.extend(unobserved(run));
     notes.extend(ranges::contortions(run));
     notes.extend(ranges::overturned(run));

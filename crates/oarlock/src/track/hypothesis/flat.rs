@@ -5,7 +5,7 @@ use crate::track::faults::Repeats;
 use crate::track::stance::StanceState;
 
 /// Number of values.
-pub const MEMORY: usize = 37;
+pub const MEMORY: usize = 84;
 
 impl SourceMemory {
     /// Excludes the time of the last reading, which is saved separately.
@@ -23,7 +23,7 @@ impl SourceMemory {
     }
 
     fn numbers(&mut self) -> impl Iterator<Item = &mut f64> {
-        let SourceMemory { rest, faults, north, stance, .. } = self;
+        let SourceMemory { rest, faults, north, stance, field, iron, vibration, .. } = self;
         let rest = rest.gyro.iter_mut().chain(&mut rest.accel).chain([&mut rest.since_s, &mut rest.used_s]);
         let faults = [&mut faults.gyro, &mut faults.accel, &mut faults.mag].into_iter().flat_map(repeats);
         let north = [
@@ -35,7 +35,9 @@ impl SourceMemory {
             &mut north.since_s,
         ];
         let StanceState { since_s, used_s } = stance;
-        rest.chain(faults).chain(north).chain([since_s, used_s])
+        let iron = iron.field_ut.iter_mut().chain(&mut iron.covariance);
+        let magnetic = field.numbers().into_iter().chain(iron);
+        rest.chain(faults).chain(north).chain([since_s, used_s]).chain(magnetic).chain(vibration.numbers())
     }
 }
 
@@ -60,6 +62,8 @@ mod tests {
         );
         assert_eq!((memory.north.usual_rad, memory.north.since_s), (29.0, 34.0));
         assert_eq!((memory.stance.since_s, memory.stance.used_s), (35.0, 36.0));
+        assert_eq!((memory.field.came_s, memory.iron.field_ut[0], memory.iron.covariance[5]), (37.0, 49.0, 57.0));
+        assert_eq!((memory.vibration.gyro.readings[0][0], memory.vibration.accel.shaken_s), (58.0, 83.0));
     }
 
     #[test]
