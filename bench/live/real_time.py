@@ -41,6 +41,8 @@ from oarlock.live.rig import Rig
 from oarlock.live.session import LiveSession
 from oarlock.live.transports import opened
 
+LONG_WAIT_S = 5.0
+"""Estimates wait so long: what a busy machine delivers late is used all the same."""
 ON_THE_WAY_S = 0.3
 """After all is sent."""
 PATIENCE_S = 300.0
@@ -191,7 +193,7 @@ def _by_bluetooth(kind):
     return transport_of, emulate
 
 
-def compared_in_time(ran, truth, wait_s=WAIT_S):
+def compared_in_time(ran, truth, wait_s=LONG_WAIT_S):
     """The live track of what was received beside the offline track of what was measured.
 
     The offline track has the readings later by as much as the session's clocks have them in the mean: that is the way
@@ -275,7 +277,7 @@ def _row(pendulum, name, transport):
     return {"kind": name, "transport": transport, "rate_hz": KINDS[name].rate_hz, **found}
 
 
-def run_and_compare(pendulum, name, transport, faults, folder, wait_s=WAIT_S):
+def run_and_compare(pendulum, name, transport, faults, folder):
     """One kind by one transport.
 
     Args:
@@ -284,9 +286,8 @@ def run_and_compare(pendulum, name, transport, faults, folder, wait_s=WAIT_S):
         transport: that it uses.
         faults: of its devices.
         folder: empty, for the session.
-        wait_s: how long estimates wait for late readings.
     """
     model, truth, recording = moved(pendulum, name, folder)
     kind, emulated = emulated_by(name, recording, faults, place=place_of(transport, folder))
     running = run_for_real(kind, emulated, model, folder / "today")
-    return compared_in_time(asyncio.run(asyncio.wait_for(running, PATIENCE_S)), truth, wait_s)
+    return compared_in_time(asyncio.run(asyncio.wait_for(running, PATIENCE_S)), truth)
