@@ -17,7 +17,7 @@ import typer
 from oarlock.cli import live_doctor, live_init, live_scan, live_track
 from oarlock.cli.body import Pose
 from oarlock.cli.options import Json, example
-from oarlock.cli.terminal import print_json, say, steps, verb
+from oarlock.cli.terminal import print_json, say, steps, table, verb
 
 if TYPE_CHECKING:
     from oarlock import Calibration, Model
@@ -114,7 +114,7 @@ def run(
     calibration = None if found.calibration is None else oarlock.load_calibration(found.calibration)
     model = oarlock.load_model(found.model)
     live = _session(found, model, calibration, out, wanted)
-    if not (no_guide or no_page):
+    if not (no_guide or no_page) and found.feeds:
         live.lead = _lead(model, calibration, plan, pose)
     _run(live, port, share, no_page, seconds)
 
@@ -252,6 +252,9 @@ def _write_end(live: Live, out: Path) -> None:
     """Says what was written, and what to do with it."""
     from oarlock.live.folder import RECORDING, RIG
 
+    if not live.rig.feeds:
+        _say_channels(out)
+        return
     say(f"{live.estimates:,} estimates")
     say(f"Wrote {out}")
     recording, check = out / RECORDING, f"oarlock live doctor {out / RIG}"
@@ -267,6 +270,20 @@ def _write_end(live: Live, out: Path) -> None:
     why = f"nothing came of {', '.join(silent)}" if silent else "its sensors were never all heard together"
     say(f"It was not tracked, because {why}.")
     steps(f"{check}    why they are silent", best)
+
+
+def _say_channels(out: Path) -> None:
+    """The end of a session whose rig feeds no sensor."""
+    from oarlock.live.channel_tables import FOLDER, channels
+    from oarlock.live.folder import RIG
+
+    say(f"Wrote {out}. Its rig feeds no sensor of the model, so nothing was tracked.")
+    if not (out / FOLDER).is_dir():
+        steps(f"oarlock live doctor {out / RIG}    why nothing came")
+        return
+    rows = [(name, len(one.time_s)) for name, one in sorted(channels(out).items())]
+    table(("channel", ">rows"), rows)
+    say(f"{out / FOLDER} has them as Parquet; in Python: oarlock.live.channels({str(out)!r})")
 
 
 def _strokes(model: Model, calibration: Calibration | None) -> StrokeFollower | None:
