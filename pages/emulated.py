@@ -25,12 +25,13 @@ COLUMNS = (
 def measured() -> dict[str, Any]:
     """Runs every kind by every transport, twice: about a quarter of an hour."""
     found = rows()
-    return {"rows": found, "load": os.getloadavg()[0]}
+    return {"rows": found, "load": os.getloadavg()[0], "nice": os.nice(0)}
 
 
 def sections(record: Record) -> Mapping[str, Mapping[str, str]]:
     """The section of docs/live.md."""
     busy = f"on two cores that {record['load']:.0f} programs wanted"
+    busy += ", at a raised priority" if record["nice"] < 0 else ""
     made = f"{made_text(record)}, {busy}; `make pages PAGES=emulated` measures it anew."
     found = table(COLUMNS, [_line(row) for row in record["rows"]])
     return {"docs/live.md": {"emulated": f"{found}\n\n{made}"}}
