@@ -19,7 +19,7 @@ export PYO3_PYTHON := $(CURDIR)/$(BIN)/python
 
 RUST_SOURCES := Cargo.toml Cargo.lock $(wildcard crates/*/Cargo.toml) $(shell find crates/*/src -name '*.rs')
 
-.PHONY: help demo test test-all test-long fuzz bench bench-others bench-page soak pages player pictures lint format docs validation lock clean
+.PHONY: help demo test test-all test-long fuzz bench bench-others bench-page bench-live soak pages player pictures lint format docs validation lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -61,6 +61,11 @@ bench-others: $(VENV)/.package $(VENV)/.bench ## measure this machine beside fil
 
 bench-page: ## put the table of the last `make bench` into docs/performance.md
 	$(BIN)/python -m bench --page docs/performance.md
+
+LIVE_RUNS ?= 3
+bench-live: $(VENV)/.package $(VENV)/.dev ## time a live session from packet to estimate to painted figure, and put the table into docs/live.md
+	$(BIN)/python -m bench.live.latency --runs $(LIVE_RUNS)
+	$(BIN)/python -m bench.live.latency --page docs/live.md
 
 # Rates of the devices in the session without waiting are halved, so that it ends within two hours on an idle core.
 SOAK_MINUTES ?= 60
