@@ -57,12 +57,12 @@ def _options(transport: str, place: str) -> dict[str, object] | None:
 
 def _broker(scheme: str, host: str, port: str | None, topic: str) -> dict[str, object]:
     """Options of a broker, as `mqtt://HOST:PORT/TOPIC` has them; `mqtts` is encrypted."""
-    return (
-        {"host": host}
-        | ({"port": int(port)} if port else {})
-        | {"topic": topic}
-        | ({"tls": True} if scheme == "mqtts" else {})
-    )
+    found: dict[str, object] = {"host": host, "topic": topic}
+    if port:
+        found["port"] = int(port)
+    if scheme == "mqtts":
+        found["tls"] = True
+    return found
 
 
 def words_of(source: Source) -> str:
