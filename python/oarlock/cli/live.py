@@ -151,7 +151,7 @@ def demo(
     if guided:
         _run_guided(live, sent_to, port, share, seconds)
         return
-    words = [sys.executable, "-m", "oarlock.rowing.simulation.emulated", str(sent_to)]
+    words = [sys.executable, "-m", "oarlock.rowing.simulation.emulated", str(sent_to), str(RATE_HZ)]
     emulator = subprocess.Popen(words, stdout=subprocess.PIPE)
     assert emulator.stdout is not None
     try:
@@ -222,7 +222,7 @@ def _session(
     from oarlock.live.picture import LivePicture
     from oarlock.rowing import live_look
 
-    follower, drawn = _strokes(model, calibration), live_look(model)
+    follower, drawn = _strokes(model), live_look(model)
     picture = LivePicture.of(model) if drawn is None else LivePicture.of(model, drawn.look, drawn.strands)
     live = Live(rig, model, out, calibration, picture=picture, follower=follower, on_event=say)
     live.outputs = outputs_of(model, rig.rate_hz, rig.outputs, *([wanted] if wanted else []))
@@ -270,13 +270,13 @@ def _write_end(live: Live, out: Path) -> None:
     steps(f"{check}    why they are silent", best)
 
 
-def _strokes(model: Model, calibration: Calibration | None) -> StrokeFollower | None:
+def _strokes(model: Model) -> StrokeFollower | None:
     """What finds strokes; None for a body that does not row."""
     from oarlock import DataError
     from oarlock.rowing import StrokeFollower
 
     with suppress(DataError):
-        return StrokeFollower(model, calibration)
+        return StrokeFollower(model)
     return None
 
 

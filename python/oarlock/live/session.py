@@ -104,8 +104,8 @@ class LiveSession:
     """The last commands that could not be carried out, and why."""
     refused: int = field(init=False, default=0)
     """How many could not."""
-    listener: Callable[[list[Sampled]], None] | None = field(init=False, default=None)
-    """Gets all readings, too; it decides no estimate."""
+    listeners: list[Callable[[list[Sampled]], None]] = field(init=False, default_factory=list)
+    """Get all readings, too; they decide no estimate."""
 
     def __post_init__(self) -> None:
         self.config = live_config(self.rig, self.model)
@@ -116,8 +116,8 @@ class LiveSession:
         if packet.source == COMMANDS:
             return self._carry_out(packet)
         sampled = self.intake.take(packet)
-        if self.listener is not None:
-            self.listener(sampled)
+        for listener in self.listeners:
+            listener(sampled)
         return [] if self.tracker is None else self._estimates(sampled)
 
     def _estimates(self, sampled: Iterable[Sampled]) -> list[Estimate]:
