@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from oarlock.live.live import Live
     from oarlock.live.outputs.table import Outputs
     from oarlock.live.rig import Rig
+    from oarlock.live.server import PageServer
     from oarlock.rowing import StrokeFollower
 
 _AWAITED_S = 5.0
@@ -310,13 +311,28 @@ async def _until_stopped(
     await asyncio.wait([running, started], return_when=asyncio.FIRST_COMPLETED)
     started.cancel()
     if live.server is not None and not running.done():
-        say(live.server.url)
+        _say_addresses(live.server)
     waiting = asyncio.ensure_future(_say_who_is_awaited(live))
     with suppress(asyncio.CancelledError):
         await running
     waiting.cancel()
     if other is not None:
         other.cancel()
+
+
+def _say_addresses(server: PageServer) -> None:
+    """Where the page is: on this machine, and for others if it is shared."""
+    from oarlock.live.doctor.network import own_address
+
+    say(server.url)
+    if not server.token:
+        return
+    address = own_address()
+    if address is None:
+        say("This machine has no network, so phones and other laptops cannot open the page.")
+    else:
+        say("On phones and laptops of the same network:")
+        say(server.url_at(address))
 
 
 async def _say_who_is_awaited(live: Live) -> None:
