@@ -76,8 +76,8 @@ def prepared() -> None:
 def looked(look: Look, model: Model) -> Seen:
     """What a window shows."""
     body = model
-    if look.calibration is not None and look.calibration.lengths:
-        body = model.with_parameters(look.calibration.lengths)
+    if look.calibration is not None and look.calibration.parameters:
+        body = model.with_parameters(look.calibration.parameters)
     measured = corrected(Recording([rows.stream() for rows in look.rows]), look.calibration)
     layout = Layout.of(body, look.calibration)
     seen = layout.seen(measured, look.middle_s)
