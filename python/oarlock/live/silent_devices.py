@@ -15,7 +15,7 @@ LEAST_S = 2.0
 GAPS = 3
 """So many gaps are heard before a device is expected to go on; silence is as many times the longest of them."""
 LONGEST_S = 10.0
-"""A device that sends once a stroke is silent after this at the latest."""
+"""A device that sends now and then is silent after this at the latest."""
 
 
 @dataclass
