@@ -45,18 +45,19 @@ class Fitting:
         ]
         self._low, self._high = np.array(limits, dtype=float).T
 
-    def fitted(self, seen: FloatArray, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def fitted(self, seen: FloatArray, q: FloatArray, steps: int = STEPS) -> tuple[FloatArray, FloatArray]:
         """Costs (suppositions,) and postures (suppositions, coordinates) of the best movements.
 
         Args:
             seen: (suppositions, times, rows) readings; NaN where there are none.
             q: (suppositions, coordinates) from where to search.
+            steps: of the search.
         """
         n = q.shape[1]
         posture, numbers = q.copy(), np.zeros((len(seen), len(self.moves.stds)))
         damping = np.full(len(seen), 1e-2)
         state = self._normal(seen, posture, numbers)
-        for _ in range(STEPS):
+        for _ in range(steps):
             normal, slope, cost = state
             diagonal = np.einsum("mii->mi", normal)
             step = -np.linalg.solve(

@@ -33,7 +33,7 @@ CALM_AFTER = 20
 """So many looks in a row without suspicion."""
 EXPLAINS, ALIKE = 1.6, 1.4
 """By so much must an exchange lower the cost, and be better than the second best, in two looks in a row."""
-CLEARLY, ALONE = 4.0, 3.0
+CLEARLY, ALONE = 3.0, 2.0
 """The same for one look."""
 MOST_AFTER = 2.0
 """Cost of a reading that an exchange may leave: else something else is wrong."""
