@@ -18,6 +18,7 @@ from bench.live.loopback import (
     LATE_S,
     PERFECT,
     START_NS,
+    TRACKED_FROM_S,
     WAIT_S,
     Compared,
     angles_of,
@@ -38,7 +39,7 @@ from oarlock.live.folder import LiveFolder
 from oarlock.live.live import Live
 from oarlock.live.reading import Packet
 from oarlock.live.rig import Rig
-from oarlock.live.session import LiveSession, recorded
+from oarlock.live.session import COMMANDS, LiveSession, command, recorded
 from oarlock.live.transports import opened
 
 LONG_WAIT_S = 5.0
@@ -209,15 +210,18 @@ def compared_in_time(ran, truth, wait_s=LONG_WAIT_S):
         truth: of the movement.
         wait_s: how long estimates wait for late readings.
     """
-    begins_s = (ran.packets[0].arrival_ns - ran.start_ns) / 1e9 + COMPARED_FROM_S
+    heard = [packet for packet in ran.packets if packet.source != COMMANDS]
+    # A session on a busy machine may begin to track late.
+    track = command(heard[0].arrival_ns + round(1e9 * TRACKED_FROM_S), "track")
+    packets = sorted([*heard, track], key=lambda packet: packet.arrival_ns)
+    begins_s = (heard[0].arrival_ns - ran.start_ns) / 1e9 + COMPARED_FROM_S
     session = LiveSession(replace(ran.rig, wait_s=wait_s), ran.model, ran.start_ns)
-    estimates, late_s = _tracked(session, ran, ran.packets)
+    estimates, late_s = _tracked(session, ran, packets)
     assert not session.problems and estimates
     mean_s, clocks_s = _spread(late_s, begins_s)
     carried = ran.kind.device.wiring(ran.emulated).values
     carried_on = as_received(ran.emulated.recording, carried, mean_s)
-    measured, lost = _arrived(ran, carried_on)
-    measured = measured.slice(start_s=session.from_s)
+    measured, lost = _arrived(ran, carried_on, session.from_s)
     whole = oarlock.track(ran.model, measured, config=session.config)
     live, offline = angles_of(ran.model, estimates), track_angles(ran.model, whole)
     true = track_angles(ran.model, truth, mean_s)
@@ -229,19 +233,23 @@ def compared_in_time(ran, truth, wait_s=LONG_WAIT_S):
     return InTime(found, clocks_s, _clocks_without_a_machine_s(ran), fastest_deg_s, lost)
 
 
-def _arrived(ran, measured):
-    """Where devices lose nothing, what arrived: a busy machine loses readings too. And how many it lost."""
+def _arrived(ran, measured, from_s):
+    """Where devices lose nothing, what the session tracked from a time on. And how many readings this machine lost.
+
+    It begins with the very readings with which the session began: a track remembers its first sample for seconds.
+    """
     if ran.emulated.faults.loss:
-        return measured, 0
+        return measured.slice(start_s=from_s), 0
     came, streams, lost = recorded(ran.packets, ran.rig, ran.start_ns), [], 0
     for stream in measured.streams:
-        time_s = came[stream.name].time_s if stream.name in came.names else np.empty(0)
+        time_s = np.concatenate([[-np.inf], came[stream.name].time_s, [np.inf]])
         after = np.searchsorted(time_s, stream.time_s)
-        near = np.concatenate([[-np.inf], time_s, [np.inf]])
-        off_s = np.minimum(stream.time_s - near[after], near[after + 1] - stream.time_s)
-        has_come = off_s < 0.5 / stream.rate_hz
+        is_next = time_s[after] - stream.time_s < stream.time_s - time_s[after - 1]
+        nearest_s = time_s[np.where(is_next, after, after - 1)]
+        has_come = np.abs(nearest_s - stream.time_s) < 0.5 / stream.rate_hz
         lost += int((~has_come).sum())
-        streams.append(stream.at_rows(has_come, stream.time_s[has_come]))
+        kept = has_come & (nearest_s >= from_s)
+        streams.append(stream.at_rows(kept, stream.time_s[kept]))
     return oarlock.Recording(streams), lost
 
 
