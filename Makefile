@@ -19,7 +19,7 @@ export PYO3_PYTHON := $(CURDIR)/$(BIN)/python
 
 RUST_SOURCES := Cargo.toml Cargo.lock $(wildcard crates/*/Cargo.toml) $(shell find crates/*/src -name '*.rs')
 
-.PHONY: help demo test test-all test-long fuzz bench bench-others bench-page soak pages player pictures lint format docs validation lock clean
+.PHONY: help demo test test-all test-long fuzz bench bench-others bench-page bench-live soak pages player pictures lint format docs validation lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -43,14 +43,14 @@ LONG_SECONDS ?= 600
 test-long: $(VENV)/.package $(VENV)/.dev ## run what is only in `make test-all` for LONG_SECONDS (600), another part every hour
 	$(BIN)/python .ci/long_tier.py --seconds $(LONG_SECONDS) $(if $(LONG_TURN),--turn $(LONG_TURN))
 
-# There are eight campaigns in Rust and forty-five in Python; each gets an equal share of the time.
+# There are eight campaigns in Rust and fifty-six in Python; each gets an equal share of the time.
 FUZZ_MINUTES ?= 60
-fuzz: export OARLOCK_FUZZ_SECONDS := $(shell echo $$(( $(FUZZ_MINUTES) * 60 / 53 )))
+fuzz: export OARLOCK_FUZZ_SECONDS := $(shell echo $$(( $(FUZZ_MINUTES) * 60 / 64 )))
 fuzz: export OARLOCK_FUZZ_SEED ?= $(shell date +%s)
 fuzz: $(VENV)/.package $(VENV)/.dev ## feed parsers, readers, arrays and filters with rubbish for FUZZ_MINUTES (60)
 	@echo "seeds from $$OARLOCK_FUZZ_SEED, $$OARLOCK_FUZZ_SECONDS s a campaign"
 	cargo test --locked --quiet --package oarlock --test fuzz -- --nocapture --test-threads 1
-	$(BIN)/python -m pytest --timeout 0 -s tests/test_fuzz_arrays.py tests/test_fuzz_settings.py tests/test_fuzz_files.py tests/test_fuzz_units.py tests/test_fuzz_wearings.py tests/test_fuzz_decoders.py
+	$(BIN)/python -m pytest --timeout 0 -s tests/test_fuzz_arrays.py tests/test_fuzz_settings.py tests/test_fuzz_files.py tests/test_fuzz_units.py tests/test_fuzz_wearings.py tests/test_fuzz_decoders.py tests/test_fuzz_messages.py
 
 bench: $(VENV)/.package ## time steps, parts, recordings, latency and memory, and print one table
 	OARLOCK_BENCH_OUT=$(CURDIR)/out/bench cargo bench --locked --package oarlock
@@ -61,6 +61,11 @@ bench-others: $(VENV)/.package $(VENV)/.bench ## measure this machine beside fil
 
 bench-page: ## put the table of the last `make bench` into docs/performance.md
 	$(BIN)/python -m bench --page docs/performance.md
+
+LIVE_RUNS ?= 3
+bench-live: $(VENV)/.package $(VENV)/.dev ## time a live session from packet to estimate to painted figure, and put the table into docs/live.md
+	$(BIN)/python -m bench.live.latency --runs $(LIVE_RUNS)
+	$(BIN)/python -m bench.live.latency --page docs/live.md
 
 # Rates of the devices in the session without waiting are halved, so that it ends within two hours on an idle core.
 SOAK_MINUTES ?= 60

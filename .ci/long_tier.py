@@ -17,7 +17,7 @@ from pathlib import Path
 from threading import Lock
 
 ROOT = Path(__file__).parents[1]
-FUZZED = ("arrays", "settings", "files", "units", "wearings", "decoders")
+FUZZED = ("arrays", "settings", "files", "units", "wearings", "decoders", "messages")
 CAMPAIGN_S = 5
 # The same in every run, so that a change does not fail for what it did not touch; `make fuzz` draws new ones.
 FUZZ_SEED = "1"
@@ -60,6 +60,7 @@ USUAL_S = {
     "engine": 90.0,
     "fuzz engine": 70.0,
     "fuzz decoders": 90.0,
+    "fuzz messages": 65.0,
     "fuzz files": 220.0,
 }
 NEW_S = 60.0

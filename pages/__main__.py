@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
-from . import record, robustness, status, validation
+from . import emulated, record, robustness, status, validation
 from .sections import into_page
 
 SECTIONS: Mapping[str, Callable[[record.Record], Mapping[str, Mapping[str, str]]]] = {
@@ -15,6 +15,7 @@ SECTIONS: Mapping[str, Callable[[record.Record], Mapping[str, Mapping[str, str]]
     "validation": validation.sections,
     "robustness_quick": robustness.sections,
     "robustness": robustness.sections,
+    "emulated": emulated.sections,
 }
 
 
@@ -44,6 +45,8 @@ def _measured(name: str, asked: argparse.Namespace) -> Iterator[record.Record]:
         yield from validation.measured(asked.sets or (), record.load(name) if asked.sets else None)
     elif name == "status":
         yield record.stamped(status.measured())
+    elif name == "emulated":
+        yield record.stamped(emulated.measured())
     else:
         seeds = None if asked.seeds is None else range(asked.seeds)
         yield record.stamped(robustness.measured(name, seeds, asked.jobs))

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import pytest
-from loopback import FAULTY, PERFECT, compared, emulated_by, pendulum_with
+from bench.live.loopback import FAULTY, PERFECT, compared, emulated_by, pendulum_with
 
 from oarlock.live.emulators.kinds import KINDS
 from oarlock.live.emulators.swinging import swinging

@@ -6,7 +6,7 @@ from itertools import islice
 
 import numpy as np
 import pytest
-from loopback import FAULTY, PERFECT, emulated_by
+from bench.live.loopback import FAULTY, PERFECT, emulated_by
 from mqtt_broker import Broker
 
 import oarlock
@@ -16,6 +16,7 @@ from oarlock.live.emulators.air import Air
 from oarlock.live.emulators.emulated import Place
 from oarlock.live.emulators.lsl import labels
 from oarlock.live.emulators.swinging import swinging
+from oarlock.live.emulators.together import Together
 from oarlock.live.emulators.virtual_radio import VirtualRadio
 from oarlock.live.reading import Packet
 from oarlock.live.rig import Source
@@ -192,9 +193,9 @@ def assert_all_came(kind, emulated, packets, channels=()):
 async def dots(kind, emulated):
     """Packets of all units, which begin to measure together."""
     air, packets, units = Air(), [], kind.device.wiring(emulated).senders
-    begin = asyncio.Barrier(len(units))
+    together = Together(len(units))
     devices = [
-        asyncio.create_task(dot.be(air.device(own.address), emulated, unit, begun=begin.wait))
+        asyncio.create_task(dot.be(air.device(own.address), emulated, unit, begun=together.begun))
         for unit, own in units.items()
     ]
     options = {"profile": "dot", "mode": dot.MODE, **next(iter(units.values())).options}

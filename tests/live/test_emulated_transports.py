@@ -2,14 +2,13 @@
 
 import asyncio
 import os
-import socket
+from contextlib import suppress
 
 import pytest
-from loopback import PERFECT, compared_in_time, emulated_by, pendulum_with, run_for_real
+from bench.live.loopback import FAULTY, PERFECT, emulated_by
+from bench.live.real_time import moved, own_lsl_session, place_of, run_and_compare, run_for_real
 
-from oarlock.live.emulators.emulated import Place
 from oarlock.live.emulators.kinds import KINDS
-from oarlock.live.emulators.swinging import swinging
 
 SOCKETS = ("udp", "tcp", "serial")
 WAYS = [
@@ -24,33 +23,6 @@ WAYS = [
     for transport in kind.transports
     if transport in SOCKETS
 ]
-
-
-def free_ports(count):
-    """The first of so many ports in a row at which nothing listens now."""
-    while True:
-        with socket.socket() as one:
-            one.bind(("127.0.0.1", 0))
-            first = one.getsockname()[1]
-        try:
-            for port in range(first, first + count):
-                for kind in (socket.SOCK_STREAM, socket.SOCK_DGRAM):
-                    with socket.socket(type=kind) as one:
-                        one.bind(("127.0.0.1", port))
-        except (OSError, OverflowError):
-            continue
-        return first
-
-
-def moved(pendulum, name, folder):
-    """A body with sensors that a kind can be, the truth, and what they measure."""
-    is_marker = KINDS[name].streams == ("vector",)
-    model = pendulum_with("position", folder) if is_marker else pendulum
-    return model, *swinging(model, KINDS[name].rate_hz, seed=2)
-
-
-def place_of(transport, folder):
-    return Place(transport, port=free_ports(5), path=folder / "line")
 
 
 def by_address(packets):
@@ -85,13 +57,37 @@ def test_every_byte_arrives(pendulum, tmp_path, name, transport):
             assert told in expected and len(told) > 0.4 * len(expected)
 
 
+IN_TIME = pytest.mark.parametrize(
+    ("name", "transport"), [*WAYS, pytest.param("dot", "ble"), pytest.param("lsl", "lsl")]
+)
+LONG_WAIT_S = 5.0
+"""What a busy machine delivers late is used all the same."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def streams_of_our_own():
+    with suppress(ImportError, RuntimeError):
+        own_lsl_session("oarlock-transports")
+
+
+def for_real(pendulum, name, transport, faults, folder):
+    if transport == "lsl":
+        pytest.importorskip("pylsl", reason="needs pylsl, an extra")
+    found = run_and_compare(pendulum, name, transport, faults, folder, LONG_WAIT_S)
+    print(name, transport, found.angles, f"clocks {1e3 * found.clocks_s:.2f} ms")
+    return found
+
+
 @pytest.mark.long
-@pytest.mark.parametrize(("name", "transport"), WAYS)
+@IN_TIME
 def test_in_real_time_the_angles_are_those_of_the_offline_track(pendulum, tmp_path, name, transport):
-    model, truth, recording = moved(pendulum, name, tmp_path)
-    kind, emulated = emulated_by(name, recording, PERFECT, place=place_of(transport, tmp_path))
-    ran = asyncio.run(asyncio.wait_for(run_for_real(kind, emulated, model, tmp_path / "today"), 60))
-    found, spread_s, fastest_deg_s = compared_in_time(ran, truth)
-    print(name, transport, found, f"clocks {1e3 * spread_s:.2f} ms")
+    found = for_real(pendulum, name, transport, PERFECT, tmp_path)
     # The arrivals of a busy machine say how well clocks can be known.
-    assert found.difference_deg < 0.1 + fastest_deg_s * spread_s
+    assert found.angles.difference_deg < 0.1 + found.machine_deg
+
+
+@pytest.mark.long
+@IN_TIME
+def test_in_real_time_faults_increase_the_error_by_a_fifth_at_most(pendulum, tmp_path, name, transport):
+    found = for_real(pendulum, name, transport, FAULTY, tmp_path)
+    assert found.angles.live_deg < 1.2 * found.angles.offline_deg + found.machine_deg

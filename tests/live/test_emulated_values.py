@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from loopback import FAULTY, LATE_S, PERFECT, START_NS, emulated_by, packets_of
+from bench.live.loopback import FAULTY, LATE_S, PERFECT, START_NS, emulated_by, packets_of
 
 import oarlock
 from oarlock.live.channel_tables import Channels, channels

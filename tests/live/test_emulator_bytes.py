@@ -5,7 +5,7 @@ import struct
 
 import numpy as np
 import pytest
-from loopback import PERFECT, emulated_by, packets_of
+from bench.live.loopback import PERFECT, emulated_by, packets_of
 from pythonosc.osc_bundle import OscBundle
 
 from decoded import as_bytes

@@ -97,6 +97,7 @@ def killed(senders, folder, alive_s):
                 lines.append(listener.recv(1 << 16))
             child.send_signal(signal.SIGKILL)
             child.wait()
+            # The end of this pipe is reached when the session's other processes have ended, too.
             assert b"Traceback" not in child.stderr.read()
         listener.setblocking(False)
         while True:
@@ -136,6 +137,8 @@ def check(senders, folder, estimates):
 def check_recording(senders, folder, session, again, counts):
     """The recovered recording loads, and its track is the live one."""
     recording = oarlock.load_recording(folder / "today" / "recording")
+    if session.tracker is None:
+        return  # The command to track was in what was lost.
     track = oarlock.track(senders.model, recording.slice(start_s=session.from_s), config=session.config)
     if counts["late"] or counts["too_late"]:
         return

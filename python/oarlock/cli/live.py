@@ -150,7 +150,7 @@ def demo(
     if guided:
         _run_guided(live, sent_to, port, share, seconds)
         return
-    words = [sys.executable, "-m", "oarlock.rowing.simulation.emulated", str(sent_to)]
+    words = [sys.executable, "-m", "oarlock.rowing.simulation.emulated", str(sent_to), str(RATE_HZ)]
     emulator = subprocess.Popen(words, stdout=subprocess.PIPE)
     assert emulator.stdout is not None
     try:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import shutil
-import signal
 import time
 from collections.abc import Callable, Coroutine, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -15,6 +14,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
+from oarlock.evaluation.child_process import begin_child
 from oarlock.live.event_log import EventLog
 from oarlock.live.folder import LiveFolder
 from oarlock.live.frame import frame_of
@@ -304,7 +304,7 @@ class Live:
         look = self._ties.look(now_s, self.session.calibration)
         if look is not None:
             if self._ties_pool is None:
-                self._ties_pool = ProcessPoolExecutor(1, get_context("spawn"))
+                self._ties_pool = _pool()
             self._keep(self._tied(self._ties, look, self._ties_pool))
 
     async def _tied(self, ties: Ties, look: Look, pool: ProcessPoolExecutor) -> None:
@@ -357,8 +357,8 @@ class Live:
 
 
 def _pool() -> ProcessPoolExecutor:
-    """Another process, which leaves Ctrl-C to this one."""
-    return ProcessPoolExecutor(1, get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_IGN))
+    """Another process, which leaves Ctrl-C to this one and ends with it."""
+    return ProcessPoolExecutor(1, get_context("spawn"), begin_child)
 
 
 def _imported(work: object) -> None:

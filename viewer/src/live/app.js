@@ -143,6 +143,7 @@ export class App {
     const isTracking = Boolean(this.health?.is_tracking);
     const isStale = !isOpen || (Number.isFinite(age_s) && age_s > STALE_S);
     this.root.classList.toggle("ol-stale", isStale);
+    this.root.classList.toggle("ol-lost", !isOpen);
     this.bar.tell({ isOpen, isTracking, isStale: isStale || !this.frame });
     this.bar.tellAge(isStale ? age_s : (this.age?.age_s ?? NaN), this.skipped, isOpen ? "" : nextTry(this.link));
     this.bar.alarm("link", isOpen ? "" : LOST);

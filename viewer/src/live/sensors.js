@@ -131,7 +131,8 @@ function numbersOf(device) {
     [`${decimals(delay_ms, 0)} ms`, delay_ms > LATE_MS],
     [`${decimals(drift_ppm, 0)} ppm`],
     battery_percent === null ? ["–"] : [`${decimals(battery_percent, 0)} %`, battery_percent < LOW_PERCENT],
-    [name || source],
+    // a line may break behind the address
+    [(name || source).replaceAll("/", "/\u200b")],
   ];
 }
 

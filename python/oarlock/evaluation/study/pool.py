@@ -6,14 +6,12 @@ import hashlib
 import json
 import multiprocessing
 import os
-import signal
-import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from multiprocessing.connection import wait as wait_for_any
 from pathlib import Path
 
 from oarlock import _core
+from oarlock.evaluation.child_process import begin_child
 from oarlock.evaluation.study.run import Group, Row, groups, run_group
 from oarlock.evaluation.study.spec import Study, stable_text
 from oarlock.storage.errors import DataError
@@ -94,19 +92,10 @@ def _made(
 
 
 def _begin(study: Study) -> None:
-    """Start of a child process: it ignores Ctrl-C, which the parent handles, and ends if the parent ends."""
+    """Start of a child process."""
     global _OWN
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    begin_child()
     _OWN = study
-
-
-def _end_with_parent() -> None:
-    """Ends the process when the parent's end of the pipe closes: a killed parent cannot stop its children."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        wait_for_any([parent.sentinel])
-        os._exit(1)
 
 
 def _one(group: Group) -> list[Row]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
+from itertools import chain, islice
 from struct import pack
 from typing import cast
 
@@ -89,7 +90,7 @@ async def be(
     unit: str,
     *,
     name: str = NAME,
-    begun: Callable[[], Awaitable[object]] | None = None,
+    begun: Callable[[], Awaitable[float]] | None = None,
     sent: Callable[[int], None] = lambda row: None,
 ) -> None:
     """Be one unit of a recording until cancelled.
@@ -99,7 +100,8 @@ async def be(
         emulated: what all units measure, and what goes wrong on the way.
         unit: name of the stream.
         name: that it advertises.
-        begun: awaited after each start command, such as until all units are started; then the movement begins.
+        begun: awaited after each start command; gives when the movement begins, by the clock of the event loop. Without
+            it that is now. Several units take that of one `Together`.
         sent: called with the count of each reading that was notified.
     """
 
@@ -166,7 +168,7 @@ class _Unit:
         device: Device,
         name: str,
         rows: Callable[[int], Iterator[Row]],
-        begun: Callable[[], Awaitable[object]] | None = None,
+        begun: Callable[[], Awaitable[float]] | None = None,
     ) -> None:
         services = {
             _UUID.format(0x1000): Offers(written=[_UUID.format(_CONTROL)]),
@@ -190,11 +192,12 @@ class _Unit:
                     await self._send(self._mode, sent)
 
     async def _send(self, mode: int, sent: Callable[[int], None]) -> None:
-        if self._begun is not None:
-            await self._begun()
-        loop = asyncio.get_running_loop()
-        began_s, uuid = loop.time(), _UUID.format(_PAYLOADS[mode][0])
-        for due_s, row, data in self._rows(mode):
+        rows = self._rows(mode)
+        # To make the first row may take a while, by which units that begin together would be apart.
+        first = list(islice(rows, 1))
+        loop, uuid = asyncio.get_running_loop(), _UUID.format(_PAYLOADS[mode][0])
+        began_s = loop.time() if self._begun is None else await self._begun()
+        for due_s, row, data in chain(first, rows):
             await asyncio.sleep(began_s + due_s - loop.time())
             if self._told.is_set():  # stopped, or started anew
                 return

@@ -11,7 +11,9 @@ from oarlock.live.transports.announced import Announcements
 from oarlock.live.transports.transport import Deliver, Options, again_and_again, now_ns
 from oarlock.storage.errors import DataError
 
-READ_BYTES = 1 << 16
+READ_BYTES = 512
+"""Some readings. Of what waits for a busy program each device has its share in turn, else the readings of one would
+make those of all others too late."""
 Where = Callable[[], Awaitable[tuple[str, int]]]
 
 
@@ -97,5 +99,6 @@ class _Link:
         try:
             while data := await reader.read(READ_BYTES):
                 deliver(Packet(self._source, self._address, "", now_ns(), data))
+                await asyncio.sleep(0.0)
         finally:
             writer.close()

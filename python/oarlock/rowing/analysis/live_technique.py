@@ -129,6 +129,8 @@ def live_stroke(stretch: Stretch, model: Model, calibration: Calibration | None 
     except DataError:
         return None
     catches = found.found.catch_time_s
+    if not catches.size:
+        return None
     row = int(np.argmin(np.abs(catches - stretch.catch_s)))
     if abs(catches[row] - stretch.catch_s) > SAME_S or not math.isfinite(found.found.end_time_s[row]):
         return None

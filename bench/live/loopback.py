@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from dataclasses import dataclass, field, replace
 from importlib import resources
 
@@ -11,12 +10,9 @@ import numpy as np
 import oarlock
 from oarlock.live.emulators.deliveries import Faults
 from oarlock.live.emulators.emulated import Emulated, Place
-from oarlock.live.emulators.kinds import KINDS, Kind
+from oarlock.live.emulators.kinds import KINDS
 from oarlock.live.emulators.rig import rig_of
-from oarlock.live.folder import LiveFolder
-from oarlock.live.live import Live
 from oarlock.live.reading import Packet
-from oarlock.live.rig import Rig
 from oarlock.live.session import LiveSession, command
 
 START_NS = 7_000_000_000_000
@@ -152,85 +148,5 @@ def as_received(recording, values, late_s=LATE_S):
 
 
 def rms(values):
+    """Root mean square."""
     return float(np.sqrt(np.mean(np.square(values))))
-
-
-@dataclass(frozen=True)
-class Ran:
-    """What a session received by a real transport, in real time.
-
-    Args:
-        packets: in the order of arrival.
-        start_ns: of the session.
-        model, kind, emulated: what was run.
-        rig: of the session.
-    """
-
-    packets: list[Packet]
-    start_ns: int
-    model: oarlock.Model
-    kind: Kind
-    emulated: Emulated
-    rig: Rig
-
-
-async def run_for_real(kind, emulated, model, folder, seconds=None):
-    """Runs emulated devices and a session, connected by their transport, until all is sent."""
-    rig = replace(rig_of(kind, emulated, model, model.name), wait_s=WAIT_S)
-    live, opened = Live(rig, model, folder), asyncio.Event()
-    told = replace(emulated, say=lambda text: opened.set())
-    running = asyncio.create_task(live.run(seconds))
-    if emulated.place.transport == "udp":
-        await live.started.wait()
-        await kind.device.emulate(told)
-    else:
-        emulating = asyncio.create_task(kind.device.emulate(told))
-        await asyncio.wait([emulating, running], return_when=asyncio.FIRST_COMPLETED)
-        emulating.cancel()
-    await asyncio.sleep(0.3)  # what is on the way
-    running.cancel()
-    await asyncio.gather(running, return_exceptions=True)
-    place = LiveFolder.load(folder)
-    return Ran(list(place.read()), place.start_ns, model, kind, emulated, place.rig(model))
-
-
-def offsets_of(session, packets):
-    """Estimates, and for each device what its clock's offset was at every packet of the track."""
-    estimates, offsets = [], {}
-    for packet in packets:
-        estimates += session.take(packet)
-        if session.tracker is not None:
-            for key, device in session.intake.devices.items():
-                if device.streams and device.clock.offset_s is not None:
-                    offsets.setdefault(key, []).append(device.clock.offset_s)
-    return estimates, offsets
-
-
-def compared_in_time(ran, truth):
-    """The live track of what was received beside the offline track, and how far apart the clocks were found to be, s.
-
-    The offline track has the readings later by as much as the session's clocks have them in the mean: that is the way
-    through this machine. By how much devices differ from that is the error of their clocks.
-    """
-    virtual, _ = lived(ran.kind, ran.emulated, ran.model)
-    session = LiveSession(ran.rig, ran.model, ran.start_ns)
-    estimates, offsets = offsets_of(session, ran.packets)
-    assert not session.problems and estimates
-    late_s = {
-        key: LATE_S + np.array(found) - virtual.intake.devices[key].clock.offset_s
-        for key, found in offsets.items()
-    }
-    mean_s = float(np.mean([values.mean() for values in late_s.values()]))
-    spread_s = max(float(np.abs(values - mean_s).max()) for values in late_s.values())
-    carried = ran.kind.device.wiring(ran.emulated).values
-    measured = as_received(ran.emulated.recording, carried, mean_s).slice(start_s=session.from_s)
-    whole = oarlock.track(ran.model, measured, config=session.config)
-    live, offline = angles_of(ran.model, estimates), track_angles(ran.model, whole)
-    true = track_angles(ran.model, truth, mean_s)
-    from_s = session.from_s + COMPARED_FROM_S - TRACKED_FROM_S
-    time_s = live.time_s[(live.time_s >= from_s) & (live.time_s <= offline.time_s[-1])]
-    assert len(time_s) > 100
-    told, expected, right = (angles.at(time_s) for angles in (live, offline, true))
-    found = Compared(float(np.abs(told - expected).max()), rms(told - right), rms(expected - right), session)
-    fastest_deg_s = float(np.abs(np.gradient(true.deg, true.time_s, axis=0)).max())
-    return found, spread_s, fastest_deg_s
