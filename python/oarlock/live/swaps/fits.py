@@ -56,9 +56,8 @@ class Fitting:
         n = q.shape[1]
         posture, numbers = q.copy(), np.zeros((len(seen), len(self.moves.stds)))
         damping = np.full(len(seen), 1e-2)
-        state = self._normal(seen, posture, numbers)
+        normal, slope, cost = self._normal(seen, posture, numbers)
         for _ in range(steps):
-            normal, slope, cost = state
             diagonal = np.einsum("mii->mi", normal)
             step = -np.linalg.solve(
                 normal + damping[:, None, None] * (diagonal[:, None, :] * np.eye(len(diagonal[0]))),
@@ -71,12 +70,12 @@ class Fitting:
             better = tried[2] < cost
             posture = np.where(better[:, None], tried_posture, posture)
             numbers = np.where(better[:, None], tried_numbers, numbers)
-            state = tuple(
+            normal, slope, cost = (
                 np.where(better.reshape(-1, *[1] * (new.ndim - 1)), new, old)
-                for new, old in zip(tried, state, strict=True)
+                for new, old in zip(tried, (normal, slope, cost), strict=True)
             )
             damping = np.clip(np.where(better, damping / 8.0, damping * 8.0), 1e-6, 1e6)
-        return state[2], posture
+        return cost, posture
 
     def scattered(self, number: int) -> FloatArray:
         """One of many postures between the limits of all joints."""
