@@ -65,7 +65,9 @@ def test_a_stroke_is_computed_with_the_calibration_given(sculler, monkeypatch):
     """`StrokeFollower` keeps none of its own."""
     given = []
     module = "oarlock.rowing.report.live.live_stroke"
-    monkeypatch.setattr(module, lambda stretch, model, calibration: given.append((stretch, model, calibration)))
+    monkeypatch.setattr(
+        module, lambda stretch, model, calibration: given.append((stretch, model, calibration))
+    )
     calibration = oarlock.Calibration(parameters={"r_upperarm_length": 0.33})
     assert rowing.StrokeFollower(sculler).work("stretch", calibration) is None
     assert given == [("stretch", sculler, calibration)]

@@ -77,7 +77,7 @@ class Live:
         follower: makes messages of what it recognises in the estimates, such as repetitions; None without.
         lead: leads through a calibration session before tracking; None without. It needs the server.
         is_tracked_at_once: track without a command, as soon as all streams have been heard and their clocks settled
-            and no guided start is open.
+            and no guided start is open. A rig without streams has nothing to track.
         is_placement_watched: look for units in each other's place, in another process.
         on_event: gets each event as a sentence; the folder's log has them, too.
         time: true time, unless the session is simulated.
@@ -115,6 +115,7 @@ class Live:
         self.transports = {name: self.transport_of(source) for name, source in self.rig.sources.items()}
         self._watch, self._problems = Watch(self.session.intake, self.transports), Problems()
         self._named = NamedAngles(self.model)
+        self.is_tracked_at_once &= bool(self.rig.feeds)
         self._ties = Ties(self.session.intake) if self.rig.ties_clocks else None
         self._ties_pool: ProcessPoolExecutor | None = None
         self._swaps = Swaps(self.session, self._tell, self.time) if self.is_placement_watched else None
