@@ -95,26 +95,24 @@ def test_nothing_is_named_where_every_unit_sits_in_its_place(sculler, effects):
     recording = simulate_field(sculler, effects, duration_s=4.0, rate_hz=100.0, seed=2).recording
     watched = Watched(sculler, recording, 4.0)
     assert not watched.told
-    assert len(watched.looks) > 8
+    # Windows in which readings were lost are not looked at.
+    assert len(watched.looks) > 4
 
 
 def test_exchanged_devices_are_looked_at_anew_and_fit(sculler, rowed):
     pair = ("r_forearm", "l_forearm")
     recording = swapped(rowed[1], pair)
     watched = Watched(sculler, recording, TRACKED_S + 1.0)
-    swapped_s = watched.now_s
-    for packet in packets_of(recording):
-        now_s = watched.session.intake.seconds(packet.arrival_ns)
-        if now_s < swapped_s:
-            continue
-        if swapped_s is not np.inf:
-            orders = swapping(watched.session, pair, packet.arrival_ns)
-            for order in [*orders, *(command(packet.arrival_ns, do) for do in ("stop", "track"))]:
-                watched.session.take(order)
-            swapped_s, again_s, due_s = -np.inf, now_s, now_s + LOOK_S
-            assert watched.swaps.look() is None
+    rest = [p for p in packets_of(recording) if watched.session.intake.seconds(p.arrival_ns) >= watched.now_s]
+    orders = swapping(watched.session, pair, rest[0].arrival_ns)
+    for order in [*orders, *(command(rest[0].arrival_ns, do) for do in ("stop", "track"))]:
+        watched.session.take(order)
+    assert watched.swaps.look() is None
+    again_s = watched.now_s
+    due_s = again_s + LOOK_S
+    for packet in rest:
         watched.session.take(packet)
-        if swapped_s == -np.inf and now_s >= due_s:
+        if watched.session.intake.seconds(packet.arrival_ns) >= due_s:
             due_s += LOOK_S
             watched.look()
     assert not watched.session.problems
