@@ -213,7 +213,8 @@ def compared_in_time(ran, truth, wait_s=LONG_WAIT_S):
     heard = [packet for packet in ran.packets if packet.source != COMMANDS]
     # A session on a busy machine may begin to track late.
     track = command(heard[0].arrival_ns + round(1e9 * TRACKED_FROM_S), "track")
-    packets = sorted([*heard, track], key=lambda packet: packet.arrival_ns)
+    stop = command(heard[-1].arrival_ns + 1, "stop")
+    packets = sorted([*heard, track, stop], key=lambda packet: packet.arrival_ns)
     begins_s = (heard[0].arrival_ns - ran.start_ns) / 1e9 + COMPARED_FROM_S
     session = LiveSession(replace(ran.rig, wait_s=wait_s), ran.model, ran.start_ns)
     estimates, late_s = _tracked(session, ran, packets)
