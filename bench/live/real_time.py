@@ -144,12 +144,20 @@ async def run_for_real(kind, emulated, model, folder):
         await live.started.wait()
     emulating = asyncio.create_task(emulate(told))
     await asyncio.wait([emulating, running], return_when=asyncio.FIRST_COMPLETED)
-    await asyncio.sleep(ON_THE_WAY_S)
+    await _all_taken(live)
     for task in (emulating, running):
         task.cancel()
     await asyncio.gather(emulating, running, return_exceptions=True)
     place = LiveFolder.load(folder)
     return Ran(list(place.read()), place.start_ns, model, kind, emulated, rig)
+
+
+async def _all_taken(live):
+    """Waits until nothing more arrives: a busy session has a queue."""
+    before = -1
+    while (taken := sum(device.readings for device in live.session.intake.devices.values())) != before:
+        before = taken
+        await asyncio.sleep(ON_THE_WAY_S)
 
 
 def _by_wire(kind):
