@@ -144,12 +144,20 @@ async def run_for_real(kind, emulated, model, folder):
         await live.started.wait()
     emulating = asyncio.create_task(emulate(told))
     await asyncio.wait([emulating, running], return_when=asyncio.FIRST_COMPLETED)
-    await asyncio.sleep(ON_THE_WAY_S)
+    await _all_taken(live)
     for task in (emulating, running):
         task.cancel()
     await asyncio.gather(emulating, running, return_exceptions=True)
     place = LiveFolder.load(folder)
     return Ran(list(place.read()), place.start_ns, model, kind, emulated, rig)
+
+
+async def _all_taken(live):
+    """Waits until nothing more arrives: a busy session has a queue."""
+    before = -1
+    while (taken := sum(device.readings for device in live.session.intake.devices.values())) != before:
+        before = taken
+        await asyncio.sleep(ON_THE_WAY_S)
 
 
 def _by_wire(kind):
@@ -213,7 +221,8 @@ def compared_in_time(ran, truth, wait_s=LONG_WAIT_S):
     heard = [packet for packet in ran.packets if packet.source != COMMANDS]
     # A session on a busy machine may begin to track late.
     track = command(heard[0].arrival_ns + round(1e9 * TRACKED_FROM_S), "track")
-    packets = sorted([*heard, track], key=lambda packet: packet.arrival_ns)
+    stop = command(heard[-1].arrival_ns + 1, "stop")
+    packets = sorted([*heard, track, stop], key=lambda packet: packet.arrival_ns)
     begins_s = (heard[0].arrival_ns - ran.start_ns) / 1e9 + COMPARED_FROM_S
     session = LiveSession(replace(ran.rig, wait_s=wait_s), ran.model, ran.start_ns)
     estimates, late_s = _tracked(session, ran, packets)

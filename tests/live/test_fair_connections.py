@@ -12,9 +12,10 @@ CHUNKS = 20
 async def waiting_data_of_two():
     """Addresses in the order in which the data of two devices were delivered, which both sent all at once."""
     whole, delivered = b"x" * READ_BYTES * CHUNKS, []
-    both, enough = asyncio.Barrier(2), asyncio.Event()
+    both, enough, writers = asyncio.Barrier(2), asyncio.Event(), []
 
     async def send(_, writer):
+        writers.append(writer)
         await both.wait()
         writer.write(whole)
 
@@ -31,8 +32,9 @@ async def waiting_data_of_two():
     for task in tasks:
         task.cancel()
     await asyncio.gather(*tasks, return_exceptions=True)
-    for server in servers:
-        server.close()
+    for one in (*writers, *servers):
+        one.close()
+        await one.wait_closed()
     return delivered
 
 
