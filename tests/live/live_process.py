@@ -119,4 +119,4 @@ def rowing_units(model, folder):
 
 def page(url, **keys):
     """A connection like that of the page."""
-    return connect(socket_address(url), compression=None, **keys)
+    return connect(socket_address(url), compression=None, open_timeout=HANGS_S, **keys)
