@@ -101,7 +101,7 @@ def test_an_emulated_sculler_is_led_to_a_calibrated_track(sculler, tmp_path):
             laptop.locator(".ol-canvas canvas").wait_for()
             assert not laptop.locator(".ol-guide").is_visible()
             for _ in range(HANGS_MS // 50):
-                if len(session.estimates) > 200:
+                if len(session.beliefs) > 200:
                     break
                 time.sleep(0.05)
         browser.close()
@@ -123,8 +123,8 @@ def check(model, folder, session):
         np.testing.assert_array_equal(live.mounts[name][0], rotation)
     again = place.session(model)
     estimates = [one for packet in place.read() for one in again.take(packet)]
-    assert len(estimates) == len(session.estimates) > 200
-    np.testing.assert_array_equal(estimates[-1].belief.mean, session.estimates[-1].belief.mean)
+    assert len(estimates) == len(session.beliefs) > 200
+    np.testing.assert_array_equal(estimates[-1].belief.mean, session.beliefs[-1].mean)
     part = recording.slice(start_s=again.from_s)
     whole = oarlock.track(model, part, calibration=live, config=again.config)
-    np.testing.assert_array_equal(whole.last_belief.mean, session.estimates[-1].belief.mean)
+    np.testing.assert_array_equal(whole.last_belief.mean, session.beliefs[-1].mean)
