@@ -21,7 +21,7 @@ import pyarrow as pa
 from oarlock.live.reading import Packet
 from oarlock.storage.errors import DataError
 
-PAGE_S = 0.5
+PAGE_S = 0.25
 """A page is written and synced this often."""
 FILE_BYTES = 256 << 20
 """A file that is longer is closed, and the next one begun."""
