@@ -10,7 +10,7 @@ from guided_session import GuidedSession
 from scipy.spatial.transform import Rotation
 
 import oarlock
-from headless_chromium import CHROMIUM, HANGS_MS, SOFTWARE, driver_of_chromium
+from headless_chromium import HANGS_MS, chromium
 from oarlock.live.folder import CALIBRATION, PLAN, RECORDING, LiveFolder
 
 pytestmark = pytest.mark.long
@@ -82,8 +82,7 @@ def lead(laptop, phone, session):
 
 def test_an_emulated_sculler_is_led_to_a_calibrated_track(sculler, tmp_path):
     folder = tmp_path / "today"
-    with driver_of_chromium(NOT_TRIED) as driver, GuidedSession(sculler, folder) as session:
-        browser = driver.launch(executable_path=CHROMIUM, args=SOFTWARE, timeout=HANGS_MS)
+    with chromium(NOT_TRIED) as browser, GuidedSession(sculler, folder) as session:
         with tab_of(browser, session, (1280, 860)) as laptop, tab_of(browser, session, (390, 844)) as phone:
             assert not laptop.evaluate("() => oarlock.live.health?.is_tracking")
             laptop.locator(".ol-guide-units li.ol-good").nth(4).wait_for()
@@ -104,7 +103,6 @@ def test_an_emulated_sculler_is_led_to_a_calibrated_track(sculler, tmp_path):
                 if len(session.beliefs) > 200:
                     break
                 time.sleep(0.05)
-        browser.close()
         session.end()
     assert {one.step.name for one in session.guide.progress if one.span_s} == set(tried)
     check(sculler, folder, session)

@@ -10,11 +10,10 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from itertools import count
-from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from oarlock.evaluation.child_process import begin_child
+from oarlock.evaluation.child_process import child_pool
 from oarlock.live.event_log import EventLog
 from oarlock.live.folder import LiveFolder
 from oarlock.live.frame import frame_of
@@ -140,7 +139,7 @@ class Live:
         self._recorder, self._log = Recorder(place.packets), EventLog(place.path)
         for output in self.outputs:
             output.start(Start(place.start_ns, place.start_epoch_s))
-        self._pool = None if self.follower is None and self.lead is None else _pool()
+        self._pool = None if self.follower is None and self.lead is None else child_pool()
         if self._pool is not None and self.follower is not None:
             # The process starts and imports now, so that the first repetition is not late.
             self._pool.submit(_imported, self.follower.work)
@@ -305,7 +304,7 @@ class Live:
         look = self._ties.look(now_s, self.session.calibration)
         if look is not None:
             if self._ties_pool is None:
-                self._ties_pool = _pool()
+                self._ties_pool = child_pool()
             self._keep(self._tied(self._ties, look, self._ties_pool))
 
     async def _tied(self, ties: Ties, look: Look, pool: ProcessPoolExecutor) -> None:
@@ -355,11 +354,6 @@ class Live:
         self._published_s = now_s
         self.server.publish(frame_of(self._newest, self.model, self.picture, self._named))
         self._newest = None
-
-
-def _pool() -> ProcessPoolExecutor:
-    """Another process, which leaves Ctrl-C to this one and ends with it."""
-    return ProcessPoolExecutor(1, get_context("spawn"), begin_child)
 
 
 def _imported(work: object) -> None:

@@ -10,10 +10,9 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from multiprocessing import get_context
 from typing import TYPE_CHECKING
 
-from oarlock.evaluation.child_process import begin_child
+from oarlock.evaluation.child_process import child_pool
 from oarlock.live.intake import Device, Sampled
 from oarlock.live.lately import Lately
 from oarlock.live.session import LiveSession, command
@@ -178,7 +177,7 @@ def swapping(session: LiveSession, streams: Sequence[str], now_ns: int) -> list[
 def _pool() -> ProcessPoolExecutor:
     """A process that computes on one core, so that the others are the tracker's and the browser's."""
     with _one_thread():
-        pool = ProcessPoolExecutor(1, get_context("spawn"), begin_child)
+        pool = child_pool()
         pool.submit(prepared)
     return pool
 
