@@ -30,7 +30,18 @@ class LiveProcess:
     """A session; `said` has what it printed."""
 
     def __init__(self, rig, out, *options):
-        words = [sys.executable, "-m", "oarlock", "live", "run", str(rig), "--out", str(out), *options]
+        words = [
+            sys.executable,
+            "-m",
+            "oarlock",
+            "live",
+            "run",
+            str(rig),
+            "--out",
+            str(out),
+            "--no-guide",
+            *options,
+        ]
         pipe = subprocess.PIPE
         self.process = subprocess.Popen(
             words, stdout=pipe, stderr=pipe, text=True, env=ENVIRONMENT, start_new_session=True
@@ -108,4 +119,4 @@ def rowing_units(model, folder):
 
 def page(url, **keys):
     """A connection like that of the page."""
-    return connect(socket_address(url), compression=None, **keys)
+    return connect(socket_address(url), compression=None, open_timeout=HANGS_S, **keys)

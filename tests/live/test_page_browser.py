@@ -11,7 +11,7 @@ from page_session import PageSession
 from page_tabs import opened, until
 from senders import with_test_format
 
-from headless_chromium import CHROMIUM, HANGS_MS, SOFTWARE, driver_of_chromium
+from headless_chromium import chromium
 from oarlock.live.folder import LiveFolder
 from oarlock.live.session import COMMANDS
 
@@ -50,10 +50,8 @@ CONTRASTS = """() => {
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
-    with driver_of_chromium(NOT_TRIED) as driver:
-        launched = driver.launch(executable_path=CHROMIUM, args=SOFTWARE, timeout=HANGS_MS)
+    with chromium(NOT_TRIED) as launched:
         yield launched
-        launched.close()
 
 
 @pytest.fixture

@@ -10,11 +10,10 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from itertools import count
-from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from oarlock.evaluation.child_process import begin_child
+from oarlock.evaluation.child_process import child_pool
 from oarlock.live.event_log import EventLog
 from oarlock.live.folder import LiveFolder
 from oarlock.live.frame import frame_of
@@ -77,7 +76,7 @@ class Live:
         follower: makes messages of what it recognises in the estimates, such as repetitions; None without.
         lead: leads through a calibration session before tracking; None without. It needs the server.
         is_tracked_at_once: track without a command, as soon as all streams have been heard and their clocks settled
-            and no guided start is open.
+            and no guided start is open. A rig without streams has nothing to track.
         is_placement_watched: look for units in each other's place, in another process.
         on_event: gets each event as a sentence; the folder's log has them, too.
         time: true time, unless the session is simulated.
@@ -115,6 +114,7 @@ class Live:
         self.transports = {name: self.transport_of(source) for name, source in self.rig.sources.items()}
         self._watch, self._problems = Watch(self.session.intake, self.transports), Problems()
         self._named = NamedAngles(self.model)
+        self.is_tracked_at_once &= bool(self.rig.feeds)
         self._ties = Ties(self.session.intake) if self.rig.ties_clocks else None
         self._ties_pool: ProcessPoolExecutor | None = None
         self._swaps = Swaps(self.session, self._tell, self.time) if self.is_placement_watched else None
@@ -139,7 +139,7 @@ class Live:
         self._recorder, self._log = Recorder(place.packets), EventLog(place.path)
         for output in self.outputs:
             output.start(Start(place.start_ns, place.start_epoch_s))
-        self._pool = None if self.follower is None and self.lead is None else _pool()
+        self._pool = None if self.follower is None and self.lead is None else child_pool()
         if self._pool is not None and self.follower is not None:
             # The process starts and imports now, so that the first repetition is not late.
             self._pool.submit(_imported, self.follower.work)
@@ -304,7 +304,7 @@ class Live:
         look = self._ties.look(now_s, self.session.calibration)
         if look is not None:
             if self._ties_pool is None:
-                self._ties_pool = _pool()
+                self._ties_pool = child_pool()
             self._keep(self._tied(self._ties, look, self._ties_pool))
 
     async def _tied(self, ties: Ties, look: Look, pool: ProcessPoolExecutor) -> None:
@@ -354,11 +354,6 @@ class Live:
         self._published_s = now_s
         self.server.publish(frame_of(self._newest, self.model, self.picture, self._named))
         self._newest = None
-
-
-def _pool() -> ProcessPoolExecutor:
-    """Another process, which leaves Ctrl-C to this one and ends with it."""
-    return ProcessPoolExecutor(1, get_context("spawn"), begin_child)
 
 
 def _imported(work: object) -> None:

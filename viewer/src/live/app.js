@@ -129,6 +129,8 @@ export class App {
     const heard = new Set(health.devices.flatMap((device) => device.streams));
     const [silent, awaited] = [true, false].map((isHeard) => health.silent.filter((name) => heard.has(name) === isHeard).join(", "));
     this.bar.alarm("silent", silent && `Silent: ${silent}. Check battery and radio, or exchange the unit.`);
+    const swapped = (health.swapped ?? []).join(" and ");
+    this.bar.alarm("swapped", swapped && `${swapped} are swapped. Exchange the units on the body, or press the button beside the sensors.`);
     this.bar.alarm("awaited", awaited && `Not heard yet: ${awaited}. Switch these units on.`, "odd");
     this.bar.alarm("recorder", health.recorder.problem ? `The recorder has a problem: ${health.recorder.problem}` : "");
   }

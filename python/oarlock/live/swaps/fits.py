@@ -45,19 +45,19 @@ class Fitting:
         ]
         self._low, self._high = np.array(limits, dtype=float).T
 
-    def fitted(self, seen: FloatArray, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def fitted(self, seen: FloatArray, q: FloatArray, steps: int = STEPS) -> tuple[FloatArray, FloatArray]:
         """Costs (suppositions,) and postures (suppositions, coordinates) of the best movements.
 
         Args:
             seen: (suppositions, times, rows) readings; NaN where there are none.
             q: (suppositions, coordinates) from where to search.
+            steps: of the search.
         """
         n = q.shape[1]
         posture, numbers = q.copy(), np.zeros((len(seen), len(self.moves.stds)))
         damping = np.full(len(seen), 1e-2)
-        state = self._normal(seen, posture, numbers)
-        for _ in range(STEPS):
-            normal, slope, cost = state
+        normal, slope, cost = self._normal(seen, posture, numbers)
+        for _ in range(steps):
             diagonal = np.einsum("mii->mi", normal)
             step = -np.linalg.solve(
                 normal + damping[:, None, None] * (diagonal[:, None, :] * np.eye(len(diagonal[0]))),
@@ -70,12 +70,12 @@ class Fitting:
             better = tried[2] < cost
             posture = np.where(better[:, None], tried_posture, posture)
             numbers = np.where(better[:, None], tried_numbers, numbers)
-            state = tuple(
+            normal, slope, cost = (
                 np.where(better.reshape(-1, *[1] * (new.ndim - 1)), new, old)
-                for new, old in zip(tried, state, strict=True)
+                for new, old in zip(tried, (normal, slope, cost), strict=True)
             )
             damping = np.clip(np.where(better, damping / 8.0, damping * 8.0), 1e-6, 1e6)
-        return state[2], posture
+        return cost, posture
 
     def scattered(self, number: int) -> FloatArray:
         """One of many postures between the limits of all joints."""

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from oarlock.live.lately import Rows
-from oarlock.live.swaps.fits import Fitting
-from oarlock.live.swaps.window import TIMES, WINDOW_S, Layout
+from oarlock.live.swaps.fits import STEPS, Fitting
+from oarlock.live.swaps.window import TIMES_S, Layout
 from oarlock.recording.corrections import corrected
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
@@ -24,8 +24,9 @@ if TYPE_CHECKING:
 
 FITS = 0.35
 """Cost of a reading up to which a window fits as it is, and no exchange is tried."""
-SCATTERED = 1
-"""So many postures between the limits are tried beside that of the tracker and the model's rest."""
+MOST_PAIRS = 10
+"""Of more pairs, those are tried that look best with fewer readings after a few steps."""
+ROUGH, ROUGH_STEPS = slice(None, None, 2), 3
 TOGETHER = 24
 """So many suppositions are computed at once, so that they take little memory."""
 
@@ -66,7 +67,7 @@ class Seen:
     next_best: float = float("nan")
 
 
-def prepared(threads: int = 1) -> None:
+def prepared() -> None:
     """Readies a process: behind all others, so that it never delays the tracker."""
     with suppress(OSError, AttributeError):
         os.setpriority(os.PRIO_PROCESS, 0, 15)
@@ -75,57 +76,82 @@ def prepared(threads: int = 1) -> None:
 def looked(look: Look, model: Model) -> Seen:
     """What a window shows."""
     body = model
-    if look.calibration is not None and look.calibration.lengths:
-        body = model.with_parameters(look.calibration.lengths)
+    if look.calibration is not None and look.calibration.parameters:
+        body = model.with_parameters(look.calibration.parameters)
     measured = corrected(Recording([rows.stream() for rows in look.rows]), look.calibration)
     layout = Layout.of(body, look.calibration)
-    times = WINDOW_S * ((np.arange(TIMES) + 0.5) / TIMES - 0.5)
-    fitting = Fitting(body, times, layout.rows, layout.stds)
-    return searched(
-        fitting,
-        layout,
-        layout.seen(measured, look.middle_s),
-        look.posture,
-        look.middle_s,
-        _units(measured, layout),
-    )
+    seen = layout.seen(measured, look.middle_s)
+    units = [s.name for s in measured.streams if isinstance(s, ImuStream) and s.name in layout.columns]
+    return Search(body, layout, seen, units, np.array(look.posture), look.middle_s).seen_as()
 
 
-def _units(measured: Recording, layout: Layout) -> list[str]:
-    return [s.name for s in measured.streams if isinstance(s, ImuStream) and s.name in layout.columns]
+@dataclass
+class Search:
+    """Fits a window as it is, then with pairs of units exchanged.
+
+    Args:
+        model: of the body.
+        layout: of the window.
+        seen: (times, rows) its readings.
+        units: that may be exchanged.
+        posture: where the search begins; NaN where nothing is known.
+        middle_s: of the window.
+    """
+
+    model: Model
+    layout: Layout
+    seen: FloatArray
+    units: list[str]
+    posture: FloatArray
+    middle_s: float
+
+    def __post_init__(self) -> None:
+        self._fitting = Fitting(self.model, TIMES_S, self.layout.rows, self.layout.stds)
+        rest = self._fitting.moves.rest
+        self._tracked = np.where(np.isfinite(self.posture), self.posture, rest)
+        measured = sorted(column for own in self.layout.columns.values() for column in own)
+        self._count = int(np.isfinite(self.seen[:, measured]).sum())
+
+    def seen_as(self) -> Seen:
+        """What the window shows."""
+        as_it_is = float(self._fitting.fitted(self.seen[None], self._tracked[None])[0][0]) / self._count
+        if as_it_is < FITS or len(self.units) < 2:
+            return Seen(self.middle_s, as_it_is)
+        pairs = self._promising(list(combinations(self.units, 2)))
+        costs = self._costs(np.concatenate([self.seen[None], self.layout.exchanged(self.seen, pairs)]))
+        order = np.argsort(costs[1:])
+        if costs[1 + order[0]] >= costs[0]:
+            return Seen(self.middle_s, float(costs[0]))
+        after, next_best = (float(costs[1 + order[k]]) if len(order) > k else np.inf for k in (0, 1))
+        return Seen(self.middle_s, float(costs[0]), pairs[order[0]], after, next_best)
+
+    def _promising(self, pairs: list[tuple[str, str]]) -> list[tuple[str, str]]:
+        """The pairs that explain fewer readings best after a few steps, if there are many."""
+        if len(pairs) <= MOST_PAIRS:
+            return pairs
+        rough = Fitting(self.model, TIMES_S[ROUGH], self.layout.rows, self.layout.stds)
+        every = self.layout.exchanged(self.seen, pairs)[:, ROUGH]
+        costs = _all_fitted(rough, every, self._tracked, ROUGH_STEPS)[0]
+        return [pairs[k] for k in np.argsort(costs)[:MOST_PAIRS]]
+
+    def _costs(self, every: FloatArray) -> FloatArray:
+        """Cost of a reading for each supposition; the first is that nothing was exchanged."""
+        starts = [self._tracked, self._fitting.moves.rest, self._fitting.scattered(0)]
+        costs, postures = np.full(len(every), np.inf), np.zeros((len(every), len(self._tracked)))
+        for _ in range(len(starts) + 1):
+            # At last all begin where the best ended, so that only the supposition differs.
+            start = starts.pop(0) if starts else postures[int(np.argmin(costs))]
+            tried, found = _all_fitted(self._fitting, every, start)
+            better = tried < costs
+            costs, postures = np.where(better, tried, costs), np.where(better[:, None], found, postures)
+            if costs.argmin() == 0:
+                break
+        return costs / self._count
 
 
-def searched(
-    fitting: Fitting,
-    layout: Layout,
-    seen: FloatArray,
-    posture: tuple[float, ...],
-    middle_s: float,
-    units: list[str],
-) -> Seen:
-    """Fits the window as it is, then with each pair of units exchanged."""
-    known = np.array(posture)
-    tracked = np.where(np.isfinite(known), known, fitting.moves.rest)
-    count = int(np.isfinite(seen[:, sorted(c for own in layout.columns.values() for c in own)]).sum())
-    first = fitting.fitted(seen[None], tracked[None])[0][0] / count
-    if first < FITS or len(units) < 2:
-        return Seen(middle_s, float(first))
-    pairs = list(combinations(units, 2))
-    every = np.concatenate([seen[None], layout.exchanged(seen, pairs)])
-    starts = [tracked, fitting.moves.rest, *(fitting.scattered(k) for k in range(SCATTERED))]
-    costs, postures = np.full(len(every), np.inf), np.zeros((len(every), len(tracked)))
-    for _ in range(len(starts) + 1):
-        start = starts.pop(0) if starts else postures[int(np.argmin(costs))]
-        tried, found = _all_fitted(fitting, every, start)
-        better = tried < costs
-        costs, postures = np.where(better, tried, costs), np.where(better[:, None], found, postures)
-    costs /= count
-    order = np.argsort(costs[1:])
-    after, next_best = (float(costs[1:][order[k]]) if len(order) > k else np.inf for k in (0, 1))
-    return Seen(middle_s, float(costs[0]), pairs[order[0]], after, next_best)
-
-
-def _all_fitted(fitting: Fitting, every: FloatArray, start: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _all_fitted(
+    fitting: Fitting, every: FloatArray, start: FloatArray, steps: int = STEPS
+) -> tuple[FloatArray, FloatArray]:
     parts = [every[k : k + TOGETHER] for k in range(0, len(every), TOGETHER)]
-    found = [fitting.fitted(part, np.repeat(start[None], len(part), axis=0)) for part in parts]
+    found = [fitting.fitted(part, np.repeat(start[None], len(part), axis=0), steps) for part in parts]
     return np.concatenate([cost for cost, _ in found]), np.concatenate([posture for _, posture in found])

@@ -5,15 +5,14 @@ from __future__ import annotations
 import asyncio
 import math
 import os
-import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from multiprocessing import get_context
 from typing import TYPE_CHECKING
 
+from oarlock.evaluation.child_process import child_pool
 from oarlock.live.intake import Device, Sampled
 from oarlock.live.lately import Lately
 from oarlock.live.session import LiveSession, command
@@ -33,7 +32,7 @@ CALM_AFTER = 20
 """So many looks in a row without suspicion."""
 EXPLAINS, ALIKE = 1.6, 1.4
 """By so much must an exchange lower the cost, and be better than the second best, in two looks in a row."""
-CLEARLY, ALONE = 4.0, 3.0
+CLEARLY, ALONE = 3.0, 2.0
 """The same for one look."""
 MOST_AFTER = 2.0
 """Cost of a reading that an exchange may leave: else something else is wrong."""
@@ -178,7 +177,7 @@ def swapping(session: LiveSession, streams: Sequence[str], now_ns: int) -> list[
 def _pool() -> ProcessPoolExecutor:
     """A process that computes on one core, so that the others are the tracker's and the browser's."""
     with _one_thread():
-        pool = ProcessPoolExecutor(1, get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_IGN))
+        pool = child_pool()
         pool.submit(prepared)
     return pool
 

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 WINDOW_S = 0.4
 """A movement of so long is a cubic of time, nearly; and a joint turns far enough in it."""
 TIMES = 5
+TIMES_S: FloatArray = np.asarray(WINDOW_S * ((np.arange(TIMES) + 0.5) / TIMES - 0.5))
+"""From the middle of the window."""
 _QUANTITIES = {"gyro": ("gyro_rad_s", GYRO_STD_RAD_S), "accel": ("accel_m_s2", ACCEL_STD_M_S2)}
 
 
