@@ -41,7 +41,7 @@ impl PyBelief {
         rejected_since_s: &Any<'_>,
         state_names: Vec<String>,
         inflation: (f64, f64, f64, f64),
-        memory: Vec<[f64; MEMORY]>,
+        memory: Vec<Vec<f64>>,
         hypothesis: (u64, f64),
         rivals: Vec<PyRef<'_, PyBelief>>,
         doubt: Vec<f64>,
@@ -58,6 +58,11 @@ impl PyBelief {
         if seen_s.len() != memory.len() {
             let (seen, kept) = (seen_s.len(), memory.len());
             return Err(DataError::new_err(format!("memory: {kept} sources, but {seen} in seen_s; expected as many")));
+        }
+        if let Some(count) = memory.iter().map(Vec::len).find(|&count| count > MEMORY) {
+            return Err(DataError::new_err(format!(
+                "memory: {count} numbers of a source, but this version has {MEMORY}; read it with the newer version of Oarlock that wrote it"
+            )));
         }
         let belief = Belief {
             time_s,

@@ -207,6 +207,11 @@ impl Recording {
         self.streams.iter().map(|s| s.stream.name.as_str())
     }
 
+    /// The streams as they were recorded.
+    pub fn streams(&self) -> impl Iterator<Item = &Stream> {
+        self.streams.iter().map(|s| &s.stream)
+    }
+
     /// Name of every stream, and what it supplies.
     pub fn feeds(&self) -> impl Iterator<Item = (&str, Feeds)> {
         self.names().zip(self.targets.iter().zip(&self.sources)).map(|(name, (targets, source))| {

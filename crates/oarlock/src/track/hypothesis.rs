@@ -8,7 +8,6 @@ use super::magnetic::{FieldState, IronState};
 use super::north::NorthState;
 use super::rest::RestState;
 use super::stance::StanceState;
-use super::vibration::VibrationState;
 use crate::estimate::belief::Belief;
 use crate::estimate::System;
 pub use flat::MEMORY;
@@ -41,7 +40,6 @@ pub struct SourceMemory {
     pub(super) stance: StanceState,
     pub(super) field: FieldState,
     pub(super) iron: IronState,
-    pub(super) vibration: VibrationState,
 }
 
 impl SourceMemory {
@@ -55,7 +53,6 @@ impl SourceMemory {
             stance: StanceState::NONE,
             field: FieldState::NONE,
             iron: IronState::NONE,
-            vibration: VibrationState::NONE,
         }
     }
 }

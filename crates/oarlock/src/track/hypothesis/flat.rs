@@ -5,7 +5,7 @@ use crate::track::faults::Repeats;
 use crate::track::stance::StanceState;
 
 /// Number of values.
-pub const MEMORY: usize = 84;
+pub const MEMORY: usize = 58;
 
 impl SourceMemory {
     /// Excludes the time of the last reading, which is saved separately.
@@ -15,15 +15,15 @@ impl SourceMemory {
         flat
     }
 
-    /// Reads the result of `to_flat`.
-    pub fn from_flat(seen_s: f64, flat: &[f64; MEMORY]) -> Self {
+    /// Reads the result of `to_flat`, also of an earlier version, which had fewer numbers: new ones are added at the end.
+    pub fn from_flat(seen_s: f64, flat: &[f64]) -> Self {
         let mut memory = SourceMemory::new(seen_s);
         memory.numbers().zip(flat).for_each(|(to, from)| *to = *from);
         memory
     }
 
     fn numbers(&mut self) -> impl Iterator<Item = &mut f64> {
-        let SourceMemory { rest, faults, north, stance, field, iron, vibration, .. } = self;
+        let SourceMemory { rest, faults, north, stance, field, iron, .. } = self;
         let rest = rest.gyro.iter_mut().chain(&mut rest.accel).chain([&mut rest.since_s, &mut rest.used_s]);
         let faults = [&mut faults.gyro, &mut faults.accel, &mut faults.mag].into_iter().flat_map(repeats);
         let north = [
@@ -37,7 +37,7 @@ impl SourceMemory {
         let StanceState { since_s, used_s } = stance;
         let iron = iron.field_ut.iter_mut().chain(&mut iron.covariance);
         let magnetic = field.numbers().into_iter().chain(iron);
-        rest.chain(faults).chain(north).chain([since_s, used_s]).chain(magnetic).chain(vibration.numbers())
+        rest.chain(faults).chain(north).chain([since_s, used_s]).chain(magnetic)
     }
 }
 
@@ -63,7 +63,14 @@ mod tests {
         assert_eq!((memory.north.usual_rad, memory.north.since_s), (29.0, 34.0));
         assert_eq!((memory.stance.since_s, memory.stance.used_s), (35.0, 36.0));
         assert_eq!((memory.field.came_s, memory.iron.field_ut[0], memory.iron.covariance[5]), (37.0, 49.0, 57.0));
-        assert_eq!((memory.vibration.gyro.readings[0][0], memory.vibration.accel.shaken_s), (58.0, 83.0));
+    }
+
+    #[test]
+    fn numbers_that_an_earlier_version_did_not_have_are_as_before_the_first_reading() {
+        let flat: [f64; MEMORY] = std::array::from_fn(|i| i as f64);
+        let read = SourceMemory::from_flat(7.5, &flat[..35]).to_flat();
+        assert_eq!(read[..35], flat[..35]);
+        assert!(read[35..].iter().all(|x| x.is_nan()));
     }
 
     #[test]

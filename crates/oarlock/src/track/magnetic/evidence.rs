@@ -51,7 +51,8 @@ pub(in crate::track) struct FieldState {
 impl Deviation {
     const NONE: Deviation = Deviation { now: f64::NAN, scatter: f64::NAN };
 
-    /// Adds a reading after `dt` seconds; the larger of its deviation, as far as noise is not larger, and the low-passed one.
+    /// Adds a reading after `dt` seconds; the larger of its deviation, as far as noise is not larger, and the low-passed one, as far as noise
+    /// may hide that it has ended.
     fn follow(&mut self, reading: f64, tolerance: f64, (dt, age_s): (f64, f64)) -> f64 {
         if self.now.is_nan() {
             *self = Deviation { now: reading, scatter: 0.0 };
@@ -60,7 +61,8 @@ impl Deviation {
         let single = reading.abs() * (tolerance / self.single(tolerance));
         let square = (reading - self.now).powi(2).min(tolerance * tolerance);
         self.scatter += share(dt, USUAL_S.min(age_s)) * (square - self.scatter);
-        self.now.abs().max(single)
+        let at_most = reading.abs() + SCATTERS * self.scatter.sqrt();
+        self.now.abs().min(at_most).max(single)
     }
 
     /// Tolerance of a single reading.

