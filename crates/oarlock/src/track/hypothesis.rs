@@ -8,6 +8,7 @@ use super::magnetic::{FieldState, IronState};
 use super::north::NorthState;
 use super::rest::RestState;
 use super::stance::StanceState;
+use super::vibration::Shaken;
 use crate::estimate::belief::Belief;
 use crate::estimate::System;
 pub use flat::MEMORY;
@@ -40,6 +41,7 @@ pub struct SourceMemory {
     pub(super) stance: StanceState,
     pub(super) field: FieldState,
     pub(super) iron: IronState,
+    pub(super) gyro: Shaken,
 }
 
 impl SourceMemory {
@@ -53,6 +55,7 @@ impl SourceMemory {
             stance: StanceState::NONE,
             field: FieldState::NONE,
             iron: IronState::NONE,
+            gyro: Shaken::NONE,
         }
     }
 }

@@ -4,7 +4,7 @@ use super::bank::Bank;
 use super::begin::{Seen, Start};
 use super::consider::{Considering, Update};
 use super::hypothesis::Hypothesis;
-use super::{diverged, lost, regain, Sink, Status, Tracker};
+use super::{diverged, lost, regain, vibration, Sink, Status, Tracker};
 use crate::error::Result;
 use crate::estimate::belief::Belief;
 use crate::estimate::filter::{Diverged, Measurement, UpdateSettings};
@@ -214,6 +214,7 @@ impl Tracker {
         let Tracker { subject, readings, .. } = self;
         let time_s = one.belief.time_s;
         self.faults.silence_stuck(subject, &mut one.sources, readings, time_s);
+        vibration::notice(subject, &mut one.sources, readings, time_s);
         self.magnetic.follow_norms(subject, &mut one.sources, readings, time_s);
         self.rest.notice(&mut one.sources, readings, time_s);
         self.stance.notice(&mut one.sources, readings, time_s);
@@ -253,6 +254,9 @@ impl Tracker {
         self.loops.hush(subject, &one.sources, time_s, readings);
         readings.mark_seen(&mut one.sources, time_s);
         self.own_time.bring(subject, &one.belief, readings);
+        if self.settings.learning.memory_s.is_finite() {
+            vibration::raise(subject, &one.sources, readings);
+        }
         magnetic.measure_dips(subject, &mut one.sources, readings, &one.belief.mean);
         // Derivatives are needed for learnt noise and for consider states.
         let wants_slopes = one.doubt.is_some() || self.settings.learning.memory_s.is_finite();

@@ -1,14 +1,21 @@
-//! Recognises vibration of inertial units: power beyond the band of limbs. Notes use it.
+//! Noise and vibration of inertial units: power beyond the band of limbs. Steps and notes use it.
 //!
-//! An engine, a telephone or a loose mount shakes a unit faster than limbs move, and sampling folds faster vibration back. Third
-//! differences of the readings show this power. Each gyroscope and each accelerometer is judged by its own readings alone.
+//! Noise, an engine, a telephone or a loose mount change readings faster than limbs move, and sampling folds faster vibration back. Third
+//! differences of the readings show this power. Each gyroscope and each accelerometer is judged by its own readings alone. A gyroscope's
+//! noise is raised by this power. An accelerometer's is not: its noise is learnt from residuals, and vibration averages out.
 
+use super::hypothesis::SourceMemory;
+use super::readings::Readings;
+use super::subject::Subject;
 use crate::recording::{Channel, Stream};
+use crate::sensor::Quantity;
 
 /// Third differences of white noise have this variance as a multiple of its own. Of motion up to 10 Hz they keep less than a hundredth at 100 Hz.
 const GAIN: f64 = 20.0;
 /// Memory of the power, s.
 const MEMORY_S: f64 = 0.5;
+/// Power up to this multiple of the variance of a gyroscope's noise counts as that noise.
+const CHANCE: f64 = 2.0;
 /// Power beyond this multiple of the variance of the sensor's noise is vibration.
 const NAMED: f64 = 25.0;
 /// A longer interval between readings starts anew, s: the band beyond limbs is not sampled.
@@ -23,63 +30,84 @@ pub(super) struct Vibration {
     pub peak: f64,
 }
 
-/// Fast changes of a sensor's readings.
-#[derive(Debug)]
-struct Shaken {
+/// Fast changes of a sensor's readings; NaN where there is no value yet.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Shaken {
     /// The last three readings, the latest first.
-    readings: [[f64; 3]; 3],
-    came_s: f64,
-    /// Mean square of an axis beyond the band of limbs, and its largest value.
-    power: f64,
-    peak: f64,
-    /// Time with vibration, s.
-    shaken_s: f64,
+    pub readings: [[f64; 3]; 3],
+    /// Time of the last one, s.
+    pub came_s: f64,
+    /// Mean square of an axis beyond the band of limbs.
+    pub power: f64,
+}
+
+/// Follows the readings of all gyroscopes.
+pub(super) fn notice(subject: &Subject, sources: &mut [SourceMemory], readings: &Readings, time_s: f64) {
+    for p in subject.parts_of(Quantity::Gyro) {
+        let (rows, s) = (&subject.groups.parts[p], subject.source_of_part[p]);
+        let reading = readings.three(rows.start);
+        if reading.iter().all(|x| !x.is_nan()) {
+            sources[s].gyro.take(reading, time_s + readings.offset_s[s], subject.std[rows.start].powi(2));
+        }
+    }
+}
+
+/// Adds what gyroscopes read beyond the band of limbs to their noise.
+pub(super) fn raise(subject: &Subject, sources: &[SourceMemory], readings: &mut Readings) {
+    for p in subject.parts_of(Quantity::Gyro) {
+        let rows = &subject.groups.parts[p];
+        let excess = sources[subject.source_of_part[p]].gyro.power - CHANCE * subject.std[rows.start].powi(2);
+        if excess > 0.0 {
+            readings.std[rows.clone()].iter_mut().for_each(|std| *std = std.hypot(excess.sqrt()));
+        }
+    }
 }
 
 /// The vibration of a gyroscope or accelerometer whose noise has this variance; `None` without readings.
 pub(super) fn of(stream: &Stream, channel: &Channel, variance: f64) -> Option<Vibration> {
     let first_s = stream.time_s.get(0)?;
-    let mut shaken = Shaken::still(variance);
-    let mut reading = [0.0; 3];
+    let (mut shaken, mut peak, mut shaken_s, mut reading) = (Shaken::NONE, 0.0f64, 0.0, [0.0; 3]);
     for (row, time_s) in stream.time_s.iter().enumerate() {
         channel.values.read(3 * row, &mut reading);
         if reading.iter().all(|x| !x.is_nan()) {
-            shaken.take(reading, time_s, variance);
+            let dt = shaken.take(reading, time_s, variance).unwrap_or(0.0);
+            peak = peak.max(shaken.power);
+            shaken_s += if shaken.power > NAMED * variance { dt } else { 0.0 };
         }
     }
-    Some(Vibration { share: shaken.shaken_s / (shaken.came_s - first_s), peak: shaken.peak.sqrt() })
+    Some(Vibration { share: shaken_s / (shaken.came_s - first_s), peak: peak.sqrt() })
 }
 
 impl Shaken {
-    const fn still(variance: f64) -> Self {
-        Shaken { readings: [[f64::NAN; 3]; 3], came_s: f64::NAN, power: variance, peak: variance, shaken_s: 0.0 }
+    pub const NONE: Shaken = Shaken { readings: [[f64::NAN; 3]; 3], came_s: f64::NAN, power: f64::NAN };
+
+    pub fn numbers(&mut self) -> impl Iterator<Item = &mut f64> {
+        self.readings.iter_mut().flatten().chain([&mut self.came_s, &mut self.power])
     }
 
-    fn take(&mut self, reading: [f64; 3], time_s: f64, variance: f64) {
+    /// Adds a reading; the interval before it, s, if the power follows it.
+    fn take(&mut self, reading: [f64; 3], time_s: f64, variance: f64) -> Option<f64> {
         let dt = time_s - self.came_s;
         self.came_s = time_s;
         if !(dt > 0.0 && dt < LONGEST_S) {
             self.readings = [reading, [f64::NAN; 3], [f64::NAN; 3]];
-            return;
+            return None;
         }
         let [a, b, c] = self.readings;
         self.readings = [reading, a, b];
         let square = (0..3).map(|i| (reading[i] - 3.0 * (a[i] - b[i]) - c[i]).powi(2)).sum::<f64>() / (3.0 * GAIN);
         if square.is_nan() {
-            return;
+            return None;
         }
-        self.power += dt / MEMORY_S * (square - self.power);
-        self.peak = self.power.max(self.peak);
-        if self.power > NAMED * variance {
-            self.shaken_s += dt;
-        }
+        let old = if self.power.is_nan() { variance } else { self.power };
+        self.power = old + dt / MEMORY_S * (square - old);
+        Some(dt)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sensor::Quantity;
     use std::f64::consts::TAU;
 
     const STEP_S: f64 = 0.01;
