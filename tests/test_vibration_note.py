@@ -16,7 +16,9 @@ def notes_with(gyro_rad_s: float, accel_m_s2: float) -> list[str]:
     time_s = np.arange(0.0, DURATION_S, 1.0 / RATE_HZ)
     random = np.random.default_rng(2)
     phase = 2.0 * np.pi * ROTOR_HZ * time_s
-    circle = np.stack([np.cos(phase), np.sin(phase), 0.0 * phase], axis=1) * (time_s > DURATION_S / 2.0)[:, None]
+    circle = (
+        np.stack([np.cos(phase), np.sin(phase), 0.0 * phase], axis=1) * (time_s > DURATION_S / 2.0)[:, None]
+    )
     gyro = 0.01 * random.standard_normal((len(time_s), 3)) + gyro_rad_s * circle
     accel = [0.0, 0.0, 9.8] + 0.05 * random.standard_normal((len(time_s), 3)) + accel_m_s2 * circle
     unit = ImuStream("imu", time_s, gyro_rad_s=gyro, accel_m_s2=accel)
