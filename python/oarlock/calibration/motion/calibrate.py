@@ -92,7 +92,9 @@ def candidate(stretch: Stretch, hypothesis: Hypothesis, part: Recording) -> Cand
         searched, belief = stretch.search(hypothesis, part)
     except DivergedError:
         return None
-    constants = Constants.of(belief, searched, hypothesis.samples_per_error).displaced(hypothesis.displacement)
+    constants = Constants.of(belief, searched, hypothesis.samples_per_error).displaced(
+        hypothesis.displacement
+    )
     parameters = set(stretch.model.parameters)
     calibration = constants.calibration(searched, stretch.known, parameters)
     own = stretch.held_out_nis(hypothesis, calibration)
