@@ -32,7 +32,7 @@ impl IronState {
     /// The field to subtract from a reading: the mean, reduced as far as it may be chance.
     pub fn known_ut(&self) -> Vec3<f64> {
         let chi_square = self.chi_square();
-        if !(chi_square > CHANCE) {
+        if chi_square.is_nan() || chi_square <= CHANCE {
             return Vec3([0.0; 3]);
         }
         Vec3(self.field_ut) * (1.0 - CHANCE / chi_square)
