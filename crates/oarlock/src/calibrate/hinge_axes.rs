@@ -8,7 +8,7 @@
 //!
 //! Source: T. Seel, T. Schauer and J. Raisch (2012), as in [`joint_centers`](super::joint_centers).
 
-use super::robust_fit::{fit, Fit, Problem, Scatter};
+use super::robust_fit::{fit_as_scattered, Fit, Problem, Scatter};
 use super::signals::Signals;
 use super::windows::{PairedWindows, Window};
 use crate::Result;
@@ -83,16 +83,13 @@ pub fn hinge_axis(units: [&Signals; 2], nominal: &NominalAxis, options: &AxisOpt
     let windows = PairedWindows::new(units, options.window_s)?;
     let expected = nominal.axes.map(|axis| Vector3::from(axis).normalize());
     let problem = Axes { pairs: &windows.pairs, expected, prior_std: nominal.std_rad, options };
-    let scatter = |rows_per_error: f64| Scatter { least: 1e-5, rows_per_error };
-    let rows_per_error = windows.within(options.correlation_s);
-    let mut found = fit(&problem, &problem.starts(), &scatter(rows_per_error))?;
-    let excess = problem.excess(&found);
-    if excess > 1.0 {
-        found = fit(&problem, std::slice::from_ref(&found.state), &scatter(rows_per_error * excess))?;
-    }
+    let scatter = Scatter { least: 1e-5, rows_per_error: windows.within(options.correlation_s) };
+    let found = fit_as_scattered(&problem, &problem.starts(), &scatter, OWN)?;
     Ok(problem.told(&found, &windows))
 }
 
+/// The axes stand first.
+const OWN: usize = 4;
 const BIASES: [usize; 2] = [4, 7];
 const SCALE: usize = 10;
 const UNKNOWNS: usize = 11;
@@ -124,21 +121,6 @@ impl Axes<'_> {
     /// Angular velocity of each body.
     fn rates(&self, pair: &[Window; 2], at: &State) -> [Vector3<f64>; 2] {
         [pair[0].rate - at.biases[0], (pair[1].rate - at.biases[1]) * (1.0 + at.scale)]
-    }
-
-    /// By how much the axes of parts of the recording scatter more than the residuals explain, as a ratio of variances. A
-    /// direction counts by the share of it that the motion determines.
-    fn excess(&self, found: &Fit<State>) -> f64 {
-        let (_, prior_std) = self.departure(&found.state);
-        let scale = DMatrix::from_diagonal(&prior_std.map(|s| 1.0 / s));
-        let formal = &scale * &found.estimate.formal * &scale;
-        let explained = &formal - &formal * &formal;
-        let (mut seen, mut share) = (0.0, 0.0);
-        for k in 0..4 {
-            seen += (found.estimate.jackknife[k] / prior_std[k]).powi(2) / formal[(k, k)];
-            share += explained[(k, k)] / formal[(k, k)];
-        }
-        seen / share.max(f64::MIN_POSITIVE)
     }
 
     fn told(&self, found: &Fit<State>, windows: &PairedWindows) -> FoundAxis {
