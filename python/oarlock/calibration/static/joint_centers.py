@@ -97,21 +97,8 @@ def calibrate_joint_centers(
     offsets = {name: offset for name, offset in solved.offsets.items() if name not in named}
     mounts = {name: (worn.rotations[name], offset) for name, offset in offsets.items()}
     noted = _noted(recording, names, pairs, dict(zip(centered, found, strict=True)), solved)
-    offset_stds = {name: _loosened(std) for name, std in solved.offset_stds.items()}
-    separate_stds = {
-        p: float(s) for n, own in named.items() for p, s in zip(own, offset_stds[n], strict=True)
-    }
-    return worn.calibrated(
-        mounts,
-        noted,
-        {**solved.parameters, **separate},
-        mount_offset_stds_m={name: offset_stds[name] for name in offsets},
-        parameter_stds={n: float(_loosened(s)) for n, s in solved.parameter_stds.items()} | separate_stds,
-    )
-
-
-def _loosened(std_m: FloatArray | float) -> FloatArray:
-    return np.asarray(np.hypot(std_m, JOINT_STD_M))
+    stds = {name: np.hypot(solved.offset_stds[name], JOINT_STD_M) for name in offsets}
+    return worn.calibrated(mounts, noted, {**solved.parameters, **separate}, mount_offset_stds_m=stds)
 
 
 def _found(

@@ -67,7 +67,6 @@ class Worn:
         *,
         mount_stds_rad: Mapping[str, FloatArray] | None = None,
         mount_offset_stds_m: Mapping[str, FloatArray] | None = None,
-        parameter_stds: Mapping[str, float] | None = None,
     ) -> Calibration:
         """What was known before, with what was found in its place; `noted` keeps the older notes under ``before``.
 
@@ -82,8 +81,7 @@ class Worn:
             parameters={**before.parameters, **sized},
             mounts={**before.mounts, **mounts},
             noted={**noted, **older},
-            parameter_stds={n: s for n, s in before.parameter_stds.items() if n not in sized}
-            | dict(parameter_stds or {}),
+            parameter_stds={n: s for n, s in before.parameter_stds.items() if n not in sized},
             mount_stds_rad={n: s for n, s in before.mount_stds_rad.items() if n not in turned}
             | dict(mount_stds_rad or {}),
             mount_offset_stds_m={n: s for n, s in before.mount_offset_stds_m.items() if n not in moved}
