@@ -95,7 +95,7 @@ def test_a_prior_of_the_calibration_counts_instead_of_the_models(model):
     nominal = {s.name: (np.array(s.mount.rotation), np.zeros(3)) for s in model.describe().inertial_units}
     random = np.random.default_rng(3)
     recording = oarlock.simulate(model, upright(model, random), rate_hz=RATE_HZ, seed=3)[1]
-    sure = oarlock.Calibration(mounts=nominal, mount_stds_rad=dict.fromkeys(LINKS, [1e-4, 1e-4, 1e-4]))
+    sure = oarlock.Calibration(mounts=nominal, mount_stds_rad={n: [1e-4, 1e-4, 1e-4] for n in LINKS})
     found = oarlock.calibrate_hinge_axes(model, recording, calibration=sure)
     assert np.abs(stds_rad(found)).max() <= 1e-4
     assert max(found.noted["sensor"][n]["turned_rad"] for n in LINKS) < 4e-4

@@ -1,4 +1,4 @@
-"""`solved_mounts`: the most likely mounts from hinge axes of units, each weighted by what its motion shows, and a prior.
+"""`solved_mounts`: the most likely mounts, from hinge axes weighted by what the motion shows, and a prior.
 
 `calibrate_hinge_axes` uses it. The prior has the nominal mounts as mean, so nothing is turned further than it is known.
 """
