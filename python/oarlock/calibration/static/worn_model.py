@@ -43,7 +43,8 @@ class Worn:
         before = Calibration() if calibration is None else calibration
         sized = model.with_parameters(before.parameters)
         mounts = {s.name: s.mount for s in model.describe(before).inertial_units}
-        stds = {name: np.full(3, mount.std_rad) for name, mount in mounts.items()} | before.mount_stds_rad
+        own = {name: np.full(3, mount.std_rad) for name, mount in mounts.items()}
+        stds: dict[str, FloatArray] = {**own, **before.mount_stds_rad}
         rotations = {name: np.asarray(m.rotation) for name, m in mounts.items()}
         offsets = {name: np.asarray(m.offset) for name, m in mounts.items()}
         rotations[ROOT], offsets[ROOT] = np.eye(3), np.zeros(3)
