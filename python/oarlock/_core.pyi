@@ -278,9 +278,12 @@ def find_joint_center(
     window_s: float,
     prior_std_m: float,
 ) -> dict[str, Any]: ...
-def find_hinge_axis(first: dict[str, Any], second: dict[str, Any], window_s: float) -> dict[str, Any]: ...
-def align_mount(
-    nominal: list[list[float]], sights: list[tuple[list[float], list[float], float]]
+def find_hinge_axis(
+    first: dict[str, Any],
+    second: dict[str, Any],
+    nominal: list[list[float]],
+    prior_std_rad: list[float],
+    window_s: float,
 ) -> dict[str, Any]: ...
 def find_pose_mounts(
     sensors: list[dict[str, Any]],

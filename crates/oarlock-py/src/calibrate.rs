@@ -2,9 +2,8 @@
 
 use crate::array::{items, reals, Any};
 use crate::errors::{raise, DataError};
-use oarlock::calibrate::aligned::{aligned_mount, Sight};
 use oarlock::calibrate::chain_sensor::{ChainOptions, ChainSensor};
-use oarlock::calibrate::hinge_axes::{hinge_axis, AxisOptions};
+use oarlock::calibrate::hinge_axes::{hinge_axis, AxisOptions, NominalAxis};
 use oarlock::calibrate::hinge_chain::{mounts, FoundMount};
 use oarlock::calibrate::joint_centers::{joint_center, CenterOptions};
 use oarlock::calibrate::lever_arms::{lever_arms, LeverOptions};
@@ -137,24 +136,21 @@ pub fn find_joint_center<'py>(
     found(py, || joint_center([&first.signals(), &second.signals()], expected, &options))
 }
 
-/// The axis of the hinge between the bodies of two units, in each one's sensor axes.
+/// The axis of the hinge between the bodies of two units, in each one's sensor axes. `nominal` has the axis in both, by
+/// their nominal mounts, `prior_std_rad` how well these are known.
 #[pyfunction]
-pub fn find_hinge_axis<'py>(py: Python<'py>, first: Any<'py>, second: Any<'py>, window_s: f64) -> PyResult<Any<'py>> {
+pub fn find_hinge_axis<'py>(
+    py: Python<'py>,
+    first: Any<'py>,
+    second: Any<'py>,
+    nominal: [[f64; 3]; 2],
+    prior_std_rad: [f64; 2],
+    window_s: f64,
+) -> PyResult<Any<'py>> {
     let (one, two) = (Unit::read(&first)?, Unit::read(&second)?);
     let options = AxisOptions { window_s, ..AxisOptions::default() };
-    found(py, || hinge_axis([&one.signals(), &two.signals()], &options))
-}
-
-/// The rotation nearest to `nominal` that fits the sights best, each given as (in_sensor, in_link, std_rad).
-#[pyfunction]
-pub fn align_mount<'py>(
-    py: Python<'py>,
-    nominal: [[f64; 3]; 3],
-    sights: Vec<([f64; 3], [f64; 3], f64)>,
-) -> PyResult<Any<'py>> {
-    let sight = |&(in_sensor, in_link, std_rad): &([f64; 3], [f64; 3], f64)| Sight { in_sensor, in_link, std_rad };
-    let sights: Vec<Sight> = sights.iter().map(sight).collect();
-    found(py, || Ok(aligned_mount(&Mat3(nominal), &sights)))
+    let nominal = NominalAxis { axes: nominal, std_rad: prior_std_rad };
+    found(py, || hinge_axis([&one.signals(), &two.signals()], &nominal, &options))
 }
 
 /// Mounts of units at rest in a known posture: each also has link_from_sensor and world_from_link (3, 3), lists.

@@ -44,7 +44,6 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(calibrate::find_hinge_chain, m)?)?;
     m.add_function(wrap_pyfunction!(calibrate::find_joint_center, m)?)?;
     m.add_function(wrap_pyfunction!(calibrate::find_hinge_axis, m)?)?;
-    m.add_function(wrap_pyfunction!(calibrate::align_mount, m)?)?;
     m.add_function(wrap_pyfunction!(calibrate::find_pose_mounts, m)?)?;
     m.add_function(wrap_pyfunction!(calibrate::find_local_field, m)?)?;
     Ok(())

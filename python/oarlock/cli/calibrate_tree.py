@@ -196,7 +196,11 @@ def write_joints(calibration: Calibration) -> None:
             say(f"{name}: standard deviation above 5 cm in {len(found['loose'])} of 6 directions", indent=2)
     for parameter, std in noted["parameter_std_m"].items():
         say(f"{parameter} = {calibration.parameters[parameter]:.3f} +- {std:.3f} m", indent=2)
-    _remarks(noted, ("without_center", "no centre"), ("kept_nominal", "kept at the model's nominal value"))
+    _remarks(
+        noted,
+        ("without_center", "no centre"),
+        ("kept_nominal", "hardly determined by the motion, close to the model's value"),
+    )
 
 
 def write_axes(calibration: Calibration) -> None:
@@ -219,10 +223,18 @@ def write_axes(calibration: Calibration) -> None:
     )
     heading("Mounts")
     table(
-        ["sensor", ">turned deg", ">residual deg"],
-        [(n, _degrees([f["turned_rad"]]), _degrees(f["left_rad"])) for n, f in noted["sensor"].items()],
+        ["sensor", ">turned deg", ">std deg about its axes", ">residual deg"],
+        [
+            (
+                name,
+                _degrees([f["turned_rad"]]),
+                _degrees(calibration.mount_stds_rad[name].tolist()),
+                _degrees(f["left_rad"]),
+            )
+            for name, f in noted["sensor"].items()
+        ],
     )
-    _remarks(noted, ("kept_nominal", "not determined by the motion"))
+    _remarks(noted, ("kept_nominal", "hardly determined by the motion, close to the nominal mount"))
 
 
 def write_pose(calibration: Calibration) -> None:

@@ -176,10 +176,12 @@ class MountDescription:
     Args:
         rotation: (3, 3) link from sensor.
         offset: (3,) the sensor's place in the link's axes, m.
+        std_rad: standard deviation of the rotation about each axis, rad.
     """
 
     rotation: Matrix
     offset: Vector
+    std_rad: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,7 +8,7 @@
 //! exploiting kinematic constraints"; F. Olsson and K. Halvorsen (2017), "Experimental evaluation of joint position
 //! estimation using inertial sensors", for a robust loss. Here the constraint is averaged over [`windows`](super::windows).
 
-use super::robust_fit::{fit, Fit, Problem, Scatter};
+use super::robust_fit::{fit_as_scattered, Fit, Problem, Scatter};
 use super::signals::Signals;
 use super::windows::{PairedWindows, Window};
 use crate::{Error, Result};
@@ -27,7 +27,8 @@ pub struct CenterOptions {
     pub accel_bias_std_m_s2: f64,
     /// Relative difference between the scales of the two accelerometers, standard deviation.
     pub accel_scale_std: f64,
-    /// Correlation time of the residuals (soft tissue, play), s.
+    /// Correlation time of the residuals (soft tissue, play), s. It is raised if parts of the recording disagree more than it
+    /// explains.
     pub correlation_s: f64,
     /// A direction with a larger standard deviation counts as loose, m.
     pub loose_std_m: f64,
@@ -105,7 +106,8 @@ pub fn joint_center(units: [&Signals; 2], expected: [[f64; 3]; 2], options: &Cen
         swirl_noise: windows.swirl_noise,
         options,
     };
-    let found = fit(&problem, &starts(options.prior_std_m), &Scatter { least: 1e-4, rows_per_error })?;
+    let scatter = Scatter { least: 1e-4, rows_per_error };
+    let found = fit_as_scattered(&problem, &starts(options.prior_std_m), &scatter, FIRST_BIAS)?;
     Ok(problem.told(&found, &windows))
 }
 

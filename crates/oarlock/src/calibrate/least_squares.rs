@@ -29,6 +29,10 @@ pub(crate) struct Estimate {
     pub value: DVector<f64>,
     pub std: DVector<f64>,
     pub covariance: DMatrix<f64>,
+    /// The covariance that white noise and the prior explain.
+    pub formal: DMatrix<f64>,
+    /// Standard deviations by the delete-one-block jackknife.
+    pub jackknife: DVector<f64>,
 }
 
 impl LeastSquares {
@@ -68,7 +72,7 @@ impl LeastSquares {
         let formal_std = formal.diagonal().map(f64::sqrt);
         let std = formal_std.zip_map(&jackknife, f64::max);
         let larger = DMatrix::from_diagonal(&std.component_div(&formal_std));
-        Ok(Estimate { value, std, covariance: &larger * formal * &larger })
+        Ok(Estimate { value, std, covariance: &larger * &formal * &larger, formal, jackknife })
     }
 
     /// The estimate alone.

@@ -74,6 +74,37 @@ pub(crate) fn fit<P: Problem>(problem: &P, starts: &[P::State], scatter: &Scatte
     Ok(Fit { state, estimate, spread })
 }
 
+/// The best fit over all starts, with residuals correlated for as long as parts of the recording show it: at least as long as
+/// `scatter` says. `own` is the number of unknowns by which parts are compared, the first ones.
+pub(crate) fn fit_as_scattered<P: Problem>(
+    problem: &P,
+    starts: &[P::State],
+    scatter: &Scatter,
+    own: usize,
+) -> Result<Fit<P::State>> {
+    let found = fit(problem, starts, scatter)?;
+    let excess = excess(&found.estimate, &problem.departure(&found.state).1, own);
+    if excess <= 1.0 {
+        return Ok(found);
+    }
+    let longer = Scatter { least: scatter.least, rows_per_error: scatter.rows_per_error * excess };
+    fit(problem, std::slice::from_ref(&found.state), &longer)
+}
+
+/// By how much estimates from parts of the recording scatter more than the residuals explain, as a ratio of variances. A
+/// direction counts by the share of it that the recording determines.
+fn excess(estimate: &Estimate, prior_std: &DVector<f64>, own: usize) -> f64 {
+    let scale = DMatrix::from_diagonal(&prior_std.map(|s| 1.0 / s));
+    let formal = &scale * &estimate.formal * &scale;
+    let explained = &formal - &formal * &formal;
+    let (mut seen, mut share) = (0.0, 0.0);
+    for k in 0..own {
+        seen += (estimate.jackknife[k] / prior_std[k]).powi(2) / formal[(k, k)];
+        share += explained[(k, k)] / formal[(k, k)];
+    }
+    seen / share.max(f64::MIN_POSITIVE)
+}
+
 /// Standard deviation of normal residuals with the same median of absolute values.
 pub(crate) fn robust_spread(errors: &DVector<f64>) -> f64 {
     1.4826 * median(errors.iter().map(|e| e.abs()).collect())

@@ -31,7 +31,7 @@ impl Described<'_> {
     }
 
     pub fn mount(&self, mount: &Mount) -> Value {
-        json!({"rotation": mount.rotation.0, "offset": self.point(&mount.offset)})
+        json!({"rotation": mount.rotation.0, "offset": self.point(&mount.offset), "std_rad": mount.std_rad})
     }
 }
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from oarlock import _core
 from oarlock.calibration.static.link_pairs import ROOT, LinkPair, link_pairs
+from oarlock.calibration.static.mounts_of_axes import LikelyMount, SeenAxis, angle, solved_mounts
 from oarlock.calibration.static.worn_model import Worn
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.corrections import corrected
@@ -26,13 +27,14 @@ if TYPE_CHECKING:
 
 SEARCH = "hinge axes"
 
-WELL_KNOWN_RAD = np.radians(10.0)
-"""An axis that is known less well turns no mount."""
-
 CLEAR_SENSE = 0.1
 """From here on the motion determines the common sense of the two axes."""
 
-Sight = tuple[list[float], list[float], float]
+LITTLE_LEARNT = 0.7
+"""An axis of which this share of the nominal standard deviation remains is reported: the motion shows less of it."""
+
+RESTING_STD_RAD = 1e-6
+"""Of the root's own axes, which are what they are."""
 
 
 def calibrate_hinge_axes(
@@ -46,23 +48,24 @@ def calibrate_hinge_axes(
 ) -> Calibration:
     """Turn mounts so that hinges lie where the motion shows them.
 
-    Wherever a single hinge lies between two units, their gyroscopes give its axis in both. A mount is turned by
-    the least angle that brings the axes of its hinges to those of the model: with one hinge the turn about it
-    stays nominal, with two that are not parallel the mount is fully determined.
+    Wherever a single hinge lies between two units, their gyroscopes give its axis in both. The mounts found are the
+    most likely ones: axes count as far as the motion shows them, nominal mounts with their standard deviation. With one
+    hinge the turn about it stays nominal, with two that are not parallel the mount is fully determined.
 
     Args:
         model: says which hinges lie between which units, and their axes.
         recording: gyroscope and accelerometer of the units. Both bodies should turn, not only one about the hinge.
         sensors: the units to use, one a body; None takes all of the model that were recorded.
-        calibration: mounts and lengths to start from; None takes the model's. Nominal mounts within 90 deg of the
-            truth tell the two ends of an axis apart.
+        calibration: mounts and lengths to start from; None takes the model's. Its ``mount_stds_rad``, or
+            ``mount.std_rad`` of the model file, say how well they are known. Mounts within 90 deg of the truth tell the
+            two ends of an axis apart.
         window_s: over which the gyroscopes are averaged, s.
         root_at_rest: whether hinges between the root and the first units are found too; None: if the model has
             neither a base acceleration nor a free joint.
 
     Returns:
-        The starting calibration with turned mounts. ``noted`` holds each axis, its standard deviation, by how much
-        the mount was turned, and undetermined axes.
+        The starting calibration with turned mounts and their standard deviations. ``noted`` holds each axis, its
+        standard deviation, by how much the mount was turned, and undetermined axes.
 
     Raises:
         DataError: no two units with a single hinge between them, two units on one body, a stream without
@@ -78,60 +81,73 @@ def calibrate_hinge_axes(
             f"{SEARCH}: no single hinge lies between two of the units {', '.join(names)} of "
             f'"{model.name}". Put a unit on both sides of a hinge, or name other sensors.'
         )
-    sights: dict[str, list[Sight]] = {}
-    joints, unknown = {}, []
-    for pair in pairs:
-        found = _core.find_hinge_axis(*worn.read(pair, recording), window_s)
-        seen = _sights(pair, found, worn)
-        joints[pair.label] = _joint_note(pair, found, seen)
-        for name, sight in seen.items():
-            if sight[2] < WELL_KNOWN_RAD:
-                sights.setdefault(name, []).append(sight)
-            elif name != ROOT:
-                unknown.append(f"{name}: axis of {pair.label}")
-    turned = {
-        name: _core.align_mount(worn.rotations[name].tolist(), seen)
-        for name, seen in sights.items()
-        if name != ROOT
-    }
-    mounts = {name: (np.array(t["link_from_sensor"]), worn.offsets[name]) for name, t in turned.items()}
+    found = {pair: _found(pair, worn, recording, window_s) for pair in pairs}
+    units = [name for name in names if any(name in pair.units for pair in pairs)]
+    priors = {name: worn.mount_stds_rad[name] for name in units}
+    solved = solved_mounts(worn.rotations, priors, [_seen(pair, axis) for pair, axis in found.items()])
+    mounts = {name: (mount.link_from_sensor, worn.offsets[name]) for name, mount in solved.items()}
     noted = {
         "how": "hinge axes from motion",
-        "joint": joints,
-        "sensor": {n: {k: t[k] for k in ("turned_rad", "left_rad")} for n, t in turned.items()},
-        "kept_nominal": unknown,
+        "joint": {pair.label: _joint_note(pair, axis) for pair, axis in found.items()},
+        "sensor": {name: _unit_note(name, mount, found) for name, mount in solved.items()},
+        "kept_nominal": [text for pair, axis in found.items() for text in _little_learnt(pair, axis, worn)],
         "left_out": [name for name in recording.names if name not in names],
     }
-    return worn.calibrated(mounts, noted)
+    stds = {name: np.sqrt(np.diag(mount.covariance)) for name, mount in solved.items()}
+    return worn.calibrated(mounts, noted, mount_stds_rad=stds)
 
 
-def _sights(pair: LinkPair, found: Mapping[str, Any], worn: Worn) -> dict[str, Sight]:
-    """The axis in each unit's sensor and link, the end nearer to the nominal mount's."""
+def _found(pair: LinkPair, worn: Worn, recording: Recording, window_s: float) -> dict[str, Any]:
+    """The engine's finding."""
+    nominal = [worn.rotations[n].T @ axis for n, axis in zip(pair.units, _in_link(pair), strict=True)]
+    first, second = worn.read(pair, recording)
+    stds = [_prior_std_rad(name, worn) for name in pair.units]
+    return _core.find_hinge_axis(first, second, [axis.tolist() for axis in nominal], stds, window_s)
+
+
+def _prior_std_rad(name: str, worn: Worn) -> float:
+    return RESTING_STD_RAD if name == ROOT else float(max(worn.mount_stds_rad[name]))
+
+
+def _in_link(pair: LinkPair) -> FloatArray:
+    """(2, 3) the axis in the axes of both links."""
     assert pair.axis is not None
-    sights = {}
-    ends = zip(pair.units, ("first", "second"), pair.axis.reshape(2, 3), found["std_rad"], strict=True)
-    for name, key, in_link, std in ends:
-        in_sensor = _nearer(np.asarray(found[key]), worn.rotations[name].T @ in_link)
-        sights[name] = (in_sensor.tolist(), in_link.tolist(), float(std))
-    return sights
+    return pair.axis.reshape(2, 3)
 
 
-def _nearer(axis: FloatArray, to: FloatArray) -> FloatArray:
-    return axis if axis @ to >= 0.0 else -axis
+def _seen(pair: LinkPair, found: Mapping[str, Any]) -> SeenAxis:
+    in_sensor = np.array([found["first"], found["second"]])
+    return SeenAxis(
+        pair.units, _in_link(pair), in_sensor, np.array(found["information"]), np.array(found["pull"])
+    )
 
 
-def _joint_note(pair: LinkPair, found: Mapping[str, Any], seen: Mapping[str, Sight]) -> dict[str, Any]:
-    """Texts, numbers and tables only, so that a file can hold them."""
-    signs = [
-        np.sign(np.dot(found[key], sight[0]))
-        for key, sight in zip(("first", "second"), seen.values(), strict=True)
+def _little_learnt(pair: LinkPair, found: Mapping[str, Any], worn: Worn) -> list[str]:
+    ends = zip(pair.units, found["std_rad"], strict=True)
+    return [
+        f"{name}: axis of {pair.label}"
+        for name, std in ends
+        if name != ROOT and std > LITTLE_LEARNT * _prior_std_rad(name, worn)
     ]
-    clear = pair.parent != ROOT and found["sense"] > CLEAR_SENSE
+
+
+def _unit_note(name: str, mount: LikelyMount, found: Mapping[LinkPair, Mapping[str, Any]]) -> dict[str, Any]:
+    ends = [(pair, pair.units.index(name), axis) for pair, axis in found.items() if name in pair.units]
+    left = [
+        angle(mount.link_from_sensor @ axis[("first", "second")[end]], _in_link(pair)[end])
+        for pair, end, axis in ends
+    ]
+    std_rad = float(np.sqrt(np.linalg.eigvalsh(mount.covariance)[-1]))
+    return {"turned_rad": float(np.linalg.norm(mount.turn_rad)), "left_rad": left, "std_rad": std_rad}
+
+
+def _joint_note(pair: LinkPair, found: Mapping[str, Any]) -> dict[str, Any]:
+    """Texts, numbers and tables only, so that a file can hold them."""
     return {
         "parent": pair.parent,
         "child": pair.child,
-        "axis_in_parent_sensor": seen[pair.parent][0],
-        "axis_in_child_sensor": seen[pair.child][0],
+        "axis_in_parent_sensor": found["first"],
+        "axis_in_child_sensor": found["second"],
         **{key: found[key] for key in ("std_rad", "residual_rad_s", "hinge_rad_s", "sense")},
-        "ends_contradict": bool(clear and signs[0] != signs[1]),
+        "ends_contradict": bool(pair.parent != ROOT and found["sense"] < -CLEAR_SENSE),
     }

@@ -13,7 +13,7 @@ import numpy as np
 
 from oarlock import _core
 from oarlock.calibration.static.link_pairs import EXACT, ROOT, LinkPair, link_pairs
-from oarlock.calibration.static.offset_parameters import offset_parameters
+from oarlock.calibration.static.offset_parameters import offset_parameters, own_parameters
 from oarlock.calibration.static.worn_model import Worn
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.corrections import corrected
@@ -29,7 +29,13 @@ if TYPE_CHECKING:
 SEARCH = "joint centers"
 
 WELL_KNOWN_M = 0.05
-"""A direction of the whole tree that is known less well keeps the model's value."""
+"""Distances between the ends of a joint are compared in directions that are known as well as this."""
+
+LITTLE_LEARNT = 0.7
+"""What keeps this share of its prior standard deviation, or 5 cm, is reported as hardly found."""
+
+JOINT_STD_M = 0.01
+"""A joint between bodies is no point: what this adds to the standard deviation of a position."""
 
 
 def calibrate_joint_centers(
@@ -55,8 +61,9 @@ def calibrate_joint_centers(
         sensors: the units to use, one a body; None takes all of the model that were recorded.
         calibration: mounts and lengths to start from; None takes the model's.
         window_s: over which readings are averaged, s. Soft mounting asks for 0.2 to 0.4, a quick hand for 0.1.
-        prior_std_m: how well the model knows each coordinate before the motion is seen, m. A parameter that has a
-            standard deviation of its own in the model file keeps to that.
+        prior_std_m: how well the model knows each coordinate before the motion is seen, m. Parameters that have a
+            standard deviation of their own in the model file keep to that, and so do offsets of units that are three
+            such parameters. ``mount_offset_stds_m`` of the calibration comes first.
         root_at_rest: whether joints between the root and the first units are found too; None: if the model has
             neither a base acceleration nor a free joint.
 
@@ -90,7 +97,8 @@ def calibrate_joint_centers(
     offsets = {name: offset for name, offset in solved.offsets.items() if name not in named}
     mounts = {name: (worn.rotations[name], offset) for name, offset in offsets.items()}
     noted = _noted(recording, names, pairs, dict(zip(centered, found, strict=True)), solved)
-    return worn.calibrated(mounts, noted, {**solved.parameters, **separate})
+    stds = {name: np.hypot(solved.offset_stds[name], JOINT_STD_M) for name in offsets}
+    return worn.calibrated(mounts, noted, {**solved.parameters, **separate}, mount_offset_stds_m=stds)
 
 
 def _found(
@@ -144,6 +152,7 @@ class Tree:
         columns: unit -> its three unknowns. The lengths' stand behind them, in the order of `slopes`.
         slopes: length -> (n_pairs, 6) how the centres move with it, m per m.
         prior: (size,) standard deviations of the model's values, m.
+        search_std_m: standard deviation with which each joint was sought about the model's values.
     """
 
     worn: Worn
@@ -151,6 +160,7 @@ class Tree:
     columns: Mapping[str, slice]
     slopes: Mapping[str, FloatArray]
     prior: FloatArray
+    search_std_m: float
 
     @classmethod
     def of(cls, worn: Worn, pairs: Sequence[LinkPair], prior_std_m: float) -> Tree:
@@ -159,11 +169,13 @@ class Tree:
         stds = {p.name: p.std or prior_std_m for p in worn.model.describe().parameters}
         columns: dict[str, slice] = {}
         prior: list[float] = []
+        own = own_parameters(worn, slopes)
         for name in _unknown_units(pairs, slopes):
             columns[name] = slice(len(prior), len(prior) + 3)
-            prior += [prior_std_m] * 3
+            named = [stds[parameter] for parameter in own.get(name, ())] or [prior_std_m] * 3
+            prior += list(worn.before.mount_offset_stds_m.get(name, named))
         prior += [stds[name] for name in slopes]
-        return cls(worn, pairs, columns, slopes, np.array(prior))
+        return cls(worn, pairs, columns, slopes, np.array(prior), prior_std_m)
 
     @property
     def size(self) -> int:
@@ -186,7 +198,7 @@ class Tree:
         return rows
 
     def solve(self, found: Sequence[Mapping[str, Any]]) -> Solved:
-        """Weighted least squares about the model's values; directions that stay loose keep them."""
+        """The most likely values, with those of the model as prior (maximum a posteriori)."""
         information = np.diag(self.prior**-2)
         vector = np.zeros(self.size)
         missing, known = {}, {}
@@ -195,12 +207,12 @@ class Tree:
             found_m = np.concatenate([joint["first_m"], joint["second_m"]])
             difference = turned @ found_m - _levers(pair, self.worn)
             covariance = np.asarray(turned @ np.asarray(joint["covariance_m2"]) @ turned.T)
-            weight = np.linalg.inv(covariance)
-            information += rows.T @ weight @ rows
-            vector += rows.T @ weight @ difference
+            whole = np.linalg.inv(covariance)
+            information += rows.T @ _without_prior(whole, self.search_std_m) @ rows
+            vector += rows.T @ whole @ difference
             missing[pair.label], known[pair.label] = difference, _tight(covariance)
         covariance = np.asarray(np.linalg.inv(information))
-        moved = _tight(covariance) @ covariance @ vector
+        moved = covariance @ vector
         return self._solved(moved, np.sqrt(np.diag(covariance)), missing, known)
 
     def _solved(
@@ -215,14 +227,21 @@ class Tree:
         offset_stds = {name: std[part] for name, part in self.columns.items()}
         parameter_stds = {name: float(std[k]) for name, k in self.lengths.items()}
         left = {p.label: tight[p.label] @ (difference[p.label] - self.design(p) @ moved) for p in self.pairs}
+        little = std > np.minimum(LITTLE_LEARNT * self.prior, WELL_KNOWN_M)
         kept = [
             f"{name}: offset along {axis} of its link"
-            for name, known_m in offset_stds.items()
-            for axis, known in zip("xyz", known_m <= WELL_KNOWN_M, strict=True)
-            if not known
+            for name, part in self.columns.items()
+            for axis, unknown in zip("xyz", little[part], strict=True)
+            if unknown
         ]
-        kept += [name for name, known_m in parameter_stds.items() if known_m > WELL_KNOWN_M]
+        kept += [name for name, k in self.lengths.items() if little[k]]
         return Solved(offsets, parameters, offset_stds, parameter_stds, left, kept)
+
+
+def _without_prior(information: FloatArray, prior_std_m: float) -> FloatArray:
+    """What the motion alone shows: information (6, 6) less that of the prior with which it was sought."""
+    motion, directions = np.linalg.eigh(information - np.eye(6) / prior_std_m**2)
+    return np.asarray(directions * np.maximum(motion, 0.0) @ directions.T)
 
 
 def _tight(covariance: FloatArray) -> FloatArray:

@@ -17,17 +17,13 @@ ROUNDING_M = 1e-9
 """A position is linear in a length: a larger deviation from the step shows an angle, or another kind of parameter."""
 
 
-def offset_parameters(
-    worn: Worn, offsets: Mapping[str, FloatArray], taken: Collection[str]
-) -> dict[str, dict[str, float]]:
-    """Unit -> its three parameters and what they have to be for these offsets, where the model file has it so.
+def own_parameters(worn: Worn, taken: Collection[str] = ()) -> dict[str, tuple[str, str, str]]:
+    """Unit -> the three parameters that are its offset along x, y and z, where the model file has it so.
 
-    A parameter that moves anything else, one of two on the same axis, and a unit whose mount the calibration holds
-    (which the parameters then do not reach) are left alone.
+    A parameter that moves anything else, and one of two on the same axis, are left out.
 
     Args:
         worn: the model's values, and what is known.
-        offsets: unit -> (3,) m, in its link's axes.
         taken: parameters that are found otherwise.
     """
     axes: dict[str, dict[int, list[str]]] = {}
@@ -37,13 +33,32 @@ def offset_parameters(
             longer = worn.model.with_parameters({name: value + STEP_M}).describe()
             for unit, axis in _moved_alone(own, longer):
                 axes.setdefault(unit, {}).setdefault(axis, []).append(name)
+    found = {unit: [names.get(axis, []) for axis in range(3)] for unit, names in axes.items()}
+    return {
+        unit: (alone[0][0], alone[1][0], alone[2][0])
+        for unit, alone in found.items()
+        if all(len(names) == 1 for names in alone)
+    }
+
+
+def offset_parameters(
+    worn: Worn, offsets: Mapping[str, FloatArray], taken: Collection[str]
+) -> dict[str, dict[str, float]]:
+    """Unit -> its three parameters and what they have to be for these offsets, where the model file has it so.
+
+    A unit whose mount the calibration holds, which the parameters then do not reach, is left alone.
+
+    Args:
+        worn: the model's values, and what is known.
+        offsets: unit -> (3,) m, in its link's axes.
+        taken: parameters that are found otherwise.
+    """
     found = {}
-    for unit, offset in offsets.items():
-        names = [axes.get(unit, {}).get(axis, []) for axis in range(3)]
-        if unit not in worn.before.mounts and all(len(alone) == 1 for alone in names):
-            moved = offset - worn.offsets[unit]
+    for unit, names in own_parameters(worn, taken).items():
+        if unit in offsets and unit not in worn.before.mounts:
+            moved = offsets[unit] - worn.offsets[unit]
             found[unit] = {
-                name: worn.model.parameters[name] + float(moved[k]) for k, (name,) in enumerate(names)
+                name: worn.model.parameters[name] + float(moved[k]) for k, name in enumerate(names)
             }
     return found
 

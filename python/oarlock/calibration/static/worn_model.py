@@ -27,12 +27,14 @@ class Worn:
         model: with the calibration's parameters.
         rotations: unit, and `ROOT` -> (3, 3), link from sensor.
         offsets: unit -> (3,) m, in the link's axes.
+        mount_stds_rad: unit -> (3,) standard deviations of the rotation about the link's axes.
         before: what was known.
     """
 
     model: Model
     rotations: Mapping[str, FloatArray]
     offsets: Mapping[str, FloatArray]
+    mount_stds_rad: Mapping[str, FloatArray]
     before: Calibration
 
     @classmethod
@@ -41,10 +43,12 @@ class Worn:
         before = Calibration() if calibration is None else calibration
         sized = model.with_parameters(before.parameters)
         mounts = {s.name: s.mount for s in model.describe(before).inertial_units}
+        own = {name: np.full(3, mount.std_rad) for name, mount in mounts.items()}
+        stds: dict[str, FloatArray] = {**own, **before.mount_stds_rad}
         rotations = {name: np.asarray(m.rotation) for name, m in mounts.items()}
         offsets = {name: np.asarray(m.offset) for name, m in mounts.items()}
         rotations[ROOT], offsets[ROOT] = np.eye(3), np.zeros(3)
-        return cls(sized, rotations, offsets, before)
+        return cls(sized, rotations, offsets, stds, before)
 
     def read(self, pair: LinkPair, recording: Recording) -> tuple[dict[str, Any], dict[str, Any]]:
         """The columns of both units of a pair; the root's are those of a unit at rest."""
@@ -61,10 +65,13 @@ class Worn:
         mounts: Mapping[str, Mount],
         noted: Mapping[str, Any],
         parameters: Mapping[str, float] | None = None,
+        *,
+        mount_stds_rad: Mapping[str, FloatArray] | None = None,
+        mount_offset_stds_m: Mapping[str, FloatArray] | None = None,
     ) -> Calibration:
         """What was known before, with what was found in its place; `noted` keeps the older notes under ``before``.
 
-        Standard deviations of what is replaced by another value go with it.
+        Standard deviations of what is replaced by another value go with it, unless new ones are given.
         """
         before, sized = self.before, parameters or {}
         older = {"before": dict(before.noted)} if before.noted else {}
@@ -76,6 +83,8 @@ class Worn:
             mounts={**before.mounts, **mounts},
             noted={**noted, **older},
             parameter_stds={n: s for n, s in before.parameter_stds.items() if n not in sized},
-            mount_stds_rad={n: s for n, s in before.mount_stds_rad.items() if n not in turned},
-            mount_offset_stds_m={n: s for n, s in before.mount_offset_stds_m.items() if n not in moved},
+            mount_stds_rad={n: s for n, s in before.mount_stds_rad.items() if n not in turned}
+            | dict(mount_stds_rad or {}),
+            mount_offset_stds_m={n: s for n, s in before.mount_offset_stds_m.items() if n not in moved}
+            | dict(mount_offset_stds_m or {}),
         )
