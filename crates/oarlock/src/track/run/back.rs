@@ -72,6 +72,7 @@ impl Run {
                 *std = (*std * *std + d).sqrt();
             }
         }
+        self.bound(row);
     }
 
     fn check_smoothable(&self) -> Result<()> {
