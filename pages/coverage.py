@@ -80,11 +80,11 @@ def _optical(data: Path) -> tuple[tuple[Callable[..., dict[str, Joints]], list[P
     return (_two_units, trials), (_chain, chains)
 
 
-def measured(seeds: Sequence[int] | None = None, names: Sequence[str] = ()) -> dict[str, Any]:
+def measured(seeds: Sequence[int] = SEEDS, names: Sequence[str] = ()) -> dict[str, Any]:
     """Tracks all recordings and scores their bands; only the named sets, if any are named."""
     data = Path(os.environ.get("OARLOCK_DATA") or "absent") / "data"
     found = {}
-    for one in sets(data if data.is_dir() else None, SEEDS if seeds is None else seeds):
+    for one in sets(data if data.is_dir() else None, seeds):
         if names and one.key not in names:
             continue
         runs = [run() for run in one.runs]
