@@ -7,11 +7,12 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
-from . import emulated, record, robustness, status, validation
+from . import coverage, emulated, record, robustness, status, validation
 from .sections import into_page
 
 SECTIONS: Mapping[str, Callable[[record.Record], Mapping[str, Mapping[str, str]]]] = {
     "status": status.sections,
+    "coverage": coverage.sections,
     "validation": validation.sections,
     "robustness_quick": robustness.sections,
     "robustness": robustness.sections,
@@ -23,7 +24,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Exit 0; a measurement that cannot run raises."""
     parser = argparse.ArgumentParser(prog="python -m pages", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"{', '.join(SECTIONS)}; default: all")
-    parser.add_argument("--seeds", type=int, help="robustness: seeds 0 to N-1 instead of the study's")
+    parser.add_argument("--seeds", type=int, help="robustness, coverage: only N seeds")
     parser.add_argument("--jobs", type=int, help="robustness: processes; else all cores")
     parser.add_argument("--sets", nargs="+", choices=list(validation.SETS), help="validation: only these")
     parser.add_argument("--recorded", action="store_true", help="write the pages, measure nothing")
@@ -45,6 +46,9 @@ def _measured(name: str, asked: argparse.Namespace) -> Iterator[record.Record]:
         yield from validation.measured(asked.sets or (), record.load(name) if asked.sets else None)
     elif name == "status":
         yield record.stamped(status.measured())
+    elif name == "coverage":
+        seeds = coverage.SEEDS if asked.seeds is None else coverage.SEEDS[: asked.seeds]
+        yield record.stamped(coverage.measured(seeds))
     elif name == "emulated":
         yield record.stamped(emulated.measured())
     else:

@@ -94,11 +94,11 @@ def rows(folder: Path | None) -> Iterator[Row]:
             [wild],
         )
         yield Row("wild_7", "another one of these", [other])
-    rigid = [partial(_field, FieldEffects.misfit(), seed) for seed in (1, 2, 3)]
+    rigid = [partial(field_trial, FieldEffects.misfit(), seed) for seed in (1, 2, 3)]
     yield Row("misfit", "field simulator, `misfit`, seeds 1 to 3", rigid)
-    rough = [partial(_field, ROUGH, seed) for seed in (61, 62, 63)]
+    rough = [partial(field_trial, ROUGH, seed) for seed in (61, 62, 63)]
     yield Row("rough", "field simulator, `careful` with three times the noise, seeds 61 to 63", rough)
-    careful = [partial(_field, FieldEffects(), seed) for seed in (1, 2, 3)]
+    careful = [partial(field_trial, FieldEffects(), seed) for seed in (1, 2, 3)]
     yield Row("careful", "field simulator, `careful`, seeds 1 to 3", careful)
 
 
@@ -139,7 +139,8 @@ def _slower(make: Make) -> Trial:
     return replace(trial, recording=at_rate(trial.recording, SLOW_HZ))
 
 
-def _field(effects: FieldEffects, seed: int) -> Trial:
+def field_trial(effects: FieldEffects, seed: int) -> Trial:
+    """A session of the field simulator, of which a user knows the model's own lengths and mounts."""
     made = simulate_field(oarlock.load_model("sculler"), effects, seed=seed)
     places = dict(zip(made.markers.names, made.markers.position_m.transpose(1, 0, 2), strict=True))
     return Trial(made.recording, None, made.truth, made.markers.time_s, places)

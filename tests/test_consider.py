@@ -122,6 +122,28 @@ def test_without_a_closed_loop_the_advice_is_a_calibration_that_needs_none() -> 
     assert note.endswith("run `oarlock calibrate joints`")
 
 
+NOTHING_KNOWN_RAD = 2.0
+
+
+def test_no_band_is_wider_than_the_range_of_its_joint() -> None:
+    units = {unit: np.full(3, NOTHING_KNOWN_RAD) for unit in UNITS}
+    known = oarlock.Calibration(mount_stds_rad=units)
+    live = oarlock.track(sculler(), load_excerpt().recording, known)
+    ranges = {joint.name: np.ptp(joint.limits) for joint in sculler().describe().joints if joint.limits}
+    for track in (live, oarlock.smooth(live)):
+        settled = track.time_s > SETTLED_S
+        for name in ELEVEN:
+            series, prior = track[name], ranges[name] / 4
+            assert series.std.max() <= prior * (1 + 1e-12), name
+            assert not series.observed[settled & (series.std >= prior * (1 - 1e-12))].any(), name
+        assert not track["trunk"].observed[settled].any()
+        assert any(note.startswith("trunk: not observed") for note in track.notes)
+        assert not oarlock.evaluate(track, load_excerpt().truth)["trunk"].observed
+    belief = live.last_belief
+    assert belief is not None
+    assert belief.std[belief.state_names.index("trunk")] == pytest.approx(ranges["trunk"] / 4, rel=1e-12)
+
+
 TOLD_RAD = np.radians(1.0)
 TOLD_HOLDS = (0.88, 0.995)
 """Twelve draws of 15 turns each, all angles strongly correlated over time: some 5 % of scatter around 95 %."""

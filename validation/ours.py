@@ -41,16 +41,26 @@ WITH_LENGTHS = Config(estimate=("gyro_bias", "accel_bias", "lengths"))
 
 def track_dfjimu(recording: Recording, config: Config | None = None) -> Iterator[Estimate]:
     """Root attitude and a ball joint: the bodies' frames lie in the joint and have the axes of their units."""
+    return (estimate for estimate, _ in dfjimu_tracks(recording, config))
+
+
+def dfjimu_tracks(recording: Recording, config: Config | None = None) -> Iterator[tuple[Estimate, Track]]:
+    """The same with the tracks, which hold the joint and its bands."""
     joint = cast(Mapping[str, list[float]], recording.meta["joint_in_sensor_m"])
     sensors = zip(("r1", "r2"), BODIES, strict=True)
     levers = {f"{r}_{a}": -x for r, body in sensors for a, x in zip("xyz", joint[body], strict=True)}
     chosen = WITH_LENGTHS if config is None else config
-    return _tracked("dfjimu", recording, BODIES, Calibration(parameters=levers), chosen)
+    return _both("dfjimu", recording, BODIES, Calibration(parameters=levers), chosen)
 
 
 def track_diodem(recording: Recording) -> Iterator[Estimate]:
     """Free root, ball joint, three hinges; the frames are the segments, the units' axes nominally theirs."""
-    return _tracked("diodem_arm", recording, SEGMENTS, config=WITH_LENGTHS)
+    return (estimate for estimate, _ in diodem_tracks(recording))
+
+
+def diodem_tracks(recording: Recording) -> Iterator[tuple[Estimate, Track]]:
+    """The same with the tracks, which hold the joints and their bands."""
+    return _both("diodem_arm", recording, SEGMENTS, config=WITH_LENGTHS)
 
 
 def track_openaxes(recording: Recording) -> Iterator[Estimate]:

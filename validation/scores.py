@@ -29,8 +29,13 @@ def relative(
 
 def relative_error_rad(estimate: Estimate, reference: Reference, pair: Pair) -> Floats:
     """Angle between estimated and true relative orientation of two bodies, (T,), 0 to pi."""
+    return np.asarray(np.linalg.norm(relative_error_parts_rad(estimate, reference, pair), axis=1))
+
+
+def relative_error_parts_rad(estimate: Estimate, reference: Reference, pair: Pair) -> Floats:
+    """The rotation vector from the estimated to the true relative orientation, (T, 3), in the second body's axes."""
     found, true, both = _both(estimate, reference, pair)
-    return np.where(both, (found.inv() * true).magnitude(), np.nan)
+    return np.where(both[:, None], (found.inv() * true).as_rotvec(), np.nan)
 
 
 def hinge_error_rad(estimate: Estimate, reference: Reference, pair: Pair, axis: str) -> Floats:

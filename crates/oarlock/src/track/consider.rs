@@ -35,7 +35,7 @@ use crate::sensor::MountValue;
 use crate::sensor::Quantity;
 use delays::Delays;
 pub use doubt::Doubt;
-use doubt::RowAverages;
+use doubt::{Bounds, RowAverages};
 use scoring::Scoring;
 use slopes::{Forced, Prior};
 use tally::Tally;
@@ -50,7 +50,7 @@ const MEMORY_S: f64 = 5.0;
 /// Averages with at most this multiple of white noise's mean square count as chance.
 const CHANCE: f64 = 1.5;
 /// Larger slopes mean that the recursion has diverged.
-const ABSURD: f64 = 1e3;
+const ABSURD: f64 = 1e6;
 /// Consider states of a body with the workspace of their update.
 #[derive(Debug, Clone)]
 pub(super) struct Considering {
@@ -72,6 +72,7 @@ pub(super) struct Considering {
     size: (usize, usize, usize),
     /// Number of parameters with a standard deviation from a calibration. They come first.
     told: usize,
+    bounds: Bounds,
     how: Consider,
     /// Inflation of inertial noise and of rough readings as the current update uses them. What it learns applies to the
     /// next update.
@@ -101,7 +102,7 @@ impl Considering {
         config: &Config,
     ) -> Result<Option<Self>> {
         let (twin, told) = twin(body, mounts, known, config)?;
-        let Roles { roles, mut names, told } = Roles::of(body, &twin, known, &told);
+        let Roles { roles, mut names, told, most } = Roles::of(body, &twin, known, &told);
         let mut zeros = vec![None; body.suite.len()];
         for source in &body.suite.sources {
             for part in source.parts.iter().filter(|p| p.quantity == Quantity::Joint) {
@@ -133,6 +134,7 @@ impl Considering {
             center: vec![0.0; m],
             size: (n, m, width),
             told,
+            bounds: Bounds { most, reach: reach(body) },
             how: config.consider,
             inflated: (1.0, 1.0),
             names,
@@ -181,7 +183,7 @@ impl Considering {
     /// The doubt at the start: no parameter has affected the mean yet. `None` without consider states.
     pub(super) fn fresh(&self) -> Option<Doubt> {
         let scale = f64::from(u8::from(self.how == Consider::Always));
-        (self.how != Consider::Off).then(|| Doubt::new(scale, self.size, self.told))
+        (self.how != Consider::Off).then(|| Doubt::new(scale, self.size, self.told, self.bounds.clone()))
     }
 
     /// Whether a doubt belongs to these parameters.
@@ -238,7 +240,7 @@ impl Considering {
         };
         self.prior.update(self.arch, p, forced, slopes);
         if !slopes.iter().all(|s| s.abs() < ABSURD) {
-            slopes.fill(0.0);
+            tame(slopes);
         }
     }
 
@@ -353,6 +355,23 @@ impl Considering {
         self.follow(doubt, (belief.time_s, &belief.covariance, update.filter, innovation), noise);
         self.learn(doubt, belief.time_s, &update.info.innovation, believed);
     }
+}
+
+/// Variance of the prior of each state that is a joint's coordinate; infinite for all others. A joint is never known worse
+/// than its range. The position of a body that travels has no range.
+fn reach(body: &Body) -> Vec<f64> {
+    let mut reach = vec![f64::INFINITY; body.layout.dim()];
+    for (_, axis, slots) in body.moving().filter(|(_, axis, _)| !axis.travels) {
+        reach[slots.q] = axis.prior_std().powi(2);
+    }
+    reach
+}
+
+/// After a divergence: keeps the direction of the slopes, so that the bands stay wide. Slopes that are no numbers are lost.
+fn tame(slopes: &mut [f64]) {
+    let most = slopes.iter().fold(0.0, |most: f64, s| most.max(s.abs()));
+    let factor = if slopes.iter().all(|s| s.is_finite()) { ABSURD / most } else { 0.0 };
+    slopes.iter_mut().for_each(|s| *s = if factor > 0.0 { *s * factor } else { 0.0 });
 }
 
 /// The effect of an update.

@@ -113,7 +113,7 @@ impl Hypothesis {
 
     /// Converts variances without consider states into standard deviations that include them.
     pub fn widen(&self, variance: &mut [f64]) {
-        variance.iter_mut().enumerate().for_each(|(i, x)| *x = (*x + self.doubted(i)).sqrt());
+        variance.iter_mut().enumerate().for_each(|(i, x)| *x = self.widened(i, *x).sqrt());
     }
 
     /// Writes standard deviations into `std`. With rivals: those of all hypotheses about this mean.
@@ -130,9 +130,9 @@ impl Hypothesis {
         std
     }
 
-    /// Variance of a state that is due to the consider states.
-    pub fn doubted(&self, state: usize) -> f64 {
-        self.doubt.as_ref().map_or(0.0, |doubt| doubt.variance(state))
+    /// Variance of a state with this variance due to noise, with the effect of the consider states.
+    pub fn widened(&self, state: usize, noise: f64) -> f64 {
+        self.doubt.as_ref().map_or(noise, |doubt| doubt.widened(state, noise))
     }
 
     fn mix<S: System>(&self, system: &S, variance: &mut [f64]) {

@@ -48,7 +48,7 @@ fn widened(run: &Run) -> Option<String> {
     let slides = |c: usize| body.model.joints.iter().any(|j| j.first == c && j.kind == JointKind::Slide);
     let turning = body.moving().filter(|(c, axis, _)| !axis.place && !slides(*c));
     let (joint, most) = turning
-        .map(|(c, _, slots)| (c, last.doubted(slots.q).sqrt().to_degrees()))
+        .map(|(c, _, slots)| (c, last.widened(slots.q, 0.0).sqrt().to_degrees()))
         .max_by(|a, b| a.1.total_cmp(&b.1))?;
     (most > WORTH_A_WORD_DEG).then(|| {
         format!(

@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::estimate::belief::Belief;
 use crate::estimate::filter::Info;
 use crate::model::Model;
-use crate::motion::{is_observed, is_turn_observed};
+use crate::motion::{is_beyond_range, is_observed, is_turn_observed};
 use crate::recording::{Cursor, Gathering, Recording, Sample, Stream};
 pub use counts::StreamCount;
 use counts::Tally;
@@ -203,6 +203,24 @@ impl Run {
     fn write(&mut self, row: usize, known: &Hypothesis) {
         self.write_variances(row, &known.belief.mean, |body, variance| known.variances(body, variance));
         known.widen(self.series.std_of(row, known.belief.mean.len()));
+        self.bound(row);
+    }
+
+    /// A band that says less than the joint's range becomes that of the prior, and its joint is not observed.
+    fn bound(&mut self, row: usize) {
+        let (body, Series { std, observed, .. }) = (self.tracker.body(), &mut self.series);
+        let n = body.layout.dim();
+        let (std, observed) = (&mut std[row * n..(row + 1) * n], &mut observed[row * body.axes.len()..]);
+        for (c, axis, slots) in body.moving() {
+            if is_beyond_range(axis, std[slots.q]) {
+                std[slots.q] = axis.prior_std();
+                observed[c] = 0;
+            }
+        }
+        for (c, _) in &body.layout.turns {
+            let seen = observed[*c..c + 3].iter().min().copied().unwrap_or_default();
+            observed[*c..c + 3].fill(seen);
+        }
     }
 
     /// Writes a row's mean and observability; `std` contains variances from `variances`, which are converted later.

@@ -11,12 +11,22 @@ pub struct Doubt {
     /// Number of parameters with a standard deviation from a calibration. They come first. The scale applies to them
     /// only where it exceeds 1.
     pub(super) told: usize,
+    pub(super) bounds: Bounds,
     /// Per state.
     pub(super) slopes: Vec<f64>,
     /// Per row of the measurement vector: averages of its innovations.
     pub(super) rows: Vec<RowAverages>,
     /// Per row: the expected average innovation for each parameter.
     pub(super) expected: Vec<f64>,
+}
+
+/// What limits the effect of consider states.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Bounds {
+    /// Per calibrated parameter: the greatest scale, at which it is as uncertain as without the calibration.
+    pub most: Vec<f64>,
+    /// Per state: variance of its prior; infinite if it has none.
+    pub reach: Vec<f64>,
 }
 
 /// Averages of the innovations of one row.
@@ -41,13 +51,16 @@ const PER_ROW: usize = 7;
 
 impl Clone for Doubt {
     fn clone(&self) -> Self {
-        let Doubt { slopes, rows, expected, .. } = self;
-        Doubt { slopes: slopes.clone(), rows: rows.clone(), expected: expected.clone(), ..*self }
+        let Doubt { bounds, slopes, rows, expected, .. } = self;
+        let (slopes, rows, expected) = (slopes.clone(), rows.clone(), expected.clone());
+        Doubt { bounds: bounds.clone(), slopes, rows, expected, ..*self }
     }
 
     fn clone_from(&mut self, from: &Self) {
-        let Doubt { scale, width, told, slopes, rows, expected } = self;
+        let Doubt { scale, width, told, bounds, slopes, rows, expected } = self;
         (*scale, *width, *told) = (from.scale, from.width, from.told);
+        bounds.most.clone_from(&from.bounds.most);
+        bounds.reach.clone_from(&from.bounds.reach);
         slopes.clone_from(&from.slopes);
         rows.clone_from(&from.rows);
         expected.clone_from(&from.expected);
@@ -56,13 +69,14 @@ impl Clone for Doubt {
 
 impl Doubt {
     /// A new doubt: no parameter has affected the mean yet.
-    pub(super) fn new(scale: f64, (states, rows, width): (usize, usize, usize), told: usize) -> Self {
+    pub(super) fn new(scale: f64, (states, rows, width): (usize, usize, usize), told: usize, bounds: Bounds) -> Self {
         let none =
             RowAverages { low: 0.0, last: 0.0, last_s: f64::NAN, count: 0.0, power: 0.0, white: 0.0, share: 0.0 };
         Doubt {
             scale,
             width,
             told,
+            bounds,
             slopes: vec![0.0; states * width],
             rows: vec![none; rows],
             expected: vec![0.0; rows * width],
@@ -74,22 +88,31 @@ impl Doubt {
         (self.slopes.len() / self.width.max(1), self.rows.len(), self.width)
     }
 
+    /// Variance of a state with this variance due to noise. It is at most that of the state's prior: a joint is not beyond
+    /// its range, whatever the derivatives say.
+    pub(in crate::track) fn widened(&self, state: usize, noise: f64) -> f64 {
+        (noise + self.variance(state)).min(self.bounds.reach[state])
+    }
+
     /// Variance of a state that is due to the consider states.
-    pub(in crate::track) fn variance(&self, state: usize) -> f64 {
+    fn variance(&self, state: usize) -> f64 {
         if self.scale == 0.0 && self.told == 0 {
             return 0.0;
         }
         let (told, rest) = self.slopes[state * self.width..(state + 1) * self.width].split_at(self.told);
-        let square = |slopes: &[f64]| slopes.iter().map(|s| s * s).sum::<f64>();
-        // The uncertainty of a calibrated parameter never falls below the calibration's own.
-        self.scale.max(1.0).powi(2) * square(told) + self.scale * self.scale * square(rest)
+        // The uncertainty of a calibrated parameter is never less than the calibration's own and never more than without it.
+        let calibrated =
+            told.iter().zip(&self.bounds.most).map(|(s, &most)| (s * self.scale.min(most).max(1.0)).powi(2));
+        calibrated.sum::<f64>() + self.scale * self.scale * rest.iter().map(|s| s * s).sum::<f64>()
     }
 
-    /// The flat form in saved and pickled state estimates, in the order of version 0.1.0.
+    /// The flat form in pickled state estimates.
     pub fn to_flat(&self) -> Vec<f64> {
         let head = [self.scale, self.width as f64, self.told as f64];
         let rows = self.rows.iter().flat_map(|row| row.to_flat());
-        head.into_iter().chain(self.slopes.iter().copied()).chain(rows).chain(self.expected.iter().copied()).collect()
+        let (slopes, expected) = (self.slopes.iter().copied(), self.expected.iter().copied());
+        let Bounds { most, reach } = &self.bounds;
+        head.into_iter().chain(slopes).chain(most.iter().chain(reach).copied()).chain(rows).chain(expected).collect()
     }
 
     /// Reads the result of `to_flat` for this number of states; `None` if the numbers do not fit.
@@ -97,12 +120,15 @@ impl Doubt {
         let (&[scale, width, told], rest) = flat.split_first_chunk::<HEAD>()?;
         let (width, told) = (count(width, flat.len())?, count(told, flat.len())?);
         let (slopes, rest) = rest.split_at_checked(states.checked_mul(width)?)?;
+        let (most, rest) = rest.split_at_checked(told)?;
+        let (reach, rest) = rest.split_at_checked(states)?;
+        let bounds = Bounds { most: most.to_vec(), reach: reach.to_vec() };
         let count = rest.len() / (PER_ROW + width);
         let (rows, expected) = rest.split_at(count * PER_ROW);
         let (rows, []) = rows.as_chunks::<PER_ROW>() else { return None };
         let fits = told <= width && expected.len() == count * width;
         let rows = rows.iter().map(RowAverages::from_flat).collect();
-        fits.then(|| Doubt { scale, width, told, slopes: slopes.to_vec(), rows, expected: expected.to_vec() })
+        fits.then(|| Doubt { scale, width, told, bounds, slopes: slopes.to_vec(), rows, expected: expected.to_vec() })
     }
 }
 
@@ -128,17 +154,43 @@ mod tests {
 
     #[test]
     fn the_flat_form_leads_back() {
-        // 3 states and 2 rows of 7 averages, with 4 parameters each.
-        let flat: Vec<f64> = [0.5, 4.0, 1.0].into_iter().chain((0..34).map(f64::from)).collect();
+        // 3 states with a bound each and 2 rows of 7 averages, with 4 parameters each, one of them with a bound.
+        let flat: Vec<f64> = [0.5, 4.0, 1.0].into_iter().chain((0..38).map(f64::from)).collect();
         let doubt = Doubt::from_flat(&flat, 3).unwrap();
         assert_eq!(doubt.size(), (3, 2, 4));
-        assert_eq!((doubt.rows[1].low, doubt.expected[0]), (19.0, 26.0));
+        assert_eq!(doubt.bounds, Bounds { most: vec![12.0], reach: vec![13.0, 14.0, 15.0] });
+        assert_eq!((doubt.rows[1].low, doubt.expected[0]), (23.0, 30.0));
         assert_eq!(doubt.to_flat(), flat);
+    }
+
+    /// Of 3 states, the first of which has a prior of variance 4, with 4 parameters, the first of which is calibrated.
+    fn doubt(scale: f64) -> Doubt {
+        let bounds = Bounds { most: vec![5.0], reach: vec![4.0, f64::INFINITY, f64::INFINITY] };
+        Doubt::new(scale, (3, 2, 4), 1, bounds)
+    }
+
+    #[test]
+    fn a_joint_is_not_beyond_its_range() {
+        let mut doubt = doubt(1.0);
+        doubt.slopes.fill(100.0);
+        assert_eq!(doubt.widened(0, 0.1), 4.0);
+        assert_eq!(doubt.widened(0, 9.0), 4.0);
+        assert_eq!(doubt.widened(1, 0.5), 40_000.5);
+    }
+
+    #[test]
+    fn a_calibrated_parameter_is_never_less_certain_than_without_its_calibration() {
+        let by_the_first = |scale: f64| {
+            let mut doubt = doubt(scale);
+            doubt.slopes[4] = 1.0;
+            doubt.widened(1, 0.0)
+        };
+        assert_eq!([0.0, 1.0, 3.0, 5.0, 1000.0].map(by_the_first), [1.0, 1.0, 9.0, 25.0, 25.0]);
     }
 
     #[test]
     fn other_numbers_are_no_doubt() {
-        let whole = Doubt::new(1.0, (3, 2, 4), 1).to_flat();
+        let whole = doubt(1.0).to_flat();
         assert!(Doubt::from_flat(&whole, 3).is_some());
         assert!(Doubt::from_flat(&whole[..whole.len() - 1], 3).is_none());
         for (place, wrong) in [(1, 5.0), (1, -4.0), (1, 4.5), (1, f64::NAN), (2, 5.0), (2, f64::INFINITY)] {

@@ -64,12 +64,29 @@ pub(super) fn twin(
     Ok((Body::new(Arc::new(model), &parameters, &none, &all)?, told))
 }
 
+/// A consider state.
+struct Wanted {
+    column: usize,
+    std: f64,
+    /// If a calibration gave its standard deviation: the one without the calibration relative to it; infinite if unknown.
+    most: Option<f64>,
+}
+
+impl Wanted {
+    /// `nominal`: if a calibration gave `std`, the standard deviation without it, as far as the model has one.
+    fn new(column: usize, std: f64, nominal: Option<Option<f64>>) -> Self {
+        Wanted { column, std, most: nominal.map(|nominal| nominal.map_or(f64::INFINITY, |nominal| nominal / std)) }
+    }
+}
+
 /// Role of every column of the twin's Jacobian, names of the consider states, and how many of them have a standard
 /// deviation from a calibration. These come first.
 pub(super) struct Roles {
     pub(super) roles: Vec<Role>,
     pub(super) names: Vec<String>,
     pub(super) told: usize,
+    /// For each of these: its standard deviation without the calibration, relative to the calibration's.
+    pub(super) most: Vec<f64>,
 }
 
 impl Roles {
@@ -79,30 +96,33 @@ impl Roles {
         let mut roles: Vec<Role> = twin.layout.names.iter().map(state).collect();
         let states = roles.len();
         roles.resize(states + twin.input_std().len(), Role::Nothing);
-        // Column, standard deviation, and whether a calibration gave it.
-        let mut wanted: Vec<(usize, f64, bool)> = Vec::new();
+        let mut wanted: Vec<Wanted> = Vec::new();
         for (parameter, state) in &twin.layout.lengths {
-            wanted.push((*state, twin.model.parameters[*parameter].std.unwrap_or(0.0), told[*parameter]));
+            let std = twin.model.parameters[*parameter].std.unwrap_or(0.0);
+            let nominal = body.model.parameters.get(*parameter).map_or(Some(PLACE_STD_M), |own| own.std);
+            wanted.push(Wanted::new(*state, std, told[*parameter].then_some(nominal)));
         }
         for (sensor, first) in &twin.layout.mounts {
             let sensor = &twin.model.sensors[*sensor];
             let Some(mount) = sensor.kind.mount() else { continue };
             let stds = known.mount_stds_rad.get(&sensor.name);
             let in_sensor = stds.map_or([mount.std_rad; 3], |stds| turned_std(&mount.rotation, stds));
-            wanted.extend((0..3).map(|k| (first + k, in_sensor[k], stds.is_some())));
+            let nominal = stds.map(|_| Some(mount.std_rad));
+            wanted.extend((0..3).map(|k| Wanted::new(first + k, in_sensor[k], nominal)));
         }
         // The column of an input is scaled by its standard deviation.
-        wanted.extend(twin.input_std().iter().enumerate().map(|(i, std)| (states + i, ZERO_STD / std, false)));
-        wanted.retain(|&(column, std, _)| roles[column] == Role::Nothing && std > 0.0);
-        wanted.sort_by_key(|&(.., told)| !told);
-        for (k, &(column, std, _)) in wanted.iter().enumerate() {
-            roles[column] = Role::Considered(k, std);
+        wanted
+            .extend(twin.input_std().iter().enumerate().map(|(i, std)| Wanted::new(states + i, ZERO_STD / std, None)));
+        wanted.retain(|one| roles[one.column] == Role::Nothing && one.std > 0.0);
+        wanted.sort_by_key(|one| one.most.is_none());
+        for (k, one) in wanted.iter().enumerate() {
+            roles[one.column] = Role::Considered(k, one.std);
         }
-        let told = wanted.iter().filter(|(.., told)| *told).count();
+        let most: Vec<f64> = wanted.iter().filter_map(|one| one.most).collect();
         let inputs = twin.model.joints.iter().filter(|j| j.input).map(|j| format!("{}.zero", j.name));
         let columns: Vec<String> = twin.layout.names.iter().cloned().chain(inputs).collect();
-        let names = wanted.iter().map(|&(column, ..)| columns[column].clone()).collect();
-        Roles { roles, names, told }
+        let names = wanted.iter().map(|one| columns[one.column].clone()).collect();
+        Roles { roles, names, told: most.len(), most }
     }
 }
 

@@ -6,6 +6,7 @@ use crate::error::{Error, Result};
 use crate::estimate::belief::Belief;
 use crate::estimate::smoother::Smoother;
 use crate::estimate::transition::Transition;
+use crate::motion::is_beyond_range;
 
 impl Run {
     /// Rauch-Tung-Striebel smoother. Filters again between the checkpoints, from the last to the first, so that only
@@ -61,7 +62,14 @@ impl Run {
             let variance = filtered.covariance.at(i, i);
             Some(std * std - variance).filter(|d| *d > ROUNDING * variance).unwrap_or(0.0)
         };
-        doubt.extend(self.series.std[row * n..(row + 1) * n].iter().enumerate().map(excess));
+        let std = &self.series.std[row * n..(row + 1) * n];
+        doubt.extend(std.iter().enumerate().map(excess));
+        for (_, axis, slots) in self.tracker.body().moving() {
+            // How far the filtered band would exceed the range is not kept.
+            if doubt[slots.q] > 0.0 && is_beyond_range(axis, std[slots.q]) {
+                doubt[slots.q] = axis.prior_std().powi(2);
+            }
+        }
     }
 
     fn write_smoothed(&mut self, row: usize, belief: &Belief, doubt: &[f64]) {
@@ -72,6 +80,7 @@ impl Run {
                 *std = (*std * *std + d).sqrt();
             }
         }
+        self.bound(row);
     }
 
     fn check_smoothable(&self) -> Result<()> {
