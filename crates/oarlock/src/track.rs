@@ -4,6 +4,7 @@ pub mod arrivals;
 mod bank;
 mod begin;
 mod consider;
+mod earlier_pass;
 mod entry;
 pub mod faults;
 pub mod hypothesis;
@@ -42,6 +43,7 @@ use crate::recording::{Sample, Stream};
 use crate::sensor::MountValue;
 use consider::Considering;
 pub use consider::Doubt;
+use earlier_pass::{EarlierPass, NoiseLevels};
 use entry::Entry;
 use faults::{Fault, Faults};
 use hypothesis::Hypothesis;
@@ -119,6 +121,8 @@ pub struct Tracker {
     /// False while several hypotheses compete: a hypothesis with large innovations must not explain them by larger
     /// process noise.
     learns: bool,
+    /// What an earlier pass over the same recording found.
+    earlier: Option<Arc<EarlierPass>>,
     hypothesis: Option<Hypothesis>,
     waiting: Vec<Sample>,
 }
@@ -163,6 +167,7 @@ impl Tracker {
             transition: Transition::default(),
             info: Info::new(&subject.groups, subject.rows()),
             learns: true,
+            earlier: None,
             hypothesis: None,
             waiting: Vec::new(),
             config: config.clone(),
@@ -183,6 +188,21 @@ impl Tracker {
         }
         self.hypothesis = Some(start);
         Ok(())
+    }
+
+    /// Filters from now on about the course, and with the noise, of an earlier pass over the same recording.
+    fn follow(&mut self, earlier: EarlierPass) {
+        self.filter = Filter::extended(&self.subject.body, &self.subject.groups);
+        self.settings.learning.adapts = false;
+        if let Some(one) = &mut self.hypothesis {
+            earlier.set_noise(one);
+        }
+        self.earlier = Some(Arc::new(earlier));
+    }
+
+    /// Noise levels of the earlier pass.
+    fn levels(&self) -> Option<NoiseLevels> {
+        self.earlier.as_ref().map(|earlier| earlier.levels.clone())
     }
 
     /// Refuses a state estimate of another size or with numbers that are not finite.
@@ -320,7 +340,7 @@ fn update_settings(c: &Config) -> UpdateSettings {
             patience_s: c.gate_patience_s,
             strict_patience_s: magnetic::PATIENCE_S.max(c.gate_patience_s),
         },
-        learning: Learning { memory_s: c.learning_memory_s.unwrap_or(f64::INFINITY) },
+        learning: Learning { memory_s: c.learning_memory_s.unwrap_or(f64::INFINITY), adapts: true },
     }
 }
 

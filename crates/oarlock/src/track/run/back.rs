@@ -1,5 +1,6 @@
 //! Smooths a run backwards from its checkpoints.
 
+use super::super::earlier_pass::{Course, EarlierPass};
 use super::super::{diverged, Tracker};
 use super::{Progress, Run};
 use crate::error::{Error, Result};
@@ -11,17 +12,52 @@ impl Run {
     /// Rauch-Tung-Striebel smoother. Filters again between the checkpoints, from the last to the first, so that only
     /// one stretch at a time is in memory.
     pub fn smooth(&self, progress: Progress) -> Result<Run> {
+        self.iterated(1, progress)
+    }
+
+    /// As `into_iterated`, beside the filtered estimates.
+    pub fn iterated(&self, iterations: usize, progress: Progress) -> Result<Run> {
         self.check_smoothable()?;
         let series = self.series.blank();
-        Run { checkpoints: self.checkpoints.clone(), ..self.with(series) }.into_smooth(progress)
+        Run { checkpoints: self.checkpoints.clone(), ..self.with(series) }.into_iterated(iterations, progress)
     }
 
     /// Smooths in place of the filtered estimates, which takes half the memory.
-    pub fn into_smooth(mut self, progress: Progress) -> Result<Run> {
+    pub fn into_smooth(self, progress: Progress) -> Result<Run> {
+        self.back(&mut |_| {}, progress)
+    }
+
+    /// Smooths `iterations` times. Each time after the first, the recording is filtered again with readings linearised
+    /// about the smoothed states (Bell 1994) and with the average noise that the first pass learnt.
+    pub fn into_iterated(self, iterations: usize, progress: Progress) -> Result<Run> {
+        self.check_smoothable()?;
+        let (mut run, all) = (self, iterations as f64);
+        for done in 1..iterations {
+            run = run.relinearised(&mut |share| progress((done as f64 - 1.0 + share) / all))?;
+        }
+        run.into_smooth(&mut |share| progress((all - 1.0 + share) / all))
+    }
+
+    /// Smooths, and filters again about the smoothed states.
+    fn relinearised(self, progress: Progress) -> Result<Run> {
+        let (mut next, mut course) = (self.unfiltered(), Course::default());
+        let Some(levels) = self.tracker.levels().or_else(|| self.noise.levels()) else {
+            // A single sample.
+            return Ok(self);
+        };
+        self.back(&mut |belief| course.precede(belief), &mut |share| progress(0.5 * share))?;
+        next.tracker.follow(EarlierPass { course, levels });
+        next.filter(&mut |share| progress(0.5 * (1.0 + share)))?;
+        Ok(next)
+    }
+
+    /// `smoothed` receives the smoothed states from the last to the first.
+    fn back(mut self, smoothed: &mut dyn FnMut(&Belief), progress: Progress) -> Result<Run> {
         self.check_smoothable()?;
         let Some(mut next) = self.last.as_ref().map(|known| known.belief.clone()) else {
             return Err(Error::Data("nothing was tracked: nothing to smooth".into()));
         };
+        smoothed(&next);
         let mut tracker = self.tracker.clone();
         let (mut smoother, mut stretch) = (Smoother::new(tracker.body().layout.dim()), Stretch::default());
         let (all, mut doubt) = (self.checkpoints.len(), Vec::new());
@@ -38,6 +74,7 @@ impl Run {
                     self.write_smoothed(row, belief, &doubt);
                 }
                 std::mem::swap(&mut next, belief);
+                smoothed(&next);
             }
             self.checkpoints[k].known.replace(&next);
             if !progress(1.0 - k as f64 / all as f64) {
