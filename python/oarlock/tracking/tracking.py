@@ -175,7 +175,7 @@ def smooth(track: Track, *, iterations: int = 1, progress: Progress | None = Non
     run = track.run.smooth(iterations, ROOM_TO_GIVE_BYTES, progress)
     provenance = dict(track.provenance) | {
         "smoothing_wall_s": time.perf_counter() - began,
-        "smoothing_iterations": iterations,
+        **({"smoothing_iterations": iterations} if iterations > 1 else {}),
     }
     # Smoothing can determine joints that the filter alone does not, so the notes of the run are made again.
     others = [note for note in notes_without_hinges(track) if note not in filtered_notes]
