@@ -155,13 +155,14 @@ def smooth(track: Track, *, iterations: int = 1, progress: Progress | None = Non
     Args:
         track: a result of `track`.
         iterations: how often to smooth. Each time after the first, the recording is filtered again: readings are
-            linearised about the smoothed estimates instead of the predicted ones (iterated smoother, Bell 1994), and the
-            noise is the average that the first pass learnt instead of following the moment. It helps where a heading
-            follows from movement alone; 2 or 3 are enough. Each costs as much as tracking and smoothing with `ekf`.
+            linearised about the smoothed estimates instead of the predicted ones (iterated smoother, Bell 1994), and
+            the noise is the average that the first pass learnt. It helps where a heading follows from movement alone;
+            2 or 3 are enough. Each costs as much as tracking and smoothing with `ekf`.
         progress: called regularly with the share done, 0 to 1.
 
     Raises:
-        DataError: `iterations` is below 1, the track is already smoothed, or was read from a folder (which contains no samples).
+        DataError: `iterations` is below 1, the track is already smoothed, or was read from a folder (which contains
+            no samples).
     """
     if track.run is None or track.model is None:
         raise DataError(
