@@ -19,7 +19,7 @@ export PYO3_PYTHON := $(CURDIR)/$(BIN)/python
 
 RUST_SOURCES := Cargo.toml Cargo.lock $(wildcard crates/*/Cargo.toml) $(shell find crates/*/src -name '*.rs')
 
-.PHONY: help demo test test-all test-long fuzz bench bench-others bench-page soak pages player pictures lint format docs validation lock clean
+.PHONY: help demo test test-all test-long fuzz bench bench-others bench-page bench-live soak pages player pictures lint format docs validation lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -62,11 +62,16 @@ bench-others: $(VENV)/.package $(VENV)/.bench ## measure this machine beside fil
 bench-page: ## put the table of the last `make bench` into docs/performance.md
 	$(BIN)/python -m bench --page docs/performance.md
 
-# Rates of the devices in the session without waiting are halved, so that it ends within two hours on an idle core.
+LIVE_RUNS ?= 3
+bench-live: $(VENV)/.package $(VENV)/.dev ## time a live session from packet to estimate to painted figure, and put the table into docs/live.md
+	$(BIN)/python -m bench.live.latency --runs $(LIVE_RUNS)
+	$(BIN)/python -m bench.live.latency --page docs/live.md
+
+# Rates in the session without waiting are low, so that ten hours end within one.
 SOAK_MINUTES ?= 60
 SOAK_HOURS ?= 10
 soak: $(VENV)/.package ## run live sessions with devices that misbehave: SOAK_MINUTES (60) in true time, SOAK_HOURS (10) without waiting
-	$(BIN)/python -m bench.live --minutes 0 --hours $(SOAK_HOURS) --rate-hz 50
+	$(BIN)/python -m bench.live --minutes 0 --hours $(SOAK_HOURS) --rate-hz 10
 	$(BIN)/python -m bench.live --minutes $(SOAK_MINUTES) --hours 0 --rate-hz 100
 
 # `make pages PAGES=status` measures one of them, SEEDS=1 a shorter study of faults, SETS=broad one set of the validation.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from typing import Any
 
@@ -23,12 +24,15 @@ COLUMNS = (
 
 def measured() -> dict[str, Any]:
     """Runs every kind by every transport, twice: about a quarter of an hour."""
-    return {"rows": rows()}
+    found = rows()
+    return {"rows": found, "load": os.getloadavg()[0], "nice": os.nice(0)}
 
 
 def sections(record: Record) -> Mapping[str, Mapping[str, str]]:
     """The section of docs/live.md."""
-    made = f"{made_text(record)}; `make pages PAGES=emulated` measures it anew."
+    busy = f"on two cores that {record['load']:.0f} programs wanted"
+    busy += ", at a raised priority" if record["nice"] < 0 else ""
+    made = f"{made_text(record)}, {busy}; `make pages PAGES=emulated` measures it anew."
     found = table(COLUMNS, [_line(row) for row in record["rows"]])
     return {"docs/live.md": {"emulated": f"{found}\n\n{made}"}}
 

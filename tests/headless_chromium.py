@@ -27,6 +27,15 @@ def driver_of_chromium(not_tried: str) -> Iterator[Any]:
 
 
 @contextmanager
+def chromium(not_tried: str) -> Iterator[Any]:
+    """A browser that draws in software."""
+    with driver_of_chromium(not_tried) as driver:
+        launched = driver.launch(executable_path=CHROMIUM, args=SOFTWARE, timeout=HANGS_MS)
+        yield launched
+        launched.close()
+
+
+@contextmanager
 def quiet_tabs(browser: Any, expected: tuple[str, ...]) -> Iterator[Opened]:
     """Opens files without a network; whatever else than `expected` the console says fails the test."""
     contexts, complaints = [], []

@@ -1,9 +1,20 @@
 """`oarlock emulate` as a user types it."""
 
+import subprocess
+import sys
+
+import pytest
+
+import oarlock
 from command_line import run
+from oarlock import Recording, ScalarStream
+from oarlock.cli.emulate import _write_rig
+from oarlock.live.decoders import DECODERS
+from oarlock.live.emulators.emulated import Emulated
 from oarlock.live.emulators.kinds import KINDS
 from oarlock.live.emulators.swinging import swinging
 from oarlock.live.rig import Rig
+from oarlock.live.transports import opened
 from oarlock.live.transports.udp import free_port
 
 
@@ -31,6 +42,31 @@ def test_a_recording_is_sent_once(pendulum, tmp_path):
         "upper:0:1",
     )
     assert "sends to" in run("emulate", "lines", *words).stdout
+
+
+@pytest.mark.parametrize("name", [name for name, kind in KINDS.items() if not kind.streams])
+def test_a_kind_that_feeds_no_sensor_gets_a_rig_without_streams(tmp_path, name):
+    emulated = KINDS[name].emulated(Emulated(Recording([ScalarStream("time", [0.0, 0.3], [0.0, 0.3])])))
+    _write_rig(KINDS[name], emulated, "arm", tmp_path / "rig.toml", False)
+    found = Rig.load(tmp_path / "rig.toml")
+    [source] = found.sources.values()
+    assert not found.feeds and source.transport == KINDS[name].transports[0]
+    assert source.transport in DECODERS[source.format].transports
+    opened(source)
+
+
+def test_a_session_of_a_gps_receiver_records_its_speed(tmp_path):
+    rig, port = tmp_path / "rig.toml", free_port()
+    said = run("emulate", "nmea", "--port", port, "--rig", rig, "--seconds", "0.1").stdout
+    assert "feeds no sensor of a body" in " ".join(said.split())
+    device = subprocess.Popen([sys.executable, "-m", "oarlock", "emulate", "nmea", "--port", str(port)])
+    try:
+        said = run("live", "run", rig, "--out", tmp_path / "today", "--no-page", "--seconds", "6").stdout
+    finally:
+        device.terminate()
+        device.wait()
+    assert "nothing was tracked" in said and "estimates" not in said and "live doctor" not in said
+    assert len(oarlock.live.channels(tmp_path / "today")["gps"].time_s) > 0
 
 
 def test_all_kinds_are_listed():

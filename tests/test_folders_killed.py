@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 import oarlock
-from headless_chromium import CHROMIUM, HANGS_MS, SOFTWARE, driver_of_chromium, quiet_tabs
+from headless_chromium import chromium, quiet_tabs
 from oarlock.report import write_report
 from oarlock.report.viewer import page, scene
 from oarlock.storage.folder_writer import read_manifest
@@ -241,14 +241,11 @@ def hostile_pages(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 
 def test_hostile_pages_run_nothing(hostile_pages: list[Path]) -> None:
-    with driver_of_chromium("HOSTILE PAGES WERE NOT OPENED") as driver:
-        browser = driver.launch(executable_path=CHROMIUM, args=SOFTWARE, timeout=HANGS_MS)
-        with quiet_tabs(browser, ("GPU stall",)) as open_:
-            for file in hostile_pages:
-                tab = open_(file)
-                tab.wait_for_timeout(500)
-                assert tab.evaluate("window.ran") is None, file.name
-                assert tab.locator("iframe, a[href^='javascript'], a[href^='http'], img[src=x]").count() == 0
-                wide = tab.evaluate("document.documentElement.scrollWidth - window.innerWidth")
-                assert wide <= 1, f"{file.name} is {wide} px wider than the window"
-        browser.close()
+    with chromium("HOSTILE PAGES WERE NOT OPENED") as browser, quiet_tabs(browser, ("GPU stall",)) as open_:
+        for file in hostile_pages:
+            tab = open_(file)
+            tab.wait_for_timeout(500)
+            assert tab.evaluate("window.ran") is None, file.name
+            assert tab.locator("iframe, a[href^='javascript'], a[href^='http'], img[src=x]").count() == 0
+            wide = tab.evaluate("document.documentElement.scrollWidth - window.innerWidth")
+            assert wide <= 1, f"{file.name} is {wide} px wider than the window"

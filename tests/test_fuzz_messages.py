@@ -12,6 +12,7 @@ from fuzz_wounds import byte_wounds, wounded_bytes
 from oarlock.live.decoders import DECODERS
 from oarlock.live.decoders.lsl import HEADER, SAMPLES
 from oarlock.live.decoders.ximu3_announcement import announcement
+from wire_streams import assert_sound
 
 PM5 = [
     "0031",
@@ -76,14 +77,6 @@ LSL_XML = (
 LSL_ROW = struct.pack("<5d", 12.5, 1.0, 2.0, 3.0, 250.0)
 ANNOUNCED = {"name": "back", "sn": "65577B49", "ip": "10.0.0.7", "port": 7000, "send": 8000, "receive": 9000}
 ANNOUNCEMENT = json.dumps({**ANNOUNCED, "rssi": 64, "battery": 87, "status": 0}).encode()
-
-
-def assert_sound(readings):
-    for reading in readings:
-        assert reading.clock_s is None or math.isfinite(reading.clock_s)
-        for value in reading.values.values():
-            numbers = value if isinstance(value, tuple) else () if isinstance(value, str) else (value,)
-            assert all(map(math.isfinite, numbers))
 
 
 @pytest.mark.parametrize(("name", "channel", "message", "value", "expected"), NEXT)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import oarlock
-from headless_chromium import CHROMIUM, HANGS_MS, SOFTWARE, Opened, driver_of_chromium, quiet_tabs
+from headless_chromium import Opened, chromium, quiet_tabs
 from oarlock.rowing.analysis.technique import technique
 from oarlock.rowing.report.write import write_rowing_report
 from rowed_truth import rowed
@@ -38,10 +38,8 @@ def report(track: oarlock.Track, tmp_path_factory: pytest.TempPathFactory) -> Pa
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
-    with driver_of_chromium(NOT_TRIED) as driver:
-        launched = driver.launch(executable_path=CHROMIUM, args=SOFTWARE, timeout=HANGS_MS)
+    with chromium(NOT_TRIED) as launched:
         yield launched
-        launched.close()
 
 
 @pytest.fixture

@@ -1,6 +1,7 @@
 """Whole messages of each wire format of worn units, for tests that cut them, damage them, or put rubbish between."""
 
 import json
+import math
 import struct
 from dataclasses import dataclass
 
@@ -106,3 +107,12 @@ DATAGRAMS = (
 def label(wire):
     """For names of tests."""
     return f"{wire.name}-{wire.transport}-{len(wire.messages[0])}"
+
+
+def assert_sound(readings):
+    """Readings are finite, whatever the bytes were."""
+    for reading in readings:
+        assert reading.clock_s is None or math.isfinite(reading.clock_s)
+        for value in reading.values.values():
+            numbers = value if isinstance(value, tuple) else () if isinstance(value, str) else (value,)
+            assert all(map(math.isfinite, numbers))

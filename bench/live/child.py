@@ -20,7 +20,7 @@ from typing import Any
 
 from bench.live.misbehaving import sent
 from bench.live.virtual import VirtualTime, VirtualUdp
-from oarlock import Belief, Model, load_model
+from oarlock import Belief, Calibration, Model, load_model
 from oarlock.live.emulators.rig import LINES, lines_rig
 from oarlock.live.live import Live
 from oarlock.live.page import page_server
@@ -68,14 +68,18 @@ class Noted:
     strokes: StrokeFollower | None = None
 
     @property
-    def work(self) -> Callable[[Any], Mapping[str, Any] | None]:
+    def work(self) -> Callable[[Any, Calibration | None], Mapping[str, Any] | None]:
         """Of the other follower."""
-        return dict if self.strokes is None else self.strokes.work
+        return no_message if self.strokes is None else self.strokes.work
 
     def step(self, time_s: float, belief: Belief) -> object | None:
         """What the other follower has to do."""
         self.digest.put(time_s, belief)
         return None if self.strokes is None else self.strokes.step(time_s, belief)
+
+
+def no_message(task: object, calibration: Calibration | None) -> None:
+    """The work of a follower that finds nothing."""
 
 
 def pictured(model: Model) -> LivePicture:
@@ -94,7 +98,7 @@ def made(model: Model, folder: Path, rate_hz: float, port: int) -> Live:
 
 
 def made_virtual(model: Model, folder: Path, rate_hz: float, seconds: float) -> tuple[Live, VirtualUdp]:
-    """A session that waits for nothing. Strokes and ties of clocks are left out: their processes could not keep up."""
+    """A session that waits for nothing. What other processes do is left out: they could not keep up."""
     time = VirtualTime()
     source = VirtualUdp(LINES, time, sent(model, seconds, rate_hz))
     rig = lines_rig(model, "sculler", 1, rate_hz, STREAMS)
@@ -103,6 +107,7 @@ def made_virtual(model: Model, folder: Path, rate_hz: float, seconds: float) -> 
         *(rig, model, folder),
         picture=pictured(model),
         follower=Noted(Digest()),
+        is_placement_watched=False,
         time=time,
         transport_of=lambda _: source,
     )

@@ -18,6 +18,7 @@ from bench.live.loopback import (
     LATE_S,
     PERFECT,
     START_NS,
+    TRACKED_FROM_S,
     WAIT_S,
     Compared,
     angles_of,
@@ -38,9 +39,11 @@ from oarlock.live.folder import LiveFolder
 from oarlock.live.live import Live
 from oarlock.live.reading import Packet
 from oarlock.live.rig import Rig
-from oarlock.live.session import LiveSession
+from oarlock.live.session import COMMANDS, LiveSession, command, recorded
 from oarlock.live.transports import opened
 
+LONG_WAIT_S = 5.0
+"""Estimates wait so long: what a busy machine delivers late is used all the same."""
 ON_THE_WAY_S = 0.3
 """After all is sent."""
 PATIENCE_S = 300.0
@@ -73,20 +76,25 @@ class InTime:
 
     Args:
         angles: the live track beside the offline track of the same readings without faults.
-        clocks_s: largest difference of a device's clock from the mean of all, over the compared time.
+        clocks_s: largest difference of a device's clock from the mean of all, at any time.
         virtual_clocks_s: the same where every message arrives when it is due: what the faults alone do.
-        fastest_deg_s: of the movement.
+        fastest_deg_s: how fast a link turns at most: the angles of all joints before it add up.
+        lost: readings that this machine lost.
     """
 
     angles: Compared
     clocks_s: float
     virtual_clocks_s: float
     fastest_deg_s: float
+    lost: int
 
     @property
     def machine_deg(self):
-        """By how much an angle may be wrong because this machine delivered late all that could tell the clocks."""
-        return self.fastest_deg_s * max(self.clocks_s - self.virtual_clocks_s, 0.0)
+        """By how much an angle may be wrong because this machine delivered late all that could tell the clocks.
+
+        An angle is that between two links, whose clocks may be off in opposite directions.
+        """
+        return 2.0 * self.fastest_deg_s * max(self.clocks_s - self.virtual_clocks_s, 0.0)
 
 
 def free_ports(count):
@@ -136,12 +144,20 @@ async def run_for_real(kind, emulated, model, folder):
         await live.started.wait()
     emulating = asyncio.create_task(emulate(told))
     await asyncio.wait([emulating, running], return_when=asyncio.FIRST_COMPLETED)
-    await asyncio.sleep(ON_THE_WAY_S)
+    await _all_taken(live)
     for task in (emulating, running):
         task.cancel()
     await asyncio.gather(emulating, running, return_exceptions=True)
     place = LiveFolder.load(folder)
     return Ran(list(place.read()), place.start_ns, model, kind, emulated, rig)
+
+
+async def _all_taken(live):
+    """Waits until nothing more arrives: a busy session has a queue."""
+    before = -1
+    while (taken := sum(device.readings for device in live.session.intake.devices.values())) != before:
+        before = taken
+        await asyncio.sleep(ON_THE_WAY_S)
 
 
 def _by_wire(kind):
@@ -191,7 +207,7 @@ def _by_bluetooth(kind):
     return transport_of, emulate
 
 
-def compared_in_time(ran, truth, wait_s=WAIT_S):
+def compared_in_time(ran, truth, wait_s=LONG_WAIT_S):
     """The live track of what was received beside the offline track of what was measured.
 
     The offline track has the readings later by as much as the session's clocks have them in the mean: that is the way
@@ -202,13 +218,19 @@ def compared_in_time(ran, truth, wait_s=WAIT_S):
         truth: of the movement.
         wait_s: how long estimates wait for late readings.
     """
-    begins_s = (ran.packets[0].arrival_ns - ran.start_ns) / 1e9 + COMPARED_FROM_S
+    heard = [packet for packet in ran.packets if packet.source != COMMANDS]
+    # A session on a busy machine may begin to track late.
+    track = command(heard[0].arrival_ns + round(1e9 * TRACKED_FROM_S), "track")
+    stop = command(heard[-1].arrival_ns + 1, "stop")
+    packets = sorted([*heard, track, stop], key=lambda packet: packet.arrival_ns)
+    begins_s = (heard[0].arrival_ns - ran.start_ns) / 1e9 + COMPARED_FROM_S
     session = LiveSession(replace(ran.rig, wait_s=wait_s), ran.model, ran.start_ns)
-    estimates, late_s = _tracked(session, ran, ran.packets, begins_s)
+    estimates, late_s = _tracked(session, ran, packets)
     assert not session.problems and estimates
-    mean_s, clocks_s = _spread(late_s)
+    mean_s, clocks_s = _spread(late_s, begins_s)
     carried = ran.kind.device.wiring(ran.emulated).values
-    measured = as_received(ran.emulated.recording, carried, mean_s).slice(start_s=session.from_s)
+    carried_on = as_received(ran.emulated.recording, carried, mean_s)
+    measured, lost = _arrived(ran, carried_on, session.from_s)
     whole = oarlock.track(ran.model, measured, config=session.config)
     live, offline = angles_of(ran.model, estimates), track_angles(ran.model, whole)
     true = track_angles(ran.model, truth, mean_s)
@@ -216,36 +238,59 @@ def compared_in_time(ran, truth, wait_s=WAIT_S):
     assert len(time_s) > 100
     told, expected, right = (angles.at(time_s) for angles in (live, offline, true))
     found = Compared(float(np.abs(told - expected).max()), rms(told - right), rms(expected - right), session)
-    fastest_deg_s = float(np.abs(np.gradient(true.deg, true.time_s, axis=0)).max())
-    return InTime(found, clocks_s, _clocks_without_a_machine_s(ran), fastest_deg_s)
+    fastest_deg_s = float(np.abs(np.gradient(true.deg, true.time_s, axis=0)).sum(axis=1).max())
+    return InTime(found, clocks_s, _clocks_without_a_machine_s(ran), fastest_deg_s, lost)
 
 
-def _tracked(session, ran, packets, from_s):
-    """Estimates, and for each device by how much its clock was late at each packet from a time on, s."""
+def _arrived(ran, measured, from_s):
+    """Where devices lose nothing, what the session tracked from a time on. And how many readings this machine lost.
+
+    It begins with the very readings with which the session began: a track remembers its first sample for seconds.
+    """
+    if ran.emulated.faults.loss:
+        return measured.slice(start_s=from_s), 0
+    came, streams, lost = recorded(ran.packets, ran.rig, ran.start_ns), [], 0
+    for stream in measured.streams:
+        time_s = np.concatenate([[-np.inf], came[stream.name].time_s, [np.inf]])
+        after = np.searchsorted(time_s, stream.time_s)
+        is_next = time_s[after] - stream.time_s < stream.time_s - time_s[after - 1]
+        nearest_s = time_s[np.where(is_next, after, after - 1)]
+        has_come = np.abs(nearest_s - stream.time_s) < 0.5 / stream.rate_hz
+        lost += int((~has_come).sum())
+        kept = has_come & (nearest_s >= from_s)
+        streams.append(stream.at_rows(kept, stream.time_s[kept]))
+    return oarlock.Recording(streams), lost
+
+
+def _tracked(session, ran, packets):
+    """Estimates, and for each device when a packet came and by how much its clock was late then, s."""
     on_time = replace(PERFECT, drift_ppm=ran.emulated.faults.drift_ppm)
     known, _ = lived(ran.kind, replace(ran.emulated, faults=on_time), ran.model)
     estimates, late_s = [], {}
     for packet in packets:
         estimates += session.take(packet)
-        if session.intake.seconds(packet.arrival_ns) >= from_s:
-            for key, device in session.intake.devices.items():
-                if device.streams and device.clock.offset_s is not None:
-                    true_s = known.intake.devices[key].clock.offset_s - LATE_S
-                    late_s.setdefault(key, []).append(device.clock.offset_s - true_s)
-    return estimates, late_s
+        arrival_s = session.intake.seconds(packet.arrival_ns)
+        for key, device in session.intake.devices.items():
+            if device.streams and device.clock.offset_s is not None:
+                true_s = known.intake.devices[key].clock.offset_s - LATE_S
+                late_s.setdefault(key, []).append((arrival_s, device.clock.offset_s - true_s))
+    return estimates, {key: np.array(values) for key, values in late_s.items()}
 
 
-def _spread(late_s):
-    """The mean of all clocks, and the largest difference from it, s."""
-    mean_s = float(np.mean([np.mean(values) for values in late_s.values()]))
-    return mean_s, max(float(np.abs(np.array(values) - mean_s).max()) for values in late_s.values())
+def _spread(late_s, from_s):
+    """The mean of all clocks from a time on, and the largest difference from it at any time, s.
+
+    What a clock was wrong by at the start has a part in later angles, by the biases that were learnt with it.
+    """
+    mean_s = float(np.mean([values[values[:, 0] >= from_s, 1].mean() for values in late_s.values()]))
+    return mean_s, max(float(np.abs(values[:, 1] - mean_s).max()) for values in late_s.values())
 
 
 def _clocks_without_a_machine_s(ran):
     """The error of clocks where every message arrives when it is due."""
     session = LiveSession(ran.rig, ran.model, START_NS)
-    _, late_s = _tracked(session, ran, packets_of(ran.kind, ran.emulated), COMPARED_FROM_S)
-    return _spread(late_s)[1]
+    _, late_s = _tracked(session, ran, packets_of(ran.kind, ran.emulated))
+    return _spread(late_s, COMPARED_FROM_S)[1]
 
 
 WAYS = [(name, transport) for name, kind in KINDS.items() if kind.streams for transport in kind.transports]
@@ -270,12 +315,13 @@ def _row(pendulum, name, transport):
             "live_deg": one.angles.live_deg,
             "offline_deg": one.angles.offline_deg,
             "clocks_ms": 1e3 * one.clocks_s,
+            "lost": one.lost,
         }
     print(name, transport, found, flush=True)
     return {"kind": name, "transport": transport, "rate_hz": KINDS[name].rate_hz, **found}
 
 
-def run_and_compare(pendulum, name, transport, faults, folder, wait_s=WAIT_S):
+def run_and_compare(pendulum, name, transport, faults, folder):
     """One kind by one transport.
 
     Args:
@@ -284,9 +330,8 @@ def run_and_compare(pendulum, name, transport, faults, folder, wait_s=WAIT_S):
         transport: that it uses.
         faults: of its devices.
         folder: empty, for the session.
-        wait_s: how long estimates wait for late readings.
     """
     model, truth, recording = moved(pendulum, name, folder)
     kind, emulated = emulated_by(name, recording, faults, place=place_of(transport, folder))
     running = run_for_real(kind, emulated, model, folder / "today")
-    return compared_in_time(asyncio.run(asyncio.wait_for(running, PATIENCE_S)), truth, wait_s)
+    return compared_in_time(asyncio.run(asyncio.wait_for(running, PATIENCE_S)), truth)

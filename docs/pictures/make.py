@@ -2,6 +2,7 @@
 
     python docs/pictures/make.py                 # runs the demo first
     python docs/pictures/make.py --demo out/demo # uses the folder of an earlier demo
+    python docs/pictures/make.py --live          # only that of the live page
 
 It needs playwright (`pip install playwright`) and a Chromium in the path.
 """
@@ -34,13 +35,20 @@ PARTS = {
 """Parts of the page by the picture that they become."""
 CURVES_PX = 1040
 """Height of the picture of the curves: three rows."""
+LIVE_S = 25.0
+"""The live page has then run for a while."""
 
 
 def main() -> None:
     """Writes the pictures beside this file."""
     asked = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     asked.add_argument("--demo", type=Path, help="folder of a demo; else one is run")
-    folder = asked.parse_args().demo
+    asked.add_argument("--live", action="store_true", help="only the picture of the live page")
+    given = asked.parse_args()
+    if given.live:
+        print(f"wrote {take_live()}")
+        return
+    folder = given.demo
     with tempfile.TemporaryDirectory() as spare:
         report = (folder or run_demo(Path(spare) / "demo")) / "sculler" / "smoother" / "report.html"
         for picture in take(report):
@@ -51,6 +59,18 @@ def run_demo(out: Path) -> Path:
     """The demo's folder."""
     subprocess.run([sys.executable, "-m", "oarlock", "demo", "--out", str(out)], check=True)
     return out
+
+
+@contextmanager
+def demo(out: Path) -> Iterator[str]:
+    """The address of a live session with emulated sensors."""
+    words = [sys.executable, "-u", "-m", "oarlock", "live", "demo", "--port", "0", "--out", str(out)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as running:
+        assert running.stdout is not None
+        try:
+            yield next(line.strip() for line in running.stdout if line.startswith("http"))
+        finally:
+            running.terminate()
 
 
 def take(report: Path) -> Iterator[Path]:
@@ -68,6 +88,20 @@ def take(report: Path) -> Iterator[Path]:
         page = opened(browser, report, PHONE)
         page.screenshot(path=HERE / "report-phone.png")
         yield HERE / "report-phone.png"
+
+
+def take_live() -> Path:
+    """The live page at a desk's width, when its curves are full and strokes are there."""
+    with (
+        tempfile.TemporaryDirectory() as spare,
+        demo(Path(spare) / "session") as url,
+        chromium() as browser,
+    ):
+        page = browser.new_page(viewport={"width": WIDE[0], "height": WIDE[1]}, color_scheme="light")
+        page.goto(url)
+        page.wait_for_timeout(1e3 * LIVE_S)
+        page.screenshot(path=HERE / "live.png")
+    return HERE / "live.png"
 
 
 def opened(browser: Any, report: Path, size: tuple[int, int]) -> Any:

@@ -26,7 +26,10 @@ PACE = Pace(countdown_s=1.0, seconds={"turn": 40.0, "pose": 4.0, "move": 11.5})
 
 
 class GuidedSession:
-    """Runs until it is left; the newest estimates are kept."""
+    """Runs until it is left; the beliefs are kept."""
+
+    work = dict
+    """It follows the session, as one that looks for strokes does, and has no work."""
 
     def __init__(self, model, folder, seed=3):
         self.sculler = GuidedSculler(model, seed=seed, rate_hz=RATE_HZ)
@@ -35,14 +38,14 @@ class GuidedSession:
         drawn = live_look(model)
         picture = LivePicture.of(model, drawn.look, drawn.strands)
         self.guide = Guide(oarlock.default_plan(model), PACE)
-        self.estimates = []
-        self.live = Live(rig, model, folder, picture=picture, lead=Lead(self.guide), outputs=[self])
+        self.beliefs = []
+        self.live = Live(rig, model, folder, picture=picture, lead=Lead(self.guide), follower=self)
         self.server, self.port = page_server(self.live, title="Guided sculler"), port
         self.ready, self.ended = threading.Event(), Future()
         self.thread = threading.Thread(target=self._run, daemon=True)
 
-    def put(self, estimate):
-        self.estimates.append(estimate)
+    def step(self, time_s, belief):
+        self.beliefs.append(belief)
 
     @property
     def url(self):
@@ -73,7 +76,10 @@ class GuidedSession:
     async def _lived(self):
         self.loop, self.running = asyncio.get_running_loop(), asyncio.current_task()
         session = asyncio.create_task(self.live.run())
-        await self.live.started.wait()
+        begun = asyncio.create_task(self.live.started.wait())
+        await asyncio.wait({session, begun}, return_when=asyncio.FIRST_COMPLETED)
+        if session.done():
+            session.result()
         self.ready.set()
         sending = asyncio.create_task(send_guided(self.sculler, self.port, self._asked))
         try:

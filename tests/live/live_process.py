@@ -17,9 +17,11 @@ from oarlock.live.client import socket_address
 from oarlock.live.emulators.rig import lines_rig
 from oarlock.live.rig import rig_document
 from oarlock.live.transports.udp import free_port
-from oarlock.rowing.simulation.emulated import RATE_HZ, STREAMS
+from oarlock.rowing.simulation.emulated import STREAMS
 from oarlock.storage.toml import write_toml
 
+RATE_HZ = 25.0
+"""Low, so that a busy machine keeps up."""
 HANGS_S = 300.0
 ENVIRONMENT = {**os.environ, "PYTHONUNBUFFERED": "1", "COLUMNS": "200"}
 
@@ -28,7 +30,18 @@ class LiveProcess:
     """A session; `said` has what it printed."""
 
     def __init__(self, rig, out, *options):
-        words = [sys.executable, "-m", "oarlock", "live", "run", str(rig), "--out", str(out), *options]
+        words = [
+            sys.executable,
+            "-m",
+            "oarlock",
+            "live",
+            "run",
+            str(rig),
+            "--out",
+            str(out),
+            "--no-guide",
+            *options,
+        ]
         pipe = subprocess.PIPE
         self.process = subprocess.Popen(
             words, stdout=pipe, stderr=pipe, text=True, env=ENVIRONMENT, start_new_session=True
@@ -93,7 +106,7 @@ def rowing_units(model, folder):
     """The rig of units that send; its file."""
     port = free_port()
     write_toml(folder / "rig.toml", rig_document(lines_rig(model, "sculler", port, RATE_HZ, STREAMS)))
-    words = [sys.executable, "-m", "oarlock.rowing.simulation.emulated", str(port)]
+    words = [sys.executable, "-m", "oarlock.rowing.simulation.emulated", str(port), str(RATE_HZ)]
     emulator = subprocess.Popen(words, stdout=subprocess.PIPE)
     try:
         emulator.stdout.readline()
@@ -106,4 +119,4 @@ def rowing_units(model, folder):
 
 def page(url, **keys):
     """A connection like that of the page."""
-    return connect(socket_address(url), compression=None, **keys)
+    return connect(socket_address(url), compression=None, open_timeout=HANGS_S, **keys)

@@ -10,7 +10,7 @@ from guided_session import GuidedSession
 from scipy.spatial.transform import Rotation
 
 import oarlock
-from headless_chromium import CHROMIUM, HANGS_MS, SOFTWARE, driver_of_chromium
+from headless_chromium import HANGS_MS, chromium
 from oarlock.live.folder import CALIBRATION, PLAN, RECORDING, LiveFolder
 
 pytestmark = pytest.mark.long
@@ -82,8 +82,7 @@ def lead(laptop, phone, session):
 
 def test_an_emulated_sculler_is_led_to_a_calibrated_track(sculler, tmp_path):
     folder = tmp_path / "today"
-    with driver_of_chromium(NOT_TRIED) as driver, GuidedSession(sculler, folder) as session:
-        browser = driver.launch(executable_path=CHROMIUM, args=SOFTWARE, timeout=HANGS_MS)
+    with chromium(NOT_TRIED) as browser, GuidedSession(sculler, folder) as session:
         with tab_of(browser, session, (1280, 860)) as laptop, tab_of(browser, session, (390, 844)) as phone:
             assert not laptop.evaluate("() => oarlock.live.health?.is_tracking")
             laptop.locator(".ol-guide-units li.ol-good").nth(4).wait_for()
@@ -101,10 +100,9 @@ def test_an_emulated_sculler_is_led_to_a_calibrated_track(sculler, tmp_path):
             laptop.locator(".ol-canvas canvas").wait_for()
             assert not laptop.locator(".ol-guide").is_visible()
             for _ in range(HANGS_MS // 50):
-                if len(session.estimates) > 200:
+                if len(session.beliefs) > 200:
                     break
                 time.sleep(0.05)
-        browser.close()
         session.end()
     assert {one.step.name for one in session.guide.progress if one.span_s} == set(tried)
     check(sculler, folder, session)
@@ -123,8 +121,8 @@ def check(model, folder, session):
         np.testing.assert_array_equal(live.mounts[name][0], rotation)
     again = place.session(model)
     estimates = [one for packet in place.read() for one in again.take(packet)]
-    assert len(estimates) == len(session.estimates) > 200
-    np.testing.assert_array_equal(estimates[-1].belief.mean, session.estimates[-1].belief.mean)
+    assert len(estimates) == len(session.beliefs) > 200
+    np.testing.assert_array_equal(estimates[-1].belief.mean, session.beliefs[-1].mean)
     part = recording.slice(start_s=again.from_s)
     whole = oarlock.track(model, part, calibration=live, config=again.config)
-    np.testing.assert_array_equal(whole.last_belief.mean, session.estimates[-1].belief.mean)
+    np.testing.assert_array_equal(whole.last_belief.mean, session.beliefs[-1].mean)

@@ -59,7 +59,7 @@ class Led:
         rig = rig_of(model, recording, wait_s=0.05)
         self.place = LiveFolder.create(folder, rig, None, START_NS, trial.plan)
         self.session, self.rows = LiveSession(rig, model, START_NS), Rows(rig)
-        self.session.listener = self.rows.add
+        self.session.listeners.append(self.rows.add)
         self.recorder = Recorder(self.place.packets)
         moves = {s.name for s in trial.plan.steps if s.kind == "move"}
         self.plan = timed(

@@ -167,3 +167,12 @@ def test_a_port_that_is_taken_is_refused_by_name():
             await second.start()
 
     served(work)
+
+
+def test_the_address_for_others_has_their_way_here_and_the_token():
+    async def work(server):
+        return server.url, server.url_at("192.168.1.5"), server.port
+
+    (here, there, port), _ = served(work, host="0.0.0.0", token="a&b")
+    assert here == f"http://127.0.0.1:{port}/?token=a%26b"
+    assert there == f"http://192.168.1.5:{port}/?token=a%26b"

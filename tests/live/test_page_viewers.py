@@ -12,7 +12,7 @@ from page_tabs import opened, until
 from senders import with_test_format
 
 import oarlock
-from headless_chromium import CHROMIUM, HANGS_MS, SOFTWARE, driver_of_chromium
+from headless_chromium import chromium
 
 pytestmark = pytest.mark.long
 
@@ -36,10 +36,8 @@ window.AudioContext = class {
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
-    with driver_of_chromium(NOT_TRIED) as driver:
-        launched = driver.launch(executable_path=CHROMIUM, args=SOFTWARE, timeout=HANGS_MS)
+    with chromium(NOT_TRIED) as launched:
         yield launched
-        launched.close()
 
 
 @pytest.fixture

@@ -79,7 +79,17 @@ def senders(sculler):
         yield running
 
 
-def killed(senders, folder, alive_s):
+def begins(content):
+    """Where pages of packets begin."""
+    return [at for at in range(len(content)) if content.startswith(b"OARP", at)]
+
+
+def pages(folder):
+    """How many pages a session has written."""
+    return sum(len(begins(file.read_bytes())) for file in (folder / "today" / "packets").iterdir())
+
+
+def killed(senders, folder, alive_s, least_pages=0):
     """A session that is killed so long after its first estimate; the estimates that had reached another program."""
     rig = lines_rig(senders.model, "sculler", senders.port, RATE_HZ, STREAMS)
     write_toml(folder / "rig.toml", rig_document(rig))
@@ -93,7 +103,7 @@ def killed(senders, folder, alive_s):
         with subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as child:
             lines = [listener.recv(1 << 16)]
             ends_s = time.monotonic() + alive_s
-            while time.monotonic() < ends_s:
+            while time.monotonic() < ends_s or (least_pages and pages(folder) < least_pages):
                 lines.append(listener.recv(1 << 16))
             child.send_signal(signal.SIGKILL)
             child.wait()
@@ -117,7 +127,7 @@ def check(senders, folder, estimates):
     arrivals_s = [(p.arrival_ns - place.start_ns) / 1e9 for p in packets]
     # Each estimate names the arrival of a reading that the session therefore had.
     had_s = max(one["arrival_s"] for one in estimates)
-    last_s = max(arrivals_s)
+    last_s = max(arrivals_s, default=0.0)
     paused_s = senders.paused_s(place.start_ns + int(1e9 * (had_s - 3.0)))
     assert had_s - last_s <= LOST_S + paused_s
     assert all(d.at_byte + d.length == d.file.stat().st_size for d in damage)
@@ -167,25 +177,28 @@ def test_a_killed_session_loses_the_last_second_at_most(senders, tmp_path, momen
         estimates = killed(senders, folder, float(alive_s))
         session, again, counts, known = check(senders, folder, estimates)
         compared += known
-        assert "Wrote" in run("live", "recover", folder / "today").stdout
-        check_recording(senders, folder, session, again, counts)
-    # After a kill in the first half second no estimate's readings need be on the disk.
+        said = run("live", "recover", folder / "today").stdout
+        if session.intake.devices:
+            assert "Wrote" in said
+            check_recording(senders, folder, session, again, counts)
+        else:
+            assert "there is no recording" in " ".join(said.split())
+    # After a kill in the first half second no estimate's readings need be on the disk, nor any reading.
     assert compared > 0
 
 
 def test_a_torn_page_and_a_flipped_byte_are_reported_and_the_rest_is_read(senders, tmp_path):
-    killed(senders, tmp_path, 2.0)
+    killed(senders, tmp_path, 2.0, least_pages=5)
     (file,) = (tmp_path / "today" / "packets").iterdir()
     content = bytearray(file.read_bytes())
-    begins = [at for at in range(len(content)) if content.startswith(b"OARP", at)]
-    assert len(begins) >= 4
+    at_byte = begins(content)
     whole = list(LiveFolder.load(tmp_path / "today").read())
-    content[(begins[1] + begins[2]) // 2] ^= 0x10
-    file.write_bytes(content[: (begins[-1] + len(content)) // 2])
+    content[(at_byte[1] + at_byte[2]) // 2] ^= 0x10
+    file.write_bytes(content[: (at_byte[-1] + len(content)) // 2])
     os.sync()
     damage = []
     kept = list(LiveFolder.load(tmp_path / "today").read(damage))
-    assert [one.at_byte for one in damage] == [begins[1], begins[-1]]
+    assert [one.at_byte for one in damage] == [at_byte[1], at_byte[-1]]
     at = next(k for k, (a, b) in enumerate(itertools.zip_longest(whole, kept)) if a != b)
     # Two pages are missing: one within, one at the end.
     left = len(kept) - at
@@ -193,5 +206,5 @@ def test_a_torn_page_and_a_flipped_byte_are_reported_and_the_rest_is_read(sender
         whole[k : k + left] == kept[at:] for k in range(at, len(whole) - left + 1)
     )
     told = json.loads(run("live", "recover", tmp_path / "today", "--json").stdout)
-    assert [one["at_byte"] for one in told["damage"]] == [begins[1], begins[-1]]
+    assert [one["at_byte"] for one in told["damage"]] == [at_byte[1], at_byte[-1]]
     assert oarlock.load_recording(tmp_path / "today" / "recording").names

@@ -12,6 +12,24 @@ from oarlock.live.transports.transport import Options
 from oarlock.live.transports.udp import _SO_TIMESTAMPNS, Udp, free_port
 
 
+@pytest.fixture
+def stamping():
+    """A kernel that stamps datagrams: it begins a moment after the first socket asked for it, or later."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as own:
+        own.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
+        own.bind(("127.0.0.1", 0))
+        is_stamped = False
+        while not is_stamped:
+            own.sendto(b"x", own.getsockname())
+            sent_ns = time.time_ns()
+            time.sleep(0.01)
+            ((_, _, stamp),) = own.recvmsg(1, 100)[1]
+            seconds, nanoseconds = struct.unpack("@ll", stamp)
+            is_stamped = seconds * 10**9 + nanoseconds <= sent_ns
+        yield
+
+
+@pytest.mark.usefixtures("stamping")
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux says when it received a datagram")
 def test_a_busy_program_delays_no_stamp():
     async def work():

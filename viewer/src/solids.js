@@ -1,12 +1,11 @@
 // The figure's solids in space: limbs, joints, loops, strands, carried shapes and ellipsoids.
 
-import { BufferAttribute, BufferGeometry, CircleGeometry, CylinderGeometry, Group, Matrix4, Mesh, MeshLambertMaterial, Quaternion, SphereGeometry, Vector3 } from "three";
+import { BufferAttribute, BufferGeometry, CylinderGeometry, Group, Matrix4, Mesh, MeshLambertMaterial, Quaternion, SphereGeometry, Vector3 } from "three";
 
 import { coloured } from "./palette.js";
 
-/** What a figure is made of: shapes of limbs, joints and ground, and their surface. */
-export const FINE = {
-  ground: (reach) => new CircleGeometry(reach, 64),
+/** What a figure is made of: shapes of limbs and joints, and their surface. */
+const FINE = {
   rod: new CylinderGeometry(1, 1, 1, 16, 1, true).translate(0, 0.5, 0),
   ball: new SphereGeometry(1, 20, 14),
   material: (look) => new MeshLambertMaterial(look),

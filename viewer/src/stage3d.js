@@ -1,16 +1,15 @@
 // The picture in space, drawn by three.js.
 
-import { AmbientLight, BufferAttribute, BufferGeometry, Color, DirectionalLight, Fog, HemisphereLight, LineBasicMaterial, LineSegments, Mesh, PCFShadowMap, PerspectiveCamera, Quaternion, Scene, Vector3, WebGLRenderer } from "three";
+import { AmbientLight, BufferAttribute, BufferGeometry, CircleGeometry, Color, DirectionalLight, Fog, HemisphereLight, LineBasicMaterial, LineSegments, Mesh, MeshLambertMaterial, PCFShadowMap, PerspectiveCamera, Quaternion, Scene, Vector3, WebGLRenderer } from "three";
 
-import { FINE, Solids } from "./solids.js";
+import { groundLines, groundReach } from "./ground.js";
+import { Solids } from "./solids.js";
 
-const REACH = 14;
 const SHADOW_PX = 1024;
 
 export class SpaceStage {
   /** Throws where the browser has no WebGL. `isQuick` leaves out shadows, smooth edges and a copy for print. */
-  constructor(canvas, view, figure, ghost, isQuick = false, stuff = FINE) {
-    this.stuff = stuff;
+  constructor(canvas, view, figure, ghost, isQuick = false) {
     this.renderer = new WebGLRenderer({ canvas, antialias: !isQuick, preserveDrawingBuffer: !isQuick, powerPreference: "low-power" });
     this.renderer.shadowMap.enabled = !isQuick;
     this.renderer.shadowMap.type = PCFShadowMap;
@@ -29,9 +28,9 @@ export class SpaceStage {
     this.clear();
     this.world = new Scene();
     this.world.background = new Color(colours.sky);
-    this.solids = new Solids(this.figure, radius_m, colours, false, this.stuff);
+    this.solids = new Solids(this.figure, radius_m, colours);
     this.world.add(this.solids.group);
-    this.ghostSolids = this.ghost && new Solids(this.ghost, radius_m, colours, true, this.stuff);
+    this.ghostSolids = this.ghost && new Solids(this.ghost, radius_m, colours, true);
     if (this.ghostSolids) this.world.add(this.ghostSolids.group);
     this.addLights();
     this.addGround();
@@ -66,10 +65,10 @@ export class SpaceStage {
   }
 
   addGround() {
-    const { camera, bounds, ground, colours, radius_m } = this.view;
-    const reach = REACH * Math.max(...bounds.half);
+    const { camera, bounds, ground, colours } = this.view;
+    const reach = groundReach(this.view);
     const water = ground.kind === "water";
-    const plane = new Mesh(this.stuff.ground(reach), this.stuff.material({ color: water ? colours.water : colours.ground, transparent: water, opacity: water ? 0.82 : 1 }));
+    const plane = new Mesh(new CircleGeometry(reach, 64), new MeshLambertMaterial({ color: water ? colours.water : colours.ground, transparent: water, opacity: water ? 0.82 : 1 }));
     plane.receiveShadow = true;
     const up = new Vector3().fromArray(camera.up);
     const level = new Vector3().fromArray(bounds.centre);
@@ -77,28 +76,9 @@ export class SpaceStage {
     const tilt = new Quaternion().setFromUnitVectors(new Vector3(0, 0, 1), up);
     plane.position.copy(level);
     plane.quaternion.copy(tilt);
-    const lines = new LineSegments(this.gridGeometry(reach), new LineBasicMaterial({ color: water ? colours.wave : colours.grid }));
-    lines.position.copy(level).addScaledVector(up, 0.02 * radius_m + 0.001);
+    const lines = new LineSegments(new BufferGeometry().setAttribute("position", new BufferAttribute(groundLines(this.view, reach), 3)), new LineBasicMaterial({ color: water ? colours.wave : colours.grid }));
     this.world.add(plane, lines);
     this.world.fog = new Fog(colours.sky, 1, 2);
-  }
-
-  /** Lines half a metre apart where the figure is that large; a power of ten finer where it is smaller. */
-  gridGeometry(reach) {
-    const { camera, ground, bounds } = this.view;
-    const step = ground.step_m;
-    const count = Math.min(60, Math.floor(reach / step));
-    const forward = new Vector3().fromArray(camera.forward);
-    const left = new Vector3().fromArray(camera.left);
-    const offset = (axis) => Math.round(axis.dot(new Vector3().fromArray(bounds.centre)) / step) * step - axis.dot(new Vector3().fromArray(bounds.centre));
-    const [f0, l0] = [offset(forward), offset(left)];
-    const ends = [];
-    const at = (f, l) => new Vector3().addScaledVector(forward, f).addScaledVector(left, l).toArray();
-    for (let k = -count; k <= count; k++) {
-      ends.push(...at(f0 + k * step, l0 - count * step), ...at(f0 + k * step, l0 + count * step));
-      ends.push(...at(f0 - count * step, l0 + k * step), ...at(f0 + count * step, l0 + k * step));
-    }
-    return new BufferGeometry().setAttribute("position", new BufferAttribute(new Float32Array(ends), 3));
   }
 
   resize(width, height, ratio) {

@@ -163,11 +163,15 @@ def _write_rig(kind: Kind, emulated: Emulated, model: str, file: Path, force: bo
     from oarlock.live.rig import rig_document
     from oarlock.storage.toml import write_toml
 
-    if not kind.streams:
-        raise UsageError(f"--rig: {kind.name} measures no movement, so it feeds no sensor of a body")
     if file.exists() and not force:
         raise UsageError(f"{file} exists; --force replaces it")
-    write_toml(file, rig_document(rig_of(kind, emulated, oarlock.load_model(model), model)))
+    found = rig_of(kind, emulated, oarlock.load_model(model), model)
+    write_toml(file, rig_document(found))
+    if not found.feeds:
+        say(
+            f"{kind.name} feeds no sensor of a body: a session with this rig shows and records what it sends. To track "
+            f"a body at the same time, add the sources and streams of its sensors to {file}."
+        )
     steps(f"oarlock live run {file} --out today")
 
 

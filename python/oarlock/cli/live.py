@@ -17,7 +17,7 @@ import typer
 from oarlock.cli import live_doctor, live_init, live_scan, live_track
 from oarlock.cli.body import Pose
 from oarlock.cli.options import Json, example
-from oarlock.cli.terminal import print_json, say, steps, verb
+from oarlock.cli.terminal import print_json, say, steps, table, verb
 
 if TYPE_CHECKING:
     from oarlock import Calibration, Model
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from oarlock.live.live import Live
     from oarlock.live.outputs.table import Outputs
     from oarlock.live.rig import Rig
+    from oarlock.live.server import PageServer
     from oarlock.rowing import StrokeFollower
 
 _AWAITED_S = 5.0
@@ -114,7 +115,7 @@ def run(
     calibration = None if found.calibration is None else oarlock.load_calibration(found.calibration)
     model = oarlock.load_model(found.model)
     live = _session(found, model, calibration, out, wanted)
-    if not (no_guide or no_page):
+    if not (no_guide or no_page) and found.feeds:
         live.lead = _lead(model, calibration, plan, pose)
     _run(live, port, share, no_page, seconds)
 
@@ -150,7 +151,7 @@ def demo(
     if guided:
         _run_guided(live, sent_to, port, share, seconds)
         return
-    words = [sys.executable, "-m", "oarlock.rowing.simulation.emulated", str(sent_to)]
+    words = [sys.executable, "-m", "oarlock.rowing.simulation.emulated", str(sent_to), str(RATE_HZ)]
     emulator = subprocess.Popen(words, stdout=subprocess.PIPE)
     assert emulator.stdout is not None
     try:
@@ -221,7 +222,7 @@ def _session(
     from oarlock.live.picture import LivePicture
     from oarlock.rowing import live_look
 
-    follower, drawn = _strokes(model, calibration), live_look(model)
+    follower, drawn = _strokes(model), live_look(model)
     picture = LivePicture.of(model) if drawn is None else LivePicture.of(model, drawn.look, drawn.strands)
     live = Live(rig, model, out, calibration, picture=picture, follower=follower, on_event=say)
     live.outputs = outputs_of(model, rig.rate_hz, rig.outputs, *([wanted] if wanted else []))
@@ -252,6 +253,9 @@ def _write_end(live: Live, out: Path) -> None:
     """Says what was written, and what to do with it."""
     from oarlock.live.folder import RECORDING, RIG
 
+    if not live.rig.feeds:
+        _say_channels(out)
+        return
     say(f"{live.estimates:,} estimates")
     say(f"Wrote {out}")
     recording, check = out / RECORDING, f"oarlock live doctor {out / RIG}"
@@ -269,13 +273,27 @@ def _write_end(live: Live, out: Path) -> None:
     steps(f"{check}    why they are silent", best)
 
 
-def _strokes(model: Model, calibration: Calibration | None) -> StrokeFollower | None:
+def _say_channels(out: Path) -> None:
+    """The end of a session whose rig feeds no sensor."""
+    from oarlock.live.channel_tables import FOLDER, channels
+    from oarlock.live.folder import RIG
+
+    say(f"Wrote {out}. Its rig feeds no sensor of the model, so nothing was tracked.")
+    if not (out / FOLDER).is_dir():
+        steps(f"oarlock live doctor {out / RIG}    why nothing came")
+        return
+    rows = [(name, len(one.time_s)) for name, one in sorted(channels(out).items())]
+    table(("channel", ">rows"), rows)
+    say(f"{out / FOLDER} has them as Parquet; in Python: oarlock.live.channels({str(out)!r})")
+
+
+def _strokes(model: Model) -> StrokeFollower | None:
     """What finds strokes; None for a body that does not row."""
     from oarlock import DataError
     from oarlock.rowing import StrokeFollower
 
     with suppress(DataError):
-        return StrokeFollower(model, calibration)
+        return StrokeFollower(model)
     return None
 
 
@@ -293,13 +311,28 @@ async def _until_stopped(
     await asyncio.wait([running, started], return_when=asyncio.FIRST_COMPLETED)
     started.cancel()
     if live.server is not None and not running.done():
-        say(live.server.url)
+        _say_addresses(live.server)
     waiting = asyncio.ensure_future(_say_who_is_awaited(live))
     with suppress(asyncio.CancelledError):
         await running
     waiting.cancel()
     if other is not None:
         other.cancel()
+
+
+def _say_addresses(server: PageServer) -> None:
+    """Where the page is: on this machine, and for others if it is shared."""
+    from oarlock.live.doctor.network import own_address
+
+    say(server.url)
+    if not server.token:
+        return
+    address = own_address()
+    if address is None:
+        say("This machine has no network, so phones and other laptops cannot open the page.")
+    else:
+        say("On phones and laptops of the same network:")
+        say(server.url_at(address))
 
 
 async def _say_who_is_awaited(live: Live) -> None:

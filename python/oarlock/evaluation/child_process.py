@@ -6,7 +6,13 @@ import multiprocessing
 import os
 import signal
 import threading
+from concurrent.futures import ProcessPoolExecutor
 from multiprocessing.connection import wait
+
+
+def child_pool() -> ProcessPoolExecutor:
+    """Another process, which leaves Ctrl-C to this one and ends with it."""
+    return ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), begin_child)
 
 
 def begin_child() -> None:

@@ -21,6 +21,7 @@ from oarlock.live.recorder import Damage, read_packets
 from oarlock.live.rig import Rig, rig_document
 from oarlock.live.session import COMMANDS, LiveSession, recorded
 from oarlock.recording.calibration import load_calibration, parsed_calibration
+from oarlock.storage.epoch import epoch_text
 from oarlock.storage.errors import DataError
 from oarlock.storage.folder_writer import replaced_folder
 from oarlock.storage.toml import TomlTable, write_toml
@@ -116,6 +117,11 @@ class LiveFolder:
         return cls(path, table.integer("start_ns", 0), table.number("start_epoch_s", 0.0))
 
     @property
+    def epoch(self) -> str | None:
+        """The session's start as ISO text in UTC, by this machine's clock then; None if the folder does not say."""
+        return epoch_text(round(1e9 * self.start_epoch_s), "utc") if self.start_epoch_s else None
+
+    @property
     def packets(self) -> Path:
         """The folder of the packets."""
         return self.path / PACKETS
@@ -147,7 +153,7 @@ class LiveFolder:
         made: Recording | None = None
         with suppress(DataError):
             packets = guided.passing(self.read(damage))
-            made = recorded(packets, self.rig(model), self.start_ns, others.take)
+            made = recorded(packets, self.rig(model), self.start_ns, others.take, self.epoch)
         if others:
             others.save(self.path / CHANNELS)
         if made is not None:

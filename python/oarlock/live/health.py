@@ -11,6 +11,7 @@ from oarlock.live.intake import Device, Intake
 from oarlock.live.reading import Value
 from oarlock.live.recorder import Recorder
 from oarlock.live.session import LiveSession
+from oarlock.live.silent_devices import SilentDevices
 from oarlock.live.transports.transport import Transport
 from oarlock.live.transports.udp import Udp
 
@@ -40,6 +41,9 @@ class Watch:
     _feeding: dict[str, Device] = field(default_factory=dict)
     _told: dict[str, tuple[float, int]] = field(default_factory=dict)
     _dropped: dict[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._others = SilentDevices(self.intake)
 
     def events(self, now_s: float) -> Iterator[str]:
         """Sentences about what has changed since the last look."""
@@ -74,6 +78,7 @@ class Watch:
             if device.clock.restarts > self._restarts.get(key, 0):
                 yield f"the clock of {device.name} was set or started again; its readings are timed anew"
         self._restarts = restarts
+        yield from self._others.events(now_s)
         yield from self._left_out(now_s)
         yield from self._overrun()
 

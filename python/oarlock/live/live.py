@@ -10,11 +10,10 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from itertools import count
-from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from oarlock.evaluation.child_process import begin_child
+from oarlock.evaluation.child_process import child_pool
 from oarlock.live.event_log import EventLog
 from oarlock.live.folder import LiveFolder
 from oarlock.live.frame import frame_of
@@ -27,6 +26,7 @@ from oarlock.live.recorder import Recorder
 from oarlock.live.rig import Rig, Source
 from oarlock.live.server import PageServer
 from oarlock.live.session import Estimate, LiveSession, command
+from oarlock.live.swaps.swaps import Swaps, swapping
 from oarlock.live.ties import Look, Ties, looked
 from oarlock.live.time_source import MACHINE_TIME, TimeSource
 from oarlock.live.transports import opened
@@ -43,7 +43,7 @@ LOOK_S = 0.25
 """A sensor that fails is named within a second."""
 LOOKS = 2
 """So many looks from one message of health to the next."""
-DOINGS = ("track", "stop", "note", "assign", "guide")
+DOINGS = ("track", "stop", "note", "assign", "swap", "guide")
 """What a viewer may ask for."""
 
 
@@ -51,8 +51,11 @@ class Follower(Protocol):
     """Recognises something in the estimates as they come."""
 
     @property
-    def work(self) -> Callable[[Any], Mapping[str, Any] | None]:
-        """Makes a message, with the key `type`, of what `step` returned. It runs in another process."""
+    def work(self) -> Callable[[Any, Calibration | None], Mapping[str, Any] | None]:
+        """Makes a message, with the key `type`, of what `step` returned, in another process.
+
+        Its second argument is the calibration that serves: a guided start replaces it.
+        """
 
     def step(self, time_s: float, belief: Belief) -> object | None:
         """What is to be worked on, if an estimate completes something; quick, because the tracker waits."""
@@ -73,7 +76,8 @@ class Live:
         follower: makes messages of what it recognises in the estimates, such as repetitions; None without.
         lead: leads through a calibration session before tracking; None without. It needs the server.
         is_tracked_at_once: track without a command, as soon as all streams have been heard and their clocks settled
-            and no guided start is open.
+            and no guided start is open. A rig without streams has nothing to track.
+        is_placement_watched: look for units in each other's place, in another process.
         on_event: gets each event as a sentence; the folder's log has them, too.
         time: true time, unless the session is simulated.
         transport_of: opens a source.
@@ -89,6 +93,7 @@ class Live:
     follower: Follower | None = None
     lead: Lead | None = None
     is_tracked_at_once: bool = True
+    is_placement_watched: bool = True
     on_event: Callable[[str], None] = lambda text: None
     time: TimeSource = MACHINE_TIME
     transport_of: Callable[[Source], Transport] = opened
@@ -109,8 +114,10 @@ class Live:
         self.transports = {name: self.transport_of(source) for name, source in self.rig.sources.items()}
         self._watch, self._problems = Watch(self.session.intake, self.transports), Problems()
         self._named = NamedAngles(self.model)
+        self.is_tracked_at_once &= bool(self.rig.feeds)
         self._ties = Ties(self.session.intake) if self.rig.ties_clocks else None
         self._ties_pool: ProcessPoolExecutor | None = None
+        self._swaps = Swaps(self.session, self._tell, self.time) if self.is_placement_watched else None
         self._newest: Estimate | None = None
         self._working: set[asyncio.Task[None]] = set()
         self._followed = 0
@@ -132,7 +139,7 @@ class Live:
         self._recorder, self._log = Recorder(place.packets), EventLog(place.path)
         for output in self.outputs:
             output.start(Start(place.start_ns, place.start_epoch_s))
-        self._pool = None if self.follower is None and self.lead is None else _pool()
+        self._pool = None if self.follower is None and self.lead is None else child_pool()
         if self._pool is not None and self.follower is not None:
             # The process starts and imports now, so that the first repetition is not late.
             self._pool.submit(_imported, self.follower.work)
@@ -204,6 +211,8 @@ class Live:
             )
         if told["do"] == "track" and self.lead is not None:
             self.lead.press("leave")
+        if told["do"] == "swap":
+            return self._swap(told.get("streams"))
         keys = {str(k): v for k, v in told.items() if k != "do"}
         before = self.session.refused
         self.deliver(command(self.time.now_ns(), told["do"], **keys))
@@ -212,9 +221,25 @@ class Live:
         self._tell(_carried_out(told["do"], keys))
         return None
 
+    def _swap(self, streams: object) -> str | None:
+        """Exchanges the devices of two streams; what is tracked begins again, because its posture was wrong."""
+        now_ns, pair = self.time.now_ns(), streams if isinstance(streams, list) else []
+        try:
+            packets = swapping(self.session, [str(one) for one in pair], now_ns)
+        except DataError as error:
+            return str(error)
+        if self.session.tracker is not None:
+            packets += [command(now_ns, "stop"), command(now_ns, "track")]
+        for packet in packets:
+            self.deliver(packet)
+        self._tell(f"{' and '.join(pair)} were exchanged")
+        return None
+
     async def _until_ended(self, seconds: float | None) -> None:
         tasks = [asyncio.create_task(t.run(self.deliver)) for t in self.transports.values()]
         tasks.append(asyncio.create_task(self._look_after()))
+        if self._swaps is not None:
+            tasks.append(asyncio.create_task(self._swaps.run()))
         if self.lead is not None:
             tasks.append(asyncio.create_task(self.lead.run()))
         await asyncio.sleep(0.0)
@@ -248,7 +273,9 @@ class Live:
             if self.server is not None and look % LOOKS == 0:
                 free = _free_bytes(self.folder)
                 told = health(self.session, self.transports, self._recorder, free, now_s)
-                self.server.publish({**told, "outputs": [output.health() for output in self.outputs]})
+                swapped = [] if self._swaps is None else list(self._swaps.verdicts.named)
+                outputs = [output.health() for output in self.outputs]
+                self.server.publish({**told, "swapped": swapped, "outputs": outputs})
 
     def _problems_now(self) -> dict[str, str]:
         """What is wrong with recorder, sources and outputs: empty for those that work, absent for those that try."""
@@ -277,7 +304,7 @@ class Live:
         look = self._ties.look(now_s, self.session.calibration)
         if look is not None:
             if self._ties_pool is None:
-                self._ties_pool = _pool()
+                self._ties_pool = child_pool()
             self._keep(self._tied(self._ties, look, self._ties_pool))
 
     async def _tied(self, ties: Ties, look: Look, pool: ProcessPoolExecutor) -> None:
@@ -298,7 +325,7 @@ class Live:
     async def _work(self, follower: Follower, task: object) -> None:
         loop = asyncio.get_running_loop()
         try:
-            message = await loop.run_in_executor(self._pool, follower.work, task)
+            message = await loop.run_in_executor(self._pool, follower.work, task, self.session.calibration)
         except (BrokenProcessPool, RuntimeError) as error:
             self._pool = None
             self._tell(f"it is no longer followed what is repeated: {error}")
@@ -327,11 +354,6 @@ class Live:
         self._published_s = now_s
         self.server.publish(frame_of(self._newest, self.model, self.picture, self._named))
         self._newest = None
-
-
-def _pool() -> ProcessPoolExecutor:
-    """Another process, which leaves Ctrl-C to this one and ends with it."""
-    return ProcessPoolExecutor(1, get_context("spawn"), begin_child)
 
 
 def _imported(work: object) -> None:

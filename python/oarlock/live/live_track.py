@@ -46,7 +46,7 @@ def live_track(folder: LiveFolder, model: Model, progress: Progress = lambda sha
     for estimate in _repeated(folder, session, progress):
         from_s = session.from_s if from_s is None else from_s
         rows.add(estimate)
-    recording = recorded(folder.read(), folder.rig(model), folder.start_ns)
+    recording = recorded(folder.read(), folder.rig(model), folder.start_ns, epoch=folder.epoch)
     if from_s is None:
         raise DataError(
             f"{folder.path}: the session was not tracked, so it has no estimates. Its recording can be: "

@@ -21,13 +21,15 @@ import pyarrow as pa
 from oarlock.live.reading import Packet
 from oarlock.storage.errors import DataError
 
-PAGE_S = 0.5
+PAGE_S = 0.25
 """A page is written and synced this often."""
 FILE_BYTES = 256 << 20
 """A file that is longer is closed, and the next one begun."""
 HELD_BYTES = 64 << 20
 """So much waits in memory while the disk is full; what comes then is lost and counted."""
 SUFFIX = ".packets"
+SYNC = getattr(os, "fdatasync", os.fsync)
+"""macOS has no fdatasync."""
 _MAGIC, _HEAD = b"OARP", struct.Struct("<4sII")
 _SCHEMA = pa.schema(
     [
@@ -124,7 +126,7 @@ def _append(file: IO[bytes], page: bytes) -> None:
         rest = memoryview(page)
         while rest:
             rest = rest[file.write(rest) :]
-        getattr(os, "fdatasync", os.fsync)(file.fileno())
+        SYNC(file.fileno())
     except OSError:
         file.seek(at)
         file.truncate()

@@ -35,6 +35,10 @@ LONGEST_CLOSE_S = 1.0
 MOST_TOLD = 1000
 MOST_KEPT = 200
 """Announcements that a viewer gets who comes later."""
+_NO_TOKEN = (
+    b"This address lacks the token of the session.\n"
+    b"Use the whole address that the session printed when it started, from http to the last letter behind ?token=\n"
+)
 _SECURITY = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
     "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
@@ -150,8 +154,11 @@ class PageServer:
 
     @property
     def url(self) -> str:
-        """The page's address."""
-        host = "127.0.0.1" if self.host in ("", "0.0.0.0") else self.host
+        """The page's address on this machine."""
+        return self.url_at("127.0.0.1" if self.host in ("", "0.0.0.0") else self.host)
+
+    def url_at(self, host: str) -> str:
+        """The page's address by a name or an address of this machine."""
         return f"http://{host}:{self.port}/" + (f"?token={quote(self.token, safe='')}" if self.token else "")
 
     def publish(self, message: Mapping[str, Any]) -> None:
@@ -173,9 +180,7 @@ class PageServer:
         parts = urlsplit(request.path)
         if not self._may_enter(parts.query):
             self.refused += 1
-            return _response(
-                HTTPStatus.FORBIDDEN, "text/plain", b"This address lacks the token of the session.\n"
-            )
+            return _response(HTTPStatus.FORBIDDEN, "text/plain", _NO_TOKEN)
         if not self._is_named(request.headers.get("Host", "")):
             self.refused += 1
             return _response(

@@ -20,6 +20,7 @@ from oarlock.live.reading import Decoder, Packet
 from oarlock.live.rig import Rig, Source
 from oarlock.live.rows import Rows
 from oarlock.recording.calibration import parsed_calibration
+from oarlock.recording.epoch import CLOCK_KEY
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
 
@@ -104,8 +105,8 @@ class LiveSession:
     """The last commands that could not be carried out, and why."""
     refused: int = field(init=False, default=0)
     """How many could not."""
-    listener: Callable[[list[Sampled]], None] | None = field(init=False, default=None)
-    """Gets all readings, too; it decides no estimate."""
+    listeners: list[Callable[[list[Sampled]], None]] = field(init=False, default_factory=list)
+    """Get all readings, too; they decide no estimate."""
 
     def __post_init__(self) -> None:
         self.config = live_config(self.rig, self.model)
@@ -116,8 +117,8 @@ class LiveSession:
         if packet.source == COMMANDS:
             return self._carry_out(packet)
         sampled = self.intake.take(packet)
-        if self.listener is not None:
-            self.listener(sampled)
+        for listener in self.listeners:
+            listener(sampled)
         return [] if self.tracker is None else self._estimates(sampled)
 
     def _estimates(self, sampled: Iterable[Sampled]) -> list[Estimate]:
@@ -168,6 +169,7 @@ def recorded(
     rig: Rig,
     start_ns: int,
     keep: Callable[[Spare], None] = lambda spare: None,
+    epoch: str | None = None,
 ) -> oarlock.Recording:
     """The readings of the model's sensors in a session's packets, as a recording.
 
@@ -176,13 +178,15 @@ def recorded(
         rig: which device feeds which stream.
         start_ns: the session's start by the clock of arrivals.
         keep: gets what feeds no sensor.
+        epoch: the moment of the start as ISO text; None if it is not known.
 
     Raises:
         DataError: no packet has a reading of a sensor.
     """
     intake, rows = Intake(rig, start_ns, _new_decoder, keep), Rows(rig)
     rows.add(_all_sampled(packets, intake))
-    return rows.recording(_mag_scales(intake))
+    clock = {CLOCK_KEY: {"kind": "utc", "zero": epoch}} if epoch else {}
+    return rows.recording({**_mag_scales(intake), **clock})
 
 
 def _new_decoder(source: Source) -> Decoder:

@@ -129,6 +129,8 @@ export class App {
     const heard = new Set(health.devices.flatMap((device) => device.streams));
     const [silent, awaited] = [true, false].map((isHeard) => health.silent.filter((name) => heard.has(name) === isHeard).join(", "));
     this.bar.alarm("silent", silent && `Silent: ${silent}. Check battery and radio, or exchange the unit.`);
+    const swapped = (health.swapped ?? []).join(" and ");
+    this.bar.alarm("swapped", swapped && `${swapped} are swapped. Exchange the units on the body, or press the button beside the sensors.`);
     this.bar.alarm("awaited", awaited && `Not heard yet: ${awaited}. Switch these units on.`, "odd");
     this.bar.alarm("recorder", health.recorder.problem ? `The recorder has a problem: ${health.recorder.problem}` : "");
   }
@@ -141,6 +143,7 @@ export class App {
     const isTracking = Boolean(this.health?.is_tracking);
     const isStale = !isOpen || (Number.isFinite(age_s) && age_s > STALE_S);
     this.root.classList.toggle("ol-stale", isStale);
+    this.root.classList.toggle("ol-lost", !isOpen);
     this.bar.tell({ isOpen, isTracking, isStale: isStale || !this.frame });
     this.bar.tellAge(isStale ? age_s : (this.age?.age_s ?? NaN), this.skipped, isOpen ? "" : nextTry(this.link));
     this.bar.alarm("link", isOpen ? "" : LOST);

@@ -60,8 +60,8 @@ export class Bar {
 
   tellAge(age_s, skipped, next) {
     const age = !Number.isFinite(age_s) ? "no figure yet" : age_s < 1 ? `figure ${Math.round(1000 * age_s)} ms old` : `figure ${ago(age_s)} old`;
-    this.age.textContent = [age, next || (skipped && `${skipped} skipped`)].filter(Boolean).join(", ");
-    this.age.title = "Age of the shown figure, from the arrival of its last reading. Skipped: messages that newer ones replaced.";
+    this.age.textContent = [age, next].filter(Boolean).join(", ");
+    this.age.title = `Age of the shown figure, from the arrival of its last reading. Newer figures replaced ${skipped} that this browser had no time for.`;
   }
 
   /** What is wrong now; an empty text takes it away. Only what changes is written, so that readers aloud say it once. */

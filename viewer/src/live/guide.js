@@ -117,7 +117,7 @@ export class Guide {
     const own = steps[at];
     if (problem) lines.push(problem);
     if (isStep && phase === "ready" && own?.outcome === "redo") lines.push(`Not yet: ${own.sentence}`);
-    if (exchanged.length && phase === "ready") lines.push(`${exchanged.join(" and ")} sit in each other's place. Exchange them on the body and press back to the first step, or keep them as they are:`);
+    if (exchanged.length && phase === "ready") lines.push(`${exchanged.join(" and ")} sit in each other's place. Exchange them on the body and repeat the steps from the first one, or leave them there and press this button:`);
     lines.push(...doubts);
     const text = lines.join("\n");
     if (this.resultText !== text) this.result.replaceChildren(...lines.map((line) => element("p", { class: "ol-alarm", text: line })));

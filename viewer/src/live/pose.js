@@ -10,7 +10,7 @@ import { viewOf } from "./stage.js";
 const PERIOD_S = 2.2;
 const CORNER = [-1, 0.3, 0.8];
 /** The box around a person has empty corners. */
-const ZOOM = 1.35;
+const ZOOM = 1.55;
 /** Whoever wants no movement sees where the first swing ends. */
 const STILL = matchMedia("(prefers-reduced-motion: reduce)");
 const BODY = ["body", "seat"];

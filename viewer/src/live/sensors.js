@@ -32,8 +32,10 @@ export class Sensors {
     this.device = choice("is now unit", [], () => {});
     this.apply = button("Use this unit", () => this.exchange(), { class: "ol-button" });
     this.exchanger = element("details", { class: "ol-chooser" }, element("summary", { text: "Exchange a unit" }), element("p", { class: "ol-hint", text: "Switch the new unit on. It appears in the list when it is heard." }), element("div", { class: "ol-fields" }, this.stream.field, this.device.field, this.apply));
+    this.swap = button("", () => this.order({ do: "swap", streams: this.pair }), { class: "ol-button ol-swap", label: "Exchange the two swapped units in the session" });
+    this.swap.hidden = true;
     this.channels = new Channels();
-    this.root = element("section", { class: "ol-card", "aria-labelledby": "ol-sensors" }, element("div", { class: "ol-head" }, element("h2", { id: "ol-sensors", text: "Sensors" }), this.summary, this.calibrate), table, this.channels.root, this.exchanger, this.recorder, this.arrivals);
+    this.root = element("section", { class: "ol-card", "aria-labelledby": "ol-sensors" }, element("div", { class: "ol-head" }, element("h2", { id: "ol-sensors", text: "Sensors" }), this.summary, this.calibrate), this.swap, table, this.channels.root, this.exchanger, this.recorder, this.arrivals);
   }
 
   exchange() {
@@ -50,10 +52,18 @@ export class Sensors {
     for (const [name, { root }] of this.rows) if (!shown.some((row) => row.name === name)) root.remove(), this.rows.delete(name);
     const missing = health.silent.length;
     this.summary.textContent = missing ? `${rows.length - missing} of ${rows.length} send` : `all ${rows.length} send`;
+    this.offerSwap(health.swapped ?? []);
     this.channels.take(health.devices);
     this.offer([...spare, ...used]);
     this.tellRecorder(health.recorder);
     this.tellArrivals(health);
+  }
+
+  /** Two units that sit in each other's place can be exchanged with one press. */
+  offerSwap(pair) {
+    this.pair = pair;
+    this.swap.hidden = pair.length !== 2;
+    write(this.swap, pair.length === 2 ? `Exchange ${pair.join(" and ")} in the session` : "");
   }
 
   /** The units to choose from: unused ones first; the coach's choice stays. */
@@ -121,7 +131,8 @@ function numbersOf(device) {
     [`${decimals(delay_ms, 0)} ms`, delay_ms > LATE_MS],
     [`${decimals(drift_ppm, 0)} ppm`],
     battery_percent === null ? ["–"] : [`${decimals(battery_percent, 0)} %`, battery_percent < LOW_PERCENT],
-    [name || source],
+    // a line may break behind the address
+    [(name || source).replaceAll("/", "/\u200b")],
   ];
 }
 

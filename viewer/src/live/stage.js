@@ -5,10 +5,9 @@ import { button, element } from "../dom.js";
 import { Labels } from "../labels.js";
 import { orbit } from "../orbit.js";
 import { palette } from "../palette.js";
-import { FlatStage } from "../stage2d.js";
 import { SpaceStage } from "../stage3d.js";
 import { DRAWER } from "./drawer.js";
-import { QuickStage } from "./quick.js";
+import { SoftStage } from "./soft.js";
 
 /** Of the way to where the camera should look, a frame. */
 const EASE = 0.08;
@@ -16,27 +15,27 @@ const EASE = 0.08;
 const CHANGED = 0.15;
 const TURN_RAD = 0.12;
 
-/** Of a picture's full sharpness, from the best to what a machine without graphics card can draw. */
+/** Of a picture's full sharpness; the first without a card has at most so many points. */
 const SHARPNESS = [1, 0.75, 0.55, 0.4];
-const START_WITHOUT_CARD = 1;
+const MOST_POINTS_WITHOUT_CARD = 500_000;
 /** A picture that takes longer than this between two frames is drawn less sharp; the median of so many. */
 const SLOW_MS = 27;
 const JUDGED = 45;
+/** It is sharper again after so many medians that are not slow; each time it takes twice as many. */
+const PATIENCE = 15;
 
 export class Stage {
   constructor(figure, memory) {
     const { viewpoints, world } = figure.scene;
-    Object.assign(this, { figure, memory, viewpoints, drawer: DRAWER, intervals_ms: [] });
-    this.level = this.drawer === "software" ? START_WITHOUT_CARD : 0;
+    Object.assign(this, { figure, memory, viewpoints, drawer: DRAWER, intervals_ms: [], level: 0, quick: 0, patience: PATIENCE });
     this.camera = new Camera(world.up, world.forward);
     this.labels = new Labels(figure);
     this.place = element("div", { class: "ol-canvas" });
-    this.note = element("p", { class: "ol-hint", hidden: true });
     this.empty = element("p", { class: "ol-empty", text: "The figure appears when tracking has started." });
     const views = viewpoints.map((view, k) => button(view.name, () => this.see(k), { label: `Seen from: ${view.name} (key ${k + 1})` }));
     const names = button("names", () => this.showNames(!this.labels.shown), { label: "Names of the joints" });
     this.names = names;
-    this.root = element("section", { class: "ol-card ol-stage", "aria-label": "Figure" }, element("div", { class: "ol-picture" }, this.place, this.labels.layer, this.empty, element("div", { class: "ol-views", role: "group", "aria-label": "Seen from" }, ...views, names)), this.note);
+    this.root = element("section", { class: "ol-card ol-stage", "aria-label": "Figure" }, element("div", { class: "ol-picture" }, this.place, this.labels.layer, this.empty, element("div", { class: "ol-views", role: "group", "aria-label": "Seen from" }, ...views, names)));
     this.showNames(memory.get("names", false));
     this.see(memory.get("view", 0));
     this.isStale = true;
@@ -59,18 +58,15 @@ export class Stage {
   }
 
   /** Once there is a figure: before that its size is unknown. */
-  build(flat = this.drawer === "none") {
+  build(isSoft = this.drawer !== "card") {
     this.drawn?.dispose();
     this.camera.lookAt(this.figure.bounds());
     this.view = viewOf(this.figure, this.camera);
     const canvas = element("canvas", { role: "img", tabindex: "0", "aria-label": `Moving figure of ${this.figure.scene.model}. Arrow keys turn it, plus and minus zoom.` });
     this.place.replaceChildren(canvas);
-    const Drawn = flat ? FlatStage : this.level > 0 ? QuickStage : SpaceStage;
-    this.drawn = new Drawn(canvas, this.view, this.figure, null);
-    this.flat = flat;
+    this.isSoft = isSoft;
+    this.drawn = isSoft ? new SoftStage(canvas, this.view, this.figure) : new SpaceStage(canvas, this.view, this.figure, null, this.level > 0);
     this.empty.hidden = true;
-    this.note.hidden = !flat;
-    this.note.textContent = flat ? "This browser has no WebGL, so the figure is drawn flat. Everything else works." : "";
     canvas.addEventListener("webglcontextlost", (event) => {
       event.preventDefault();
       this.build(true);
@@ -84,7 +80,8 @@ export class Stage {
     const { clientWidth, clientHeight } = this.place;
     if (!this.drawn || !clientWidth || !clientHeight) return;
     this.camera.aspect = clientWidth / clientHeight;
-    this.drawn.resize(clientWidth, clientHeight, Math.min(devicePixelRatio || 1, 2) * SHARPNESS[this.level]);
+    const most = this.isSoft ? Math.sqrt(MOST_POINTS_WITHOUT_CARD / (clientWidth * clientHeight)) : 2;
+    this.drawn.resize(clientWidth, clientHeight, Math.min(devicePixelRatio || 1, 2, most) * SHARPNESS[this.level]);
     this.isStale = true;
   }
 
@@ -102,10 +99,21 @@ export class Stage {
     if (this.intervals_ms.length < JUDGED) return;
     const median_ms = this.intervals_ms.sort((one, other) => one - other)[JUDGED >> 1];
     this.intervals_ms = [];
-    if (median_ms < SLOW_MS || this.level === SHARPNESS.length - 1 || !this.drawn) return;
-    this.level += 1;
-    if (this.level === 1 && !this.flat) this.build();
-    else this.resize();
+    if (!this.drawn) return;
+    this.quick = median_ms < SLOW_MS ? this.quick + 1 : 0;
+    if (this.quick === 0) this.sharpen(1);
+    else if (this.isSoft && this.quick === this.patience) {
+      Object.assign(this, { quick: 0, patience: 2 * this.patience });
+      this.sharpen(-1);
+    }
+  }
+
+  /** By so many levels. */
+  sharpen(change) {
+    const before = this.level;
+    this.level = Math.min(Math.max(before + change, 0), SHARPNESS.length - 1);
+    if (before === 0 && this.level > 0 && !this.isSoft) this.build();
+    else if (this.level !== before) this.resize();
   }
 
   draw(time_s) {

@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 from oarlock.live.doctor.check import NOTE, OK, PROBLEM, Check
-from oarlock.live.recorder import PAGE_S
+from oarlock.live.recorder import PAGE_S, SYNC
 
 _PAGES, _PAGE_BYTES = 8, 256 << 10
 _LEAST_BYTES, _FEW_BYTES = 200 << 20, 4 << 30
@@ -41,7 +41,6 @@ def _room(place: Path, bytes_an_hour: float) -> Check:
 
 def _speed(place: Path) -> Check:
     """Writes pages as the recorder does, far larger than its own."""
-    sync = getattr(os, "fdatasync", os.fsync)
     took_s = []
     try:
         with tempfile.TemporaryFile(dir=place) as file:
@@ -49,7 +48,7 @@ def _speed(place: Path) -> Check:
                 began_s = time.monotonic()
                 file.write(os.urandom(_PAGE_BYTES))
                 file.flush()
-                sync(file.fileno())
+                SYNC(file.fileno())
                 took_s.append(time.monotonic() - began_s)
     except OSError as error:
         why = error.strerror or str(error)

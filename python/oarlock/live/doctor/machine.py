@@ -17,6 +17,7 @@ _EXTRAS: Mapping[str, tuple[str, str, str]] = MappingProxyType(
     {
         "ble": ("bleak", "bleak", "Bluetooth"),
         "lsl": ("pylsl", "pylsl", "the Lab Streaming Layer"),
+        "mqtt": ("paho.mqtt.client", "paho-mqtt", "MQTT"),
         "serial": ("serial", "pyserial", "serial lines"),
     }
 )

@@ -33,9 +33,28 @@ _SILENT_TRIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "lsl": (
             "Is its program running, in this network and with the same SessionID? oarlock live scan --only lsl",
         ),
+        "websocket": ("It is connected: does the device send only while somebody rows?",),
+        "mqtt": (
+            'Does the device publish to this topic? With topic = "#" everything that the broker has arrives.',
+            "Is the device connected to this broker?",
+        ),
         "replay": ("Does the folder have packets of this source? Give its name there with `of`.",),
     }
 )
+
+
+_LOST_TRIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "websocket": (
+            "Is the device on, and in this network? Try the address of url in a browser, with http:// in place of ws://.",
+        ),
+        "mqtt": (
+            "Does the broker run, are host and port right, and may other machines connect? mosquitto listens to others "
+            "only with a line listener 1883 in its configuration.",
+        ),
+    }
+)
+"""Where nobody answers, by transport."""
 
 
 def rig_checks(rig: Rig, model: Model, hearings: Sequence[Hearing], seconds: float) -> list[Check]:
@@ -61,7 +80,8 @@ def rig_checks(rig: Rig, model: Model, hearings: Sequence[Hearing], seconds: flo
         )
     if not rig.feeds:
         tries = ("oarlock live init writes a rig file of what is heard.",)
-        checks.append(Check("streams", PROBLEM, "the rig feeds no stream of the model", tries))
+        text = "the rig feeds no stream of the model: what its devices send is shown and recorded, nothing is tracked"
+        checks.append(Check("streams", NOTE, text, tries))
     return [*checks, *_idle_devices(found), *_batteries(found)]
 
 
@@ -72,7 +92,7 @@ def _source(hearing: Hearing, found: Arrivals, seconds: float) -> Iterator[Check
         return
     if not hearing.count:
         text = f"nothing arrived in {seconds:g} s; it {hearing.state}" if hearing.state else "nothing arrived"
-        yield Check(about, PROBLEM, text, _SILENT_TRIES.get(source.transport, ()))
+        yield Check(about, PROBLEM, text, _tries(hearing))
         return
     readings, damaged = found.readings.get(source.name, 0), found.damaged.get(source.name, 0)
     if not readings:
@@ -92,6 +112,14 @@ def _source(hearing: Hearing, found: Arrivals, seconds: float) -> Iterator[Check
             f"{damaged:,} messages ({share:.0f} %) could not be decoded",
             (f"Does every device of this source send the format {source.format}?",),
         )
+
+
+def _tries(hearing: Hearing) -> tuple[str, ...]:
+    """What to try where nothing arrives."""
+    transport = hearing.source.transport
+    is_there = hearing.state.startswith(("listens", "connected"))
+    silent = _SILENT_TRIES.get(transport, ())
+    return silent if is_there else _LOST_TRIES.get(transport, silent)
 
 
 def _unreadable(hearing: Hearing, about: str) -> Check:

@@ -20,6 +20,7 @@ from oarlock.live.intake import Sampled
 from oarlock.live.reading import Packet
 from oarlock.live.rows import Rows
 from oarlock.live.session import LiveSession, command
+from oarlock.live.swaps.swaps import swapping
 from oarlock.live.transports.transport import now_ns
 from oarlock.storage.errors import DataError
 
@@ -70,7 +71,7 @@ class Lead:
         self.session, self._pool = session, pool
         self._deliver, self._tell, self._publish = deliver, tell, publish
         self._rows = Rows(session.rig)
-        session.listener = self._hear
+        session.listeners.append(self._hear)
         self.hello = self._described(picture)
         # The other process starts while the person reads.
         pool.submit(prepared)
@@ -196,12 +197,11 @@ class Lead:
     def _swap(self, order: Swap) -> None:
         """Each of two streams gets the device that fed the other last."""
         one, other = order.streams
-        devices = self.session.intake.devices.values()
-        names = {
-            stream: max((d for d in devices if stream in d.streams), key=lambda d: d.last_arrival_s).name
-            for stream in order.streams
-        }
-        for stream, device in ((one, names[other]), (other, names[one])):
-            self._deliver(command(now_ns(), "assign", stream=stream, device=device))
+        try:
+            for packet in swapping(self.session, order.streams, now_ns()):
+                self._deliver(packet)
+        except DataError as error:
+            self._tell(f"guided start: {error}")
+            return
         self._parts.clear()
         self._tell(f"{one} and {other} were exchanged")

@@ -1,4 +1,4 @@
-"""Sources in the words of the command line: `udp:9000`, `tcp:192.168.1.5:7000:ximu3`, `serial:/dev/ttyUSB0`."""
+"""Sources in the words of the command line: `udp:9000`, `tcp:192.168.1.5:7000:ximu3`, `ws://192.168.1.20/websocket`."""
 
 from __future__ import annotations
 
@@ -8,11 +8,15 @@ from oarlock.live.decoders import DECODERS
 from oarlock.live.rig import Source
 from oarlock.storage.errors import DataError
 
-FORMS = "udp:PORT, tcp:HOST:PORT, serial:DEVICE[@BAUD], ble:FORMAT:ADDRESS, lsl:NAME or replay:FOLDER"
+FORMS = (
+    "udp:PORT, tcp:HOST:PORT, serial:DEVICE[@BAUD], ble:FORMAT:ADDRESS, lsl:NAME, ws://HOST[:PORT]/PATH, "
+    "mqtt://HOST[:PORT]/TOPIC or replay:FOLDER"
+)
 _UDP = re.compile(r"(\d+)")
 _TCP = re.compile(r"(.+):(\d+)")
 _SERIAL = re.compile(r"([^@]+)(?:@(\d+))?")
 _BLE = re.compile(r"(\w+):(.+)")
+_MQTT = re.compile(r"//([^/:]+)(?::(\d+))?/(.+)")
 
 
 def source_of(text: str) -> Source:
@@ -26,12 +30,18 @@ def source_of(text: str) -> Source:
         return _checked(text, Source("", found[1], "ble", {"addresses": [found[2]]}))
     if transport == "lsl" and rest:
         return Source("", "lsl", "lsl", {"name": rest})
+    if transport in ("ws", "wss") and rest.startswith("//"):
+        return Source("", "", "websocket", {"url": text.strip()})
+    if transport in ("mqtt", "mqtts") and (found := _MQTT.fullmatch(rest)):
+        return Source("", "", "mqtt", _broker(transport, *found.groups()))
     place, _, name = rest.rpartition(":")
     if name not in DECODERS or not place:
         place, name = rest, ""
     options = _options(transport, place)
     if options is None:
-        raise DataError(f"--source {text}: expected {FORMS}; all but ble and lsl may end with :FORMAT")
+        raise DataError(
+            f"--source {text}: expected {FORMS}; udp, tcp, serial and replay may end with :FORMAT"
+        )
     return _checked(text, Source("", name, transport, options))
 
 
@@ -43,6 +53,16 @@ def _options(transport: str, place: str) -> dict[str, object] | None:
     if transport == "serial" and (found := _SERIAL.fullmatch(place)):
         return {"device": found[1]} | ({"baud": int(found[2])} if found[2] else {})
     return {"folder": place} if transport == "replay" and place else None
+
+
+def _broker(scheme: str, host: str, port: str | None, topic: str) -> dict[str, object]:
+    """Options of a broker, as `mqtt://HOST:PORT/TOPIC` has them; `mqtts` is encrypted."""
+    found: dict[str, object] = {"host": host, "topic": topic}
+    if port:
+        found["port"] = int(port)
+    if scheme == "mqtts":
+        found["tls"] = True
+    return found
 
 
 def words_of(source: Source) -> str:

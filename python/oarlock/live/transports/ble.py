@@ -10,7 +10,7 @@ from weakref import WeakKeyDictionary
 from oarlock.live.reading import Packet
 from oarlock.live.transports.ble_profiles import KINDS, Profile, Subscribe, Write
 from oarlock.live.transports.radio import Radio, RadioError, short
-from oarlock.live.transports.transport import Deliver, Options, again_and_again, now_ns
+from oarlock.live.transports.transport import Deliver, Options, ToldState, again_and_again, now_ns
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
 
@@ -57,7 +57,7 @@ class Ble:
         self.state = "; ".join(link.state for link in self.links)
 
 
-class Link:
+class Link(ToldState):
     """A device that is kept connected.
 
     Args:
@@ -70,19 +70,9 @@ class Link:
     def __init__(
         self, source: str, address: str, profile: Profile, radio: Radio, told: Callable[[], None]
     ) -> None:
+        super().__init__(f"waits for its turn to connect to {address}", told)
         self.source, self.address = source, address
-        self._profile, self._radio, self._told = profile, radio, told
-        self._state = f"waits for its turn to connect to {address}"
-
-    @property
-    def state(self) -> str:
-        """How it does, for people."""
-        return self._state
-
-    @state.setter
-    def state(self, text: str) -> None:
-        self._state = text
-        self._told()
+        self._profile, self._radio = profile, radio
 
     async def run(self, deliver: Deliver) -> None:
         """Delivers notifications until it is cancelled."""

@@ -8,7 +8,7 @@ from contextlib import AsyncExitStack
 
 from oarlock.live.reading import Packet
 from oarlock.live.transports.announced import Announcements
-from oarlock.live.transports.transport import Deliver, Options, again_and_again, now_ns
+from oarlock.live.transports.transport import Deliver, Options, ToldState, again_and_again, now_ns
 from oarlock.storage.errors import DataError
 
 READ_BYTES = 512
@@ -72,23 +72,12 @@ def _found(announced: Announcements, unit: str) -> Where:
     return where
 
 
-class _Link:
+class _Link(ToldState):
     """One device."""
 
     def __init__(self, source: str, address: str, place: str, where: Where) -> None:
+        super().__init__("not started")
         self._source, self._address, self._place, self._where = source, address, place, where
-        self._state = "not started"
-        self.told: Callable[[], None] = lambda: None
-
-    @property
-    def state(self) -> str:
-        """How it does, for people."""
-        return self._state
-
-    @state.setter
-    def state(self, text: str) -> None:
-        self._state = text
-        self.told()
 
     async def run(self, deliver: Deliver) -> None:
         await again_and_again(self, lambda: self._connected(deliver), self._place)

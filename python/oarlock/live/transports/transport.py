@@ -86,6 +86,23 @@ class Options:
         return DataError(f"source '{self.source}': the option {key} {found}; expected {expected}")
 
 
+class ToldState:
+    """Of one of several links: a state, and who is told when it changes."""
+
+    def __init__(self, state: str, told: Callable[[], None] = lambda: None) -> None:
+        self._state, self.told = state, told
+
+    @property
+    def state(self) -> str:
+        """How it does, for people."""
+        return self._state
+
+    @state.setter
+    def state(self, text: str) -> None:
+        self._state = text
+        self.told()
+
+
 def now_ns() -> int:
     """Now, by the clock of arrivals, ns."""
     return time.monotonic_ns()

@@ -33,17 +33,15 @@ class StrokeFollower:
 
     Args:
         model: of the rower.
-        calibration: with which is tracked.
     """
 
     model: Model
-    calibration: Calibration | None = None
-    work: Callable[[Any], Mapping[str, Any] | None] = field(init=False)
-    """Computes a message of what `step` returned; it runs in another process."""
+    work: Callable[[Any, Calibration | None], Mapping[str, Any] | None] = field(init=False)
+    """Computes a message of what `step` returned, with the calibration that serves; it runs in another process."""
 
     def __post_init__(self) -> None:
         self._technique = LiveTechnique(self.model)
-        self.work = partial(stroke_message, model=self.model, calibration=self.calibration)
+        self.work = partial(stroke_message, self.model)
 
     @property
     def columns(self) -> list[dict[str, Any]]:
@@ -57,7 +55,7 @@ class StrokeFollower:
         return self._technique.step(time_s, belief)
 
 
-def stroke_message(stretch: Stretch, model: Model, calibration: Calibration | None) -> dict[str, Any] | None:
+def stroke_message(model: Model, stretch: Stretch, calibration: Calibration | None) -> dict[str, Any] | None:
     """A stroke as the page gets it, in the units that people read."""
     stroke = live_stroke(stretch, model, calibration)
     if stroke is None:

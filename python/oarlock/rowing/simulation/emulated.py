@@ -50,14 +50,16 @@ def endless_sculling(
     return at_zero(recording, _LEAD_S, PERIOD_S)
 
 
-def rowing_devices(model: Model, faults: Faults = USUAL_FAULTS, seed: int = 0) -> Iterator[Delivery]:
+def rowing_devices(
+    model: Model, faults: Faults = USUAL_FAULTS, seed: int = 0, rate_hz: float = RATE_HZ
+) -> Iterator[Delivery]:
     """What the devices of a sculler send who rows until she is stopped."""
-    return endless(endless_sculling(model, seed), PERIOD_S, faults, seed)
+    return endless(endless_sculling(model, seed, rate_hz), PERIOD_S, faults, seed)
 
 
 def main() -> None:
-    """Sends to the port that the command line names; says "ready" when the movement is simulated."""
-    devices = rowing_devices(load_model("sculler"))
+    """Sends to the port, and at the rate in Hz, of the command line; says "ready" when the movement is simulated."""
+    devices = rowing_devices(load_model("sculler"), rate_hz=float(sys.argv[2]))
     first = next(devices)
     print("ready", flush=True)
     asyncio.run(send(itertools.chain((first,), devices), "127.0.0.1", int(sys.argv[1])))

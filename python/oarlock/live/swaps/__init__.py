@@ -1,0 +1,1 @@
+"""Which units sit in each other's place, while they are tracked."""
