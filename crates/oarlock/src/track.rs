@@ -200,6 +200,11 @@ impl Tracker {
         self.earlier = Some(Arc::new(earlier));
     }
 
+    /// Whether an earlier pass began with several hypotheses.
+    fn followed_rivals(&self) -> bool {
+        self.earlier.as_ref().is_some_and(|earlier| earlier.had_rivals)
+    }
+
     /// Noise levels of the earlier pass.
     fn levels(&self) -> Option<NoiseLevels> {
         self.earlier.as_ref().map(|earlier| earlier.levels.clone())

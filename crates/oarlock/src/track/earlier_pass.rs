@@ -10,6 +10,8 @@ pub(super) struct EarlierPass {
     pub course: Course,
     /// Factors on the noise, which are not learnt again.
     pub levels: NoiseLevels,
+    /// Whether the first pass began with several hypotheses.
+    pub had_rivals: bool,
 }
 
 impl EarlierPass {
@@ -21,9 +23,13 @@ impl EarlierPass {
         });
     }
 
-    /// Moves the start to the smoothed posture, which has settled hypotheses of the start. Its covariance stays.
+    /// Settles hypotheses of the start: moves it to the smoothed posture. Its covariance stays. Any other start keeps its
+    /// mean, because readings must count only once.
     pub fn settle_start(&self, one: &mut Hypothesis, pose_states: usize) {
         one.rivals.clear();
+        if !self.had_rivals {
+            return;
+        }
         if let Some(mean) = self.course.at(one.belief.time_s) {
             one.belief.mean[..pose_states].copy_from_slice(&mean[..pose_states]);
         }

@@ -71,6 +71,8 @@ pub struct Run {
     inputs: Vec<usize>,
     last: Option<Hypothesis>,
     noise: NoiseAverages,
+    /// Logarithm of the density of all readings, up to a constant.
+    log_density: f64,
 }
 
 const PROGRESS_EVERY: usize = 64;
@@ -109,6 +111,7 @@ pub fn track(
         inputs,
         last: None,
         noise: NoiseAverages::default(),
+        log_density: 0.0,
         tracker,
     };
     run.filter(progress)?;
@@ -181,7 +184,7 @@ impl Run {
         let mut run = self.with(Series::default());
         (run.partings, run.losses_s, run.last) = (Vec::new(), Vec::new(), None);
         (run.steps, run.refused, run.tally) = (0, 0, Tally::default());
-        (run.smoothed, run.noise) = (false, NoiseAverages::default());
+        (run.smoothed, run.noise, run.log_density) = (false, NoiseAverages::default(), 0.0);
         run
     }
 
@@ -264,6 +267,7 @@ impl Keeper<'_> {
         run.steps += 1;
         run.note_partings(known);
         run.noise.take(&known.belief);
+        run.log_density += info.log_density;
         run.losses_s.extend(info.lost.then_some(time_s));
         let Run { tally, tracker, .. } = run;
         tally.judge(&tracker.subject, info, tracker.fields(info).zip(tracker.source_faults(info)));

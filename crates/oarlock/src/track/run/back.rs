@@ -27,28 +27,51 @@ impl Run {
         self.back(&mut |_| {}, progress)
     }
 
-    /// Smooths `iterations` times. Each time after the first, the recording is filtered again with readings linearised
-    /// about the smoothed states (Bell 1994) and with the average noise that the first pass learnt.
+    /// Smooths up to `iterations` times. Each time after the first, the recording is filtered again with readings linearised
+    /// about the smoothed states (Bell 1994) and with the average noise that the first pass learnt. Stops when this makes
+    /// the readings less likely, and returns the likeliest.
     pub fn into_iterated(self, iterations: usize, progress: Progress) -> Result<Run> {
         self.check_smoothable()?;
-        let (mut run, all) = (self, iterations as f64);
+        let all = iterations.max(1) as f64;
+        let (mut best, mut course) = self.with_course(iterations > 1, &mut |share| progress(share / all))?;
         for done in 1..iterations {
-            run = run.relinearised(&mut |share| progress((done as f64 - 1.0 + share) / all))?;
+            let Some(levels) = best.tracker.levels().or_else(|| best.noise.levels()) else { break };
+            let earlier = EarlierPass { course, levels, had_rivals: best.started_with_rivals() };
+            let mut part = |share: f64| progress((done as f64 + 0.5 * share) / all);
+            let next = best.relinearised(earlier, &mut part)?;
+            // Not a number if the filter does not give densities; later passes do.
+            if next.log_density <= best.log_density {
+                break;
+            }
+            let mut part = |share: f64| progress((done as f64 + 0.5 * (1.0 + share)) / all);
+            (best, course) = next.with_course(done + 1 < iterations, &mut part)?;
         }
-        run.into_smooth(&mut |share| progress((all - 1.0 + share) / all))
+        Ok(best)
     }
 
-    /// Smooths, and filters again about the smoothed states.
-    fn relinearised(self, progress: Progress) -> Result<Run> {
-        let (mut next, mut course) = (self.unfiltered(), Course::default());
-        let Some(levels) = self.tracker.levels().or_else(|| self.noise.levels()) else {
-            // A single sample.
-            return Ok(self);
+    /// The smoothed run, with the smoothed states of all samples if they are wanted.
+    fn with_course(self, wanted: bool, progress: Progress) -> Result<(Run, Course)> {
+        let mut course = Course::default();
+        let mut keep = |belief: &Belief| {
+            if wanted {
+                course.precede(belief);
+            }
         };
-        self.back(&mut |belief| course.precede(belief), &mut |share| progress(0.5 * share))?;
-        next.tracker.follow(EarlierPass { course, levels });
-        next.filter(&mut |share| progress(0.5 * (1.0 + share)))?;
+        let run = self.back(&mut keep, progress)?;
+        Ok((run, course))
+    }
+
+    /// The recording filtered again about an earlier pass.
+    fn relinearised(&self, earlier: EarlierPass, progress: Progress) -> Result<Run> {
+        let mut next = self.unfiltered();
+        next.tracker.follow(earlier);
+        next.filter(progress)?;
         Ok(next)
+    }
+
+    fn started_with_rivals(&self) -> bool {
+        let begin_s = self.checkpoints.first().map_or(f64::NAN, |c| c.known.time_s());
+        self.tracker.followed_rivals() || self.partings.iter().any(|p| p.from_s <= begin_s)
     }
 
     /// `smoothed` receives the smoothed states from the last to the first.
