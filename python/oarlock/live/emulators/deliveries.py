@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import heapq
 import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -70,7 +71,7 @@ def deliveries(
         seed: of all that is drawn.
         is_one_device: one device has all streams, so that they share its clock and its way.
     """
-    return _round(recording, faults, seed, 0, 0.0, is_one_device)
+    return list(_round(recording, faults, seed, 0, 0.0, is_one_device))
 
 
 def endless(
@@ -91,13 +92,13 @@ def endless(
 
 def _round(
     recording: Recording, faults: Faults, seed: int, number: int, period_s: float, is_one_device: bool
-) -> list[Delivery]:
-    found = [
-        delivery
+) -> Iterator[Delivery]:
+    # One by one: a sender that made a whole round at once would be late with the readings of that time.
+    streams = [
+        _of(stream, faults, (seed, 0 if is_one_device else device), number, number * period_s)
         for device, stream in enumerate(recording.streams)
-        for delivery in _of(stream, faults, (seed, 0 if is_one_device else device), number, number * period_s)
     ]
-    return sorted(found, key=lambda delivery: (delivery.due_s, delivery.clock_s))
+    return heapq.merge(*streams, key=lambda delivery: (delivery.due_s, delivery.clock_s))
 
 
 def _of(
