@@ -109,7 +109,7 @@ def write_motion(calibration: Calibration) -> None:
         [_row(name, found) for name, found in noted["constant"].items()],
     )
     if noted["not_told"]:
-        say(f"not determined, unchanged: {', '.join(noted['not_told'])}", style="dim", indent=2)
+        say(f"hardly determined: {', '.join(noted['not_told'])}", style="dim", indent=2)
 
 
 def _row(name: str, found: dict[str, Any]) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from oarlock.calibration.motion.constants import Constants
-from oarlock.calibration.motion.hypothesis import RIGID, SOFT, TIMID, Hypothesis
+from oarlock.calibration.motion.hypothesis import RIGID, SOFT, Hypothesis
 from oarlock.calibration.motion.notes import noted
 from oarlock.calibration.motion.stretch import Stretch
 from oarlock.recording.calibration import Calibration
@@ -49,8 +49,8 @@ def calibrate_motion(
     All constants are states of the tracking filter with priors, which gives a maximum a posteriori estimate in one
     pass. Two hypotheses are tested. "rigid": sensors are rigidly attached, and the root may rock. It is accepted if
     the innovations on held-out data are as small as the sensors' noise. Otherwise "soft": sensors move with the skin,
-    their errors are time-correlated, and a hundred samples count as one. A result is kept only if its innovations on
-    held-out data are smaller than before. Constants that the movement does not determine keep their values.
+    their errors are time-correlated, a hundred samples count as one, and all share a constant error as large as the
+    prior's. A result is kept only if its innovations on held-out data are smaller than before.
 
     Args:
         model: the body and its sensors. Parameters in metres with a `std` are estimated.
@@ -62,7 +62,7 @@ def calibrate_motion(
 
     Returns:
         A calibration for `track`. Its `noted` contains `kept` ("rigid", "soft" or "before"), the `scores`, the prior,
-        value, standard deviation and reduction of variance of each constant, and `not_told` (undetermined constants).
+        value, standard deviation and reduction of variance of each constant, and `not_told` (hardly determined ones).
 
     Raises:
         DataError: the part lasts less than 8 s, the model has no inertial unit or closure, or `held_out` is invalid.
@@ -74,7 +74,7 @@ def calibrate_motion(
     stretch = Stretch.of(model, known, recording.slice(first_s, last_s), held_out)
     before = stretch.held_out_nis(SOFT, known)
     scores, kept = {"before": before}, None
-    for hypothesis in (RIGID, SOFT, TIMID):
+    for hypothesis in (RIGID, SOFT):
         found = candidate(stretch, hypothesis, stretch.first)
         scores[hypothesis.name] = found.score if found else float("inf")
         if found and acceptable(found, before):
@@ -92,12 +92,14 @@ def candidate(stretch: Stretch, hypothesis: Hypothesis, part: Recording) -> Cand
         searched, belief = stretch.search(hypothesis, part)
     except DivergedError:
         return None
-    constants = Constants.of(belief, searched, hypothesis.samples_per_error).without_undetermined()
+    constants = Constants.of(belief, searched, hypothesis.samples_per_error).displaced(
+        hypothesis.displacement
+    )
     parameters = set(stretch.model.parameters)
     calibration = constants.calibration(searched, stretch.known, parameters)
     own = stretch.held_out_nis(hypothesis, calibration)
     score = stretch.held_out_nis(SOFT, calibration) if hypothesis is RIGID else own
-    honest = constants.inflated(hypothesis.variance_factor * max(1.0, own))
+    honest = constants.inflated(max(1.0, own))
     calibration = honest.calibration(searched, stretch.known, parameters)
     return Candidate(hypothesis, honest, calibration, score, own)
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 OBSERVABLE_SHARE = 0.1
-"""A constant of which the movement took less than this share of the prior variance stays where it was."""
+"""A constant of which the movement took less than this share of the prior variance counts as not determined."""
 
 _MOUNT = re.compile(r"(?P<unit>.+)\.mount_r[xyz]")
 
@@ -38,7 +38,6 @@ class Constants:
         moved: (n,) how far from there, m or rad.
         covariance: (n, n) of it.
         prior_std: (n,) before the search.
-        refused: names of undetermined constants, which keep their values.
     """
 
     names: tuple[str, ...]
@@ -47,7 +46,6 @@ class Constants:
     moved: Floats
     covariance: Floats
     prior_std: Floats
-    refused: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, belief: Belief, searched: Model, samples_per_error: float) -> Constants:
@@ -79,20 +77,24 @@ class Constants:
         moved = (self.moved / self.prior_std)[self.share >= OBSERVABLE_SHARE]
         return float(np.sqrt(np.mean(moved**2))) if len(moved) else 0.0
 
-    def without_undetermined(self) -> Constants:
-        """Undetermined constants at their prior values, the others conditioned on these (conditional Gaussian)."""
-        undetermined = self.share < OBSERVABLE_SHARE
-        if not undetermined.any():
+    @property
+    def undetermined(self) -> tuple[str, ...]:
+        """Names of those that the movement hardly determines."""
+        return tuple(n for n, share in zip(self.names, self.share, strict=True) if share < OBSERVABLE_SHARE)
+
+    def displaced(self, factor: float) -> Constants:
+        """What is left of it if all readings have a further constant error, with `factor` times the prior variance.
+
+        The readings alone have the information L = P^-1 - P0^-1. With the error it is L (I + factor P0 L)^-1, which
+        takes the place of L in the mean and in the covariance.
+        """
+        if not factor:
             return self
-        determined = ~undetermined
-        inverse = np.linalg.inv(self.covariance[np.ix_(undetermined, undetermined)])
-        gain = self.covariance[np.ix_(determined, undetermined)] @ inverse
-        moved, covariance = np.zeros_like(self.moved), np.diag(self.prior_std**2)
-        moved[determined] = self.moved[determined] - gain @ self.moved[undetermined]
-        # What is not known of an undetermined constant is not known of what hangs on it either: the marginal stays.
-        covariance[np.ix_(determined, determined)] = self.covariance[np.ix_(determined, determined)]
-        refused = tuple(n for n, gone in zip(self.names, undetermined, strict=True) if gone)
-        return replace(self, moved=moved, covariance=covariance, refused=refused)
+        prior, own = np.diag(self.prior_std**2), np.linalg.inv(self.covariance)
+        less = np.linalg.inv(np.eye(len(prior)) + (own - np.linalg.inv(prior)) @ (factor * prior))
+        covariance = np.linalg.inv(np.linalg.inv(prior) + less @ (own - np.linalg.inv(prior)))
+        covariance = (covariance + covariance.T) / 2.0
+        return replace(self, moved=covariance @ less @ own @ self.moved, covariance=covariance)
 
     def inflated(self, factor: float) -> Constants:
         """With variances so many times as large, and never above the prior's."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 MOUNT_STD_RAD = 0.08
 """How far a unit that was strapped on by eye is turned about each axis: 4.6 deg."""
@@ -27,7 +27,8 @@ class Hypothesis:
         loop_axis: that their axes do, direction cosines.
         samples_per_error: how many samples in a row tell the same error; they count as one. All of a sample's weight
             is divided by it, which is the same as priors that weigh so many times more.
-        variance_factor: on the variances of what is found, beside that: errors of the hypothesis itself.
+        displacement: variance of a constant error that all readings share, as a multiple of the prior variance of what
+            is found.
         rocks: the accelerated root also sways, heaves, yaws, pitches and rolls; else it is pushed in all directions.
     """
 
@@ -38,7 +39,7 @@ class Hypothesis:
     loop_m: float = 0.0
     loop_axis: float = 0.0
     samples_per_error: float = 1.0
-    variance_factor: float = 1.0
+    displacement: float = 0.0
     rocks: bool = False
 
 
@@ -46,10 +47,7 @@ RIGID = Hypothesis("rigid", samples_per_error=5.0, rocks=True)
 """The model is right, but for constants and for a root that rocks. Early readings meet a wrong body, and a filter takes
 their bends for information: at full weight widths go astray by centimetres."""
 
-SOFT = Hypothesis("soft", 0.2, 1.0, 3.0, 0.008, 0.06, samples_per_error=100.0, variance_factor=4.0)
+SOFT = Hypothesis("soft", 0.2, 1.0, 3.0, 0.008, 0.06, samples_per_error=100.0, displacement=1.0)
 """Straps on skin: a unit lags by a tenth of what its limb turns at 2 rad/s, rings by a tenth of g, a hand slips by
-millimetres; and it does so alike for most of a second (100 samples at 125 Hz). What is found is the mean over the
-movement, which skin carries away from the bone by about twice what the readings tell."""
-
-TIMID = replace(SOFT, name="soft, close to what was known", samples_per_error=400.0)
-"""The same, where the first leads astray: an error is the same for a whole movement."""
+millimetres; and it does so alike for most of a second (100 samples at 125 Hz). In the mean over a movement skin carries
+a unit as far from the bone as a strap put on by eye, so half of what the readings tell is kept at most."""

@@ -38,7 +38,7 @@ def noted(constants: Constants | None, kept: str, scores: Mapping[str, float]) -
             }
             for name, unit, start, moved, prior_std, std, share in rows
         },
-        "not_told": [plain(name) for name in constants.refused],
+        "not_told": [plain(name) for name in constants.undetermined],
     }
 
 
