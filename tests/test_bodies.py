@@ -342,7 +342,8 @@ def test_simulated_movement_is_found_again(name):
             error = np.degrees(track[joint.name].angle_rad - truth[joint.name].angle_rad)[late]
             rms = np.sqrt(np.mean(error**2))
             assert rms < np.degrees(np.sqrt(np.mean(track[joint.name].std_rad[late] ** 2))), joint.name
-            assert rms < 6.0, joint.name  # hip rotation, the heading between two units: 4.3 to 5.2 with seeds 4 to 6
+            # the heading between two units, as hip rotation: 4.3 to 5.2 with seeds 4 to 6
+            assert rms < 6.0, joint.name
     assert not [note for note in track.notes if "beyond" in note]
 
 

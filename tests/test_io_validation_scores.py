@@ -201,6 +201,26 @@ def test_limits_are_found_in_spite_of_gaps_and_lost_markers():
     assert found.lag_s == pytest.approx(0.02, abs=LAG_BOUND_S)
 
 
+def test_a_drifting_clock_and_jumps_of_a_reference_are_found_and_removed():
+    drift, half_s = 2e-4, TIME_S[-1] / 2
+    true_s = TIME_S - 0.02 - drift * (TIME_S - half_s)
+    quats = {body: quat_wxyz(turns(seed, true_s)) for seed, body in ((1, "a"), (2, "b"))}
+    quats["b"][500:510] = [0.0, 1.0, 0.0, 0.0]
+    given = Reference("made", TIME_S, quats)
+    found = limits(recorded(), given)
+    assert found.drift == pytest.approx(drift, abs=LAG_BOUND_S / half_s)
+    assert found.lag_s == pytest.approx(0.02, abs=LAG_BOUND_S)
+    # Ten rows are wrong; the differences at both ends of that stretch jump.
+    assert len(found.jumps_s["a"]) == 0
+    removed = found.removed_from(given)
+    beside = np.r_[499:502, 508:511]
+    assert np.isnan(removed.quat_wxyz["b"][beside]).all()
+    kept = ALL.copy()
+    kept[500:510] = False
+    exact = estimate(time_s=recorded()["a"].time_s)
+    assert rmse_deg(relative_error_rad(exact, removed, PAIR), kept) < 0.1
+
+
 def test_a_nominal_mount_is_taken_into_account():
     mount = Rotation.from_euler("y", -90, degrees=True)
     quats = {b: quat_wxyz(rotation(q) * mount.inv()) for b, q in reference().quat_wxyz.items()}

@@ -42,10 +42,11 @@ HOW = {
     OWN: "The reference is one row later for dfjimu, as its authors score it, and as the files stand for all others.",
     PLAIN: "",
     AUTHORS: "As the authors of the recordings score their own software: the reference is early by one row.",
-    REMOVED: "Lag of the reference, turns of its clusters and each software's own delay are found from gyroscopes.",
+    REMOVED: "Lag, drift and jumps of the reference, turns of its clusters and each software's delay are removed.",
 }
 LIMITS_TEXT = (
-    "How late the optical stamps are (negative: early), and how far each cluster is turned against its unit."
+    "How late the optical stamps are (negative: early), how fast this changes, at how many samples it jumps, "
+    "and how far each cluster is turned against its unit."
 )
 
 

@@ -4,6 +4,7 @@ pub mod arrivals;
 mod bank;
 mod begin;
 mod consider;
+mod earlier_pass;
 mod entry;
 pub mod faults;
 pub mod hypothesis;
@@ -43,6 +44,7 @@ use crate::recording::{Sample, Stream};
 use crate::sensor::MountValue;
 use consider::Considering;
 pub use consider::Doubt;
+use earlier_pass::{EarlierPass, NoiseLevels};
 use entry::Entry;
 use faults::{Fault, Faults};
 use hypothesis::Hypothesis;
@@ -120,6 +122,8 @@ pub struct Tracker {
     /// False while several hypotheses compete: a hypothesis with large innovations must not explain them by larger
     /// process noise.
     learns: bool,
+    /// What an earlier pass over the same recording found.
+    earlier: Option<Arc<EarlierPass>>,
     hypothesis: Option<Hypothesis>,
     waiting: Vec<Sample>,
 }
@@ -164,6 +168,7 @@ impl Tracker {
             transition: Transition::default(),
             info: Info::new(&subject.groups, subject.rows()),
             learns: true,
+            earlier: None,
             hypothesis: None,
             waiting: Vec::new(),
             config: config.clone(),
@@ -184,6 +189,26 @@ impl Tracker {
         }
         self.hypothesis = Some(start);
         Ok(())
+    }
+
+    /// Filters from now on about the course, and with the noise, of an earlier pass over the same recording.
+    fn follow(&mut self, earlier: EarlierPass) {
+        self.filter = Filter::extended(&self.subject.body, &self.subject.groups);
+        self.settings.learning.adapts = false;
+        if let Some(one) = &mut self.hypothesis {
+            earlier.set_noise(one);
+        }
+        self.earlier = Some(Arc::new(earlier));
+    }
+
+    /// Whether an earlier pass began with several hypotheses.
+    fn followed_rivals(&self) -> bool {
+        self.earlier.as_ref().is_some_and(|earlier| earlier.had_rivals)
+    }
+
+    /// Noise levels of the earlier pass.
+    fn levels(&self) -> Option<NoiseLevels> {
+        self.earlier.as_ref().map(|earlier| earlier.levels.clone())
     }
 
     /// Refuses a state estimate of another size or with numbers that are not finite.
@@ -321,7 +346,7 @@ fn update_settings(c: &Config) -> UpdateSettings {
             patience_s: c.gate_patience_s,
             strict_patience_s: magnetic::PATIENCE_S.max(c.gate_patience_s),
         },
-        learning: Learning { memory_s: c.learning_memory_s.unwrap_or(f64::INFINITY) },
+        learning: Learning { memory_s: c.learning_memory_s.unwrap_or(f64::INFINITY), adapts: true },
     }
 }
 

@@ -218,7 +218,7 @@ impl<S: FastSystem> Filter<S> {
         }
         self.list_rows(measured.z, |_| true);
         self.factorise(&belief.covariance)?; // U1: L'
-        self.predict_readings(system, moment, &belief.mean, settings.spread); // U1, U2: h0, H, E, d
+        self.predict_readings(system, moment, (&belief.mean, measured.linearise_at), settings.spread); // U1, U2: h0, H, E, d
         self.innovate(measured, (belief.inflation, belief.roughness), info); // U3: y
         let (rows, inertial) = (&self.rows, self.inertial_rows);
         let readings = WeightedReadings { rows, inertial, weight: &self.weight, y: &self.y };
@@ -234,12 +234,20 @@ impl<S: FastSystem> Filter<S> {
     }
 
     /// h0, H, E and d: from sigma points (U1, U2), or linearised (U9).
-    fn predict_readings(&mut self, system: &S, moment: &S::Moment, mean: &[f64], spread: Spread) {
+    fn predict_readings(
+        &mut self,
+        system: &S,
+        moment: &S::Moment,
+        (mean, point): (&[f64], Option<&[f64]>),
+        spread: Spread,
+    ) {
         let context = ReadingContext { system, moment, mean, rows: &self.rows, spread };
         let (arch, scratch, l_transposed) = (self.arch, &mut self.scratch, &self.l_transposed);
         match &mut self.linear {
             None => self.predicted.from_sigma_points(arch, context, scratch, l_transposed),
-            Some(linearised) => linearised.fill(arch, &mut self.predicted, context, scratch, l_transposed),
+            Some(linearised) => {
+                linearised.fill(arch, &mut self.predicted, (context, point), scratch, l_transposed);
+            }
         }
     }
 
@@ -318,6 +326,8 @@ impl<S: FastSystem> Filter<S> {
         info.nis = verdict.nis;
         let rows = self.used.iter().filter(|&&used| used).count() + self.rejected_rows;
         info.log_likelihood = log_likelihood(info.nis + self.rejected_nis, rows);
+        let log_noise: f64 = self.rows.iter().map(|&r| -self.weight[r].ln()).sum();
+        info.log_density = -0.5 * (info.nis + self.rejected_nis + verdict.log_det) - log_noise;
         Ok(())
     }
 

@@ -5,6 +5,7 @@ mod counts;
 mod packed;
 mod series;
 
+use super::earlier_pass::NoiseAverages;
 use super::hypothesis::Hypothesis;
 use super::{Calibration, Status, Tracker};
 use crate::body::Body;
@@ -69,6 +70,9 @@ pub struct Run {
     /// Coordinates of joints that are inputs.
     inputs: Vec<usize>,
     last: Option<Hypothesis>,
+    noise: NoiseAverages,
+    /// Logarithm of the density of all readings, up to a constant.
+    log_density: f64,
 }
 
 const PROGRESS_EVERY: usize = 64;
@@ -106,6 +110,8 @@ pub fn track(
         losses_s: Vec::new(),
         inputs,
         last: None,
+        noise: NoiseAverages::default(),
+        log_density: 0.0,
         tracker,
     };
     run.filter(progress)?;
@@ -156,6 +162,7 @@ impl Run {
             losses_s: losses_s.clone(),
             inputs: inputs.clone(),
             last: last.clone(),
+            noise: self.noise.clone(),
             ..*self
         }
     }
@@ -167,11 +174,18 @@ impl Run {
 
     /// Filters the same recording again, with identical bits.
     pub fn again(&self, progress: Progress) -> Result<Run> {
+        let mut run = self.unfiltered();
+        run.filter(progress)?;
+        Ok(run)
+    }
+
+    /// A run of the same recording before its first sample.
+    fn unfiltered(&self) -> Run {
         let mut run = self.with(Series::default());
         (run.partings, run.losses_s, run.last) = (Vec::new(), Vec::new(), None);
         (run.steps, run.refused, run.tally) = (0, 0, Tally::default());
-        run.filter(progress)?;
-        Ok(run)
+        (run.smoothed, run.noise, run.log_density) = (false, NoiseAverages::default(), 0.0);
+        run
     }
 
     /// The tracker in its state before the first sample.
@@ -270,6 +284,8 @@ impl Keeper<'_> {
         let run = &mut *self.run;
         run.steps += 1;
         run.note_partings(known);
+        run.noise.take(&known.belief);
+        run.log_density += info.log_density;
         run.losses_s.extend(info.lost.then_some(time_s));
         let Run { tally, tracker, .. } = run;
         tally.judge(&tracker.subject, info, tracker.fields(info).zip(tracker.source_faults(info)));

@@ -74,6 +74,10 @@ impl Tracker {
     fn begin(&mut self, sink: Sink) -> Result<()> {
         let waiting = std::mem::take(&mut self.waiting);
         let mut one = self.fit_start(&waiting)?;
+        if let Some(earlier) = &self.earlier {
+            earlier.set_noise(&mut one);
+            earlier.settle_start(&mut one, self.subject.body.layout.partition.pose);
+        }
         self.filter.await_sample(one.belief.time_s);
         for (i, sample) in waiting.iter().enumerate() {
             if i == 0 {
@@ -156,7 +160,10 @@ impl Tracker {
 
     /// Splits a hypothesis if a joint's direction is very uncertain.
     pub(super) fn open_bank(&self, one: &mut Hypothesis) {
-        self.bank().open(one);
+        // The earlier pass has decided between the hypotheses.
+        if self.earlier.is_none() {
+            self.bank().open(one);
+        }
     }
 
     /// Predicts to the sample's time and updates; `on_predicted` receives each prediction.
@@ -183,6 +190,7 @@ impl Tracker {
             let is_lost = self.config.gate && lost::is_lost(&self.subject, &self.readings, one, patience_s);
             if is_lost {
                 lost::give_up(&self.subject, &self.readings, one);
+                self.earlier.iter().for_each(|earlier| earlier.set_noise(one));
             }
             on_predicted(&self.transition, &one.belief);
             return self.update(one, is_lost);
@@ -219,7 +227,9 @@ impl Tracker {
         self.rest.notice(&mut one.sources, readings, time_s);
         self.stance.notice(&mut one.sources, readings, time_s);
         self.loops.wait(subject, &one.sources, time_s, readings);
-        let must_regain = is_lost || regain::is_due(subject, &self.loops, readings, one);
+        // A linearisation about a smoothed state needs no search.
+        let may_search = self.earlier.is_none();
+        let must_regain = is_lost || may_search && regain::is_due(subject, &self.loops, readings, one);
         if !(must_regain && self.regain(one, is_lost)) {
             self.filter_readings(one)?;
         }
@@ -257,7 +267,8 @@ impl Tracker {
         if self.settings.learning.memory_s.is_finite() {
             vibration::raise(subject, &one.sources, readings);
         }
-        magnetic.measure_dips(subject, &mut one.sources, readings, &one.belief.mean);
+        let smoothed = self.earlier.as_ref().and_then(|earlier| earlier.course.at(time_s));
+        magnetic.measure_dips(subject, &mut one.sources, readings, smoothed.unwrap_or(&one.belief.mean));
         // Derivatives are needed for learnt noise and for consider states.
         let wants_slopes = one.doubt.is_some() || self.settings.learning.memory_s.is_finite();
         let mut considering = self.considering.as_mut().filter(|_| wants_slopes);
@@ -272,9 +283,11 @@ impl Tracker {
             strict: &self.strict,
             direction_tests: &magnetic.direction_tests,
             groups: &subject.groups,
+            linearise_at: smoothed,
         };
-        let learning = if self.learns { self.settings.learning } else { Learning { memory_s: f64::INFINITY } };
-        let settings = UpdateSettings { learning, ..self.settings };
+        let learning = self.settings.learning;
+        let memory_s = if self.learns { learning.memory_s } else { f64::INFINITY };
+        let settings = UpdateSettings { learning: Learning { memory_s, ..learning }, ..self.settings };
         let moment = &readings.moment;
         let done = self.filter.update(&subject.body, moment, &mut one.belief, measured, settings, &mut self.info);
         done.map_err(|lost| diverged(lost, time_s))?;

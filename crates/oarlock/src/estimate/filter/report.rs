@@ -51,6 +51,9 @@ pub struct Info {
     pub parts: Vec<Verdict>,
     /// Log-likelihood of the readings ([`super::log_likelihood`]); a rejected part counts at its threshold.
     pub log_likelihood: f64,
+    /// Logarithm of the Gaussian density of the readings, up to a constant; a rejected part counts at its threshold. Not a
+    /// number from the factorised filter.
+    pub log_density: f64,
     /// Whether the belief was reset before this update, because its sensors contradicted it.
     pub lost: bool,
 }
@@ -66,6 +69,7 @@ impl Info {
             sources: vec![none; groups.sources.len()],
             parts: vec![Verdict::Missing; groups.parts.len()],
             log_likelihood: 0.0,
+            log_density: 0.0,
             lost: false,
         }
     }

@@ -1,5 +1,6 @@
 //! Smooths a run backwards from its checkpoints.
 
+use super::super::earlier_pass::{Course, EarlierPass};
 use super::super::{diverged, Tracker};
 use super::{Progress, Run};
 use crate::error::{Error, Result};
@@ -12,17 +13,75 @@ impl Run {
     /// Rauch-Tung-Striebel smoother. Filters again between the checkpoints, from the last to the first, so that only
     /// one stretch at a time is in memory.
     pub fn smooth(&self, progress: Progress) -> Result<Run> {
+        self.iterated(1, progress)
+    }
+
+    /// As `into_iterated`, beside the filtered estimates.
+    pub fn iterated(&self, iterations: usize, progress: Progress) -> Result<Run> {
         self.check_smoothable()?;
         let series = self.series.blank();
-        Run { checkpoints: self.checkpoints.clone(), ..self.with(series) }.into_smooth(progress)
+        Run { checkpoints: self.checkpoints.clone(), ..self.with(series) }.into_iterated(iterations, progress)
     }
 
     /// Smooths in place of the filtered estimates, which takes half the memory.
-    pub fn into_smooth(mut self, progress: Progress) -> Result<Run> {
+    pub fn into_smooth(self, progress: Progress) -> Result<Run> {
+        self.back(&mut |_| {}, progress)
+    }
+
+    /// Smooths up to `iterations` times. Each time after the first, the recording is filtered again with readings linearised
+    /// about the smoothed states (Bell 1994) and with the average noise that the first pass learnt. Stops when this makes
+    /// the readings less likely, and returns the likeliest.
+    pub fn into_iterated(self, iterations: usize, progress: Progress) -> Result<Run> {
+        self.check_smoothable()?;
+        let all = iterations.max(1) as f64;
+        let (mut best, mut course) = self.with_course(iterations > 1, &mut |share| progress(share / all))?;
+        for done in 1..iterations {
+            let Some(levels) = best.tracker.levels().or_else(|| best.noise.levels()) else { break };
+            let earlier = EarlierPass { course, levels, had_rivals: best.started_with_rivals() };
+            let mut part = |share: f64| progress((done as f64 + 0.5 * share) / all);
+            let next = best.relinearised(earlier, &mut part)?;
+            // Not a number if the filter does not give densities; later passes do.
+            if next.log_density <= best.log_density {
+                break;
+            }
+            let mut part = |share: f64| progress((done as f64 + 0.5 * (1.0 + share)) / all);
+            (best, course) = next.with_course(done + 1 < iterations, &mut part)?;
+        }
+        Ok(best)
+    }
+
+    /// The smoothed run, with the smoothed states of all samples if they are wanted.
+    fn with_course(self, wanted: bool, progress: Progress) -> Result<(Run, Course)> {
+        let mut course = Course::default();
+        let mut keep = |belief: &Belief| {
+            if wanted {
+                course.precede(belief);
+            }
+        };
+        let run = self.back(&mut keep, progress)?;
+        Ok((run, course))
+    }
+
+    /// The recording filtered again about an earlier pass.
+    fn relinearised(&self, earlier: EarlierPass, progress: Progress) -> Result<Run> {
+        let mut next = self.unfiltered();
+        next.tracker.follow(earlier);
+        next.filter(progress)?;
+        Ok(next)
+    }
+
+    fn started_with_rivals(&self) -> bool {
+        let begin_s = self.checkpoints.first().map_or(f64::NAN, |c| c.known.time_s());
+        self.tracker.followed_rivals() || self.partings.iter().any(|p| p.from_s <= begin_s)
+    }
+
+    /// `smoothed` receives the smoothed states from the last to the first.
+    fn back(mut self, smoothed: &mut dyn FnMut(&Belief), progress: Progress) -> Result<Run> {
         self.check_smoothable()?;
         let Some(mut next) = self.last.as_ref().map(|known| known.belief.clone()) else {
             return Err(Error::Data("nothing was tracked: nothing to smooth".into()));
         };
+        smoothed(&next);
         let mut tracker = self.tracker.clone();
         let (mut smoother, mut stretch) = (Smoother::new(tracker.body().layout.dim()), Stretch::default());
         let (all, mut doubt) = (self.checkpoints.len(), Vec::new());
@@ -39,6 +98,7 @@ impl Run {
                     self.write_smoothed(row, belief, &doubt);
                 }
                 std::mem::swap(&mut next, belief);
+                smoothed(&next);
             }
             self.checkpoints[k].known.replace(&next);
             if !progress(1.0 - k as f64 / all as f64) {
