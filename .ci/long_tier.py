@@ -49,6 +49,7 @@ USUAL_S = {
     "test_reproduce": 20.0,
     "test_strokes": 15.0,
     "test_suspects": 190.0,
+    "test_smoothing": 300.0,
     "test_soak": 80.0,
     "test_sessions_killed": 700.0,
     "test_sweep": 10.0,
