@@ -196,7 +196,7 @@ def swung(pendulum_motion, tmp_path_factory) -> Path:
         f'format = 1\nmodel = "pendulum3"\nmotion = "{pendulum_motion}"\nseeds = 2\nstart_s = 1.0\n'
         "[fixed]\nduration_s = 3.0\n"
         '[[setting]]\nname = "default"\n[[setting]]\nname = "no gate"\nconfig.gate = false\n'
-        '[[fault]]\nname = "unit turned"\nkey = "mount_error_deg"\nof = ["one"]\nstrengths = [1, 20]\nunit = "deg"\n'
+        '[[fault]]\nname = "unit turned"\nkey = "mount_error_deg"\nof = ["one"]\nstrengths = [5, 20]\nunit = "deg"\n'
         'says = "a unit turned by {}"\n'
         '[[fault]]\nname = "late"\nkey = "delay_s"\nstrengths = [0.0001]\nunit = "s"\n'
     )
@@ -208,7 +208,7 @@ def test_a_sweep_runs_each_fault_alone_under_every_setting(swung, tmp_path):
     assert study.run_count == 2 * 2 * (1 + 2 + 1)
     assert [s.name for s in study.expanded()][:4] == [
         "default: no fault",
-        "default: unit turned, 1 deg",
+        "default: unit turned, 5 deg",
         "default: unit turned, 20 deg",
         "default: late, 0.1 ms",
     ]
@@ -216,7 +216,7 @@ def test_a_sweep_runs_each_fault_alone_under_every_setting(swung, tmp_path):
     assert not result.complaints
     found = doses(result.study, result.rows)
     usual = {(d.fault.name if d.fault else "", d.label): d for d in found if d.setting == "default"}
-    little, much = usual["unit turned", "1 deg"], usual["unit turned", "20 deg"]
+    little, much = usual["unit turned", "5 deg"], usual["unit turned", "20 deg"]
     assert 0.0 < little.cost_deg < much.cost_deg and much.noticed
     assert not usual["late", "0.1 ms"].noticed
     assert [fault.name for fault in ranked(found)] == ["unit turned", "late"]
@@ -225,7 +225,7 @@ def test_a_sweep_runs_each_fault_alone_under_every_setting(swung, tmp_path):
     assert len(rows) == csv.read_csv(tmp_path / "faults.csv").num_rows == 8
     assert rows[2]["rmse_median_deg"] == pytest.approx(much.median_deg)
     page = study_page(result)
-    assert "a unit turned by 1 deg" in page and "No measurable effect" in page
+    assert "a unit turned by 5 deg" in page and "No measurable effect" in page
     assert fault_picture(result).count("<g ") >= 2
 
 

@@ -59,9 +59,9 @@ impl PyBelief {
             let (seen, kept) = (seen_s.len(), memory.len());
             return Err(DataError::new_err(format!("memory: {kept} sources, but {seen} in seen_s; expected as many")));
         }
-        if let Some(count) = memory.iter().map(Vec::len).find(|&count| count > MEMORY) {
+        if let Some(count) = memory.iter().map(Vec::len).find(|&count| count != MEMORY) {
             return Err(DataError::new_err(format!(
-                "memory: {count} numbers of a source, but this version has {MEMORY}; read it with the newer version of Oarlock that wrote it"
+                "memory: {count} numbers of a source, but this version of Oarlock has {MEMORY}; read it with the version that wrote it, or track again"
             )));
         }
         let belief = Belief {

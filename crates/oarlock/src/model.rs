@@ -153,6 +153,11 @@ impl Axis {
         (self.limits[1] - self.limits[0]) / 4.0
     }
 
+    /// Largest standard deviation: with it a 95 % band reaches from one end of the range to the other.
+    pub fn range_std(&self) -> f64 {
+        2.0 * self.prior_std()
+    }
+
     /// Standard deviation of the first value about rest, before any measurement.
     pub fn start_spread(&self) -> f64 {
         let known = if self.process.start_known { self.process.start_std[0] } else { f64::INFINITY };

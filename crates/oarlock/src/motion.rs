@@ -18,9 +18,9 @@ pub fn is_observed(axis: &Axis, variance: f64) -> bool {
     variance.sqrt() < HELD_SHARE * axis.prior_std()
 }
 
-/// Whether a band says less than the range of its joint. Such a coordinate is not observed. The position of a body that
+/// Whether a band says less than the prior of its joint. Such a coordinate is not observed. The position of a body that
 /// travels has no range.
-pub fn is_beyond_range(axis: &Axis, std: f64) -> bool {
+pub fn is_beyond_prior(axis: &Axis, std: f64) -> bool {
     !axis.travels && std >= axis.prior_std() * (1.0 - ROUNDING)
 }
 

@@ -357,12 +357,12 @@ impl Considering {
     }
 }
 
-/// Variance of the prior of each state that is a joint's coordinate; infinite for all others. A joint is never known worse
-/// than its range. The position of a body that travels has no range.
+/// Largest variance of each state that is a joint's coordinate; infinite for all others. A joint is never known worse than
+/// its range. The position of a body that travels has no range.
 fn reach(body: &Body) -> Vec<f64> {
     let mut reach = vec![f64::INFINITY; body.layout.dim()];
     for (_, axis, slots) in body.moving().filter(|(_, axis, _)| !axis.travels) {
-        reach[slots.q] = axis.prior_std().powi(2);
+        reach[slots.q] = axis.range_std().powi(2);
     }
     reach
 }

@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::estimate::belief::Belief;
 use crate::estimate::filter::Info;
 use crate::model::Model;
-use crate::motion::{is_beyond_range, is_observed, is_turn_observed};
+use crate::motion::{is_beyond_prior, is_observed, is_turn_observed};
 use crate::recording::{Cursor, Gathering, Recording, Sample, Stream};
 pub use counts::StreamCount;
 use counts::Tally;
@@ -220,14 +220,14 @@ impl Run {
         self.bound(row);
     }
 
-    /// A band that says less than the joint's range becomes that of the prior, and its joint is not observed.
+    /// A joint with a band that says less than its prior is not observed. The band is not wider than the range.
     fn bound(&mut self, row: usize) {
         let (body, Series { std, observed, .. }) = (self.tracker.body(), &mut self.series);
         let n = body.layout.dim();
         let (std, observed) = (&mut std[row * n..(row + 1) * n], &mut observed[row * body.axes.len()..]);
         for (c, axis, slots) in body.moving() {
-            if is_beyond_range(axis, std[slots.q]) {
-                std[slots.q] = axis.prior_std();
+            if is_beyond_prior(axis, std[slots.q]) {
+                std[slots.q] = std[slots.q].min(axis.range_std());
                 observed[c] = 0;
             }
         }

@@ -100,6 +100,8 @@ impl Shaken {
             return None;
         }
         let old = if self.power.is_nan() { variance } else { self.power };
+        // A single reading is no vibration: an impossible one must not excuse itself.
+        let square = square.min(NAMED * old.max(variance));
         self.power = old + dt / MEMORY_S * (square - old);
         Some(dt)
     }

@@ -25,7 +25,7 @@ pub struct Doubt {
 pub(super) struct Bounds {
     /// Per calibrated parameter: the greatest scale, at which it is as uncertain as without the calibration.
     pub most: Vec<f64>,
-    /// Per state: variance of its prior; infinite if it has none.
+    /// Per state: largest variance; infinite if there is none.
     pub reach: Vec<f64>,
 }
 
@@ -88,7 +88,7 @@ impl Doubt {
         (self.slopes.len() / self.width.max(1), self.rows.len(), self.width)
     }
 
-    /// Variance of a state with this variance due to noise. It is at most that of the state's prior: a joint is not beyond
+    /// Variance of a state with this variance due to noise. A joint is not beyond
     /// its range, whatever the derivatives say.
     pub(in crate::track) fn widened(&self, state: usize, noise: f64) -> f64 {
         (noise + self.variance(state)).min(self.bounds.reach[state])
@@ -163,7 +163,7 @@ mod tests {
         assert_eq!(doubt.to_flat(), flat);
     }
 
-    /// Of 3 states, the first of which has a prior of variance 4, with 4 parameters, the first of which is calibrated.
+    /// Of 3 states, the first of which has a variance of 4 at most, with 4 parameters, the first of which is calibrated.
     fn doubt(scale: f64) -> Doubt {
         let bounds = Bounds { most: vec![5.0], reach: vec![4.0, f64::INFINITY, f64::INFINITY] };
         Doubt::new(scale, (3, 2, 4), 1, bounds)

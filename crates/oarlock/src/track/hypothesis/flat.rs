@@ -1,4 +1,4 @@
-//! Flat form of a source's memory in saved and pickled state estimates, in the order of version 0.1.0.
+//! Flat form of a source's memory in pickled state estimates.
 
 use super::SourceMemory;
 use crate::track::faults::Repeats;
@@ -15,7 +15,7 @@ impl SourceMemory {
         flat
     }
 
-    /// Reads the result of `to_flat`, also of an earlier version, which had fewer numbers: new ones are added at the end.
+    /// Reads the result of `to_flat`.
     pub fn from_flat(seen_s: f64, flat: &[f64]) -> Self {
         let mut memory = SourceMemory::new(seen_s);
         memory.numbers().zip(flat).for_each(|(to, from)| *to = *from);
@@ -64,14 +64,6 @@ mod tests {
         assert_eq!((memory.stance.since_s, memory.stance.used_s), (35.0, 36.0));
         assert_eq!((memory.field.came_s, memory.iron.field_ut[0], memory.iron.covariance[5]), (37.0, 49.0, 57.0));
         assert_eq!((memory.gyro.readings[2][2], memory.gyro.came_s, memory.gyro.power), (66.0, 67.0, 68.0));
-    }
-
-    #[test]
-    fn numbers_that_an_earlier_version_did_not_have_are_as_before_the_first_reading() {
-        let flat: [f64; MEMORY] = std::array::from_fn(|i| i as f64);
-        let read = SourceMemory::from_flat(7.5, &flat[..35]).to_flat();
-        assert_eq!(read[..35], flat[..35]);
-        assert!(read[35..].iter().all(|x| x.is_nan()));
     }
 
     #[test]

@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::estimate::belief::Belief;
 use crate::estimate::smoother::Smoother;
 use crate::estimate::transition::Transition;
-use crate::motion::is_beyond_range;
+use crate::motion::is_beyond_prior;
 
 impl Run {
     /// Rauch-Tung-Striebel smoother. Filters again between the checkpoints, from the last to the first, so that only
@@ -126,8 +126,8 @@ impl Run {
         doubt.extend(std.iter().enumerate().map(excess));
         for (_, axis, slots) in self.tracker.body().moving() {
             // How far the filtered band would exceed the range is not kept.
-            if doubt[slots.q] > 0.0 && is_beyond_range(axis, std[slots.q]) {
-                doubt[slots.q] = axis.prior_std().powi(2);
+            if is_beyond_prior(axis, std[slots.q]) {
+                doubt[slots.q] = doubt[slots.q].min(axis.range_std().powi(2));
             }
         }
     }
