@@ -80,13 +80,11 @@ def _optical(data: Path) -> tuple[tuple[Callable[..., dict[str, Joints]], list[P
     return (_two_units, trials), (_chain, chains)
 
 
-def measured(seeds: Sequence[int] = SEEDS, names: Sequence[str] = ()) -> dict[str, Any]:
-    """Tracks all recordings and scores their bands; only the named sets, if any are named."""
+def measured(seeds: Sequence[int] = SEEDS) -> dict[str, Any]:
+    """Tracks all recordings and scores their bands."""
     data = Path(os.environ.get("OARLOCK_DATA") or "absent") / "data"
     found = {}
     for one in sets(data if data.is_dir() else None, seeds):
-        if names and one.key not in names:
-            continue
         runs = [run() for run in one.runs]
         found[one.key] = {"label": one.label, "recordings": len(runs), **_pooled(runs)}
         print(text(one.key, found[one.key]), flush=True)

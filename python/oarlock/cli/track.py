@@ -105,7 +105,7 @@ def track(
             "--iterations",
             metavar="N",
             min=1,
-            help="With --smooth: smooth so often, each time about the last result; one recording only.",
+            help="With --smooth: passes; each is linearised about the result of the one before. One recording only.",
         ),
     ] = 1,
     filter_name: Annotated[

@@ -44,8 +44,8 @@ class Estimates:
         q: (T, n_coordinates), rad or m. For a ball joint: the rotation vector of parent-from-child.
         qd: (T, n_coordinates) rates, per s. For a ball joint: the angular velocity in the child's axes. `qdd`: per s2.
         q_std: (T, n_coordinates) standard deviations, as are `qd_std` and `qdd_std`. For a ball joint: those of the
-            error e in the child's axes, R_true = R Exp(e). A band is never wider than the joint's range: where it would
-            be, it is that of the prior, and the coordinate is not observed. A body that travels has no such bound.
+            error e in the child's axes, R_true = R Exp(e). At most half of the joint's range; from a quarter on, the
+            prior's, the coordinate is not observed. A body that travels has no such bound.
         observed: (T, n_coordinates) true where the sensors determine the coordinate.
         coordinate_names: names of the columns of `q`, `qd` and the other arrays. Without it the joints are the
             coordinates, which is correct for hinges and slides.

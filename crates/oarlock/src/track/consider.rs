@@ -51,6 +51,7 @@ const MEMORY_S: f64 = 5.0;
 const CHANCE: f64 = 1.5;
 /// Larger slopes mean that the recursion has diverged.
 const ABSURD: f64 = 1e6;
+
 /// Consider states of a body with the workspace of their update.
 #[derive(Debug, Clone)]
 pub(super) struct Considering {

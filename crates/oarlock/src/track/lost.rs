@@ -6,6 +6,7 @@
 
 use super::begin::{start_std, WIDENED};
 use super::hypothesis::Hypothesis;
+use super::magnetic::IronState;
 use super::north::NorthState;
 use super::readings::Readings;
 use super::subject::Subject;
@@ -79,6 +80,8 @@ pub(super) fn give_up(subject: &Subject, readings: &Readings, one: &mut Hypothes
         // samples of one unit each.
         (source.seen_s, source.north) = (f64::NEG_INFINITY, NorthState::NONE);
         source.field.forget_dip();
+        // The unit may have been exchanged for another one.
+        source.iron = IronState::NONE;
     }
 }
 

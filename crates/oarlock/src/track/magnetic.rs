@@ -136,7 +136,8 @@ impl Magnetic {
             if reading.0.iter().any(|x| x.is_nan()) {
                 continue;
             }
-            let own = reading - iron.known_ut();
+            // What is known of the iron is in the scale of the common field.
+            let own = reading - iron.known_ut() * (1.0 / scale);
             let off = |v: Vec3<f64>, by: f64| v.0.iter().map(|x| x * x).sum::<f64>().sqrt() * by / norm_ut - 1.0;
             let came_s = time_s + readings.offset_s[source];
             self.excluded[p] = field.follow_norm([off(own, scale), off(own, 1.0)], came_s, NORM_TOLERANCE);

@@ -13,7 +13,7 @@ import numpy as np
 from oarlock import _core
 from oarlock.calibration.static.link_pairs import ROOT, LinkPair, link_pairs
 from oarlock.calibration.static.mounts_of_axes import LikelyMount, SeenAxis, angle, solved_mounts
-from oarlock.calibration.static.worn_model import Worn
+from oarlock.calibration.static.worn_model import EXACT_STD_RAD, Worn
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.corrections import corrected
 from oarlock.recording.inertial_units import chosen_units
@@ -32,9 +32,6 @@ CLEAR_SENSE = 0.1
 
 LITTLE_LEARNT = 0.7
 """An axis of which this share of the nominal standard deviation remains is reported: the motion shows less of it."""
-
-RESTING_STD_RAD = 1e-6
-"""Of the root's own axes, which are what they are."""
 
 
 def calibrate_hinge_axes(
@@ -106,7 +103,7 @@ def _found(pair: LinkPair, worn: Worn, recording: Recording, window_s: float) ->
 
 
 def _prior_std_rad(name: str, worn: Worn) -> float:
-    return RESTING_STD_RAD if name == ROOT else float(max(worn.mount_stds_rad[name]))
+    return EXACT_STD_RAD if name == ROOT else float(max(worn.mount_stds_rad[name]))
 
 
 def _in_link(pair: LinkPair) -> FloatArray:

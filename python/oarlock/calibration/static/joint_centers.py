@@ -52,7 +52,7 @@ def calibrate_joint_centers(
 
     For every two bodies with a unit each and a joint between them, gyroscopes and accelerometers give the vector
     from the joint to each unit, in the unit's own axes. The mounts' rotations bring it to the links. What the
-    motion does not determine keeps the model's value: always a hinge's place along its axis.
+    motion does not determine stays near the model's value: always a hinge's place along its axis.
 
     Args:
         model: says which joints lie between which units. A unit without a joint above it keeps its offset if

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from oarlock._core import Model
     from oarlock.recording.calibration import Mount
 
+EXACT_STD_RAD = 1e-6
+"""Standard deviation of what is known exactly: the root's own axes, and of mounts without any."""
+
 
 @dataclass(frozen=True, eq=False)
 class Worn:
@@ -44,7 +47,8 @@ class Worn:
         sized = model.with_parameters(before.parameters)
         mounts = {s.name: s.mount for s in model.describe(before).inertial_units}
         own = {name: np.full(3, mount.std_rad) for name, mount in mounts.items()}
-        stds: dict[str, FloatArray] = {**own, **before.mount_stds_rad}
+        given = {**own, **before.mount_stds_rad}
+        stds: dict[str, FloatArray] = {name: np.maximum(std, EXACT_STD_RAD) for name, std in given.items()}
         rotations = {name: np.asarray(m.rotation) for name, m in mounts.items()}
         offsets = {name: np.asarray(m.offset) for name, m in mounts.items()}
         rotations[ROOT], offsets[ROOT] = np.eye(3), np.zeros(3)

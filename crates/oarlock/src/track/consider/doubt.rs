@@ -88,8 +88,8 @@ impl Doubt {
         (self.slopes.len() / self.width.max(1), self.rows.len(), self.width)
     }
 
-    /// Variance of a state with this variance due to noise. A joint is not beyond
-    /// its range, whatever the derivatives say.
+    /// Variance of a state with this variance due to noise. A joint is not beyond its range, whatever the
+    /// derivatives say.
     pub(in crate::track) fn widened(&self, state: usize, noise: f64) -> f64 {
         (noise + self.variance(state)).min(self.bounds.reach[state])
     }

@@ -146,7 +146,7 @@ impl FieldState {
         (self.age_s > AFTER_S).then_some(self.usual_norm)
     }
 
-    /// After the posture was fitted anew.
+    /// After a reset of the state estimate.
     pub fn forget_dip(&mut self) {
         (self.dip, self.usual_dip, self.since_s, self.age_s) = (Deviation::NONE, f64::NAN, f64::NAN, 0.0);
     }

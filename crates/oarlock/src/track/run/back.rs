@@ -7,7 +7,6 @@ use crate::error::{Error, Result};
 use crate::estimate::belief::Belief;
 use crate::estimate::smoother::Smoother;
 use crate::estimate::transition::Transition;
-use crate::motion::is_beyond_prior;
 
 impl Run {
     /// Rauch-Tung-Striebel smoother. Filters again between the checkpoints, from the last to the first, so that only
@@ -124,12 +123,6 @@ impl Run {
         };
         let std = &self.series.std[row * n..(row + 1) * n];
         doubt.extend(std.iter().enumerate().map(excess));
-        for (_, axis, slots) in self.tracker.body().moving() {
-            // How far the filtered band would exceed the range is not kept.
-            if is_beyond_prior(axis, std[slots.q]) {
-                doubt[slots.q] = doubt[slots.q].min(axis.range_std().powi(2));
-            }
-        }
     }
 
     fn write_smoothed(&mut self, row: usize, belief: &Belief, doubt: &[f64]) {
