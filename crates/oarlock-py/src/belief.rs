@@ -59,11 +59,8 @@ impl PyBelief {
             let (seen, kept) = (seen_s.len(), memory.len());
             return Err(DataError::new_err(format!("memory: {kept} sources, but {seen} in seen_s; expected as many")));
         }
-        if let Some(count) = memory.iter().map(Vec::len).find(|&count| count != MEMORY) {
-            return Err(DataError::new_err(format!(
-                "memory: {count} numbers of a source, but this version of Oarlock has {MEMORY}; read it with the version that wrote it, or track again"
-            )));
-        }
+        let sources =
+            seen_s.iter().zip(&memory).map(|(&seen_s, flat)| source_from(seen_s, flat)).collect::<PyResult<_>>()?;
         let belief = Belief {
             time_s,
             mean: mean.values,
@@ -76,7 +73,6 @@ impl PyBelief {
             leftover: inflation.3,
             rejected_since_s,
         };
-        let sources = seen_s.iter().zip(&memory).map(|(&seen_s, flat)| SourceMemory::from_flat(seen_s, flat)).collect();
         let doubt = doubt_from(&doubt, n)?;
         let rivals = rivals.iter().map(|r| r.known.clone()).collect();
         let (line, score) = hypothesis;
@@ -201,6 +197,17 @@ impl PyBelief {
     fn flat_doubt(&self) -> Vec<f64> {
         self.known.doubt.as_ref().map_or_else(Vec::new, Doubt::to_flat)
     }
+}
+
+/// The memory of a source.
+fn source_from(seen_s: f64, flat: &[f64]) -> PyResult<SourceMemory> {
+    let numbers = flat.try_into().map_err(|_| {
+        let count = flat.len();
+        DataError::new_err(format!(
+            "memory: {count} numbers of a source, but this version of Oarlock has {MEMORY}; read it with the version that wrote it, or track again"
+        ))
+    })?;
+    Ok(SourceMemory::from_flat(seen_s, numbers))
 }
 
 /// The doubt of a state estimate of this size; empty without consider states.

@@ -26,6 +26,11 @@ def wrap(angle_rad: Floats) -> Floats:
     return wrapped
 
 
+def angle_between(one: Floats, two: Floats) -> float:
+    """The angle of two vectors (3,) of any length, rad; as exact for small angles as for large ones."""
+    return float(np.arctan2(np.linalg.norm(np.cross(one, two)), np.dot(one, two)))
+
+
 def quat_from_rotvec(rotvec_rad: ArrayLike) -> Floats:
     """Exp: the unit quaternion (..., 4) of a rotation vector (..., 3), rad; any number of turns is fine."""
     r = np.asarray(rotvec_rad, dtype=np.float64)

@@ -20,9 +20,11 @@ use super::subject::Subject;
 use crate::body::posture::Posture;
 use crate::config::Magnetometer;
 use crate::estimate::filter::{DirectionTest, Info, Verdict};
+use crate::rotation::turn::norm;
 use crate::rotation::Vec3;
 use crate::sensor::Quantity;
 pub(super) use evidence::FieldState;
+use iron::dot;
 pub(super) use iron::IronState;
 
 /// Largest relative deviation of the norm.
@@ -138,9 +140,9 @@ impl Magnetic {
             }
             // What is known of the iron is in the scale of the common field.
             let own = reading - iron.known_ut() * (1.0 / scale);
-            let off = |v: Vec3<f64>, by: f64| v.0.iter().map(|x| x * x).sum::<f64>().sqrt() * by / norm_ut - 1.0;
+            let off = |by: f64| norm(own.0) * by / norm_ut - 1.0;
             let came_s = time_s + readings.offset_s[source];
-            self.excluded[p] = field.follow_norm([off(own, scale), off(own, 1.0)], came_s, NORM_TOLERANCE);
+            self.excluded[p] = field.follow_norm([off(scale), off(1.0)], came_s, NORM_TOLERANCE);
             iron.follow(reading * scale, norm_ut, field.interval_s);
             readings.z[rows].copy_from_slice(&(own * scale).0);
         }
@@ -195,15 +197,14 @@ pub(super) fn strict(subject: &Subject, usage: Magnetometer) -> Vec<bool> {
 
 /// Deviation of a measured field (uT) from the world's dip (rad), all in sensor axes; `None` for a zero field.
 fn direction(measured: Vec3<f64>, up: Vec3<f64>, norm_ut: f64, dip_rad: f64) -> Option<DirectionTest> {
-    let dot = |a: Vec3<f64>, b: Vec3<f64>| -> f64 { a.0.iter().zip(b.0).map(|(a, b)| a * b).sum() };
-    let length = dot(measured, measured).sqrt();
+    let length = norm(measured.0);
     if !(length > 0.0 && length.is_finite()) {
         return None;
     }
     let towards = measured * (1.0 / length);
     let down = -dot(towards, up);
     let level = towards + up * down;
-    let level = level * (1.0 / dot(level, level).sqrt().max(f64::MIN_POSITIVE));
+    let level = level * (1.0 / norm(level.0).max(f64::MIN_POSITIVE));
     // Direction in which the field moves if its dip increases.
     let along = level * -dip_rad.sin() + up * -dip_rad.cos();
     let off = norm_ut * (down.clamp(-1.0, 1.0).asin() - dip_rad);

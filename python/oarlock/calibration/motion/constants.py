@@ -90,9 +90,10 @@ class Constants:
         """
         if not factor:
             return self
-        prior, own = np.diag(self.prior_std**2), np.linalg.inv(self.covariance)
-        less = np.linalg.inv(np.eye(len(prior)) + (own - np.linalg.inv(prior)) @ (factor * prior))
-        covariance = np.linalg.inv(np.linalg.inv(prior) + less @ (own - np.linalg.inv(prior)))
+        prior, own = self.prior_std**2, np.linalg.inv(self.covariance)
+        alone = own - np.diag(1.0 / prior)
+        less = np.linalg.inv(np.eye(len(prior)) + factor * alone * prior)
+        covariance = np.linalg.inv(np.diag(1.0 / prior) + less @ alone)
         covariance = (covariance + covariance.T) / 2.0
         return replace(self, moved=covariance @ less @ own @ self.moved, covariance=covariance)
 

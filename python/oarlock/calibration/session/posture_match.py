@@ -13,6 +13,7 @@ import numpy as np
 from oarlock.calibration.session.body import Body
 from oarlock.calibration.session.plan import SessionStep
 from oarlock.calibration.session.unit_rows import Span, UnitRows
+from oarlock.model.rotation import angle_between
 
 if TYPE_CHECKING:
     from oarlock.storage.array_gate import FloatArray
@@ -52,15 +53,11 @@ def _off_rad(
     for name, unit in units.items():
         here, there = _up(unit, span_s), _up(unit, other[1])
         if here is not None and there is not None:
-            planned = _angle_rad(*(body.root_from_link(name, p).T @ body.up for p in (q, q_other)))
-            offs.append(abs(_angle_rad(here, there) - planned))
+            planned = angle_between(*(body.root_from_link(name, p).T @ body.up for p in (q, q_other)))
+            offs.append(abs(angle_between(here, there) - planned))
     return max(offs)
 
 
 def _up(unit: UnitRows, span_s: Span) -> FloatArray | None:
     force = unit.accel[unit.rows(span_s)]
     return np.asarray(force.mean(axis=0)) if len(force) >= LEAST_ROWS else None
-
-
-def _angle_rad(a: FloatArray, b: FloatArray) -> float:
-    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))

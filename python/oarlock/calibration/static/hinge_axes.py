@@ -12,8 +12,9 @@ import numpy as np
 
 from oarlock import _core
 from oarlock.calibration.static.link_pairs import ROOT, LinkPair, link_pairs
-from oarlock.calibration.static.mounts_of_axes import LikelyMount, SeenAxis, angle, solved_mounts
+from oarlock.calibration.static.mounts_of_axes import LikelyMount, SeenAxis, solved_mounts
 from oarlock.calibration.static.worn_model import EXACT_STD_RAD, Worn
+from oarlock.model.rotation import angle_between
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.corrections import corrected
 from oarlock.recording.inertial_units import chosen_units
@@ -131,7 +132,7 @@ def _little_learnt(pair: LinkPair, found: Mapping[str, Any], worn: Worn) -> list
 def _unit_note(name: str, mount: LikelyMount, found: Mapping[LinkPair, Mapping[str, Any]]) -> dict[str, Any]:
     ends = [(pair, pair.units.index(name), axis) for pair, axis in found.items() if name in pair.units]
     left = [
-        angle(mount.link_from_sensor @ axis[("first", "second")[end]], _in_link(pair)[end])
+        angle_between(mount.link_from_sensor @ axis[("first", "second")[end]], _in_link(pair)[end])
         for pair, end, axis in ends
     ]
     std_rad = float(np.sqrt(np.linalg.eigvalsh(mount.covariance)[-1]))

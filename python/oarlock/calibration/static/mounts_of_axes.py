@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from oarlock.model.rotation import angle_between
 from oarlock.storage.array_gate import FloatArray
 
 STEPS = 50
@@ -108,9 +109,4 @@ def _from_to(one: FloatArray, two: FloatArray) -> FloatArray:
     """(3,) the smallest rotation vector that takes a unit vector to another."""
     across = np.cross(one, two)
     sine = float(np.linalg.norm(across))
-    return np.asarray(across * (angle(one, two) / sine)) if sine > 0.0 else across
-
-
-def angle(one: FloatArray, two: FloatArray) -> float:
-    """Between two unit vectors, rad."""
-    return float(np.arctan2(np.linalg.norm(np.cross(one, two)), np.dot(one, two)))
+    return np.asarray(across * (angle_between(one, two) / sine)) if sine > 0.0 else across

@@ -16,7 +16,7 @@ impl SourceMemory {
     }
 
     /// Reads the result of `to_flat`.
-    pub fn from_flat(seen_s: f64, flat: &[f64]) -> Self {
+    pub fn from_flat(seen_s: f64, flat: &[f64; MEMORY]) -> Self {
         let mut memory = SourceMemory::new(seen_s);
         memory.numbers().zip(flat).for_each(|(to, from)| *to = *from);
         memory

@@ -3,6 +3,7 @@
 //! The norm does not depend on the posture, so that a wrong posture cannot pass for iron, nor iron for a wrong posture. A Kalman filter of
 //! three states expects |m - b| to be the norm of the field. A component that the unit's rotation has not shown stays zero.
 
+use crate::rotation::turn::norm;
 use crate::rotation::Vec3;
 
 /// Standard deviation of the iron's field before any reading, and of the norm of a field indoors, as shares of the field's norm.
@@ -45,7 +46,7 @@ impl IronState {
             *self = IronState { field_ut: [0.0; 3], covariance: [prior, prior, prior, 0.0, 0.0, 0.0] };
         }
         let own = reading - Vec3(self.field_ut);
-        let length = dot(own, own).sqrt();
+        let length = norm(own.0);
         let off = length - norm_ut;
         if !(dt > 0.0 && length > 0.0 && off.abs() < PASSING * norm_ut) {
             return;
@@ -88,7 +89,7 @@ impl IronState {
     }
 }
 
-fn dot(a: Vec3<f64>, b: Vec3<f64>) -> f64 {
+pub(super) fn dot(a: Vec3<f64>, b: Vec3<f64>) -> f64 {
     a.0.iter().zip(b.0).map(|(a, b)| a * b).sum()
 }
 
