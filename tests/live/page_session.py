@@ -44,6 +44,8 @@ class PageSession:
         recording, self.sent = rowed(model, seconds, rate_hz, seed)
         self.port_in, self.silenced = free_port(), set()
         rig = rig_of(model, recording, {"port": self.port_in, "host": "127.0.0.1"})
+        # One for all of them, as a device keeps its port: from another it would be another device.
+        self.beside = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.live = Live(rig, model, folder, picture=LivePicture.of(model, look))
         self.server = page_server(
             self.live, port=port, token=token, title="Simulated sculler", more={"strokes": STROKES}
@@ -66,6 +68,7 @@ class PageSession:
         if self.thread.is_alive():
             self.loop.call_soon_threadsafe(self.running.cancel)
             self.thread.join(60)
+        self.beside.close()
 
     @property
     def url(self):
@@ -89,8 +92,7 @@ class PageSession:
     def also(self, device, **values):
         """One reading of a device that feeds no sensor."""
         data = encoded(dataclasses.replace(self.sent[0], device=device, values=values))
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-            sender.sendto(data, ("127.0.0.1", self.port_in))
+        self.beside.sendto(data, ("127.0.0.1", self.port_in))
 
     def _run(self):
         try:
