@@ -11,6 +11,7 @@ from field_trial import angle_rad
 from local_data import local_folder
 from oarlock.calibration.motion.constants import Constants
 from oarlock.calibration.motion.hypothesis import RIGID, SOFT
+from oarlock.calibration.motion.restart import joined, restarted
 from oarlock.calibration.motion.searched_model import searched_model
 from oarlock.rowing import FieldEffects, anthropometry, simulate_field
 from refusals import assert_refused
@@ -120,6 +121,46 @@ def test_an_error_that_all_readings_share_limits_what_is_found():
     np.testing.assert_allclose(shared.moved, told[1.0][0], atol=ROUNDING)
     np.testing.assert_allclose(shared.covariance, told[1.0][1], atol=ROUNDING)
     assert (shared.share < 0.5 + ROUNDING).all()
+
+
+NAMES = ("parameters.l_b", "a.mount_rx", "a.mount_ry", "a.mount_rz")
+
+
+def searched_from(
+    start_m: np.ndarray, information: np.ndarray, prior_std: np.ndarray, true: np.ndarray
+) -> Constants:
+    """What a search finds of linear readings without noise, if its prior is where it starts."""
+    covariance = np.linalg.inv(information + np.diag(prior_std**-2.0))
+    moved = covariance @ information @ (true - start_m)
+    begin = np.array([start_m[0], 0.0, 0.0, 0.0])
+    return Constants(NAMES, ("m", "rad", "rad", "rad"), begin, moved, covariance, prior_std)
+
+
+def test_a_second_search_of_linear_readings_changes_nothing():
+    rng = np.random.default_rng(5)
+    half = rng.standard_normal((4, 4))
+    prior_std, true = np.array([0.02, 0.1, 0.1, 0.1]), np.array([0.01, 1e-4, 0.0, 0.0])
+    information = half @ half.T / prior_std[0] ** 2
+    first = searched_from(np.zeros(4), information, prior_std, true)
+    both = joined(first, searched_from(first.moved, information, prior_std, true))
+    # The rotations are small, and their order changes them by the square.
+    assert both.moved == pytest.approx(first.moved, abs=1e-6)
+    assert both.start[0] == 0.0
+
+
+def test_the_second_search_begins_where_the_first_ended():
+    searched = searched_model(sculler(), oarlock.Calibration(), RIGID, azimuth_rad=0.5)
+    units = {s.name: np.asarray(s.mount.rotation) for s in searched.describe().inertial_units}
+    names = ("parameters.l_b", *(f"{unit}.mount_r{axis}" for unit in units for axis in "xyz"))
+    n = len(names)
+    moved = np.array([0.03, 0.2, *np.zeros(n - 2)])
+    found = Constants(names, ("m",) + ("rad",) * (n - 1), np.full(n, 0.5), moved, np.eye(n), np.ones(n))
+    again = restarted(searched, found)
+    assert again.parameters["l_b"] == pytest.approx(0.53)
+    turned = {s.name: np.asarray(s.mount.rotation) for s in again.describe().inertial_units}
+    left = {unit: angle_rad(units[unit].T @ turned[unit]) for unit in units}
+    assert left.pop(next(iter(units))) == pytest.approx(0.2)
+    assert max(left.values()) < ROUNDING
 
 
 @pytest.mark.long

@@ -127,7 +127,7 @@ def test_files_of_text_with_a_session_and_names_by_device(tmp_path, monkeypatch)
     ]
     assert np.degrees(Rotation.from_matrix(np.array(off)).magnitude()).mean() < MEAN_MOUNT_DEG
     assert (tmp_path / "out/track/report.html").is_file()
-    assert "Units on the body" in (tmp_path / "out/calibration.html").read_text()
+    assert "Units on the body" in (tmp_path / "out/calibration.html").read_text(encoding="utf-8")
 
 
 def written_as_text(recording, folder):

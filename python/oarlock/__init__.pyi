@@ -67,6 +67,7 @@ from .model.description import (
 )
 from .model.load import Base, load_model
 from .model.shapes import Look, Shape, Strand, Viewpoint
+from .model.soft_mount import with_soft_mounts
 from .recording.calibration import Calibration, Clock, EncoderScale, load_calibration
 from .recording.recording import Recording, load_recording
 from .recording.streams import ImuStream, OrientationStream, ScalarStream, VectorStream
@@ -188,4 +189,5 @@ __all__ = [
     "track_of_beliefs",
     "track_orientations",
     "with_ball_joint",
+    "with_soft_mounts",
 ]

@@ -44,7 +44,7 @@ use crate::recording::{Sample, Stream};
 use crate::sensor::MountValue;
 use consider::Considering;
 pub use consider::Doubt;
-use earlier_pass::{EarlierPass, NoiseLevels};
+use earlier_pass::EarlierPass;
 use entry::Entry;
 use faults::{Fault, Faults};
 use hypothesis::Hypothesis;
@@ -195,9 +195,6 @@ impl Tracker {
     fn follow(&mut self, earlier: EarlierPass) {
         self.filter = Filter::extended(&self.subject.body, &self.subject.groups);
         self.settings.learning.adapts = false;
-        if let Some(one) = &mut self.hypothesis {
-            earlier.set_noise(one);
-        }
         self.earlier = Some(Arc::new(earlier));
     }
 
@@ -206,9 +203,9 @@ impl Tracker {
         self.earlier.as_ref().is_some_and(|earlier| earlier.had_rivals)
     }
 
-    /// Noise levels of the earlier pass.
-    fn levels(&self) -> Option<NoiseLevels> {
-        self.earlier.as_ref().map(|earlier| earlier.levels.clone())
+    /// Whether the density of this sample's readings counts in a comparison with the first pass over the recording.
+    fn is_comparable(&self, time_s: f64) -> bool {
+        self.earlier.as_ref().is_none_or(|earlier| earlier.verdicts.is_filtered_at(time_s))
     }
 
     /// Refuses a state estimate of another size or with numbers that are not finite.

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from math import radians
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from oarlock.cli.options import names
+from oarlock.cli.options import assignments, names
 from oarlock.cli.terminal import UsageError
 
 if TYPE_CHECKING:
@@ -37,6 +38,14 @@ Balls = Annotated[
         help="Make one ball of two hinges whose axes are unknown, e.g. elbow_flexion_r,elbow_pronation_r. Repeatable.",
     ),
 ]
+SoftMounts = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--soft-mount",
+        metavar="UNIT=DEG",
+        help="A unit that turns slowly on its segment, and the standard deviation, e.g. thigh_r=5. Repeatable.",
+    ),
+]
 
 Pose = Annotated[
     str,
@@ -55,8 +64,9 @@ def chosen_body(
     mass_kg: float | None = None,
     units: str | None = None,
     balls: Iterable[str] = (),
+    soft_mounts: Iterable[str] = (),
 ) -> Model:
-    """The model with these parameters, the lengths of a person, these units only, and balls in place of hinges."""
+    """The model with these parameters, the lengths of a person, these units, balls in place of hinges, soft mounts."""
     from oarlock import load_model
     from oarlock.model.ball_joint import with_ball_joint
 
@@ -67,7 +77,14 @@ def chosen_body(
         if len(hinges) != 2:
             raise UsageError(f"--ball {ball}: expected two hinges, the upper one first")
         body = with_ball_joint(body, *hinges)
-    return body
+    return _on_soft_mounts(body, soft_mounts)
+
+
+def _on_soft_mounts(body: Model, soft_mounts: Iterable[str]) -> Model:
+    from oarlock.model.soft_mount import with_soft_mounts
+
+    std_deg = assignments(soft_mounts, "--soft-mount", "thigh_r=5", "degrees")
+    return with_soft_mounts(body, {name: radians(deg) for name, deg in std_deg.items()}) if std_deg else body
 
 
 def ball_note(ball: str) -> str:

@@ -35,8 +35,10 @@ def example(*commands: str) -> str:
     return "\b\nExamples:\n" + "\n".join(f"  {command}" for command in commands)
 
 
-def assignments(texts: Iterable[str] | None, flag: str) -> dict[str, float]:
-    """`["l_ua_r=0.31"]` as `{"l_ua_r": 0.31}`.
+def assignments(
+    texts: Iterable[str] | None, flag: str, sample: str = "l_ua_r=0.31", unit: str = "SI units: m, rad"
+) -> dict[str, float]:
+    """`["l_ua_r=0.31"]` as `{"l_ua_r": 0.31}`; `sample` and `unit` are for the error messages.
 
     Raises:
         UsageError: a text is not NAME=NUMBER, or a name comes twice.
@@ -45,13 +47,13 @@ def assignments(texts: Iterable[str] | None, flag: str) -> dict[str, float]:
     for text in texts or ():
         name, equals, value = (part.strip() for part in text.partition("="))
         if not (name and equals):
-            raise UsageError(f"{flag} {text}: expected NAME=VALUE, for example {flag} l_ua_r=0.31")
+            raise UsageError(f"{flag} {text}: expected NAME=VALUE, for example {flag} {sample}")
         if name in found:
             raise UsageError(f"{flag}: {name} is given twice")
         try:
             found[name] = float(value)
         except ValueError:
-            raise UsageError(f"{flag} {text}: '{value}' is not a number (SI units: m, rad)") from None
+            raise UsageError(f"{flag} {text}: '{value}' is not a number ({unit})") from None
     return found
 
 

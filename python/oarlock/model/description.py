@@ -177,11 +177,15 @@ class MountDescription:
         rotation: (3, 3) link from sensor.
         offset: (3,) the sensor's place in the link's axes, m.
         std_rad: standard deviation of the rotation about each axis, rad.
+        turning_std_rad: standard deviation of its slow rotation on the link about each axis, rad; None if it is rigid.
+        turning_time_s: correlation time of that, s.
     """
 
     rotation: Matrix
     offset: Vector
     std_rad: float
+    turning_std_rad: float | None
+    turning_time_s: float | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -314,7 +314,9 @@ def _slow(run: Run, states: Mapping[str, int], model: Model) -> Mapping[str, Slo
 
 
 def _slow_unit(name: str) -> str:
-    if name == "azimuth" or ".mount_r" in name:
+    if ".mount_r" in name:
+        return "rad/s" if name.endswith(".velocity") else "rad"
+    if name == "azimuth":
         return "rad"
     if name.startswith("parameters."):
         return "m"

@@ -326,8 +326,8 @@ impl<S: FastSystem> Filter<S> {
         info.nis = verdict.nis;
         let rows = self.used.iter().filter(|&&used| used).count() + self.rejected_rows;
         info.log_likelihood = log_likelihood(info.nis + self.rejected_nis, rows);
-        let log_noise: f64 = self.rows.iter().map(|&r| -self.weight[r].ln()).sum();
-        info.log_density = -0.5 * (info.nis + self.rejected_nis + verdict.log_det) - log_noise;
+        let log_noise: f64 = self.rows.iter().filter(|&&r| self.used[r]).map(|&r| -self.weight[r].ln()).sum();
+        info.log_density = -0.5 * (info.nis + verdict.log_det) - log_noise;
         Ok(())
     }
 

@@ -287,7 +287,9 @@ impl Reads for ImuReader {
         };
         let mut all = Vec::new();
         for row in gyro.into_iter().chain(rest) {
-            all.push(found(row, GYRO, chain(&[SlopeKind::Turn, SlopeKind::Rate])));
+            let mut spun = found(row, GYRO, chain(&[SlopeKind::Turn, SlopeKind::Rate]));
+            spun.columns.extend(answers.mount_rate(self.mount));
+            all.push(spun);
         }
         if let Some(row) = accel {
             use SlopeKind::{Accel, Push, Rate, Shift, Turn};

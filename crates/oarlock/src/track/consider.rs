@@ -103,7 +103,7 @@ impl Considering {
         config: &Config,
     ) -> Result<Option<Self>> {
         let (twin, told) = twin(body, mounts, known, config)?;
-        let Roles { roles, mut names, told, most } = Roles::of(body, &twin, known, &told);
+        let Roles { roles, mut names, told, most, mut mounts } = Roles::of(body, &twin, known, &told);
         let mut zeros = vec![None; body.suite.len()];
         for source in &body.suite.sources {
             for part in source.parts.iter().filter(|p| p.quantity == Quantity::Joint) {
@@ -123,6 +123,7 @@ impl Considering {
             mean[*state] = length;
         }
         let (n, m, width) = (body.layout.dim(), body.suite.len(), padded(names.len()));
+        mounts.resize(width, false);
         Ok(Some(Considering {
             arch: Arch::best(),
             scratch: Box::new(twin.scratch()),
@@ -135,7 +136,7 @@ impl Considering {
             center: vec![0.0; m],
             size: (n, m, width),
             told,
-            bounds: Bounds { most, reach: reach(body) },
+            bounds: Bounds { mounts, most, reach: reach(body) },
             how: config.consider,
             inflated: (1.0, 1.0),
             names,
@@ -158,6 +159,7 @@ impl Considering {
         let (n, m, _) = self.size;
         let width = padded(self.names.len());
         self.size.2 = width;
+        self.bounds.mounts.resize(width, false);
         self.answers = vec![0.0; m * width];
         self.forced = Columns::zeros(m, width);
         self.pull = vec![0.0; n * width];

@@ -1,26 +1,32 @@
-//! What a pass over a whole recording found, for the next one: the smoothed course and the average noise. `run` makes it, `step` uses it.
+//! What a pass over a whole recording found, for the next one: the smoothed course, noise, and which readings were rejected. `run` makes it,
+//! `step` uses it.
 
 use super::hypothesis::Hypothesis;
 use crate::estimate::belief::Belief;
+use crate::estimate::filter::Info;
+use std::sync::Arc;
 
 /// A finished pass.
 #[derive(Debug, Clone)]
 pub(super) struct EarlierPass {
-    /// State about which readings are linearised, per sample.
+    /// State about which readings are linearised, and noise, per sample.
     pub course: Course,
-    /// Factors on the noise, which are not learnt again.
-    pub levels: NoiseLevels,
+    /// What the first pass did with each reading.
+    pub verdicts: Arc<Verdicts>,
+    /// Factors on the process noise of the whole recording.
+    pub drive: Arc<Vec<f64>>,
     /// Whether the first pass began with several hypotheses.
     pub had_rivals: bool,
 }
 
 impl EarlierPass {
-    /// Takes the noise levels over into every hypothesis.
-    pub fn set_noise(&self, one: &mut Hypothesis) {
-        std::iter::once(&mut one.belief).chain(one.rivals.iter_mut().map(|r| &mut r.belief)).for_each(|belief| {
-            belief.drive.clone_from(&self.levels.drive);
-            (belief.inflation, belief.roughness) = (self.levels.inflation, self.levels.roughness);
-        });
+    /// Takes the process noise of the whole recording, and the measurement noise that the first pass had learnt after the sample
+    /// at this time.
+    pub fn set_noise(&self, belief: &mut Belief) {
+        belief.drive.copy_from_slice(&self.drive);
+        if let Some(&[inflation, roughness]) = self.course.noise_at(belief.time_s) {
+            (belief.inflation, belief.roughness) = (inflation, roughness);
+        }
     }
 
     /// Settles hypotheses of the start: moves it to the smoothed posture. Its covariance stays. Any other start keeps its
@@ -36,11 +42,55 @@ impl EarlierPass {
     }
 }
 
-/// Smoothed states by time.
+/// Which parts of each sample the first pass rejected, and where it was lost. Later passes use the same readings.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Verdicts {
+    time_s: Vec<f64>,
+    /// Per sample, one for each part.
+    rejected: Vec<bool>,
+    lost: Vec<bool>,
+    /// Per sample: whether it was filtered, and not after a reset, where a pass may fit it instead: a fit has no density.
+    filtered: Vec<bool>,
+}
+
+impl Verdicts {
+    /// Adds the next sample.
+    pub fn take(&mut self, time_s: f64, info: &Info) {
+        self.time_s.push(time_s);
+        self.rejected.extend(&info.rejected);
+        self.lost.push(info.lost);
+        self.filtered.push(!info.nis.is_nan() && !info.lost);
+    }
+
+    /// Per part of the sample at this time: whether it was rejected. `None` if there was no such sample.
+    pub fn rejected_at(&self, time_s: f64) -> Option<&[bool]> {
+        let row = self.row(time_s)?;
+        let width = self.rejected.len() / self.time_s.len();
+        Some(&self.rejected[row * width..(row + 1) * width])
+    }
+
+    /// Whether the filter was reset before the sample at this time.
+    pub fn is_lost_at(&self, time_s: f64) -> bool {
+        self.row(time_s).is_some_and(|row| self.lost[row])
+    }
+
+    /// Whether the sample at this time was filtered: has a density that another pass can be compared with.
+    pub fn is_filtered_at(&self, time_s: f64) -> bool {
+        self.row(time_s).is_some_and(|row| self.filtered[row])
+    }
+
+    fn row(&self, time_s: f64) -> Option<usize> {
+        self.time_s.binary_search_by(|t| t.total_cmp(&time_s)).ok()
+    }
+}
+
+/// Smoothed states, and factors on the noise, by time.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Course {
     time_s: Vec<f64>,
     mean: Vec<f64>,
+    /// Factors on the noise of inertial units and on that of accelerometers (variances).
+    noise: Vec<[f64; 2]>,
 }
 
 impl Course {
@@ -48,58 +98,54 @@ impl Course {
     pub fn precede(&mut self, belief: &Belief) {
         self.time_s.push(belief.time_s);
         self.mean.extend(&belief.mean);
+        self.noise.push([belief.inflation, belief.roughness]);
     }
 
     /// The state of the sample at this time; `None` if there is none.
     pub fn at(&self, time_s: f64) -> Option<&[f64]> {
+        let width = self.mean.len() / self.time_s.len().max(1);
+        self.row(time_s).map(|row| &self.mean[row * width..(row + 1) * width])
+    }
+
+    fn noise_at(&self, time_s: f64) -> Option<&[f64; 2]> {
+        self.row(time_s).map(|row| &self.noise[row])
+    }
+
+    fn row(&self, time_s: f64) -> Option<usize> {
         // The last state comes first.
         let row = self.time_s.partition_point(|t| *t > time_s);
-        let width = self.mean.len() / self.time_s.len().max(1);
-        (self.time_s.get(row) == Some(&time_s)).then(|| &self.mean[row * width..(row + 1) * width])
+        (self.time_s.get(row) == Some(&time_s)).then_some(row)
     }
 }
 
-/// Factors on the noise that the model gives (variances), as in `Belief`.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct NoiseLevels {
-    drive: Vec<f64>,
-    inflation: f64,
-    roughness: f64,
-}
-
-/// Averages of learnt factors over time. They are geometric, because a factor is learnt in proportion to itself.
+/// Averages of the learnt factors on the process noise over time. They are geometric, because a factor is learnt in proportion to
+/// itself.
 #[derive(Debug, Clone, Default)]
-pub(super) struct NoiseAverages {
+pub(super) struct DriveAverages {
     logs: Vec<f64>,
     total_s: f64,
     last_s: Option<f64>,
 }
 
-impl NoiseAverages {
+impl DriveAverages {
     /// Adds the state estimate of the next sample.
     pub fn take(&mut self, belief: &Belief) {
-        let factors = belief.drive.iter().chain([&belief.inflation, &belief.roughness]);
-        self.logs.resize(belief.drive.len() + 2, 0.0);
+        self.logs.resize(belief.drive.len(), 0.0);
         let lasted_s = belief.time_s - self.last_s.unwrap_or(belief.time_s);
-        self.logs.iter_mut().zip(factors).for_each(|(log, factor)| *log += lasted_s * factor.ln());
+        self.logs.iter_mut().zip(&belief.drive).for_each(|(log, factor)| *log += lasted_s * factor.ln());
         (self.total_s, self.last_s) = (self.total_s + lasted_s, Some(belief.time_s));
     }
 
     /// The averages; `None` before the second state estimate.
-    pub fn levels(&self) -> Option<NoiseLevels> {
-        let average = |log: &f64| (log / self.total_s).exp();
-        let ([inflation, roughness], drive) = self.logs.split_last_chunk().map(|(drive, rest)| (*rest, drive))?;
-        (self.total_s > 0.0).then(|| NoiseLevels {
-            drive: drive.iter().map(average).collect(),
-            inflation: average(&inflation),
-            roughness: average(&roughness),
-        })
+    pub fn drive(&self) -> Option<Vec<f64>> {
+        (self.total_s > 0.0).then(|| self.logs.iter().map(|log| (log / self.total_s).exp()).collect())
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::estimate::filter::{RowGroups, Verdict};
     use crate::kernels::dense::Square;
 
     fn belief(time_s: f64, factor: f64) -> Belief {
@@ -128,15 +174,45 @@ mod tests {
 
     #[test]
     fn averages_weigh_factors_by_time() {
-        let mut averages = NoiseAverages::default();
+        let mut averages = DriveAverages::default();
         averages.take(&belief(0.0, 100.0));
-        assert_eq!(averages.levels(), None);
+        assert_eq!(averages.drive(), None);
         averages.take(&belief(1.0, 2.0));
         averages.take(&belief(4.0, 16.0));
-        let levels = averages.levels().unwrap();
+        let drive = averages.drive().unwrap();
         // 2^(1/4) 16^(3/4)
-        let expected = 2.0_f64.powf(3.25);
-        assert!((levels.drive[0] / expected - 1.0).abs() < 1e-12 && levels.drive[1] == 1.0);
-        assert!((levels.inflation / expected.powi(2) - 1.0).abs() < 1e-12 && levels.roughness == 1.0);
+        assert!((drive[0] / 2.0_f64.powf(3.25) - 1.0).abs() < 1e-12 && drive[1] == 1.0);
+    }
+
+    #[test]
+    fn a_later_pass_has_one_process_noise_and_the_measurement_noise_of_each_sample() {
+        let mut course = Course::default();
+        [3.0, 2.0].iter().for_each(|t| course.precede(&belief(*t, *t)));
+        let drive = Arc::new(vec![7.0, 1.0]);
+        let earlier = EarlierPass { course, verdicts: Arc::default(), drive, had_rivals: false };
+        let mut now = belief(2.0, 50.0);
+        earlier.set_noise(&mut now);
+        assert_eq!((&now.drive[..], now.inflation, now.roughness), (&[7.0, 1.0][..], 4.0, 1.0));
+    }
+
+    #[test]
+    fn verdicts_are_found_by_time() {
+        let groups = RowGroups { parts: vec![0..3, 3..6], sources: vec![0..3, 3..6], ..RowGroups::default() };
+        let mut info = Info::new(&groups, 6);
+        let mut verdicts = Verdicts::default();
+        let mut take = |time_s, parts: [Verdict; 2], lost: bool| {
+            info.parts = parts.to_vec();
+            info.note_rejected();
+            // The filter uses the axes of a clipped part that are not at the end of the range.
+            info.parts[0] = Verdict::Clipped;
+            info.lost = lost;
+            verdicts.take(time_s, &info);
+        };
+        take(1.0, [Verdict::Accepted, Verdict::Outlier], false);
+        take(2.0, [Verdict::Excluded, Verdict::Missing], true);
+        assert_eq!(verdicts.rejected_at(1.0), Some(&[false, true][..]));
+        assert_eq!(verdicts.rejected_at(2.0), Some(&[true, false][..]));
+        assert_eq!((verdicts.rejected_at(1.5), verdicts.rejected_at(3.0)), (None, None));
+        assert_eq!([1.0, 1.5, 2.0].map(|t| verdicts.is_lost_at(t)), [false, false, true]);
     }
 }

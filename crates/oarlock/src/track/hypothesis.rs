@@ -4,7 +4,7 @@ mod flat;
 
 use super::consider::Doubt;
 use super::faults::FaultState;
-use super::magnetic::{FieldState, IronState};
+use super::magnetic::{FieldState, IronState, LagState};
 use super::north::NorthState;
 use super::rest::RestState;
 use super::stance::StanceState;
@@ -41,6 +41,7 @@ pub struct SourceMemory {
     pub(super) stance: StanceState,
     pub(super) field: FieldState,
     pub(super) iron: IronState,
+    pub(super) lag: LagState,
     pub(super) gyro: Shaken,
 }
 
@@ -55,6 +56,7 @@ impl SourceMemory {
             stance: StanceState::NONE,
             field: FieldState::NONE,
             iron: IronState::NONE,
+            lag: LagState::NONE,
             gyro: Shaken::NONE,
         }
     }

@@ -6,7 +6,7 @@
 
 use super::begin::{start_std, WIDENED};
 use super::hypothesis::Hypothesis;
-use super::magnetic::IronState;
+use super::magnetic::{IronState, LagState};
 use super::north::NorthState;
 use super::readings::Readings;
 use super::subject::Subject;
@@ -81,7 +81,7 @@ pub(super) fn give_up(subject: &Subject, readings: &Readings, one: &mut Hypothes
         (source.seen_s, source.north) = (f64::NEG_INFINITY, NorthState::NONE);
         source.field.forget_dip();
         // The unit may have been exchanged for another one.
-        source.iron = IronState::NONE;
+        (source.iron, source.lag) = (IronState::NONE, LagState::NONE);
     }
 }
 

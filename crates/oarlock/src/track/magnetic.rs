@@ -7,12 +7,15 @@
 //! passes it, so the innovation test has a longer patience than other sensors, and rejected innovations do not change
 //! the learnt innovation level.
 //!
+//! Readings are late against the gyroscope of their unit: `lag` finds by how much, and they are rotated to the present.
+//!
 //! A deviation has four explanations. The field is bent here: `evidence` finds a wrong norm or a sudden change, and the
 //! reading is not used. The unit carries iron: `iron` finds and subtracts it. The field differs for all units: their
 //! norms deviate alike, and readings are scaled. What remains is a wrong posture, which the reading then corrects.
 
 mod evidence;
 mod iron;
+mod lag;
 
 use super::hypothesis::SourceMemory;
 use super::readings::Readings;
@@ -26,6 +29,7 @@ use crate::sensor::Quantity;
 pub(super) use evidence::FieldState;
 use iron::dot;
 pub(super) use iron::IronState;
+pub(super) use lag::LagState;
 
 /// Largest relative deviation of the norm.
 const NORM_TOLERANCE: f64 = 0.15;
@@ -41,6 +45,9 @@ pub(super) const PATIENCE_S: f64 = 10.0;
 /// that of the units.
 const ALIKE_SHARE: f64 = 0.1;
 const USUAL_SHARE: f64 = 0.05;
+
+/// Errors of the field last for this long, s.
+const ALIKE_S: f64 = 0.2;
 
 /// Names of [`Field`] in its order.
 pub const FIELD: [&str; 5] = ["missing", "undisturbed", "norm", "dip", "innovation"];
@@ -131,10 +138,16 @@ impl Magnetic {
         }
         let norm_ut = subject.body.field.norm_ut;
         let scale = 1.0 / (1.0 + common_deviation(subject, sources));
+        for p in subject.parts_of(Quantity::Gyro) {
+            let (source, rate) = (subject.source_of_part[p], Vec3(readings.three(subject.groups.parts[p].start)));
+            if rate.0.iter().all(|x| !x.is_nan()) {
+                sources[source].lag.turn(rate, time_s + readings.offset_s[source]);
+            }
+        }
         for p in subject.parts_of(Quantity::Mag) {
             let rows = subject.groups.parts[p].clone();
             let (source, reading) = (subject.source_of_part[p], Vec3(readings.three(rows.start)));
-            let SourceMemory { field, iron, .. } = &mut sources[source];
+            let SourceMemory { field, iron, lag, .. } = &mut sources[source];
             if reading.0.iter().any(|x| x.is_nan()) {
                 continue;
             }
@@ -142,9 +155,23 @@ impl Magnetic {
             let own = reading - iron.known_ut() * (1.0 / scale);
             let off = |by: f64| norm(own.0) * by / norm_ut - 1.0;
             let came_s = time_s + readings.offset_s[source];
+            lag.follow(own * scale, norm_ut, came_s);
             self.excluded[p] = field.follow_norm([off(scale), off(1.0)], came_s, NORM_TOLERANCE);
             iron.follow(reading * scale, norm_ut, field.interval_s);
-            readings.z[rows].copy_from_slice(&(own * scale).0);
+            readings.z[rows].copy_from_slice(&lag.undo(own * scale, came_s).0);
+        }
+    }
+
+    /// Adds what iron nearby does to a field to the noise of its readings.
+    pub fn raise(&self, subject: &Subject, sources: &[SourceMemory], readings: &mut Readings) {
+        if self.usage != Magnetometer::Gated {
+            return;
+        }
+        for p in subject.parts_of(Quantity::Mag) {
+            let bent_ut = subject.body.field.norm_ut * sources[subject.source_of_part[p]].field.bent_share();
+            if bent_ut > 0.0 {
+                readings.std[subject.groups.parts[p].clone()].iter_mut().for_each(|std| *std = std.hypot(bent_ut));
+            }
         }
     }
 
@@ -188,6 +215,17 @@ fn common_deviation(subject: &Subject, sources: &[SourceMemory]) -> f64 {
     }
     let mean = sum / f64::from(count);
     mean.signum() * (mean.abs() - USUAL_SHARE).max(0.0)
+}
+
+/// Number of readings, one every `dt` seconds, that have the information of one.
+fn alike(dt: f64) -> f64 {
+    (ALIKE_S / dt).max(1.0)
+}
+
+/// Variance of the field's error in one of many readings, for its residual squared: readings far off have less weight
+/// (Student's distribution of three degrees of freedom).
+fn lasting_variance(variance: f64, square: f64, dt: f64) -> f64 {
+    variance * (1.0 + square / (3.0 * variance)) * alike(dt)
 }
 
 /// Parts that are not used to learn process noise: magnetometers, unless `always` is configured.

@@ -5,7 +5,7 @@ mod counts;
 mod packed;
 mod series;
 
-use super::earlier_pass::NoiseAverages;
+use super::earlier_pass::{DriveAverages, Verdicts};
 use super::hypothesis::Hypothesis;
 use super::{Calibration, Status, Tracker};
 use crate::body::Body;
@@ -70,7 +70,8 @@ pub struct Run {
     /// Coordinates of joints that are inputs.
     inputs: Vec<usize>,
     last: Option<Hypothesis>,
-    noise: NoiseAverages,
+    verdicts: Arc<Verdicts>,
+    drive: DriveAverages,
     /// Logarithm of the density of all readings, up to a constant.
     log_density: f64,
 }
@@ -110,7 +111,8 @@ pub fn track(
         losses_s: Vec::new(),
         inputs,
         last: None,
-        noise: NoiseAverages::default(),
+        verdicts: Arc::default(),
+        drive: DriveAverages::default(),
         log_density: 0.0,
         tracker,
     };
@@ -162,7 +164,8 @@ impl Run {
             losses_s: losses_s.clone(),
             inputs: inputs.clone(),
             last: last.clone(),
-            noise: self.noise.clone(),
+            verdicts: self.verdicts.clone(),
+            drive: self.drive.clone(),
             ..*self
         }
     }
@@ -184,7 +187,8 @@ impl Run {
         let mut run = self.with(Series::default());
         (run.partings, run.losses_s, run.last) = (Vec::new(), Vec::new(), None);
         (run.steps, run.refused, run.tally) = (0, 0, Tally::default());
-        (run.smoothed, run.noise, run.log_density) = (false, NoiseAverages::default(), 0.0);
+        (run.verdicts, run.drive) = (Arc::default(), DriveAverages::default());
+        (run.smoothed, run.log_density) = (false, 0.0);
         run
     }
 
@@ -284,8 +288,11 @@ impl Keeper<'_> {
         let run = &mut *self.run;
         run.steps += 1;
         run.note_partings(known);
-        run.noise.take(&known.belief);
-        run.log_density += info.log_density;
+        Arc::make_mut(&mut run.verdicts).take(time_s, info);
+        run.drive.take(&known.belief);
+        if run.tracker.is_comparable(time_s) {
+            run.log_density += info.log_density;
+        }
         run.losses_s.extend(info.lost.then_some(time_s));
         let Run { tally, tracker, .. } = run;
         tally.judge(&tracker.subject, info, tracker.fields(info).zip(tracker.source_faults(info)));

@@ -75,7 +75,6 @@ impl Tracker {
         let waiting = std::mem::take(&mut self.waiting);
         let mut one = self.fit_start(&waiting)?;
         if let Some(earlier) = &self.earlier {
-            earlier.set_noise(&mut one);
             earlier.settle_start(&mut one, self.subject.body.layout.partition.pose);
         }
         self.filter.await_sample(one.belief.time_s);
@@ -187,10 +186,12 @@ impl Tracker {
             }
             self.prepare(sample);
             let patience_s = self.filter.patience_s(self.settings.gate);
-            let is_lost = self.config.gate && lost::is_lost(&self.subject, &self.readings, one, patience_s);
+            let is_lost = match &self.earlier {
+                Some(earlier) => earlier.verdicts.is_lost_at(sample.time_s),
+                None => self.config.gate && lost::is_lost(&self.subject, &self.readings, one, patience_s),
+            };
             if is_lost {
                 lost::give_up(&self.subject, &self.readings, one);
-                self.earlier.iter().for_each(|earlier| earlier.set_noise(one));
             }
             on_predicted(&self.transition, &one.belief);
             return self.update(one, is_lost);
@@ -233,7 +234,9 @@ impl Tracker {
         if !(must_regain && self.regain(one, is_lost)) {
             self.filter_readings(one)?;
         }
+        self.earlier.iter().for_each(|earlier| earlier.set_noise(&mut one.belief));
         self.info.lost = is_lost;
+        self.info.note_rejected();
         self.north.report(&mut self.info);
         self.faults.report(&self.subject, &self.readings, &mut self.info);
         self.subject.excuse_virtual(&mut self.info);
@@ -267,6 +270,7 @@ impl Tracker {
         if self.settings.learning.memory_s.is_finite() {
             vibration::raise(subject, &one.sources, readings);
         }
+        magnetic.raise(subject, &one.sources, readings);
         let smoothed = self.earlier.as_ref().and_then(|earlier| earlier.course.at(time_s));
         magnetic.measure_dips(subject, &mut one.sources, readings, smoothed.unwrap_or(&one.belief.mean));
         // Derivatives are needed for learnt noise and for consider states.
@@ -276,6 +280,12 @@ impl Tracker {
             considering.look(&one.belief, one.doubt.as_ref(), &readings.moment);
         }
         self.north.bar_turned(subject, &one.sources, time_s, &mut magnetic.excluded);
+        let mut gate = self.settings.gate;
+        if let Some(rejected) = self.earlier.as_ref().and_then(|earlier| earlier.verdicts.rejected_at(time_s)) {
+            magnetic.excluded.copy_from_slice(rejected);
+            magnetic.direction_tests.fill(None);
+            gate.on = false;
+        }
         let measured = Measurement {
             z: &readings.z,
             std: &readings.std,
@@ -287,7 +297,7 @@ impl Tracker {
         };
         let learning = self.settings.learning;
         let memory_s = if self.learns { learning.memory_s } else { f64::INFINITY };
-        let settings = UpdateSettings { learning: Learning { memory_s, ..learning }, ..self.settings };
+        let settings = UpdateSettings { gate, learning: Learning { memory_s, ..learning }, ..self.settings };
         let moment = &readings.moment;
         let done = self.filter.update(&subject.body, moment, &mut one.belief, measured, settings, &mut self.info);
         done.map_err(|lost| diverged(lost, time_s))?;

@@ -46,11 +46,12 @@ def calibrate_motion(
 ) -> Calibration:
     """Estimate mounts, lengths, sensor positions and encoder zeros from ordinary movement of a body with closed loops.
 
-    All constants are states of the tracking filter with priors, which gives a maximum a posteriori estimate in one
-    pass. Two hypotheses are tested. "rigid": sensors are rigidly attached, and the root may rock. It is accepted if
-    the innovations on held-out data are as small as the sensors' noise. Otherwise "soft": sensors move with the skin,
-    their errors are time-correlated, a hundred samples count as one, and all share a constant error as large as the
-    prior's. A result is kept only if its innovations on held-out data are smaller than before.
+    All constants are states of the tracking filter with priors, which gives a maximum a posteriori estimate. The
+    second of two passes linearises about what the first found. Two hypotheses are tested. "rigid": sensors are
+    rigidly attached, and the root may rock. It is accepted if the innovations on held-out data are as small as the
+    sensors' noise. Otherwise "soft": sensors move with the skin, their errors are time-correlated, a hundred samples
+    count as one, and all share a constant error as large as the prior's. A result is kept only if its innovations on
+    held-out data are smaller than before.
 
     Args:
         model: the body and its sensors. Parameters in metres with a `std` are estimated.
@@ -89,12 +90,10 @@ def calibrate_motion(
 def candidate(stretch: Stretch, hypothesis: Hypothesis, part: Recording) -> Candidate | None:
     """What a hypothesis makes of a part; none if the filter is lost under it."""
     try:
-        searched, belief = stretch.search(hypothesis, part)
+        searched, found = stretch.search(hypothesis, part)
     except DivergedError:
         return None
-    constants = Constants.of(belief, searched, hypothesis.samples_per_error).displaced(
-        hypothesis.displacement
-    )
+    constants = found.displaced(hypothesis.displacement)
     parameters = set(stretch.model.parameters)
     calibration = constants.calibration(searched, stretch.known, parameters)
     own = stretch.held_out_nis(hypothesis, calibration)

@@ -82,6 +82,23 @@ class Constants:
         """Names of those that the movement hardly determines."""
         return tuple(n for n, share in zip(self.names, self.share, strict=True) if share < OBSERVABLE_SHARE)
 
+    def parameters(self) -> dict[str, float]:
+        """Values of lengths and sensor positions, m."""
+        return {n.removeprefix("parameters."): v for n, v in self._values() if n.startswith("parameters.")}
+
+    def units_with_mounts(self) -> list[str]:
+        """Names of the inertial units whose mounts were sought."""
+        return list(dict.fromkeys(match["unit"] for name in self.names if (match := _MOUNT.fullmatch(name))))
+
+    def mount_rows(self, unit: str) -> list[int]:
+        """Where the three components of a unit's mount are."""
+        return [self.names.index(f"{unit}.mount_r{axis}") for axis in "xyz"]
+
+    def mount_turn(self, unit: str) -> Floats:
+        """(3, 3) how far a unit's mount turned, in the sensor's axes."""
+        turn: Floats = matrix_from_quat(quat_from_rotvec(self.moved[self.mount_rows(unit)]))
+        return turn
+
     def displaced(self, factor: float) -> Constants:
         """What is left of it if all readings have a further constant error, with `factor` times the prior variance.
 
@@ -105,11 +122,11 @@ class Constants:
     def calibration(self, searched: Model, before: Calibration, parameters: set[str]) -> Calibration:
         """What was known before, with what was found; `parameters` are those of the user's model."""
         at = {name: i for i, name in enumerate(self.names)}
-        values = {n.removeprefix("parameters."): v for n, v in self._values() if n.startswith("parameters.")}
+        values = self.parameters()
         sized = searched.with_parameters(values)
         units = {s.name: s.mount for s in sized.describe().inertial_units}
-        turns = {unit: [at[f"{unit}.mount_r{a}"] for a in "xyz"] for unit in units}
-        turned = {u: np.asarray(m.rotation) @ _turned(self.moved[turns[u]]) for u, m in units.items()}
+        turns = {unit: self.mount_rows(unit) for unit in units}
+        turned = {u: np.asarray(m.rotation) @ self.mount_turn(u) for u, m in units.items()}
         places = {u: [at[f"parameters.{PLACE}_{u}_{a}"] for a in "xyz"] for u in units}
         return replace(
             before,
@@ -133,13 +150,13 @@ class Constants:
                 **before.mount_offset_stds_m,
                 **{u: self.std[rows] for u, rows in places.items()},
             },
-            encoders={**before.encoders, **self._encoders(before)},
+            encoders={**before.encoders, **self.encoders(before)},
         )
 
     def _values(self) -> list[tuple[str, float]]:
         return [(n, float(v)) for n, v in zip(self.names, self.start + self.moved, strict=True)]
 
-    def _encoders(self, before: Calibration) -> dict[str, EncoderScale]:
+    def encoders(self, before: Calibration) -> dict[str, EncoderScale]:
         """The joint stands `moved` beyond what its encoder says, after what was known of it."""
         found = {}
         for name, moved in zip(self.names, self.moved, strict=True):
@@ -181,8 +198,3 @@ def _prior(name: str, document: dict[str, Any]) -> float:
         units = {s["name"]: s for s in document["sensor"]}
         return float(units[match["unit"]]["mount"]["std_rad"])
     return next(float(j["process"]["start_std"][0]) for j in document["joint"] if j["name"] == name)
-
-
-def _turned(rotvec_rad: Floats) -> Floats:
-    rotation: Floats = matrix_from_quat(quat_from_rotvec(rotvec_rad))
-    return rotation

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from oarlock._core import Config, Model
+from oarlock.calibration.motion.constants import Constants
 from oarlock.calibration.motion.hypothesis import Hypothesis
+from oarlock.calibration.motion.restart import joined, restarted
 from oarlock.calibration.motion.searched_model import searched_model
-from oarlock.recording.calibration import Calibration
+from oarlock.recording.calibration import Calibration, EncoderScale
 from oarlock.storage.errors import DataError, DivergedError
 from oarlock.tracking.tracking import track
 
@@ -74,17 +77,36 @@ class Stretch:
             (begun, cut) if scalar else None,
         )
 
-    def search(self, hypothesis: Hypothesis, part: Recording) -> tuple[Model, Belief]:
-        """The model with all constants as unknowns, and the belief after a part.
+    def search(self, hypothesis: Hypothesis, part: Recording) -> tuple[Model, Constants]:
+        """The model with all constants as unknowns, and what was found after a part, searched twice.
+
+        If the filter loses the track about what the first search found, that is the result.
 
         Raises:
-            DivergedError: the filter loses the track.
+            DivergedError: the filter loses the track in the first search.
         """
+        searched = self._searched(hypothesis, part)
+        weight = hypothesis.samples_per_error
+        first = Constants.of(self._searched_through(searched, part, self.known.encoders), searched, weight)
+        again = restarted(searched, first)
+        encoders = {**self.known.encoders, **first.encoders(self.known)}
+        try:
+            belief = self._searched_through(again, part, encoders)
+        except DivergedError:
+            return searched, first
+        return searched, joined(first, Constants.of(belief, again, weight))
+
+    def _searched(self, hypothesis: Hypothesis, part: Recording) -> Model:
         encoders = [s.name for s in self.model.describe().encoders]
         zeros = [name for name in encoders if name in part]
-        searched = searched_model(
+        return searched_model(
             self.model, self.known, hypothesis, azimuth_rad=self.azimuth_rad, zeros_of=zeros
         )
+
+    def _searched_through(
+        self, searched: Model, part: Recording, encoders: Mapping[str, EncoderScale]
+    ) -> Belief:
+        """The belief after a part, with these zeros of encoders as start."""
         pushes = [base.name for base in searched.describe().base_acceleration]
         estimate = ("gyro_bias", "accel_bias", *pushes, "mounts", "lengths")
         config = Config(estimate=estimate, initial_q=self._posture(searched, 0))
@@ -95,11 +117,12 @@ class Stretch:
             parameter_stds={},
             mount_stds_rad={},
             mount_offset_stds_m={},
+            encoders=encoders,
         )
         belief = track(searched, part, corrections, config).last_belief
         if belief is None:
             raise DivergedError("calibrate motion: the search ended without a belief")
-        return searched, belief
+        return belief
 
     def _posture(self, searched: Model, part: int) -> list[float] | None:
         if self.postures is None:

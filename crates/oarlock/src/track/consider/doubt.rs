@@ -20,9 +20,16 @@ pub struct Doubt {
     pub(super) expected: Vec<f64>,
 }
 
+/// Scale at which the standard deviations of lengths and positions count by half. A tenth of the mounts' standard deviation
+/// is more than noise makes of right mounts.
+const HALF_SCALE: f64 = 0.1;
+
 /// What limits the effect of consider states.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Bounds {
+    /// Per parameter: whether it is a mount's. Gyroscopes and magnetometers, of which the scale is learnt, determine
+    /// how wrong mounts are. They say that lengths and positions may be wrong, but hardly how much.
+    pub mounts: Vec<bool>,
     /// Per calibrated parameter: the greatest scale, at which it is as uncertain as without the calibration.
     pub most: Vec<f64>,
     /// Per state: largest variance; infinite if there is none.
@@ -59,6 +66,7 @@ impl Clone for Doubt {
     fn clone_from(&mut self, from: &Self) {
         let Doubt { scale, width, told, bounds, slopes, rows, expected } = self;
         (*scale, *width, *told) = (from.scale, from.width, from.told);
+        bounds.mounts.clone_from(&from.bounds.mounts);
         bounds.most.clone_from(&from.bounds.most);
         bounds.reach.clone_from(&from.bounds.reach);
         slopes.clone_from(&from.slopes);
@@ -100,10 +108,20 @@ impl Doubt {
             return 0.0;
         }
         let (told, rest) = self.slopes[state * self.width..(state + 1) * self.width].split_at(self.told);
+        let (mounts, stated) = (self.scale, self.stated());
         // The uncertainty of a calibrated parameter is never less than the calibration's own and never more than without it.
         let calibrated =
             told.iter().zip(&self.bounds.most).map(|(s, &most)| (s * self.scale.min(most).max(1.0)).powi(2));
-        calibrated.sum::<f64>() + self.scale * self.scale * rest.iter().map(|s| s * s).sum::<f64>()
+        let others = rest.iter().zip(&self.bounds.mounts[self.told..]);
+        let others = others.map(|(s, &is_mount)| (s * if is_mount { mounts } else { stated }).powi(2));
+        calibrated.sum::<f64>() + others.sum::<f64>()
+    }
+
+    /// Scale of lengths, positions and zeros. Where the model is wrong, their standard deviations count in full; where it is
+    /// right, not at all.
+    fn stated(&self) -> f64 {
+        let square = self.scale * self.scale;
+        self.scale.max(square / (square + HALF_SCALE * HALF_SCALE))
     }
 
     /// The flat form in pickled state estimates.
@@ -111,8 +129,15 @@ impl Doubt {
         let head = [self.scale, self.width as f64, self.told as f64];
         let rows = self.rows.iter().flat_map(|row| row.to_flat());
         let (slopes, expected) = (self.slopes.iter().copied(), self.expected.iter().copied());
-        let Bounds { most, reach } = &self.bounds;
-        head.into_iter().chain(slopes).chain(most.iter().chain(reach).copied()).chain(rows).chain(expected).collect()
+        let Bounds { mounts, most, reach } = &self.bounds;
+        let mounts = mounts.iter().map(|&is| f64::from(u8::from(is)));
+        head.into_iter()
+            .chain(slopes)
+            .chain(mounts)
+            .chain(most.iter().chain(reach).copied())
+            .chain(rows)
+            .chain(expected)
+            .collect()
     }
 
     /// Reads the result of `to_flat` for this number of states; `None` if the numbers do not fit.
@@ -120,9 +145,11 @@ impl Doubt {
         let (&[scale, width, told], rest) = flat.split_first_chunk::<HEAD>()?;
         let (width, told) = (count(width, flat.len())?, count(told, flat.len())?);
         let (slopes, rest) = rest.split_at_checked(states.checked_mul(width)?)?;
+        let (mounts, rest) = rest.split_at_checked(width)?;
         let (most, rest) = rest.split_at_checked(told)?;
         let (reach, rest) = rest.split_at_checked(states)?;
-        let bounds = Bounds { most: most.to_vec(), reach: reach.to_vec() };
+        let mounts = mounts.iter().map(|&is| is != 0.0).collect();
+        let bounds = Bounds { mounts, most: most.to_vec(), reach: reach.to_vec() };
         let count = rest.len() / (PER_ROW + width);
         let (rows, expected) = rest.split_at(count * PER_ROW);
         let (rows, []) = rows.as_chunks::<PER_ROW>() else { return None };
@@ -155,17 +182,20 @@ mod tests {
     #[test]
     fn the_flat_form_leads_back() {
         // 3 states with a bound each and 2 rows of 7 averages, with 4 parameters each, one of them with a bound.
-        let flat: Vec<f64> = [0.5, 4.0, 1.0].into_iter().chain((0..38).map(f64::from)).collect();
+        let rest = (0..12).chain([0, 1, 1, 0]).chain(12..38).map(f64::from);
+        let flat: Vec<f64> = [0.5, 4.0, 1.0].into_iter().chain(rest).collect();
         let doubt = Doubt::from_flat(&flat, 3).unwrap();
         assert_eq!(doubt.size(), (3, 2, 4));
-        assert_eq!(doubt.bounds, Bounds { most: vec![12.0], reach: vec![13.0, 14.0, 15.0] });
+        let mounts = vec![false, true, true, false];
+        assert_eq!(doubt.bounds, Bounds { mounts, most: vec![12.0], reach: vec![13.0, 14.0, 15.0] });
         assert_eq!((doubt.rows[1].low, doubt.expected[0]), (23.0, 30.0));
         assert_eq!(doubt.to_flat(), flat);
     }
 
-    /// Of 3 states, the first of which has a variance of 4 at most, with 4 parameters, the first of which is calibrated.
+    /// Of 3 states, the first of which has a variance of 4 at most, with 4 parameters: a calibrated one, two of mounts, a length.
     fn doubt(scale: f64) -> Doubt {
-        let bounds = Bounds { most: vec![5.0], reach: vec![4.0, f64::INFINITY, f64::INFINITY] };
+        let mounts = vec![false, true, true, false];
+        let bounds = Bounds { mounts, most: vec![5.0], reach: vec![4.0, f64::INFINITY, f64::INFINITY] };
         Doubt::new(scale, (3, 2, 4), 1, bounds)
     }
 
@@ -186,6 +216,21 @@ mod tests {
             doubt.widened(1, 0.0)
         };
         assert_eq!([0.0, 1.0, 3.0, 5.0, 1000.0].map(by_the_first), [1.0, 1.0, 9.0, 25.0, 25.0]);
+    }
+
+    #[test]
+    fn lengths_count_more_than_mounts_where_the_model_is_wrong() {
+        let std = |parameter: usize, scale: f64| {
+            let mut doubt = doubt(scale);
+            doubt.slopes[4 + parameter] = 1.0;
+            doubt.widened(1, 0.0).sqrt()
+        };
+        let (mount, length) = (|scale: f64| std(1, scale), |scale: f64| std(3, scale));
+        assert_eq!([0.0, 0.1, 0.5, 2.0].map(mount), [0.0, 0.1, 0.5, 2.0]);
+        assert_eq!((length(0.0), length(2.0)), (0.0, 2.0));
+        assert!((length(HALF_SCALE) - 0.5).abs() < 1e-12);
+        assert!((0.95..1.0).contains(&length(0.5)));
+        assert!(length(0.01) < 0.011);
     }
 
     #[test]

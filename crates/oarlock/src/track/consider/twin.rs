@@ -70,12 +70,18 @@ struct Wanted {
     std: f64,
     /// If a calibration gave its standard deviation: the one without the calibration relative to it; infinite if unknown.
     most: Option<f64>,
+    is_mount: bool,
 }
 
 impl Wanted {
     /// `nominal`: if a calibration gave `std`, the standard deviation without it, as far as the model has one.
     fn new(column: usize, std: f64, nominal: Option<Option<f64>>) -> Self {
-        Wanted { column, std, most: nominal.map(|nominal| nominal.map_or(f64::INFINITY, |nominal| nominal / std)) }
+        let most = nominal.map(|nominal| nominal.map_or(f64::INFINITY, |nominal| nominal / std));
+        Wanted { column, std, most, is_mount: false }
+    }
+
+    fn mount(column: usize, std: f64, nominal: Option<Option<f64>>) -> Self {
+        Wanted { is_mount: true, ..Wanted::new(column, std, nominal) }
     }
 }
 
@@ -87,6 +93,8 @@ pub(super) struct Roles {
     pub(super) told: usize,
     /// For each of these: its standard deviation without the calibration, relative to the calibration's.
     pub(super) most: Vec<f64>,
+    /// For each consider state: whether it is a mount's.
+    pub(super) mounts: Vec<bool>,
 }
 
 impl Roles {
@@ -108,7 +116,7 @@ impl Roles {
             let stds = known.mount_stds_rad.get(&sensor.name);
             let in_sensor = stds.map_or([mount.std_rad; 3], |stds| turned_std(&mount.rotation, stds));
             let nominal = stds.map(|_| Some(mount.std_rad));
-            wanted.extend((0..3).map(|k| Wanted::new(first + k, in_sensor[k], nominal)));
+            wanted.extend((0..3).map(|k| Wanted::mount(first + k, in_sensor[k], nominal)));
         }
         // The column of an input is scaled by its standard deviation.
         wanted
@@ -122,7 +130,8 @@ impl Roles {
         let inputs = twin.model.joints.iter().filter(|j| j.input).map(|j| format!("{}.zero", j.name));
         let columns: Vec<String> = twin.layout.names.iter().cloned().chain(inputs).collect();
         let names = wanted.iter().map(|one| columns[one.column].clone()).collect();
-        Roles { roles, names, told: most.len(), most }
+        let mounts = wanted.iter().map(|one| one.is_mount).collect();
+        Roles { roles, names, told: most.len(), most, mounts }
     }
 }
 

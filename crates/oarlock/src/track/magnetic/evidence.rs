@@ -4,7 +4,7 @@
 //! norm. A field with the right norm whose dip has come slowly to where it is contradicts the posture, so it is used: otherwise the test
 //! against the estimate would keep a wrong estimate wrong.
 
-use super::PATIENCE_S;
+use super::{alike, PATIENCE_S};
 
 /// Time constant of the current norm and dip (as in VQF: Laidig and Seel 2023), s.
 const CURRENT_S: f64 = 0.05;
@@ -141,6 +141,17 @@ impl FieldState {
         self.age_s > AFTER_S && self.since_s.is_nan() && self.nearby < NEARBY
     }
 
+    /// Standard deviation of a reading's error by iron nearby, as a share of the norm. Iron that changes the norm changes the field across it as
+    /// much. Its error lasts, and the filter takes errors of readings as independent.
+    pub fn bent_share(&self) -> f64 {
+        let square = self.nearby * self.nearby - NEARBY * NEARBY;
+        if square > 0.0 && self.interval_s > 0.0 {
+            (square * alike(self.interval_s)).sqrt()
+        } else {
+            0.0
+        }
+    }
+
     /// The usual deviation of the norm, once it is known.
     pub fn known_norm(&self) -> Option<f64> {
         (self.age_s > AFTER_S).then_some(self.usual_norm)
@@ -208,6 +219,20 @@ mod tests {
         let when = bent(|_| 0.0, |t| if t > 30.0 { 0.4 } else { 0.0 });
         assert!((when[0] - 30.0).abs() < 0.02, "{}", when[0]);
         assert!((when.last().unwrap() - 40.0).abs() < 0.1, "{:?}", when.last());
+    }
+
+    #[test]
+    fn a_norm_that_deviates_makes_its_readings_uncertain() {
+        let share = |norm: f64| {
+            let mut state = FieldState::NONE;
+            (0..1000).for_each(|k| {
+                state.follow_norm([norm; 2], STEP_S * f64::from(k), 0.15);
+            });
+            state.bent_share()
+        };
+        assert_eq!(share(0.07), 0.0);
+        // Twenty readings have the information of one.
+        assert!((share(-0.125) - 0.1 * 20.0f64.sqrt()).abs() < 1e-9);
     }
 
     #[test]

@@ -3,14 +3,13 @@
 //! The norm does not depend on the posture, so that a wrong posture cannot pass for iron, nor iron for a wrong posture. A Kalman filter of
 //! three states expects |m - b| to be the norm of the field. A component that the unit's rotation has not shown stays zero.
 
+use super::lasting_variance;
 use crate::rotation::turn::norm;
 use crate::rotation::Vec3;
 
 /// Standard deviation of the iron's field before any reading, and of the norm of a field indoors, as shares of the field's norm.
 const PRIOR: f64 = 0.1;
 const NORM: f64 = 0.05;
-/// Errors of the norm last for this long, s.
-const ALIKE_S: f64 = 0.2;
 /// Time in which the iron may have become another one, s.
 const LASTS_S: f64 = 600.0;
 /// Norms beyond this share of the field's are those of a magnet in passing.
@@ -56,9 +55,7 @@ impl IronState {
         }
         let along = own * (1.0 / length);
         let pulled = self.times(along);
-        // Readings far off have less weight (Student's distribution of three degrees of freedom).
-        let noise = (NORM * norm_ut).powi(2);
-        let variance = noise * (1.0 + off * off / (3.0 * noise)) * (ALIKE_S / dt).max(1.0) + dot(along, pulled);
+        let variance = lasting_variance((NORM * norm_ut).powi(2), off * off, dt) + dot(along, pulled);
         for i in 0..3 {
             self.field_ut[i] += pulled.0[i] * off / variance;
         }

@@ -7,6 +7,7 @@ use crate::error::{Error, Result};
 use crate::estimate::belief::Belief;
 use crate::estimate::smoother::Smoother;
 use crate::estimate::transition::Transition;
+use std::sync::Arc;
 
 impl Run {
     /// Rauch-Tung-Striebel smoother. Filters again between the checkpoints, from the last to the first, so that only
@@ -28,15 +29,16 @@ impl Run {
     }
 
     /// Smooths up to `iterations` times. Each time after the first, the recording is filtered again with readings linearised
-    /// about the smoothed states (Bell 1994) and with the average noise that the first pass learnt. Stops when this makes
-    /// the readings less likely, and returns the likeliest.
+    /// about the smoothed states (Bell 1994), with the readings that the first pass accepted and with the noise that it learnt.
+    /// Stops when this makes the readings less likely, and returns the likeliest.
     pub fn into_iterated(self, iterations: usize, progress: Progress) -> Result<Run> {
         self.check_smoothable()?;
         let all = iterations.max(1) as f64;
         let (mut best, mut course) = self.with_course(iterations > 1, &mut |share| progress(share / all))?;
+        let Some(drive) = best.drive.drive().map(Arc::new) else { return Ok(best) };
         for done in 1..iterations {
-            let Some(levels) = best.tracker.levels().or_else(|| best.noise.levels()) else { break };
-            let earlier = EarlierPass { course, levels, had_rivals: best.started_with_rivals() };
+            let (verdicts, had_rivals) = (best.verdicts.clone(), best.started_with_rivals());
+            let earlier = EarlierPass { course, verdicts, drive: drive.clone(), had_rivals };
             let mut part = |share: f64| progress((done as f64 + 0.5 * share) / all);
             let next = best.relinearised(earlier, &mut part)?;
             // Not a number if the filter does not give densities; later passes do.
@@ -61,11 +63,14 @@ impl Run {
         Ok((run, course))
     }
 
-    /// The recording filtered again about an earlier pass.
+    /// The recording filtered again about an earlier pass. What became of each reading was decided by the first.
     fn relinearised(&self, earlier: EarlierPass, progress: Progress) -> Result<Run> {
+        let verdicts = earlier.verdicts.clone();
         let mut next = self.unfiltered();
         next.tracker.follow(earlier);
         next.filter(progress)?;
+        (next.verdicts, next.tally) = (verdicts, self.tally.clone());
+        next.series.take_reports(&self.series);
         Ok(next)
     }
 

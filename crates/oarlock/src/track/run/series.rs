@@ -79,6 +79,11 @@ impl Series {
         std::mem::size_of_val(&*self.mean) + std::mem::size_of_val(&*self.std)
     }
 
+    /// Replaces the reports by those of another run over the same rows.
+    pub(super) fn take_reports(&mut self, from: &Series) {
+        (self.nis, self.reports, self.inertial) = (from.nis.clone(), from.reports.clone(), from.inertial.clone());
+    }
+
     /// Appends the report of an update.
     pub(super) fn report(&mut self, info: &Info, troubles: impl Iterator<Item = (Field, Fault)>) {
         Arc::make_mut(&mut self.nis).extend(info.sources.iter().map(|source| source.nis));
