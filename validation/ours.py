@@ -27,6 +27,15 @@ FOUND = "calibration found"
 FOUND_NAMES = tuple(f"{name}, {FOUND}" for name in NAMES)
 """The same with a calibration that was found from the recording itself."""
 
+SOFT_NAMES = tuple(f"{name}, soft mounts" for name in NAMES)
+"""The same with soft mounts, after a low-pass."""
+
+FOAM_STD_RAD = float(np.radians(5.0))
+"""Of a unit's rotation on foam about each axis: readers of the data give 5 to 12 deg, mean and movement together."""
+
+LIMBS_HZ = 6.0
+"""Movements of people are slower; as docs/bodies.md advises for soft tissue."""
+
 WINDOW_S: Mapping[str, float] = {"rigid": 0.2, "foam": 0.4}
 """Over which joints are sought, as docs/mounts.md advises for each kind of mounting."""
 
@@ -61,6 +70,20 @@ def track_diodem(recording: Recording) -> Iterator[Estimate]:
 def diodem_tracks(recording: Recording) -> Iterator[tuple[Estimate, Track]]:
     """The same with the tracks, which hold the joints and their bands."""
     return _both("diodem_arm", recording, SEGMENTS, config=WITH_LENGTHS)
+
+
+def track_diodem_soft(recording: Recording) -> Iterator[Estimate]:
+    """The same for units on foam: without vibration, with mounts that turn.
+
+    The low-pass has no delay, so no estimate was known at its own time.
+    """
+    model = oarlock.load_model("diodem_arm")
+    soft = oarlock.with_soft_mounts(model, dict.fromkeys(model.sensor_names, FOAM_STD_RAD))
+    quiet = _known(recording, model).low_passed(LIMBS_HZ)
+    for name, (estimate, _) in zip(
+        SOFT_NAMES, _both(soft, quiet, SEGMENTS, config=WITH_LENGTHS), strict=True
+    ):
+        yield replace(estimate, name=name, online=False)
 
 
 def track_openaxes(recording: Recording) -> Iterator[Estimate]:
@@ -106,10 +129,10 @@ def track_broad(recording: Recording) -> Iterator[Estimate]:
     return _tracked("broad", recording, (BODY,))
 
 
-def track_qmt(
+def qmt_tracks(
     recording: Recording, segments: Iterable[str], still_s: tuple[float, float]
-) -> Iterator[Estimate]:
-    """The upper body of the person; these segments are scored, in the axes of their units.
+) -> Iterator[tuple[Estimate, Track]]:
+    """The upper body of the person; these segments are scored, in their units' axes. With the tracks.
 
     The mounts come from `still_s`, in which the person stands in the model's rest posture.
     """
@@ -117,8 +140,8 @@ def track_qmt(
     model = oarlock.load_model(name)
     calibration = oarlock.calibrate_pose(model, _known(recording, model), None, *still_s)
     mounts = {s: Rotation.from_matrix(rotation) for s, (rotation, _) in calibration.mounts.items()}
-    for estimate, _ in _both(name, recording, segments, calibration):
-        yield estimate.turned({s: mounts[s] for s in estimate.quats})
+    for estimate, track in _both(name, recording, segments, calibration):
+        yield estimate.turned({s: mounts[s] for s in estimate.quats}), track
 
 
 def track_arm(model_file: str, label: str, recording: Recording) -> Iterator[tuple[Estimate, Track]]:
@@ -138,15 +161,15 @@ def _tracked(
 
 
 def _both(
-    name: str,
+    model: oarlock.Model | str,
     recording: Recording,
     frames: Iterable[str],
     calibration: Calibration | None = None,
     config: Config | None = None,
 ) -> Iterator[tuple[Estimate, Track]]:
-    """Track with a shipped model, or a model file, then smooth."""
+    """Track with a model, a shipped one or a model file, then smooth."""
     try:
-        model = oarlock.load_model(name)
+        model = oarlock.load_model(model) if isinstance(model, str) else model
     except oarlock.ModelError as error:
         raise NotRunError(f"no model: {str(error).splitlines()[0]}") from error
     try:
