@@ -130,7 +130,7 @@ def _write_sculler(filtered: Scored, smoothed: Scored) -> None:
         "The paper has another rower and motion and no oar encoders: compare the order of magnitude only.",
     ):
         say(f"  {line}", style="dim")
-    write_sensors(summary.sensors)
+    write_sensors(filtered.evaluation.sensors)
     write_notes(summary.notes)
     say()
     pairs(
@@ -235,7 +235,7 @@ def _write_pendulum(result: Pendulum) -> None:
         style="dim",
         indent=2,
     )
-    write_sensors(summary.sensors)
+    write_sensors(evaluation.sensors)
     write_notes(summary.notes)
     say()
     pairs([("speed", speed(summary)), ("report", report)])
