@@ -83,10 +83,20 @@ def test_an_axis_that_tells_little_turns_a_mount_little(model):
         assert across[0] < across[1] + 0.01
 
 
+def test_mounts_that_agree_with_the_axes_stay_exactly_as_they_are(model):
+    # Mounts are off by a fifth of what is stated, and by less than the sensors' own axes may be.
+    kept = [found_and_true(model, seed, tilt_rad=0.3, std_rad=0.004)[0] for seed in range(SEEDS)]
+    turned = np.array([[c.noted["sensor"][n]["turned_rad"] for n in LINKS] for c in kept])
+    assert (turned.max(axis=1) == 0.0).mean() > 0.9
+    # What stays is as uncertain as where it stays: at least as the axes seen, at most as stated.
+    assert all((stds_rad(c)[:, 1:] > 0.008).all() and (stds_rad(c) < 0.0201).all() for c in kept)
+
+
 def test_motion_that_tells_the_axes_leaves_them_as_sure_as_the_sensors(model):
     found, _ = found_and_true(model, 1, tilt_rad=0.8)
     assert found.noted["kept_nominal"] == []
-    assert (stds_rad(found)[:, 1:] < 0.012).all()
+    # Misalignment of the sensors' own axes, 0.01 rad, is most of it.
+    assert (stds_rad(found)[:, 1:] < 0.014).all()
     still_open = found_and_true(model, 1)[0]
     assert still_open.noted["kept_nominal"] == ["carpus: axis of wrist"]
 

@@ -42,6 +42,9 @@ WINDOW_S: Mapping[str, float] = {"rigid": 0.2, "foam": 0.4}
 SCREWED_ON_STD_M = 0.01
 """As of `dfjimu`'s model file. A fit knows its lever to a millimetre, and a joint is no point."""
 
+PLAY_STD_RAD = float(np.radians(3.0))
+"""Of a hinge that turns across its axis, as docs/mounts.md advises: nobody measured it."""
+
 ARM = ("upper_arm", "forearm")
 
 WITH_LENGTHS = Config(estimate=("gyro_bias", "accel_bias", "lengths"))
@@ -86,9 +89,9 @@ def track_diodem_soft(recording: Recording) -> Iterator[Estimate]:
         yield replace(estimate, name=name, online=False)
 
 
-def track_openaxes(recording: Recording) -> Iterator[Estimate]:
+def track_openaxes(recording: Recording, calibration: Calibration | None = None) -> Iterator[Estimate]:
     """Two neighbouring links of the robot; the model holds how the units sit on them."""
-    return _tracked("openaxes_ur5", recording, LINKS)
+    return _tracked("openaxes_ur5", recording, LINKS, calibration)
 
 
 def track_dfjimu_found(recording: Recording) -> Iterator[Estimate]:
@@ -99,16 +102,19 @@ def track_dfjimu_found(recording: Recording) -> Iterator[Estimate]:
 
 
 def track_diodem_found(recording: Recording, mounted: str) -> Iterator[Estimate]:
-    """Places and lengths from `calibrate_joint_centers`; mounts stay nominal: one hinge turns off its axis.
+    """Places and lengths from `calibrate_joint_centers`, play from `calibrate_hinge_axes`; mounts stay nominal.
 
-    What is screwed on stays where it was found, to a centimetre; on foam it moves, as the model file has it.
+    What is screwed on stays where it was found, to a centimetre, so what turns across a hinge is play; on foam it
+    moves, as the model file has it.
     """
     model = oarlock.load_model("diodem_arm")
     known = _known(recording, model)
     found = oarlock.calibrate_joint_centers(model, known, window_s=WINDOW_S[mounted])
     if mounted == "rigid":
         found = replace(found, parameter_stds=dict.fromkeys(found.parameters, SCREWED_ON_STD_M))
-    return _named_found(_tracked("diodem_arm", recording, SEGMENTS, found, WITH_LENGTHS))
+        loose = cast(list[str], oarlock.calibrate_hinge_axes(model, known).noted["play"])
+        model = oarlock.with_play(model, dict.fromkeys(loose, PLAY_STD_RAD))
+    return _named_found(_tracked(model, recording, SEGMENTS, found, WITH_LENGTHS))
 
 
 def track_openaxes_found(recording: Recording) -> Iterator[Estimate]:
@@ -151,7 +157,7 @@ def track_arm(model_file: str, label: str, recording: Recording) -> Iterator[tup
 
 
 def _tracked(
-    name: str,
+    name: oarlock.Model | str,
     recording: Recording,
     frames: Iterable[str],
     calibration: Calibration | None = None,

@@ -65,6 +65,7 @@ from .model.description import (
     TransformDescription,
     WorldDescription,
 )
+from .model.joint_play import with_play
 from .model.load import Base, load_model
 from .model.shapes import Look, Shape, Strand, Viewpoint
 from .model.soft_mount import with_soft_mounts
@@ -189,5 +190,6 @@ __all__ = [
     "track_of_beliefs",
     "track_orientations",
     "with_ball_joint",
+    "with_play",
     "with_soft_mounts",
 ]

@@ -46,6 +46,14 @@ SoftMounts = Annotated[
         help="A unit that turns slowly on its segment, and the standard deviation, e.g. thigh_r=5. Repeatable.",
     ),
 ]
+Plays = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--play",
+        metavar="HINGE=DEG",
+        help="A hinge that also turns across its axis, and the standard deviation, e.g. knee_r=3. Repeatable.",
+    ),
+]
 
 Pose = Annotated[
     str,
@@ -65,8 +73,9 @@ def chosen_body(
     units: str | None = None,
     balls: Iterable[str] = (),
     soft_mounts: Iterable[str] = (),
+    plays: Iterable[str] = (),
 ) -> Model:
-    """The model with these parameters, the lengths of a person, these units, balls in place of hinges, soft mounts."""
+    """The model with these parameters, lengths of a person, units, balls in place of hinges, soft mounts, play."""
     from oarlock import load_model
     from oarlock.model.ball_joint import with_ball_joint
 
@@ -77,14 +86,20 @@ def chosen_body(
         if len(hinges) != 2:
             raise UsageError(f"--ball {ball}: expected two hinges, the upper one first")
         body = with_ball_joint(body, *hinges)
-    return _on_soft_mounts(body, soft_mounts)
+    return _loosened(body, soft_mounts, plays)
 
 
-def _on_soft_mounts(body: Model, soft_mounts: Iterable[str]) -> Model:
+def _loosened(body: Model, soft_mounts: Iterable[str], plays: Iterable[str]) -> Model:
+    from oarlock.model.joint_play import with_play
     from oarlock.model.soft_mount import with_soft_mounts
 
-    std_deg = assignments(soft_mounts, "--soft-mount", "thigh_r=5", "degrees")
-    return with_soft_mounts(body, {name: radians(deg) for name, deg in std_deg.items()}) if std_deg else body
+    for change, chosen, option in (
+        (with_soft_mounts, soft_mounts, ("--soft-mount", "thigh_r=5")),
+        (with_play, plays, ("--play", "knee_r=3")),
+    ):
+        std_deg = assignments(chosen, *option, "degrees")
+        body = change(body, {name: radians(deg) for name, deg in std_deg.items()}) if std_deg else body
+    return body
 
 
 def ball_note(ball: str) -> str:

@@ -234,7 +234,11 @@ def write_axes(calibration: Calibration) -> None:
             for name, f in noted["sensor"].items()
         ],
     )
-    _remarks(noted, ("kept_nominal", "hardly determined by the motion, close to the nominal mount"))
+    _remarks(
+        noted,
+        ("kept_nominal", "hardly determined by the motion, close to the nominal mount"),
+        ("play", "also turns across its axis: play, or a unit that moves on its link; track with `--play`"),
+    )
 
 
 def write_pose(calibration: Calibration) -> None:

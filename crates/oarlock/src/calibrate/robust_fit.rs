@@ -33,6 +33,25 @@ pub(crate) struct Scatter {
     pub rows_per_error: f64,
 }
 
+impl Scatter {
+    /// Rows with a scatter of their own, one to two seconds: the median of their absolute values is known to a fifth.
+    const ROWS: usize = 20;
+
+    /// Standard deviation of each row: that of all rows, or the larger one of those around it. Where a body rests, residuals
+    /// are small; movement is not to count as exactly as rest.
+    fn spreads(&self, errors: &DVector<f64>) -> DVector<f64> {
+        let whole = robust_spread(errors).max(self.least);
+        let count = (errors.len() / Self::ROWS).max(1);
+        let mut spreads = DVector::from_element(errors.len(), whole);
+        for part in 0..count {
+            let (start, end) = (part * errors.len() / count, (part + 1) * errors.len() / count);
+            let own = robust_spread(&errors.rows(start, end - start).into_owned());
+            spreads.rows_mut(start, end - start).fill(own.max(whole));
+        }
+        spreads
+    }
+}
+
 pub(crate) struct Fit<S> {
     pub state: S,
     /// Estimate of the difference from the prior.
@@ -49,15 +68,16 @@ const LAST_STEPS: usize = 6;
 pub(crate) fn fit<P: Problem>(problem: &P, starts: &[P::State], scatter: &Scatter) -> Result<Fit<P::State>> {
     let mut found = Vec::with_capacity(starts.len());
     for start in starts {
-        let spread = robust_spread(&problem.errors(start)).max(scatter.least);
-        found.push(Descent { problem, scatter, spread, loss: Loss::Square }.from(start)?);
+        let spreads = scatter.spreads(&problem.errors(start));
+        found.push(Descent { problem, scatter, spreads, loss: Loss::Square }.from(start)?);
     }
     let smallest = |states: &[P::State]| {
-        let spreads = states.iter().map(|s| robust_spread(&problem.errors(s)));
-        spreads.fold(f64::INFINITY, f64::min).max(scatter.least)
+        let errors = states.iter().map(|s| problem.errors(s));
+        let best = errors.min_by(|a, b| robust_spread(a).total_cmp(&robust_spread(b)));
+        best.map_or_else(|| DVector::zeros(0), |errors| scatter.spreads(&errors))
     };
     for _ in 0..3 {
-        let descent = Descent { problem, scatter, spread: smallest(&found), loss: Loss::Cauchy };
+        let descent = Descent { problem, scatter, spreads: smallest(&found), loss: Loss::Cauchy };
         for state in &mut found {
             *state = descent.from(state)?;
         }
@@ -65,12 +85,13 @@ pub(crate) fn fit<P: Problem>(problem: &P, starts: &[P::State], scatter: &Scatte
         found.truncate(1);
     }
     let mut state = found.remove(0);
-    let spread = smallest(std::slice::from_ref(&state));
-    let descent = Descent { problem, scatter, spread, loss: Loss::Cauchy };
+    let spreads = smallest(std::slice::from_ref(&state));
+    let descent = Descent { problem, scatter, spreads, loss: Loss::Cauchy };
     for _ in 0..LAST_STEPS {
         state = problem.plus(&state, &(descent.without_noise(&state).value()? - problem.departure(&state).0));
     }
     let estimate = descent.without_noise(&state).solve()?;
+    let spread = descent.spreads.min();
     Ok(Fit { state, estimate, spread })
 }
 
@@ -149,7 +170,8 @@ impl Loss {
 struct Descent<'a, P: Problem> {
     problem: &'a P,
     scatter: &'a Scatter,
-    spread: f64,
+    /// Standard deviation of each row.
+    spreads: DVector<f64>,
     loss: Loss,
 }
 
@@ -171,7 +193,8 @@ impl<P: Problem> Descent<'_, P> {
     }
 
     fn cost(&self, state: &P::State) -> f64 {
-        let rows: f64 = self.problem.errors(state).iter().map(|e| self.loss.of(e / self.spread)).sum();
+        let errors = self.problem.errors(state);
+        let rows: f64 = errors.iter().zip(&self.spreads).map(|(e, spread)| self.loss.of(e / spread)).sum();
         let (departure, std) = self.problem.departure(state);
         rows / self.scatter.rows_per_error + 0.5 * departure.component_div(&std).norm_squared()
     }
@@ -209,8 +232,9 @@ impl<P: Problem> Descent<'_, P> {
 
     /// Inverse variances of the rows.
     fn weights(&self, errors: &DVector<f64>) -> DVector<f64> {
-        let plain = 1.0 / (self.spread.powi(2) * self.scatter.rows_per_error);
-        errors.map(|e| plain * self.loss.weight(e / self.spread))
+        errors.zip_map(&self.spreads, |e, spread| {
+            self.loss.weight(e / spread) / (spread.powi(2) * self.scatter.rows_per_error)
+        })
     }
 }
 

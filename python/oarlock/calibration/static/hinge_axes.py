@@ -31,6 +31,10 @@ SEARCH = "hinge axes"
 CLEAR_SENSE = 0.1
 """From here on the motion determines the common sense of the two axes."""
 
+PLAY_SHARE = 0.03
+"""Residual relative to the rotation about the hinge. Gyroscopes leave up to 1 %: their axes are misaligned by that, and
+the difference of their scales is estimated. More is rotation across the axis, from play or from a unit that moves."""
+
 LITTLE_LEARNT = 0.7
 """An axis of which this share of the nominal standard deviation remains is reported: the motion shows less of it."""
 
@@ -63,7 +67,8 @@ def calibrate_hinge_axes(
 
     Returns:
         The starting calibration with turned mounts and their standard deviations. ``noted`` holds each axis, its
-        standard deviation, by how much the mount was turned, and undetermined axes.
+        standard deviation, by how much the mount was turned, undetermined axes, and under ``play`` the hinges that
+        also turn across their axis: see `oarlock.with_play`.
 
     Raises:
         DataError: no two units with a single hinge between them, two units on one body, a stream without
@@ -89,6 +94,7 @@ def calibrate_hinge_axes(
         "joint": {pair.label: _joint_note(pair, axis) for pair, axis in found.items()},
         "sensor": {name: _unit_note(name, mount, found) for name, mount in solved.items()},
         "kept_nominal": [text for pair, axis in found.items() for text in _little_learnt(pair, axis, worn)],
+        "play": [pair.label for pair, axis in found.items() if _has_play(axis)],
         "left_out": [name for name in recording.names if name not in names],
     }
     stds = {name: np.sqrt(np.diag(mount.covariance)) for name, mount in solved.items()}
@@ -127,6 +133,10 @@ def _little_learnt(pair: LinkPair, found: Mapping[str, Any], worn: Worn) -> list
         for name, std in ends
         if name != ROOT and std > LITTLE_LEARNT * _prior_std_rad(name, worn)
     ]
+
+
+def _has_play(found: Mapping[str, Any]) -> bool:
+    return bool(found["residual_rad_s"] > PLAY_SHARE * found["hinge_rad_s"])
 
 
 def _unit_note(name: str, mount: LikelyMount, found: Mapping[LinkPair, Mapping[str, Any]]) -> dict[str, Any]:

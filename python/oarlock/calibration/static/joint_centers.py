@@ -14,6 +14,7 @@ import numpy as np
 from oarlock import _core
 from oarlock.calibration.static.link_pairs import EXACT, ROOT, LinkPair, link_pairs
 from oarlock.calibration.static.offset_parameters import offset_parameters, own_parameters
+from oarlock.calibration.static.prior_width import prior_share
 from oarlock.calibration.static.worn_model import Worn
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.corrections import corrected
@@ -198,7 +199,11 @@ class Tree:
         return rows
 
     def solve(self, found: Sequence[Mapping[str, Any]]) -> Solved:
-        """The most likely values, with those of the model as prior (maximum a posteriori)."""
+        """The most likely values, with those of the model as prior (maximum a posteriori).
+
+        The prior's width is the most likely one (`prior_share`). The covariance is the mean square error under the
+        stated one.
+        """
         information = np.diag(self.prior**-2)
         vector = np.zeros(self.size)
         missing, known = {}, {}
@@ -212,8 +217,12 @@ class Tree:
             vector += rows.T @ whole @ difference
             missing[pair.label], known[pair.label] = difference, _tight(covariance)
         covariance = np.asarray(np.linalg.inv(information))
-        moved = covariance @ vector
-        return self._solved(moved, np.sqrt(np.diag(covariance)), missing, known)
+        stated = covariance @ vector
+        motion = information - np.diag(self.prior**-2)
+        share = prior_share(motion, self.prior, stated)
+        prior = np.diag((share * self.prior) ** -2) if share else None
+        moved = 0.0 * stated if prior is None else np.asarray(np.linalg.solve(motion + prior, vector))
+        return self._solved(moved, np.sqrt(np.diag(covariance) + (moved - stated) ** 2), missing, known)
 
     def _solved(
         self,

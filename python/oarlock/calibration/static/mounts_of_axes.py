@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from oarlock.calibration.static.prior_width import prior_share
 from oarlock.model.rotation import angle_between
 from oarlock.storage.array_gate import FloatArray
 
@@ -55,7 +56,10 @@ class LikelyMount:
 def solved_mounts(
     nominal: Mapping[str, FloatArray], prior_stds_rad: Mapping[str, FloatArray], axes: Sequence[SeenAxis]
 ) -> dict[str, LikelyMount]:
-    """The most likely mounts of all units that have a prior, by Gauss-Newton steps (maximum a posteriori).
+    """The most likely mounts of all units that have a prior (maximum a posteriori).
+
+    The prior's width is the most likely one (`prior_share`). The covariance is the mean square error under the
+    stated one.
 
     Args:
         nominal: unit -> (3, 3) link from sensor; of units without a prior exactly known.
@@ -63,7 +67,25 @@ def solved_mounts(
         axes: of the hinges between units.
     """
     names = list(prior_stds_rad)
-    prior = np.concatenate([np.asarray(prior_stds_rad[name]) ** -2.0 for name in names])
+    std = np.concatenate([np.asarray(prior_stds_rad[name]) for name in names])
+    prior = std**-2.0
+    stated, information = _most_likely(nominal, names, prior, axes)
+    share = prior_share(information - np.diag(prior), std, stated.as_rotvec().reshape(-1))
+    kept = _most_likely(nominal, names, prior / share**2, axes)[0] if share else Rotation.identity(len(names))
+    covariance = np.linalg.inv(information).reshape(len(names), 3, len(names), 3)
+    apart, solved, turned = (kept * stated.inv()).as_rotvec(), _mounts(names, kept, nominal), kept.as_rotvec()
+    return {
+        name: LikelyMount(
+            solved[name], turned[k], np.asarray(covariance[k, :, k]) + np.outer(apart[k], apart[k])
+        )
+        for k, name in enumerate(names)
+    }
+
+
+def _most_likely(
+    nominal: Mapping[str, FloatArray], names: Sequence[str], prior: FloatArray, axes: Sequence[SeenAxis]
+) -> tuple[Rotation, FloatArray]:
+    """Turns from the nominal mounts by Gauss-Newton steps, and their information (3 n, 3 n)."""
     turns = Rotation.identity(len(names))
     for _ in range(STEPS):
         mounts = {**nominal, **_mounts(names, turns, nominal)}
@@ -76,12 +98,7 @@ def solved_mounts(
         turns = Rotation.from_rotvec(step) * turns
         if np.abs(step).max() < SETTLED_RAD:
             break
-    covariance = np.linalg.inv(information).reshape(len(names), 3, len(names), 3)
-    solved, turned = _mounts(names, turns, nominal), turns.as_rotvec()
-    return {
-        name: LikelyMount(solved[name], turned[k], np.asarray(covariance[k, :, k]))
-        for k, name in enumerate(names)
-    }
+    return turns, information
 
 
 def _mounts(
