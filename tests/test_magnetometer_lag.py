@@ -1,7 +1,5 @@
 """A magnetometer whose readings are late: the heading of a unit that turns to one side stays right."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -64,9 +62,10 @@ def test_a_late_magnetometer_does_not_turn_the_heading():
 
 def test_a_punctual_magnetometer_is_used_as_it_is():
     punctual = unit_with(0.0)
-    silent = replace(punctual, mag_ut=None)
-    assert abs(heading_errors_deg(punctual, "gated").mean()) < 0.2
-    np.testing.assert_array_equal(heading_errors_deg(silent, "gated"), heading_errors_deg(silent, "off"))
+    as_read, gated = (heading_errors_deg(punctual, use) for use in ("on", "gated"))
+    assert abs(gated.mean()) < 0.2
+    # A lag of 1 ms that is found and is not there would turn the heading by 0.23 deg.
+    np.testing.assert_array_equal(gated, as_read)
 
 
 @pytest.mark.data
