@@ -272,7 +272,10 @@ impl Tracker {
         }
         magnetic.raise(subject, &one.sources, readings);
         let smoothed = self.earlier.as_ref().and_then(|earlier| earlier.course.at(time_s));
-        magnetic.measure_dips(subject, &mut one.sources, readings, smoothed.unwrap_or(&one.belief.mean));
+        let rejected = self.earlier.as_ref().and_then(|earlier| earlier.verdicts.rejected_at(time_s));
+        if rejected.is_none() {
+            magnetic.measure_dips(subject, &mut one.sources, readings, smoothed.unwrap_or(&one.belief.mean));
+        }
         // Derivatives are needed for learnt noise and for consider states.
         let wants_slopes = one.doubt.is_some() || self.settings.learning.memory_s.is_finite();
         let mut considering = self.considering.as_mut().filter(|_| wants_slopes);
@@ -281,7 +284,7 @@ impl Tracker {
         }
         self.north.bar_turned(subject, &one.sources, time_s, &mut magnetic.excluded);
         let mut gate = self.settings.gate;
-        if let Some(rejected) = self.earlier.as_ref().and_then(|earlier| earlier.verdicts.rejected_at(time_s)) {
+        if let Some(rejected) = rejected {
             magnetic.excluded.copy_from_slice(rejected);
             magnetic.direction_tests.fill(None);
             gate.on = false;

@@ -42,6 +42,8 @@ pub(in crate::track) struct FieldState {
     pub steady: f64,
     pub nearby: f64,
     pub usual_norm: f64,
+    /// Age at the first dip since a reset of the state estimate, s.
+    pub dip_from_s: f64,
     /// Deviation of the dip, rad: currently, and its usual one; since when it is far from that, s.
     pub dip: Deviation,
     pub usual_dip: f64,
@@ -89,6 +91,7 @@ impl FieldState {
         steady: f64::NAN,
         nearby: f64::NAN,
         usual_norm: f64::NAN,
+        dip_from_s: f64::NAN,
         dip: Deviation::NONE,
         usual_dip: f64::NAN,
         since_s: f64::NAN,
@@ -97,7 +100,7 @@ impl FieldState {
     /// Adds the relative deviation of a norm, with and without what all units have in common; true if it is beyond the tolerance.
     pub fn follow_norm(&mut self, [norm, raw]: [f64; 2], time_s: f64, tolerance: f64) -> bool {
         if self.came_s.is_nan() {
-            let own = FieldState { age_s: 0.0, steady: norm, nearby: 0.0, usual_norm: raw, ..*self };
+            let own = FieldState { age_s: 0.0, dip_from_s: 0.0, steady: norm, nearby: 0.0, usual_norm: raw, ..*self };
             *self = FieldState { came_s: time_s, ..own };
         }
         self.interval_s = (time_s - self.came_s).clamp(0.0, 1.0);
@@ -112,7 +115,7 @@ impl FieldState {
 
     /// Adds the deviation of a dip, rad. The result is the deviation to be tested: zero where it contradicts the posture.
     pub fn follow_dip(&mut self, dip: f64, tolerance: f64) -> f64 {
-        let (time_s, dt, age_s) = (self.came_s, self.interval_s, self.age_s);
+        let (time_s, dt, age_s) = (self.came_s, self.interval_s, self.dip_age_s());
         let deviation = self.dip.follow(dip, tolerance, (dt, age_s));
         if self.usual_dip.is_nan() {
             self.usual_dip = dip;
@@ -136,9 +139,13 @@ impl FieldState {
         }
     }
 
+    fn dip_age_s(&self) -> f64 {
+        self.age_s - self.dip_from_s
+    }
+
     /// Whether a deviating dip can only come from the posture: the norm is right, and the dip has not changed quickly.
     fn contradicts_posture(&self) -> bool {
-        self.age_s > AFTER_S && self.since_s.is_nan() && self.nearby < NEARBY
+        self.dip_age_s() > AFTER_S && self.since_s.is_nan() && self.nearby < NEARBY
     }
 
     /// Standard deviation of a reading's error by iron nearby, as a share of the norm. Iron that changes the norm changes the field across it as
@@ -157,13 +164,14 @@ impl FieldState {
         (self.age_s > AFTER_S).then_some(self.usual_norm)
     }
 
-    /// After a reset of the state estimate.
+    /// After a reset of the state estimate. The norm does not depend on it.
     pub fn forget_dip(&mut self) {
-        (self.dip, self.usual_dip, self.since_s, self.age_s) = (Deviation::NONE, f64::NAN, f64::NAN, 0.0);
+        (self.dip, self.usual_dip, self.since_s, self.dip_from_s) = (Deviation::NONE, f64::NAN, f64::NAN, self.age_s);
     }
 
-    pub(in crate::track) fn numbers(&mut self) -> [&mut f64; 12] {
-        let FieldState { came_s, interval_s, age_s, norm, steady, nearby, usual_norm, dip, usual_dip, since_s } = self;
+    pub(in crate::track) fn numbers(&mut self) -> [&mut f64; 13] {
+        let FieldState { came_s, interval_s, age_s, norm, steady, nearby, usual_norm, .. } = self;
+        let FieldState { dip_from_s, dip, usual_dip, since_s, .. } = self;
         [
             came_s,
             interval_s,
@@ -173,6 +181,7 @@ impl FieldState {
             steady,
             nearby,
             usual_norm,
+            dip_from_s,
             &mut dip.now,
             &mut dip.scatter,
             usual_dip,
@@ -219,6 +228,21 @@ mod tests {
         let when = bent(|_| 0.0, |t| if t > 30.0 { 0.4 } else { 0.0 });
         assert!((when[0] - 30.0).abs() < 0.02, "{}", when[0]);
         assert!((when.last().unwrap() - 40.0).abs() < 0.1, "{:?}", when.last());
+    }
+
+    #[test]
+    fn a_reset_forgets_the_dip_and_keeps_the_norm() {
+        let mut state = FieldState::NONE;
+        let add = |state: &mut FieldState, k: i32| {
+            state.follow_norm([0.06; 2], STEP_S * f64::from(k), 0.15);
+            state.follow_dip(0.3, TOLERANCE)
+        };
+        let contradicts = (0..1000).map(|k| add(&mut state, k)).last() == Some(0.0);
+        state.forget_dip();
+        let known = state.known_norm().unwrap();
+        assert!(contradicts && (known - 0.06).abs() < 1e-9, "{known}");
+        assert!(add(&mut state, 1000) > TOLERANCE);
+        assert_eq!((1001..2000).map(|k| add(&mut state, k)).last(), Some(0.0));
     }
 
     #[test]
