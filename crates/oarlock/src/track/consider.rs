@@ -35,7 +35,7 @@ use crate::sensor::MountValue;
 use crate::sensor::Quantity;
 use delays::Delays;
 pub use doubt::Doubt;
-use doubt::{Bounds, RowAverages};
+use doubt::{Bounds, RowAverages, Squares};
 use scoring::Scoring;
 use slopes::{Forced, Prior};
 use tally::Tally;
@@ -45,8 +45,9 @@ use twin::{twin, Role, Roles, ZERO_STD};
 /// Time over which innovations are averaged, s: longer than the correlation of noise, learnt process noise and soft
 /// tissue motion; shorter than a movement cycle.
 const AVERAGE_S: f64 = 0.6;
-/// Memory of the mean squares of averages, s.
-const MEMORY_S: f64 = 5.0;
+/// Memories of the mean squares of averages, s. Parameters are constants, so evidence that they are wrong lasts, also while a
+/// body moves in a way that does not show it. The short memory follows a unit that slips.
+const MEMORIES_S: [f64; 2] = [5.0, 300.0];
 /// Averages with at most this multiple of white noise's mean square count as chance.
 const CHANCE: f64 = 1.5;
 /// Larger slopes mean that the recursion has diverged.
@@ -323,21 +324,22 @@ impl Considering {
             return;
         }
         let (_, m, width) = self.size;
-        self.scales.clear();
-        for r in (0..m).filter(|&r| self.telling[r]) {
-            let (row, range) = (&mut doubt.rows[r], r * width..(r + 1) * width);
-            if told(r) {
-                row.take(&mut doubt.expected[range.clone()], &self.answers[range], (time_s, innovation[r]));
-            }
-            if row.share > row.white && row.white > 0.0 {
-                self.scales.push((row.power - CHANCE * row.white) / row.share);
+        let telling = (0..m).filter(|&r| self.telling[r]);
+        for r in telling.clone().filter(|&r| told(r)) {
+            let range = r * width..(r + 1) * width;
+            doubt.rows[r].take(&mut doubt.expected[range.clone()], &self.answers[range], (time_s, innovation[r]));
+        }
+        let mut square = None;
+        for memory in 0..MEMORIES_S.len() {
+            self.scales.clear();
+            self.scales.extend(telling.clone().filter_map(|r| doubt.rows[r].squares[memory].scale_squared()));
+            let middle = self.scales.len() / 2;
+            if !self.scales.is_empty() {
+                let (_, &mut median, _) = self.scales.select_nth_unstable_by(middle, f64::total_cmp);
+                square = Some(median.max(square.unwrap_or(0.0)));
             }
         }
-        let middle = self.scales.len() / 2;
-        if !self.scales.is_empty() {
-            let (_, &mut median, _) = self.scales.select_nth_unstable_by(middle, f64::total_cmp);
-            doubt.scale = median.max(0.0).sqrt();
-        }
+        doubt.scale = square.map_or(doubt.scale, f64::sqrt);
     }
 
     /// Learns, after an update, the roughness of accelerometers and the scale of the consider states.
@@ -438,13 +440,22 @@ impl RowAverages {
             owed += *e * *e;
         }
         self.count += 1.0;
-        let keep = (dt / MEMORY_S).max(1.0 / self.count).min(1.0);
         let jump = innovation - self.last;
         let floor = pace / (2.0 - pace) * 0.5 * jump * jump;
-        self.power += keep * (self.low * self.low - self.power);
-        self.white += keep * (floor - self.white);
-        self.share += keep * (owed - self.share);
+        for (squares, memory_s) in self.squares.iter_mut().zip(MEMORIES_S) {
+            let keep = (dt / memory_s).max(1.0 / self.count).min(1.0);
+            squares.power += keep * (self.low * self.low - squares.power);
+            squares.white += keep * (floor - squares.white);
+            squares.share += keep * (owed - squares.share);
+        }
         (self.last, self.last_s) = (innovation, time_s);
+    }
+}
+
+impl Squares {
+    /// Squared scale of the parameters' errors; `None` where noise is larger than what they explain.
+    fn scale_squared(&self) -> Option<f64> {
+        (self.share > self.white && self.white > 0.0).then(|| (self.power - CHANCE * self.white) / self.share)
     }
 }
 

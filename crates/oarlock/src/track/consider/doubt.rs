@@ -46,7 +46,13 @@ pub(super) struct RowAverages {
     pub last_s: f64,
     /// Number of innovations.
     pub count: f64,
-    /// Mean squares of the average, of the average of white noise, and of the expected average.
+    /// For each memory.
+    pub squares: [Squares; 2],
+}
+
+/// Mean squares of the average of innovations, of the average of white noise, and of the expected average.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Squares {
     pub power: f64,
     pub white: f64,
     pub share: f64,
@@ -54,7 +60,7 @@ pub(super) struct RowAverages {
 
 /// Numbers at the start of the flat form: scale, width and number of calibrated parameters.
 const HEAD: usize = 3;
-const PER_ROW: usize = 7;
+const PER_ROW: usize = 10;
 
 impl Clone for Doubt {
     fn clone(&self) -> Self {
@@ -78,8 +84,7 @@ impl Clone for Doubt {
 impl Doubt {
     /// A new doubt: no parameter has affected the mean yet.
     pub(super) fn new(scale: f64, (states, rows, width): (usize, usize, usize), told: usize, bounds: Bounds) -> Self {
-        let none =
-            RowAverages { low: 0.0, last: 0.0, last_s: f64::NAN, count: 0.0, power: 0.0, white: 0.0, share: 0.0 };
+        let none = RowAverages { low: 0.0, last: 0.0, last_s: f64::NAN, count: 0.0, squares: Default::default() };
         Doubt {
             scale,
             width,
@@ -166,12 +171,14 @@ fn count(number: f64, most: usize) -> Option<usize> {
 
 impl RowAverages {
     fn to_flat(self) -> [f64; PER_ROW] {
-        let RowAverages { low, last, last_s, count, power, white, share } = self;
-        [low, last, last_s, count, power, white, share]
+        let RowAverages { low, last, last_s, count, squares: [a, b] } = self;
+        [low, last, last_s, count, a.power, a.white, a.share, b.power, b.white, b.share]
     }
 
-    fn from_flat(&[low, last, last_s, count, power, white, share]: &[f64; PER_ROW]) -> Self {
-        RowAverages { low, last, last_s, count, power, white, share }
+    fn from_flat(flat: &[f64; PER_ROW]) -> Self {
+        let &[low, last, last_s, count, ref squares @ ..] = flat;
+        let squares = [0, 3].map(|k| Squares { power: squares[k], white: squares[k + 1], share: squares[k + 2] });
+        RowAverages { low, last, last_s, count, squares }
     }
 }
 
@@ -181,14 +188,14 @@ mod tests {
 
     #[test]
     fn the_flat_form_leads_back() {
-        // 3 states with a bound each and 2 rows of 7 averages, with 4 parameters each, one of them with a bound.
-        let rest = (0..12).chain([0, 1, 1, 0]).chain(12..38).map(f64::from);
+        // 3 states with a bound each and 2 rows of 10 averages, with 4 parameters each, one of them with a bound.
+        let rest = (0..12).chain([0, 1, 1, 0]).chain(12..44).map(f64::from);
         let flat: Vec<f64> = [0.5, 4.0, 1.0].into_iter().chain(rest).collect();
         let doubt = Doubt::from_flat(&flat, 3).unwrap();
         assert_eq!(doubt.size(), (3, 2, 4));
         let mounts = vec![false, true, true, false];
         assert_eq!(doubt.bounds, Bounds { mounts, most: vec![12.0], reach: vec![13.0, 14.0, 15.0] });
-        assert_eq!((doubt.rows[1].low, doubt.expected[0]), (23.0, 30.0));
+        assert_eq!((doubt.rows[1].low, doubt.expected[0]), (26.0, 36.0));
         assert_eq!(doubt.to_flat(), flat);
     }
 
