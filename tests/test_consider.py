@@ -45,7 +45,7 @@ def last_belief(calibration: oarlock.Calibration | None, **keys: object) -> oarl
 def test_slopes_are_those_of_the_filter_itself() -> None:
     belief = last_belief(None, consider="always", **STILL_MODEL)
     width, n = int(belief.doubt[1]), len(belief.mean)
-    slopes = belief.doubt[3 : 3 + n * width].reshape(n, width)
+    slopes = belief.doubt[4 : 4 + n * width].reshape(n, width)
     angles = [belief.state_names.index(name) for name in ELEVEN]
     # Lengths and the places of units stand before the mounts, which come unit by unit.
     lengths = [name for name in sculler().parameters if name.startswith(("l_", "r_pin_"))]

@@ -144,7 +144,7 @@ def considered(text: str) -> int:
     belief = oarlock.track(model_of(text), recording, None, oarlock.Config(consider="always")).last_belief
     assert belief is not None
     width, n = int(belief.doubt[1]), len(belief.mean)
-    slopes = belief.doubt[3 : 3 + n * width].reshape(n, width)
+    slopes = belief.doubt[4 : 4 + n * width].reshape(n, width)
     return int((slopes != 0.0).any(axis=0).sum())
 
 

@@ -35,6 +35,7 @@ use crate::sensor::MountValue;
 use crate::sensor::Quantity;
 use delays::Delays;
 pub use doubt::Doubt;
+pub(super) use doubt::Shares;
 use doubt::{Bounds, RowAverages, Squares};
 use scoring::Scoring;
 use slopes::{Forced, Prior};
@@ -329,17 +330,17 @@ impl Considering {
             let range = r * width..(r + 1) * width;
             doubt.rows[r].take(&mut doubt.expected[range.clone()], &self.answers[range], (time_s, innovation[r]));
         }
-        let mut square = None;
-        for memory in 0..MEMORIES_S.len() {
+        let [short, lasting] = [0, 1].map(|memory| {
             self.scales.clear();
             self.scales.extend(telling.clone().filter_map(|r| doubt.rows[r].squares[memory].scale_squared()));
             let middle = self.scales.len() / 2;
-            if !self.scales.is_empty() {
+            (!self.scales.is_empty()).then(|| {
                 let (_, &mut median, _) = self.scales.select_nth_unstable_by(middle, f64::total_cmp);
-                square = Some(median.max(square.unwrap_or(0.0)));
-            }
-        }
-        doubt.scale = square.map_or(doubt.scale, f64::sqrt);
+                median.max(0.0).sqrt()
+            })
+        });
+        doubt.lasting = lasting.unwrap_or(doubt.lasting);
+        doubt.scale = short.into_iter().chain(lasting).reduce(f64::max).unwrap_or(doubt.scale);
     }
 
     /// Learns, after an update, the roughness of accelerometers and the scale of the consider states.

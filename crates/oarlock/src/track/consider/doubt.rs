@@ -6,6 +6,8 @@
 pub struct Doubt {
     /// Common scale of the parameters' errors, in units of their standard deviations.
     pub(super) scale: f64,
+    /// The scale by the longest memory alone.
+    pub(super) lasting: f64,
     /// Length of each state's and row's block: the number of parameters, padded.
     pub(super) width: usize,
     /// Number of parameters with a standard deviation from a calibration. They come first. The scale applies to them
@@ -58,8 +60,17 @@ pub(super) struct Squares {
     pub share: f64,
 }
 
-/// Numbers at the start of the flat form: scale, width and number of calibrated parameters.
-const HEAD: usize = 3;
+/// What consider states without a calibration do to each state, for the smoother.
+#[derive(Debug, Clone)]
+pub(in crate::track) struct Shares {
+    /// The scale at that time.
+    scale: f64,
+    /// Per state: variance by mounts and by all others, each wrong by one standard deviation.
+    variances: Vec<[f64; 2]>,
+}
+
+/// Numbers at the start of the flat form: scale, width, number of calibrated parameters, and lasting scale.
+const HEAD: usize = 4;
 const PER_ROW: usize = 10;
 
 impl Clone for Doubt {
@@ -70,8 +81,8 @@ impl Clone for Doubt {
     }
 
     fn clone_from(&mut self, from: &Self) {
-        let Doubt { scale, width, told, bounds, slopes, rows, expected } = self;
-        (*scale, *width, *told) = (from.scale, from.width, from.told);
+        let Doubt { scale, lasting, width, told, bounds, slopes, rows, expected } = self;
+        (*scale, *lasting, *width, *told) = (from.scale, from.lasting, from.width, from.told);
         bounds.mounts.clone_from(&from.bounds.mounts);
         bounds.most.clone_from(&from.bounds.most);
         bounds.reach.clone_from(&from.bounds.reach);
@@ -87,6 +98,7 @@ impl Doubt {
         let none = RowAverages { low: 0.0, last: 0.0, last_s: f64::NAN, count: 0.0, squares: Default::default() };
         Doubt {
             scale,
+            lasting: 0.0,
             width,
             told,
             bounds,
@@ -113,7 +125,7 @@ impl Doubt {
             return 0.0;
         }
         let (told, rest) = self.slopes[state * self.width..(state + 1) * self.width].split_at(self.told);
-        let (mounts, stated) = (self.scale, self.stated());
+        let (mounts, stated) = (self.scale, stated(self.scale));
         // The uncertainty of a calibrated parameter is never less than the calibration's own and never more than without it.
         let calibrated =
             told.iter().zip(&self.bounds.most).map(|(s, &most)| (s * self.scale.min(most).max(1.0)).powi(2));
@@ -122,16 +134,33 @@ impl Doubt {
         calibrated.sum::<f64>() + others.sum::<f64>()
     }
 
-    /// Scale of lengths, positions and zeros. Where the model is wrong, their standard deviations count in full; where it is
-    /// right, not at all.
-    fn stated(&self) -> f64 {
-        let square = self.scale * self.scale;
-        self.scale.max(square / (square + HALF_SCALE * HALF_SCALE))
+    /// What the smoother needs later, when the scale of the whole recording is known.
+    pub(in crate::track) fn shares(&self) -> Shares {
+        let of_state = |slopes: &[f64]| {
+            let rest = slopes.iter().zip(&self.bounds.mounts).skip(self.told);
+            rest.fold(
+                [0.0; 2],
+                |[mounts, others], (s, &is_mount)| {
+                    if is_mount {
+                        [mounts + s * s, others]
+                    } else {
+                        [mounts, others + s * s]
+                    }
+                },
+            )
+        };
+        let variances = self.slopes.chunks_exact(self.width.max(1)).map(of_state).collect();
+        Shares { scale: self.scale, variances }
+    }
+
+    /// Scale that the innovations of minutes show.
+    pub(in crate::track) fn lasting_scale(&self) -> f64 {
+        self.lasting
     }
 
     /// The flat form in pickled state estimates.
     pub fn to_flat(&self) -> Vec<f64> {
-        let head = [self.scale, self.width as f64, self.told as f64];
+        let head = [self.scale, self.width as f64, self.told as f64, self.lasting];
         let rows = self.rows.iter().flat_map(|row| row.to_flat());
         let (slopes, expected) = (self.slopes.iter().copied(), self.expected.iter().copied());
         let Bounds { mounts, most, reach } = &self.bounds;
@@ -147,7 +176,7 @@ impl Doubt {
 
     /// Reads the result of `to_flat` for this number of states; `None` if the numbers do not fit.
     pub fn from_flat(flat: &[f64], states: usize) -> Option<Self> {
-        let (&[scale, width, told], rest) = flat.split_first_chunk::<HEAD>()?;
+        let (&[scale, width, told, lasting], rest) = flat.split_first_chunk::<HEAD>()?;
         let (width, told) = (count(width, flat.len())?, count(told, flat.len())?);
         let (slopes, rest) = rest.split_at_checked(states.checked_mul(width)?)?;
         let (mounts, rest) = rest.split_at_checked(width)?;
@@ -160,8 +189,27 @@ impl Doubt {
         let (rows, []) = rows.as_chunks::<PER_ROW>() else { return None };
         let fits = told <= width && expected.len() == count * width;
         let rows = rows.iter().map(RowAverages::from_flat).collect();
-        fits.then(|| Doubt { scale, width, told, bounds, slopes: slopes.to_vec(), rows, expected: expected.to_vec() })
+        let (slopes, expected) = (slopes.to_vec(), expected.to_vec());
+        fits.then_some(Doubt { scale, lasting, width, told, bounds, slopes, rows, expected })
     }
+}
+
+impl Shares {
+    /// Variance that the band of a state lacks if the scale is at least this one. `counted`: whether the band has the
+    /// consider states at their own scale.
+    pub(in crate::track) fn lack(&self, state: usize, scale: f64, counted: bool) -> f64 {
+        let before = if counted { self.scale } else { 0.0 };
+        let [mounts, others] = self.variances[state];
+        let more = |now: f64, before: f64| (now * now - before * before).max(0.0);
+        mounts * more(scale, before) + others * more(stated(scale), stated(before))
+    }
+}
+
+/// Scale of lengths, positions and zeros for this one of mounts. Where the model is wrong, their standard deviations count in
+/// full; where it is right, not at all.
+fn stated(scale: f64) -> f64 {
+    let square = scale * scale;
+    scale.max(square / (square + HALF_SCALE * HALF_SCALE))
 }
 
 /// Reads a whole number of at most `most`.
@@ -190,7 +238,7 @@ mod tests {
     fn the_flat_form_leads_back() {
         // 3 states with a bound each and 2 rows of 10 averages, with 4 parameters each, one of them with a bound.
         let rest = (0..12).chain([0, 1, 1, 0]).chain(12..44).map(f64::from);
-        let flat: Vec<f64> = [0.5, 4.0, 1.0].into_iter().chain(rest).collect();
+        let flat: Vec<f64> = [0.5, 4.0, 1.0, 0.25].into_iter().chain(rest).collect();
         let doubt = Doubt::from_flat(&flat, 3).unwrap();
         assert_eq!(doubt.size(), (3, 2, 4));
         let mounts = vec![false, true, true, false];
@@ -238,6 +286,21 @@ mod tests {
         assert!((length(HALF_SCALE) - 0.5).abs() < 1e-12);
         assert!((0.95..1.0).contains(&length(0.5)));
         assert!(length(0.01) < 0.011);
+    }
+
+    #[test]
+    fn the_smoother_adds_what_the_scale_lacked() {
+        let mut early = doubt(0.25);
+        early.slopes[4..8].copy_from_slice(&[7.0, 1.0, 2.0, 3.0]);
+        let shares = early.shares();
+        assert_eq!(shares.lack(1, 0.2, true), 0.0);
+        early.scale = 0.5;
+        let late = early.variance(1);
+        early.scale = 0.25;
+        assert!((shares.lack(1, 0.5, true) - (late - early.variance(1))).abs() < 1e-12);
+        // A calibrated parameter counts in full at either scale.
+        assert!((shares.lack(1, 0.5, false) - (late - 49.0)).abs() < 1e-12);
+        assert_eq!((shares.lack(0, 0.5, false), shares.lack(1, 0.0, false)), (0.0, 0.0));
     }
 
     #[test]

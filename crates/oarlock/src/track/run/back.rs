@@ -1,5 +1,6 @@
 //! Smooths a run backwards from its checkpoints.
 
+use super::super::consider::{Doubt, Shares};
 use super::super::earlier_pass::{Course, EarlierPass};
 use super::super::{diverged, Tracker};
 use super::{Progress, Run};
@@ -89,12 +90,14 @@ impl Run {
         let mut tracker = self.tracker.clone();
         let (mut smoother, mut stretch) = (Smoother::new(tracker.body().layout.dim()), Stretch::default());
         let (all, mut doubt) = (self.checkpoints.len(), Vec::new());
+        let scale = self.last.as_ref().and_then(|known| known.doubt.as_ref()).map_or(0.0, Doubt::lasting_scale);
         for k in (0..all).rev() {
+            let shares = self.checkpoints[k].known.shares.take();
             stretch.refilter(&self, &mut tracker, k)?;
             for node in stretch.nodes[..stretch.used].iter_mut().rev() {
                 let belief = &mut node.filtered;
                 if let Some(row) = node.row {
-                    self.note_doubt(row, belief, &mut doubt);
+                    self.note_doubt(row, belief, (scale, shares.as_ref()), &mut doubt);
                 }
                 let done = smoother.back(tracker.body(), belief, &node.transition, &node.predicted, &next);
                 done.map_err(|lost| diverged(lost, belief.time_s))?;
@@ -114,17 +117,17 @@ impl Run {
     }
 
     /// Increase of a filtered row's band over its state estimate by consider states. The smoother's increase is the
-    /// same.
-    fn note_doubt(&self, row: usize, filtered: &Belief, doubt: &mut Vec<f64>) {
+    /// same, and what the band lacked because the scale that the whole recording shows was not known yet. `shares` are those of
+    /// the checkpoint before the row.
+    fn note_doubt(&self, row: usize, filtered: &Belief, (scale, shares): (f64, Option<&Shares>), doubt: &mut Vec<f64>) {
         let n = filtered.mean.len();
         doubt.clear();
-        if self.partings.iter().any(|p| p.from_s <= filtered.time_s && filtered.time_s <= p.to_s) {
-            // With several hypotheses the band is that of all of them.
-            return doubt.resize(n, 0.0);
-        }
+        // With several hypotheses the band is that of all of them.
+        let parted = self.partings.iter().any(|p| p.from_s <= filtered.time_s && filtered.time_s <= p.to_s);
         let excess = |(i, std): (usize, &f64)| {
             let variance = filtered.covariance.at(i, i);
-            Some(std * std - variance).filter(|d| *d > ROUNDING * variance).unwrap_or(0.0)
+            let own = Some(std * std - variance).filter(|d| !parted && *d > ROUNDING * variance);
+            own.unwrap_or(0.0) + shares.map_or(0.0, |shares| shares.lack(i, scale, !parted))
         };
         let std = &self.series.std[row * n..(row + 1) * n];
         doubt.extend(std.iter().enumerate().map(excess));
