@@ -21,6 +21,8 @@ from refusals import assert_refused
 RELATIVE, ABSOLUTE_DEG = 0.05, 0.05
 """By how much a smoothed error may exceed the live one: a smoother uses the same model, and where that is wrong it may
 be wrong in another way."""
+MEAN_SHARE = 0.8
+"""Of the mean error that a second smoothing may leave: 1.25 of 1.70 deg is 0.74."""
 TRIALS = ("1D_01", "2D_01", "3D_01", "3D_03", "3D_05")
 SIMULATED = ("exact_S-NB_0", "misfit_0", "wild_0", "wild_7")
 START_S = 10.0
@@ -120,6 +122,27 @@ def test_smoothed_two_bodies_are_no_worse_than_live(trial):
     live, once, twice = dfjimu_errors_deg(local_folder("data/dfjimu") / f"data_{trial}.mat")
     assert_no_worse(live, once, trial)
     assert_no_worse(live, twice, f"{trial}, 2")
+
+
+def removed_errors_deg(file: Path) -> list[float]:
+    """As `dfjimu_errors_deg`, smoothed once and twice, with delays and limits of the reference removed."""
+    recording, plain = read_dfjimu(file), read_dfjimu_reference(file)
+    reference, kept = limits(recording, plain).removed_from(plain), plain.time_s > START_S
+    (_, track), (once, _) = ours.dfjimu_tracks(recording)
+    twice = ours.estimate_of("twice", oarlock.smooth(track, iterations=2), BODIES, online=False)
+    compared = (punctual(recording, estimate) for estimate in (once, twice))
+    return [scores.rmse_deg(scores.relative_error_rad(e, reference, BODIES), kept) for e in compared]
+
+
+@pytest.mark.long
+@pytest.mark.data
+def test_two_smoothings_of_two_bodies_beat_one_in_the_mean():
+    """Not in every trial: 2D_01 has 1.09 deg smoothed once, 1.30 twice."""
+    folder = local_folder("data/dfjimu")
+    errors = np.array([removed_errors_deg(folder / f"data_{trial}.mat") for trial in TRIALS])
+    once, twice = errors.mean(axis=0)
+    print(f"dfjimu, mean: once {once:.2f}, twice {twice:.2f} deg")
+    assert twice <= MEAN_SHARE * once
 
 
 @pytest.mark.long
