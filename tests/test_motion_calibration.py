@@ -104,23 +104,25 @@ def test_zero_of_an_encoder_turns_what_its_joint_turns():
     )
 
 
-def test_an_error_that_all_readings_share_limits_what_is_found():
-    """As if the readings were of a constant that has moved by chance, by the same number of prior deviations."""
-    rng, prior_std = np.random.default_rng(4), np.array([1.0, 0.5, 2.0])
-    seen, readings = rng.standard_normal((2, 3)), np.array([0.8, -1.5])
+def test_skin_that_carries_units_limits_what_is_found_of_their_mounts():
+    """As if the readings were of mounts that have moved by chance, by the same number of prior deviations."""
+    rng, prior_std = np.random.default_rng(4), np.array([1.0, 0.5, 2.0, 0.7])
+    seen, readings = rng.standard_normal((3, 4)), np.array([0.8, -1.5, 0.3])
+    names = ("a.mount_rx", "parameters.search_place_a_x", "parameters.l_b", "search_zero_seat")
+    carried = np.array([1.0, 1.0, 0.0, 0.0])
     told = {}
-    for factor in (0.0, 1.0):
+    for factor in (0.0, 2.0):
         # a reading is seen @ (constant + displacement) + noise of variance 0.01
-        noise = 0.01 * np.eye(2) + factor * seen @ np.diag(prior_std**2) @ seen.T
+        noise = 0.01 * np.eye(3) + factor * seen @ np.diag(carried * prior_std**2) @ seen.T
         prior = np.diag(prior_std**2)
         gain = prior @ seen.T @ np.linalg.inv(seen @ prior @ seen.T + noise)
         told[factor] = gain @ readings, prior - gain @ seen @ prior
-    names = tuple(f"parameters.{n}" for n in "abc")
-    alone = Constants(names, ("m",) * 3, np.zeros(3), *told[0.0], prior_std)
-    shared = alone.displaced(1.0)
-    np.testing.assert_allclose(shared.moved, told[1.0][0], atol=ROUNDING)
-    np.testing.assert_allclose(shared.covariance, told[1.0][1], atol=ROUNDING)
-    assert (shared.share < 0.5 + ROUNDING).all()
+    units = ("rad", "m", "m", "m")
+    alone = Constants(names, units, np.zeros(4), *told[0.0], prior_std)
+    shared = alone.displaced(2.0)
+    np.testing.assert_allclose(shared.moved, told[2.0][0], atol=ROUNDING)
+    np.testing.assert_allclose(shared.covariance, told[2.0][1], atol=ROUNDING)
+    assert (shared.share[:2] < 1.0 / 3.0 + ROUNDING).all()
 
 
 NAMES = ("parameters.l_b", "a.mount_rx", "a.mount_ry", "a.mount_rz")

@@ -50,8 +50,8 @@ def calibrate_motion(
     second of two passes linearises about what the first found. Two hypotheses are tested. "rigid": sensors are
     rigidly attached, and the root may rock. It is accepted if the innovations on held-out data are as small as the
     sensors' noise. Otherwise "soft": sensors move with the skin, their errors are time-correlated, a hundred samples
-    count as one, and all share a constant error as large as the prior's. A result is kept only if its innovations on
-    held-out data are smaller than before.
+    count as one, and units share a constant displacement on their links, with twice the variance of their priors. A
+    result is kept only if its innovations on held-out data are smaller than before.
 
     Args:
         model: the body and its sensors. Parameters in metres with a `std` are estimated.

@@ -100,16 +100,18 @@ class Constants:
         return turn
 
     def displaced(self, factor: float) -> Constants:
-        """What is left of it if all readings have a further constant error, with `factor` times the prior variance.
+        """What is left of it if units are also displaced on their links by a constant.
 
-        The readings alone have the information L = P^-1 - P0^-1. With the error it is L (I + factor P0 L)^-1, which
-        takes the place of L in the mean and in the covariance.
+        The displacement's variance D is `factor` times the prior one for mounts and positions, 0 for lengths
+        and zeros. The readings alone have the information L = P^-1 - P0^-1. With the displacement it is (I + L D)^-1 L,
+        which takes the place of L in the mean and in the covariance.
         """
         if not factor:
             return self
         prior, own = self.prior_std**2, np.linalg.inv(self.covariance)
+        carried = np.array([bool(_MOUNT.fullmatch(n)) or _is_place(n) for n in self.names])
         alone = own - np.diag(1.0 / prior)
-        less = np.linalg.inv(np.eye(len(prior)) + factor * alone * prior)
+        less = np.linalg.inv(np.eye(len(prior)) + alone * (factor * prior * carried))
         covariance = np.linalg.inv(np.diag(1.0 / prior) + less @ alone)
         covariance = (covariance + covariance.T) / 2.0
         return replace(self, moved=covariance @ less @ own @ self.moved, covariance=covariance)
@@ -179,6 +181,10 @@ def _std_in_link(rotation: Floats, covariance: Floats) -> Floats:
 
 def _is_constant(name: str) -> bool:
     return name.startswith("parameters.") or bool(_MOUNT.fullmatch(name)) or name.startswith(f"{ZERO}_")
+
+
+def _is_place(name: str) -> bool:
+    return name.startswith(f"parameters.{PLACE}_")
 
 
 def _unit(name: str, document: dict[str, Any]) -> str:

@@ -27,8 +27,8 @@ class Hypothesis:
         loop_axis: that their axes do, direction cosines.
         samples_per_error: how many samples in a row tell the same error; they count as one. All of a sample's weight
             is divided by it, which is the same as priors that weigh so many times more.
-        displacement: variance of a constant error that all readings share, as a multiple of the prior variance of what
-            is found.
+        displacement: variance of a constant displacement of all units on their links, as a multiple of the prior
+            variance of their mounts and positions.
         rocks: the accelerated root also sways, heaves, yaws, pitches and rolls; else it is pushed in all directions.
     """
 
@@ -47,7 +47,8 @@ RIGID = Hypothesis("rigid", samples_per_error=5.0, rocks=True)
 """The model is right, but for constants and for a root that rocks. Early readings meet a wrong body, and a filter takes
 their bends for information: at full weight widths go astray by centimetres."""
 
-SOFT = Hypothesis("soft", 0.2, 1.0, 3.0, 0.008, 0.06, samples_per_error=100.0, displacement=1.0)
+SOFT = Hypothesis("soft", 0.2, 1.0, 3.0, 0.008, 0.06, samples_per_error=100.0, displacement=2.0)
 """Straps on skin: a unit lags by a tenth of what its limb turns at 2 rad/s, rings by a tenth of g, a hand slips by
 millimetres; and it does so alike for most of a second (100 samples at 125 Hz). In the mean over a movement skin carries
-a unit as far from the bone as a strap put on by eye, so half of what the readings tell is kept at most."""
+a unit farther from the bone than a strap put on by eye, so at most a third of what the readings tell of mounts is kept.
+It does not carry joints, so lengths follow the readings."""
