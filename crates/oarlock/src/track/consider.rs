@@ -9,6 +9,7 @@
 
 mod delays;
 mod doubt;
+mod leftover;
 mod scoring;
 mod slopes;
 mod tally;
@@ -36,6 +37,7 @@ use crate::sensor::Quantity;
 use delays::Delays;
 pub use doubt::Doubt;
 use doubt::{Bounds, RowAverages};
+use leftover::Leftover;
 use scoring::Scoring;
 use slopes::{Forced, Prior};
 use tally::Tally;
@@ -60,6 +62,7 @@ pub(super) struct Considering {
     twin: Body,
     scratch: Box<<Body as System>::Scratch>,
     straight: SparseJacobian,
+    leftover: Leftover,
     roles: Vec<Role>,
     /// Per row: the consider state that is its encoder's zero.
     zeros: Vec<Option<usize>>,
@@ -118,6 +121,7 @@ impl Considering {
         let tells = |q: Quantity| matches!(q, Quantity::Gyro | Quantity::Mag | Quantity::Joint);
         let telling = parts.flat_map(|p| p.rows.clone().map(move |_| tells(p.quantity))).collect();
         let position = |name: &String| body.layout.names.iter().position(|own| own == name);
+        let straight = twin.jacobian_pattern().unwrap_or_default();
         let mut mean = vec![0.0; twin.layout.dim()];
         for ((_, state), length) in twin.layout.lengths.iter().zip(twin.lengths()) {
             mean[*state] = length;
@@ -127,7 +131,8 @@ impl Considering {
         Ok(Some(Considering {
             arch: Arch::best(),
             scratch: Box::new(twin.scratch()),
-            straight: twin.jacobian_pattern().unwrap_or_default(),
+            leftover: Leftover::new(&straight),
+            straight,
             roles,
             zeros,
             telling,
@@ -247,33 +252,6 @@ impl Considering {
         }
     }
 
-    /// Residuals of some readings relative to their expected size: sum of squares, and the number of readings that it
-    /// stands for (Helmert's variance components; Teunissen and Amiri-Simkooei 2008).
-    fn leftover(
-        &self,
-        rows: &[bool],
-        (p, shift, innovation): (&Square, &[f64], &[f64]),
-        variance: impl Fn(usize) -> Option<f64>,
-    ) -> (f64, f64) {
-        let (mut squares, mut count) = (0.0, 0.0);
-        for triple in self.straight.triples.iter().filter(|t| rows[t.row]) {
-            for i in 0..triple.count {
-                let Some(noise) = variance(triple.row + i) else { continue };
-                let slopes =
-                    self.straight.slopes[triple.slopes.clone()].iter().map(|s| (self.roles[s.state], s.rows[i]));
-                let added = triple.added.map(|first| (self.roles[first + i], 1.0));
-                let by = |(role, by)| if let Role::State(s) = role { Some((s, by)) } else { None };
-                let terms = slopes.chain(added).filter_map(by);
-                let left = innovation[triple.row + i] - terms.clone().map(|(s, by)| by * shift[s]).sum::<f64>();
-                let spread: f64 =
-                    terms.clone().map(|(s, by)| by * terms.clone().map(|(t, bt)| p.at(s, t) * bt).sum::<f64>()).sum();
-                squares += left * left / noise;
-                count += (1.0 - spread / noise).max(0.0);
-            }
-        }
-        (squares, count)
-    }
-
     /// For a few rows: B = J dx/dp + dh/dp, and dh/dp divided by noise.
     fn answer(&mut self, t: usize, slopes: &[f64], variance: &impl Fn(usize) -> Option<f64>) {
         let (_, _, width) = self.size;
@@ -345,8 +323,9 @@ impl Considering {
         let Hypothesis { belief, doubt, .. } = one;
         let believed = |r: usize| update.believes(subject, r);
         let now = (belief.inflation, belief.roughness);
-        let left = self.leftover(
-            &subject.rough_rows,
+        let left = self.leftover.of(
+            self.arch,
+            (&self.straight, &self.roles, &subject.rough_rows),
             (&belief.covariance, update.filter.shift(), &update.info.innovation),
             |r| believed(r).then(|| update.readings.noise_variance(subject, r, now)),
         );
