@@ -2,62 +2,37 @@
 //! and Amiri-Simkooei 2008).
 #![allow(clippy::needless_range_loop)] // several arrays go in step
 
+use super::felt::Felt;
 use super::twin::Role;
 use crate::kernels::arch::{madd, Arch, Kernel};
 use crate::kernels::dense::Square;
 use crate::kernels::registers::VECTOR;
-use crate::kernels::sparse_jacobian::{RowTriple, SparseJacobian};
+use crate::kernels::sparse_jacobian::SparseJacobian;
 
-/// Workspace: the states that some rows depend on, with the derivatives of these rows.
-#[derive(Debug, Clone)]
-pub(super) struct Leftover {
-    felt: Vec<(usize, [f64; VECTOR])>,
-}
-
-impl Leftover {
-    /// For rows of this Jacobian.
-    pub(super) fn new(straight: &SparseJacobian) -> Self {
-        let most = straight.triples.iter().map(|t| t.slopes.len() + t.count).max();
-        Leftover { felt: Vec::with_capacity(most.unwrap_or(0)) }
-    }
-
-    /// Sum of the squared residuals, each divided by its noise variance, and the number of readings that it stands for.
-    pub(super) fn of(
-        &mut self,
-        arch: Arch,
-        (straight, roles, rows): (&SparseJacobian, &[Role], &[bool]),
-        (p, shift, innovation): (&Square, &[f64], &[f64]),
-        variance: impl Fn(usize) -> Option<f64>,
-    ) -> (f64, f64) {
-        let (mut squares, mut count) = (0.0, 0.0);
-        for triple in straight.triples.iter().filter(|t| rows[t.row]) {
-            let noise: [Option<f64>; 3] =
-                std::array::from_fn(|i| if i < triple.count { variance(triple.row + i) } else { None });
-            if noise == [None; 3] {
-                continue;
-            }
-            self.find(straight, roles, triple);
-            let (told, spread) = arch.run(Residual { felt: &self.felt, p, shift });
-            for (i, noise) in noise.into_iter().enumerate() {
-                let Some(noise) = noise else { continue };
-                let left = innovation[triple.row + i] - told[i];
-                squares += left * left / noise;
-                count += (1.0 - spread[i] / noise).max(0.0);
-            }
+/// Sum of the squared residuals of `rows`, each divided by its noise variance, and the number of readings that it stands for.
+pub(super) fn leftover(
+    arch: Arch,
+    felt: &mut Felt,
+    (straight, roles, rows): (&SparseJacobian, &[Role], &[bool]),
+    (p, shift, innovation): (&Square, &[f64], &[f64]),
+    variance: impl Fn(usize) -> Option<f64>,
+) -> (f64, f64) {
+    let (mut squares, mut count) = (0.0, 0.0);
+    for triple in straight.triples.iter().filter(|t| rows[t.row]) {
+        let noise = triple.each(&variance);
+        if noise == [None; 3] {
+            continue;
         }
-        (squares, count)
+        let felt = felt.of(straight, roles, triple).states();
+        let (told, spread) = arch.run(Residual { felt, p, shift });
+        for (i, noise) in noise.into_iter().enumerate() {
+            let Some(noise) = noise else { continue };
+            let left = innovation[triple.row + i] - told[i];
+            squares += left * left / noise;
+            count += (1.0 - spread[i] / noise).max(0.0);
+        }
     }
-
-    fn find(&mut self, straight: &SparseJacobian, roles: &[Role], triple: &RowTriple) {
-        let slopes = straight.slopes[triple.slopes.clone()].iter().map(|s| (roles[s.state], s.rows));
-        let added = (0..triple.count).filter_map(|i| {
-            let by = std::array::from_fn(|k| f64::from(u8::from(k == i)));
-            triple.added.map(|first| (roles[first + i], by))
-        });
-        self.felt.clear();
-        let of_state = |(role, by)| if let Role::State(s) = role { Some((s, by)) } else { None };
-        self.felt.extend(slopes.chain(added).filter_map(of_state));
-    }
+    (squares, count)
 }
 
 /// Of up to three rows side by side: J dx, and the diagonal of J P J'.
@@ -126,15 +101,17 @@ mod tests {
             count += (1.0 - (0..STATES).map(pair).sum::<f64>() / noise).max(0.0);
         }
         for arch in [Arch::PORTABLE, Arch::best()] {
-            let mut leftover = Leftover::new(&straight);
-            let found = leftover.of(arch, (&straight, &roles, &[true; 3]), (&p, &shift, &innovation), noise);
+            let mut felt = Felt::new(&straight);
+            let rows = (&straight, &roles[..], &[true; 3][..]);
+            let update = (&p, &shift[..], &innovation[..]);
+            let found = leftover(arch, &mut felt, rows, update, noise);
             // Sums of some forty products of numbers of about one.
             assert!(
                 (found.0 - squares).abs() < 1e-13 && (found.1 - count).abs() < 1e-13,
                 "{found:?} {squares} {count}"
             );
             assert!(count > 0.0);
-            let none = leftover.of(arch, (&straight, &roles, &[true; 3]), (&p, &shift, &innovation), |_| None);
+            let none = leftover(arch, &mut felt, rows, update, |_| None);
             assert_eq!(none, (0.0, 0.0));
         }
     }
