@@ -10,11 +10,11 @@ mod measurement;
 mod report;
 
 use super::belief::Belief;
-use super::information::{Columns, InformationUpdate, Side, WeightedReadings};
+use super::information::{Carried, Columns, InformationUpdate, Side, WeightedReadings};
 use super::learn::{Correction, Learning};
 use super::shear::Shear;
 use super::sigma::{PredictedReadings, ReadingContext, Spread};
-use super::transition::{congruence, Block, Transition};
+use super::transition::{apply_to_rows, congruence, Block, Transition};
 use super::FastSystem;
 use crate::kernels::arch::Arch;
 use crate::kernels::dense::{NotPositive, Square};
@@ -163,9 +163,17 @@ impl<S: FastSystem> Filter<S> {
         }
     }
 
-    /// The last update of a filter that uses all readings in one.
-    pub fn whole(&self) -> Option<&InformationUpdate> {
-        self.limbs.is_none().then_some(&self.information)
+    /// The effect of the last update on derivatives of the mean, a row for each state; see [`InformationUpdate::carry`]. False for a
+    /// factorised filter, which does not change them.
+    pub fn carry(&self, forced: &Columns, carried: &mut Carried, slopes: &mut [f64]) -> bool {
+        if !self.is_whole() {
+            return false;
+        }
+        self.information.carry(self.arch, &self.l_transposed, forced, carried, slopes);
+        let width = slopes.len() / self.shift.len();
+        apply_to_rows(self.arch, &self.reset, slopes, width);
+        self.shears.iter().for_each(|shear| shear.apply_to_rows(slopes, width));
+        true
     }
 
     /// Time since the update before the last, s.

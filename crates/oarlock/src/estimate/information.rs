@@ -7,7 +7,9 @@ use super::sigma::PredictedReadings;
 use crate::kernels::arch::{with_simd, Arch, Kernel};
 use crate::kernels::dense::{accumulate, NotPositive, Square};
 use crate::kernels::registers::{F64x4, Simd};
-use crate::kernels::tiles::{factor, find_starts, gram, padded, Panel, Rows, Sweep, VECTOR};
+use crate::kernels::tiles::{
+    factor, find_starts, gram, padded, product, substitute, subtract_product, Panel, Rows, Sweep, VECTOR,
+};
 use std::ops::Range;
 
 /// Slot of a row that is not in use.
@@ -31,7 +33,9 @@ pub struct InformationUpdate {
     v_b_x: Panel,
     /// [1 + W'W | W'w] of inertial units alone; behind U8, P+.
     inertial_v: Panel,
+    /// Per vector of columns of `s_h_y`, and of `v_b_x`: the first row that may be nonzero.
     starts: Vec<usize>,
+    v_starts: Vec<usize>,
     /// Per vector of columns of X: the first row that is not zero.
     reversed: Vec<usize>,
     zeros: Vec<usize>,
@@ -57,7 +61,7 @@ impl InformationUpdate {
     /// For so many rows, columns of E and states; `sources` are the rows whose innovation covariance is wanted.
     pub fn new(rows: usize, e_columns: usize, states: usize, sources: &[Range<usize>]) -> Self {
         let (m, n, wide) = (padded(rows), padded(states), padded(states + 1));
-        let first = |v: usize| states.saturating_sub(VECTOR * (v + 1));
+        let reversed: Vec<usize> = (0..n / VECTOR).map(|v| states.saturating_sub(VECTOR * (v + 1))).collect();
         InformationUpdate {
             states,
             slots: vec![NOWHERE; rows],
@@ -68,8 +72,9 @@ impl InformationUpdate {
             s_h_y: Panel::zeros(rows, m + wide),
             v_b_x: Panel::zeros(states, wide + n),
             inertial_v: Panel::zeros(states, wide),
-            starts: vec![0; (m.max(wide) + wide) / VECTOR],
-            reversed: (0..n / VECTOR).map(first).collect(),
+            starts: vec![0; (m + wide) / VECTOR],
+            v_starts: [vec![0; wide / VECTOR], reversed.clone()].concat(),
+            reversed,
             zeros: vec![0; n / VECTOR + 1],
             firsts: vec![0; rows],
             blocks: sources.iter().map(|s| Square::zeros(s.len())).collect(),
@@ -210,9 +215,7 @@ impl InformationUpdate {
             inertial = Some(squares(&self.s_h_y, 0..self.inertial, y_at) - squares(&self.inertial_v, 0..n, n));
         }
         gram(arch, &mut self.v_b_x, [n, wide], Rows { rows: self.inertial..m, ..all }, false);
-        self.starts[..wide / VECTOR].fill(0);
-        self.starts[wide / VECTOR..][..n_pad / VECTOR].copy_from_slice(&self.reversed);
-        factor(arch, &mut self.v_b_x, Sweep { n, width: wide + n_pad, starts: &self.starts })?;
+        factor(arch, &mut self.v_b_x, Sweep { n, width: wide + n_pad, starts: &self.v_starts })?;
         let nis = squares(&self.s_h_y, 0..m, y_at) - squares(&self.v_b_x, 0..n, n);
         let log_det = 2.0 * (log_diagonal(&self.s_h_y, m) + log_diagonal(&self.v_b_x, n));
         Ok(Nis { nis, inertial: inertial.unwrap_or(nis), log_det })
@@ -240,12 +243,56 @@ impl InformationUpdate {
         arch.run(Substituting { information: self, side, columns });
     }
 
-    /// After `solve`: row `state` of W' (U6) times columns that `Side::Left` has been applied to, subtracted from `out`.
-    #[inline(always)]
-    pub fn subtract_product(&self, state: usize, columns: &Columns, out: &mut [f64]) {
-        let column = self.states_at() + self.states - 1 - state;
-        let terms = self.rows.iter().enumerate().map(|(slot, &r)| (-self.s_h_y.at(slot, column), columns.row(r)));
-        accumulate(out, terms);
+    /// After `solve`: what the update makes of derivatives of the mean, S+ = P+ (P^-1 S - J'W f) = X' V'^-1 (L^-1 S - W'U'^-1 f), with f
+    /// the derivatives of the readings, divided by their noise. `slopes` are S, a row for each state.
+    pub fn carry(&self, arch: Arch, l_transposed: &Panel, forced: &Columns, carried: &mut Carried, slopes: &mut [f64]) {
+        let (n, m, h_at, x_at) = (self.states, self.used, self.states_at(), self.wide());
+        let Carried { width, forced: f, slopes: z, out, starts, zeros } = carried;
+        let width = *width;
+        for (slot, &r) in self.rows.iter().enumerate() {
+            f.row_mut(slot)[..width].copy_from_slice(forced.row(r));
+        }
+        (0..n).for_each(|i| z.row_mut(i)[..width].copy_from_slice(&slopes[i * width..(i + 1) * width]));
+        let all = Sweep { n, width: padded(n), starts: &self.zeros };
+        substitute(arch, l_transposed, all, (z, width, zeros));
+        find_starts(arch, f, m, 0..width, starts);
+        substitute(arch, &self.s_h_y, Sweep { n: m, width: h_at, starts: &self.starts }, (f, width, starts));
+        // H, and with it V, has the states in reverse order.
+        z.reverse_rows(n);
+        let w = Rows { panel: &self.s_h_y, rows: 0..m, column: h_at, starts: &self.starts[h_at / VECTOR..] };
+        subtract_product(arch, z, [n, width], [w, Rows { panel: f, rows: 0..m, column: 0, starts }]);
+        substitute(arch, &self.v_b_x, all, (z, width, zeros));
+        let x = Rows { panel: &self.v_b_x, rows: 0..n, column: x_at, starts: &self.reversed };
+        product(arch, out, [n, width], [x, Rows { panel: z, rows: 0..n, column: 0, starts: zeros }]);
+        (0..n).for_each(|i| slopes[i * width..(i + 1) * width].copy_from_slice(&out.row(i)[..width]));
+    }
+}
+
+/// Workspace of [`InformationUpdate::carry`].
+#[derive(Debug, Clone)]
+pub struct Carried {
+    width: usize,
+    /// U'^-1 f, a row for each reading in use, and the first row of each of its vectors of columns that is not zero.
+    forced: Panel,
+    starts: Vec<usize>,
+    /// V'^-1 (L^-1 S - W'U'^-1 f).
+    slopes: Panel,
+    out: Panel,
+    zeros: Vec<usize>,
+}
+
+impl Carried {
+    /// For so many states and readings; `width` is a multiple of a vector's length.
+    pub fn new(states: usize, rows: usize, width: usize) -> Self {
+        let starts = vec![0; width / VECTOR];
+        Carried {
+            width,
+            forced: Panel::zeros(rows, width),
+            slopes: Panel::zeros(states, width),
+            out: Panel::zeros(states, width),
+            zeros: starts.clone(),
+            starts,
+        }
     }
 }
 

@@ -41,6 +41,14 @@ impl Shear {
         (0..3).for_each(|r| row[self.to + r] += self.row(r, old));
     }
 
+    /// Applies it to a matrix whose rows of this width are the coordinates.
+    pub fn apply_to_rows(&self, rows: &mut [f64], width: usize) {
+        for column in 0..width {
+            let old = std::array::from_fn(|c| rows[(self.from + c) * width + column]);
+            (0..3).for_each(|r| rows[(self.to + r) * width + column] += self.row(r, old));
+        }
+    }
+
     /// Multiplies rows of this width by (I + B)'^-1 = I - B'.
     pub fn undo_transposed(&self, rows: &mut [f64], width: usize) {
         for column in 0..width {

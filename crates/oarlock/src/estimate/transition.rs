@@ -4,8 +4,8 @@ mod covariance;
 
 use crate::kernels::arch::Arch;
 use crate::kernels::dense::Square;
-pub use covariance::congruence;
 use covariance::turn;
+pub use covariance::{apply_to_rows, congruence};
 
 /// Up to three coordinates that move together: x <- F x + offset, with added covariance Q.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -122,15 +122,10 @@ impl Transition {
     }
 
     /// A <- F A of a matrix whose rows of this width are laid end to end. Allocates nothing.
-    pub fn apply_to_rows(&self, a: &mut [f64], width: usize) {
-        for b in self.before().chain(&self.blocks).chain(self.after()).filter(|b| !b.stays()) {
-            for k in 0..width {
-                let old = b.index.map(|i| a[i * width + k]);
-                for r in 0..b.len {
-                    a[b.index[r] * width + k] = (0..b.len).map(|c| b.factor[r][c] * old[c]).sum();
-                }
-            }
-        }
+    pub fn apply_to_rows(&self, arch: Arch, a: &mut [f64], width: usize) {
+        self.turnings.iter().for_each(|t| apply_to_rows(arch, std::slice::from_ref(&t.before), a, width));
+        apply_to_rows(arch, &self.blocks, a, width);
+        self.turnings.iter().for_each(|t| apply_to_rows(arch, std::slice::from_ref(&t.after), a, width));
     }
 
     /// x <- F' x.

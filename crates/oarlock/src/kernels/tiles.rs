@@ -89,6 +89,14 @@ impl Panel {
         self.data[..end].copy_from_slice(&other.data[..end]);
     }
 
+    /// Turns the order of the first `rows` rows round.
+    pub fn reverse_rows(&mut self, rows: usize) {
+        for i in 0..rows / 2 {
+            let (above, below) = self.data.split_at_mut((rows - 1 - i) * self.stride);
+            above[i * self.stride..][..self.stride].swap_with_slice(&mut below[..self.stride]);
+        }
+    }
+
     /// The part from (i, j) on.
     #[inline(always)]
     pub(super) fn part(&self, i: usize, j: usize) -> Part<'_> {
@@ -147,6 +155,9 @@ macro_rules! over_columns {
         }
     }};
 }
+
+mod products;
+pub use products::{gram, product, subtract_product, Rows};
 
 /// Factor U of a diagonal block, U scaled to a unit diagonal, and the reciprocals of its diagonal. A block of fewer than four rows is padded
 /// with the unit matrix.
@@ -331,72 +342,60 @@ impl Row<'_> {
     }
 }
 
-/// Rows of a panel from a column on, for `gram`.
-#[derive(Debug, Clone)]
-pub struct Rows<'a> {
-    /// The panel.
-    pub panel: &'a Panel,
-    /// Which rows.
-    pub rows: Range<usize>,
-    /// First column.
-    pub column: usize,
-    /// Per vector of columns: rows before this one are zero.
-    pub starts: &'a [usize],
+/// U'^-1 B for a factor U that is known: `sweep` is that of U, and of B the first `width` columns count. `starts` is for B what it is in
+/// [`Sweep`] for U.
+pub fn substitute(arch: Arch, u: &Panel, sweep: Sweep, (b, width, starts): (&mut Panel, usize, &[usize])) {
+    arch.run(Substituting { u, sweep, b, width, starts });
 }
 
-impl Rows<'_> {
-    #[inline(always)]
-    fn start(&self, column: usize, vectors: usize) -> usize {
-        least(self.starts, column, vectors).min(self.rows.end).max(self.rows.start)
-    }
-}
-
-/// `out += G'G`, upper triangle, for the first `n` columns of G as rows and `width` columns; from zero if `fresh`.
-pub fn gram(arch: Arch, out: &mut Panel, [n, width]: [usize; 2], g: Rows, fresh: bool) {
-    arch.run(Multiplying { out, n, width, g, fresh });
-}
-
-struct Multiplying<'a> {
-    out: &'a mut Panel,
-    n: usize,
+struct Substituting<'a> {
+    u: &'a Panel,
+    sweep: Sweep<'a>,
+    b: &'a mut Panel,
     width: usize,
-    g: Rows<'a>,
-    fresh: bool,
+    starts: &'a [usize],
 }
 
-impl Kernel for Multiplying<'_> {
+impl Kernel for Substituting<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        with_simd!(FUSED, |simd| self.multiply(simd))
+        with_simd!(FUSED, |simd| self.substitute(simd))
     }
 }
 
-impl Multiplying<'_> {
+impl Substituting<'_> {
     #[inline(always)]
-    fn multiply<F: F64x4>(mut self, simd: Simd<F>) {
-        let whole = self.n / VECTOR * VECTOR;
-        for first in (0..whole).step_by(VECTOR) {
-            self.rows::<F, 4>(simd, first);
-        }
-        match self.n - whole {
-            3 => self.rows::<F, 3>(simd, whole),
-            2 => self.rows::<F, 2>(simd, whole),
-            1 => self.rows::<F, 1>(simd, whole),
-            _ => {}
+    fn substitute<F: F64x4>(mut self, simd: Simd<F>) {
+        for first in (0..self.sweep.n).step_by(VECTOR) {
+            match self.sweep.n - first {
+                1 => self.rows::<F, 1>(simd, first),
+                2 => self.rows::<F, 2>(simd, first),
+                3 => self.rows::<F, 3>(simd, first),
+                _ => self.rows::<F, 4>(simd, first),
+            }
         }
     }
 
     #[inline(always)]
     fn rows<F: F64x4, const R: usize>(&mut self, simd: Simd<F>, first: usize) {
-        let (g, own) = (&self.g, self.g.start(first, 1));
-        over_columns!(first..self.width, |j, V| {
-            let start = g.start(j, V).max(own);
-            let tile: Tile<F, R, V> = if self.fresh { simd.zero() } else { simd.load(self.out.part(first, j)) };
-            let from = |column: usize| g.panel.part(start, g.column + column);
-            let tile = simd.multiply::<false, R, V>(tile, from(first), from(j), g.rows.end - start);
-            self.out.put(simd, tile, first, j);
+        let Substituting { u, sweep, b, width, starts } = self;
+        let own = least(sweep.starts, first, 1).min(first);
+        let (mut unit, mut inverse) = ([[0.0; VECTOR]; VECTOR], [0.0; VECTOR]);
+        for i in 0..R {
+            let row = &u.row(first + i)[first..];
+            inverse[i] = 1.0 / row[i];
+            (i + 1..R).for_each(|k| unit[i][k] = row[k] * inverse[i]);
+        }
+        over_columns!(0..*width, |j, V| {
+            let start = least(starts, j, V);
+            if start < first + R {
+                let start = start.max(own).min(first);
+                let tile: Tile<F, R, V> = simd.load(b.part(first, j));
+                let tile = simd.multiply::<true, R, V>(tile, u.part(start, first), b.part(start, j), first - start);
+                b.put(simd, simd.substitute(tile, &unit, &inverse), first, j);
+            }
         });
     }
 }
@@ -427,65 +426,4 @@ impl Kernel for Finding<'_> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// [1 + G'G | B], and its factor.
-    fn both(arch: Arch, g: &Panel, n: usize, right: usize) -> (Panel, Panel) {
-        let (rows, width) = (2 * n, padded(n) + padded(right));
-        let mut starts = vec![0; width / VECTOR];
-        find_starts(arch, g, rows, 0..padded(n), &mut starts);
-        let mut a = Panel::zeros(n, width);
-        (0..n).for_each(|i| a.row_mut(i)[i] = 1.0);
-        let rows = Rows { panel: g, rows: 0..rows, column: 0, starts: &starts };
-        gram(arch, &mut a, [n, padded(n)], rows, false);
-        for i in 0..n {
-            (0..right).for_each(|j| a.row_mut(i)[padded(n) + j] = ((i * 7 + j * 3) % 11) as f64 - 5.0);
-        }
-        let mut u = a.clone();
-        starts.fill(0);
-        factor(arch, &mut u, Sweep { n, width, starts: &starts }).expect("positive");
-        (a, u)
-    }
-
-    fn sample(rows: usize, n: usize) -> Panel {
-        let mut g = Panel::zeros(rows, padded(n));
-        for r in 0..rows {
-            for c in (0..n).filter(|c| r >= c / 3) {
-                g.row_mut(r)[c] = ((r * 31 + c * 17) % 23) as f64 / 23.0 - 0.5;
-            }
-        }
-        g
-    }
-
-    /// A handful of roundings of sums of some forty products.
-    const ROUNDING: f64 = 1e-12;
-
-    #[test]
-    fn factor_and_substitution_undo_each_other_at_every_size() {
-        for (n, right) in (1..30).map(|n| (n, 1 + n * 2 / 3)) {
-            let (g, base) = (sample(2 * n, n), padded(n));
-            for arch in [Arch::PORTABLE, Arch::best()] {
-                let (a, u) = both(arch, &g, n, right);
-                for i in 0..n {
-                    for j in i..n {
-                        let direct: f64 = (0..2 * n).map(|r| g.at(r, i) * g.at(r, j)).sum();
-                        assert!((a.at(i, j) - direct - f64::from(i == j)).abs() < ROUNDING, "{n}: {i} {j}");
-                    }
-                    for j in (i..n).chain(base..base + right) {
-                        let product: f64 = (0..=i).map(|k| u.at(k, i) * u.at(k, j)).sum();
-                        assert!((product - a.at(i, j)).abs() < ROUNDING, "{n}: {i} {j}");
-                    }
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn what_is_not_positive_is_refused_by_row() {
-        let mut a = Panel::zeros(6, 8);
-        (0..6).for_each(|i| a.row_mut(i)[i] = if i == 5 { f64::NAN } else { 2.0 });
-        let sweep = Sweep { n: 6, width: 8, starts: &[0, 0] };
-        assert_eq!(factor(Arch::PORTABLE, &mut a, sweep).unwrap_err().row, 5);
-    }
-}
+mod tests;

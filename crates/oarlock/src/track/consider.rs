@@ -9,6 +9,8 @@
 
 mod delays;
 mod doubt;
+mod felt;
+mod leftover;
 mod scoring;
 mod slopes;
 mod tally;
@@ -19,11 +21,11 @@ use super::readings::Readings;
 use super::subject::Subject;
 use super::Calibration;
 use crate::body::{Body, Moment};
-use crate::config::{Config, Consider};
+use crate::config::{Config, Consider, FilterKind};
 use crate::error::Result;
 use crate::estimate::belief::Belief;
 use crate::estimate::filter::{Filter, Info, Verdict};
-use crate::estimate::information::{Columns, Side};
+use crate::estimate::information::{Carried, Columns, Side};
 use crate::estimate::learn::Learning;
 use crate::estimate::transition::Transition;
 use crate::estimate::{FastSystem, System};
@@ -37,8 +39,10 @@ use delays::Delays;
 pub use doubt::Doubt;
 pub(super) use doubt::Shares;
 use doubt::{Bounds, RowAverages, Squares};
+use felt::Felt;
+use leftover::leftover;
 use scoring::Scoring;
-use slopes::{Forced, Prior};
+use slopes::Prior;
 use tally::Tally;
 pub use tally::Window;
 use twin::{twin, Role, Roles, ZERO_STD};
@@ -62,6 +66,7 @@ pub(super) struct Considering {
     twin: Body,
     scratch: Box<<Body as System>::Scratch>,
     straight: SparseJacobian,
+    felt: Felt,
     roles: Vec<Role>,
     /// Per row: the consider state that is its encoder's zero.
     zeros: Vec<Option<usize>>,
@@ -90,9 +95,9 @@ pub(super) struct Considering {
     forced: Columns,
     /// Per row: one over the standard deviation of its noise; 0 if it was not used.
     weights: Vec<f64>,
-    /// J'W dh/dp with W = (R^1/2 S R^1/2)^-1, of a factorised filter.
-    pull: Vec<f64>,
-    prior: Prior,
+    /// Workspaces for an update with all readings, and for one in parts.
+    carried: Carried,
+    parts: Option<Parts>,
     scales: Vec<f64>,
 }
 
@@ -120,6 +125,7 @@ impl Considering {
         let tells = |q: Quantity| matches!(q, Quantity::Gyro | Quantity::Mag | Quantity::Joint);
         let telling = parts.flat_map(|p| p.rows.clone().map(move |_| tells(p.quantity))).collect();
         let position = |name: &String| body.layout.names.iter().position(|own| own == name);
+        let straight = twin.jacobian_pattern().unwrap_or_default();
         let mut mean = vec![0.0; twin.layout.dim()];
         for ((_, state), length) in twin.layout.lengths.iter().zip(twin.lengths()) {
             mean[*state] = length;
@@ -129,7 +135,8 @@ impl Considering {
         Ok(Some(Considering {
             arch: Arch::best(),
             scratch: Box::new(twin.scratch()),
-            straight: twin.jacobian_pattern().unwrap_or_default(),
+            felt: Felt::new(&straight),
+            straight,
             roles,
             zeros,
             telling,
@@ -146,8 +153,8 @@ impl Considering {
             answers: vec![0.0; m * width],
             forced: Columns::zeros(m, width),
             weights: vec![0.0; m],
-            pull: vec![0.0; n * width],
-            prior: Prior::new(n, width),
+            carried: Carried::new(n, m, width),
+            parts: (config.filter == FilterKind::Factorised).then(|| Parts::new(n, width)),
             scales: Vec::with_capacity(m),
             twin,
         }))
@@ -164,8 +171,8 @@ impl Considering {
         self.bounds.mounts.resize(width, false);
         self.answers = vec![0.0; m * width];
         self.forced = Columns::zeros(m, width);
-        self.pull = vec![0.0; n * width];
-        self.prior = Prior::new(n, width);
+        self.carried = Carried::new(n, m, width);
+        self.parts = self.parts.as_ref().map(|_| Parts::new(n, width));
         self.how = Consider::Always;
         self.score = Some(Scoring::new(delays, Tally::new(width, settle_s, window_s), (n, m, width)));
     }
@@ -196,10 +203,10 @@ impl Considering {
         doubt.size() == self.size && doubt.told == self.told
     }
 
-    /// Before an update: computes the derivatives of the readings at the mean, and P^-1 dx/dp.
+    /// Before an update: computes the derivatives of the readings at the mean, and for an update in parts P^-1 dx/dp.
     pub(super) fn look(&mut self, belief: &Belief, doubt: Option<&Doubt>, moment: &Moment) {
-        if let Some(doubt) = doubt {
-            self.prior.divide(self.arch, &belief.covariance, &doubt.slopes);
+        if let (Some(doubt), Some(Parts { prior, .. })) = (doubt, &mut self.parts) {
+            prior.divide(self.arch, &belief.covariance, &doubt.slopes);
         }
         let mean = &belief.mean;
         self.inflated = (belief.inflation, belief.roughness);
@@ -234,87 +241,53 @@ impl Considering {
                 scoring.take_states(self.arch, p, filter.shift());
             }
         }
-        filter.substitute(Side::Left, &mut self.forced);
-        let forced = match filter.whole() {
-            Some(update) => Forced::Whole(update, &self.forced),
-            None => {
-                filter.substitute(Side::Right, &mut self.forced);
-                gather_pull(&self.straight, &self.roles, &self.weights, &self.forced, &mut self.pull);
-                Forced::Pull(&self.pull)
-            }
-        };
-        self.prior.update(self.arch, p, forced, slopes);
+        if self.weights.iter().all(|w| *w == 0.0) {
+            return; // The last update may be an earlier one.
+        }
+        let is_whole = filter.carry(&self.forced, &mut self.carried, slopes);
+        if let Some(Parts { prior, pull }) = self.parts.as_mut().filter(|_| !is_whole) {
+            filter.substitute(Side::Left, &mut self.forced);
+            filter.substitute(Side::Right, &mut self.forced);
+            gather_pull(&self.straight, &self.roles, &self.weights, &self.forced, pull);
+            prior.update(self.arch, p, pull, slopes);
+        }
         if !slopes.iter().all(|s| s.abs() < ABSURD) {
             tame(slopes);
         }
     }
 
-    /// Residuals of some readings relative to their expected size: sum of squares, and the number of readings that it
-    /// stands for (Helmert's variance components; Teunissen and Amiri-Simkooei 2008).
-    fn leftover(
-        &self,
-        rows: &[bool],
-        (p, shift, innovation): (&Square, &[f64], &[f64]),
-        variance: impl Fn(usize) -> Option<f64>,
-    ) -> (f64, f64) {
-        let (mut squares, mut count) = (0.0, 0.0);
-        for triple in self.straight.triples.iter().filter(|t| rows[t.row]) {
-            for i in 0..triple.count {
-                let Some(noise) = variance(triple.row + i) else { continue };
-                let slopes =
-                    self.straight.slopes[triple.slopes.clone()].iter().map(|s| (self.roles[s.state], s.rows[i]));
-                let added = triple.added.map(|first| (self.roles[first + i], 1.0));
-                let by = |(role, by)| if let Role::State(s) = role { Some((s, by)) } else { None };
-                let terms = slopes.chain(added).filter_map(by);
-                let left = innovation[triple.row + i] - terms.clone().map(|(s, by)| by * shift[s]).sum::<f64>();
-                let spread: f64 =
-                    terms.clone().map(|(s, by)| by * terms.clone().map(|(t, bt)| p.at(s, t) * bt).sum::<f64>()).sum();
-                squares += left * left / noise;
-                count += (1.0 - spread / noise).max(0.0);
-            }
-        }
-        (squares, count)
-    }
-
-    /// For a few rows: B = J dx/dp + dh/dp, and dh/dp divided by noise.
+    /// For a few rows: dh/dp divided by noise, and where it is used B = J dx/dp + dh/dp.
     fn answer(&mut self, t: usize, slopes: &[f64], variance: &impl Fn(usize) -> Option<f64>) {
         let (_, _, width) = self.size;
         let triple = &self.straight.triples[t];
+        let noise = triple.each(variance);
         for i in 0..triple.count {
+            self.weights[triple.row + i] = noise[i].map_or(0.0, |noise| 1.0 / noise.sqrt());
+        }
+        let answers = &mut self.answers[triple.row * width..][..triple.count * width];
+        let is_used = self.score.is_some() || self.how != Consider::Always && self.telling[triple.row];
+        if is_used && noise != [None; 3] {
+            self.felt.of(&self.straight, &self.roles, triple).answer(self.arch, slopes, width, answers);
+        }
+        let slopes = &self.straight.slopes[triple.slopes.clone()];
+        for (i, answer) in answers.chunks_exact_mut(width).enumerate().filter(|(i, _)| noise[*i].is_some()) {
             let row = triple.row + i;
-            let noise = variance(row);
-            self.weights[row] = noise.map_or(0.0, |noise| 1.0 / noise.sqrt());
-            if noise.is_none() {
-                continue;
-            }
-            let (answer, forced) = (&mut self.answers[row * width..(row + 1) * width], self.forced.row_mut(row));
-            answer.fill(0.0);
-            let mut moved = |s: usize, by: f64| {
-                answer.iter_mut().zip(&slopes[s * width..(s + 1) * width]).for_each(|(a, x)| *a += by * x);
+            let (weight, forced) = (self.weights[row], self.forced.row_mut(row));
+            let mut force = |k: usize, by: f64| {
+                forced[k] += by * weight;
+                answer[k] += if is_used { by } else { 0.0 };
             };
-            for slope in &self.straight.slopes[triple.slopes.clone()] {
-                let by = slope.rows[i];
-                match self.roles[slope.state] {
-                    Role::State(s) => moved(s, by),
-                    Role::Considered(k, std) => forced[k] += by * std,
-                    Role::Nothing => {}
+            for slope in slopes {
+                if let Role::Considered(k, std) = self.roles[slope.state] {
+                    force(k, slope.rows[i] * std);
                 }
-            }
-            if let Some(Role::State(s)) = triple.added.map(|first| self.roles[first + i]) {
-                moved(s, 1.0);
             }
             if let Some(k) = self.zeros[row] {
-                forced[k] += ZERO_STD;
+                force(k, ZERO_STD);
             }
-            if let Some(Scoring { delays, .. }) = &self.score {
-                let felt = &self.straight.slopes[triple.slopes.clone()];
-                if let Some((k, late)) = delays.answer(triple, i, felt, &self.roles) {
-                    forced[k] += late;
-                }
-            }
-            for (answer, forced) in answer.iter_mut().zip(forced) {
-                *answer += *forced;
-                *forced *= self.weights[row];
+            let delays = self.score.as_ref().map(|score| &score.delays);
+            if let Some((k, late)) = delays.and_then(|d| d.answer(triple, i, slopes, &self.roles)) {
+                force(k, late);
             }
         }
     }
@@ -348,8 +321,10 @@ impl Considering {
         let Hypothesis { belief, doubt, .. } = one;
         let believed = |r: usize| update.believes(subject, r);
         let now = (belief.inflation, belief.roughness);
-        let left = self.leftover(
-            &subject.rough_rows,
+        let left = leftover(
+            self.arch,
+            &mut self.felt,
+            (&self.straight, &self.roles, &subject.rough_rows),
             (&belief.covariance, update.filter.shift(), &update.info.innovation),
             |r| believed(r).then(|| update.readings.noise_variance(subject, r, now)),
         );
@@ -416,7 +391,7 @@ fn learn_roughness(belief: &mut Belief, (squares, count): (f64, f64), update: &U
 impl Doubt {
     /// Propagates the slopes with the transition of the mean's error.
     pub(super) fn predict(&mut self, transition: &Transition) {
-        transition.apply_to_rows(&mut self.slopes, self.width);
+        transition.apply_to_rows(Arch::best(), &mut self.slopes, self.width);
     }
 
     /// Discards the effect on the mean after a new fit.
@@ -457,6 +432,20 @@ impl Squares {
     /// Squared scale of the parameters' errors; `None` where noise is larger than what they explain.
     fn scale_squared(&self) -> Option<f64> {
         (self.share > self.white && self.white > 0.0).then(|| (self.power - CHANCE * self.white) / self.share)
+    }
+}
+
+/// Workspace for an update in parts, limb by limb.
+#[derive(Debug, Clone)]
+struct Parts {
+    prior: Prior,
+    /// J'W dh/dp with W = (R^1/2 S R^1/2)^-1.
+    pull: Vec<f64>,
+}
+
+impl Parts {
+    fn new(states: usize, width: usize) -> Self {
+        Parts { prior: Prior::new(states, width), pull: vec![0.0; states * width] }
     }
 }
 

@@ -16,6 +16,39 @@ pub(super) fn turn(arch: Arch, blocks: &[Block], p: &mut Square) {
     arch.run(Turn { blocks, p });
 }
 
+/// A <- F A of a matrix whose rows of this width are laid end to end.
+pub fn apply_to_rows(arch: Arch, blocks: &[Block], a: &mut [f64], width: usize) {
+    arch.run(TurnRows { blocks, a, width });
+}
+
+struct TurnRows<'a> {
+    blocks: &'a [Block],
+    a: &'a mut [f64],
+    width: usize,
+}
+
+impl Kernel for TurnRows<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let TurnRows { blocks, a, width } = self;
+        let row = |i: usize| i * width..(i + 1) * width;
+        for b in blocks.iter().filter(|b| !b.stays()) {
+            match b.len {
+                1 => a[row(b.index[0])].iter_mut().for_each(|x| *x *= b.factor[0][0]),
+                2 => rows_of::<FUSED, 2>(b, disjoint(a, [0, 1].map(|r| row(b.index[r])))),
+                _ => rows_of::<FUSED, 3>(b, disjoint(a, b.index.map(row))),
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn disjoint<const LEN: usize>(a: &mut [f64], rows: [std::ops::Range<usize>; LEN]) -> [&mut [f64]; LEN] {
+    a.get_disjoint_mut(rows).expect("different rows")
+}
+
 struct Turn<'a> {
     blocks: &'a [Block],
     p: &'a mut Square,
@@ -65,15 +98,14 @@ fn rows<const FUSED: bool>(b: &Block, p: &mut Square) {
     }
     match b.len {
         1 => p.row_mut(b.index[0]).iter_mut().for_each(|x| *x *= b.factor[0][0]),
-        2 => rows_of::<FUSED, 2>(b, p),
-        _ => rows_of::<FUSED, 3>(b, p),
+        2 => rows_of::<FUSED, 2>(b, p.rows_mut([0, 1].map(|r| b.index[r]))),
+        _ => rows_of::<FUSED, 3>(b, p.rows_mut(b.index)),
     }
 }
 
 #[inline(always)]
-fn rows_of<const FUSED: bool, const LEN: usize>(b: &Block, p: &mut Square) {
+fn rows_of<const FUSED: bool, const LEN: usize>(b: &Block, mut rows: [&mut [f64]; LEN]) {
     let f = &b.factor;
-    let mut rows = p.rows_mut::<LEN>(std::array::from_fn(|r| b.index[r]));
     for j in 0..rows[0].len() {
         let old: [f64; LEN] = std::array::from_fn(|r| rows[r][j]);
         for (r, row) in rows.iter_mut().enumerate() {

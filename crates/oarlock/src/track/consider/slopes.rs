@@ -1,9 +1,9 @@
-//! The effect of an update on the slopes dx/dp, for `consider`: S+ = P+ (P^-1 S - J'W dh/dp).
+//! The effect of an update in parts, limb by limb, on the slopes dx/dp, for `consider`: S+ = P+ (P^-1 S - J'W dh/dp). A whole update has a
+//! shorter way (`InformationUpdate::carry`).
 //!
 //! J is the one that the update used: with sigma points L'J' is H of U2, and W includes the curvature (U5). With the derivative at the mean in
 //! its place, the recursion S - P+ J'W (J S + dh/dp) is no contraction where a heading is uncertain by tens of degrees, and grows without bound.
 
-use crate::estimate::information::{Columns, InformationUpdate};
 use crate::kernels::arch::{Arch, Kernel};
 use crate::kernels::dense::{accumulate, Square};
 use crate::kernels::tiles::{factor, padded, Panel, Sweep, RAISES, VECTOR};
@@ -42,11 +42,11 @@ impl Prior {
         });
     }
 
-    /// The slopes after an update with the covariance P+; zero if P could not be factored.
-    pub(super) fn update(&mut self, arch: Arch, p: &Square, forced: Forced, slopes: &mut [f64]) {
+    /// The slopes after an update with the covariance P+ and J'W dh/dp; zero if P could not be factored.
+    pub(super) fn update(&mut self, arch: Arch, p: &Square, pull: &[f64], slopes: &mut [f64]) {
         slopes.fill(0.0);
         if self.known {
-            arch.run(Back { prior: self, forced });
+            arch.run(Back { prior: self, pull });
             let (at, width) = (padded(self.states), self.width);
             let rows = (0..self.states).map(|i| &self.panel.row(i)[at..at + width]);
             arch.run(Multiplying { out: slopes, p, of: rows, width });
@@ -54,19 +54,10 @@ impl Prior {
     }
 }
 
-/// What the parameters do to the readings.
-#[derive(Clone, Copy)]
-pub(super) enum Forced<'a> {
-    /// The update, and dh/dp divided by noise and by the left factor of S.
-    Whole(&'a InformationUpdate, &'a Columns),
-    /// J'W dh/dp.
-    Pull(&'a [f64]),
-}
-
-/// U^-1 from the left on the right part, after the forced part has been subtracted.
+/// U^-1 from the left on the right part, less `pull`.
 struct Back<'a> {
     prior: &'a mut Prior,
-    forced: Forced<'a>,
+    pull: &'a [f64],
 }
 
 impl Kernel for Back<'_> {
@@ -79,17 +70,12 @@ impl Kernel for Back<'_> {
         for i in (0..*states).rev() {
             let row = panel.row(i);
             own.copy_from_slice(&row[at..at + *width]);
-            if let Forced::Whole(update, columns) = self.forced {
-                update.subtract_product(i, columns, own);
-            }
             accumulate(own, (i + 1..*states).map(|k| (-row[k], &panel.row(k)[at..at + *width])));
             let pivot = row[i];
             panel.row_mut(i)[at..at + *width].iter_mut().zip(&*own).for_each(|(x, own)| *x = own / pivot);
         }
-        if let Forced::Pull(pull) = self.forced {
-            for (i, pull) in pull.chunks_exact(*width).enumerate() {
-                panel.row_mut(i)[at..at + *width].iter_mut().zip(pull).for_each(|(x, p)| *x -= p);
-            }
+        for (i, pull) in self.pull.chunks_exact(*width).enumerate() {
+            panel.row_mut(i)[at..at + *width].iter_mut().zip(pull).for_each(|(x, p)| *x -= p);
         }
     }
 }

@@ -35,7 +35,7 @@ fn engine(body: &Body, x: &State, t: f64) -> (State, Square9, Square9) {
     let mut mean = x.as_slice().to_vec();
     transition.apply_to_mean(&mut mean);
     let (mut f, mut q) = (Square9::identity().as_slice().to_vec(), Square::zeros(9));
-    transition.apply_to_rows(&mut f, 9);
+    transition.apply_to_rows(Arch::best(), &mut f, 9);
     transition.apply_to_covariance(Arch::best(), &mut q);
     let [f, q] = [&f, q.as_slice()].map(Square9::from_row_slice);
     assert_transposed(&transition, &f.transpose(), &q);
@@ -49,7 +49,7 @@ fn held(body: &Body, x: &State, t: f64) -> (State, Square9) {
     let mut mean = x.as_slice().to_vec();
     transition.apply_to_mean(&mut mean);
     let mut f = Square9::identity().as_slice().to_vec();
-    transition.apply_to_rows(&mut f, 9);
+    transition.apply_to_rows(Arch::best(), &mut f, 9);
     (State::from_row_slice(&mean), Square9::from_row_slice(&f))
 }
 

@@ -2,6 +2,7 @@
 
 use crate::support;
 
+mod carried;
 mod least_squares;
 mod oscillator;
 mod system;
