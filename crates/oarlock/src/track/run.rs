@@ -5,6 +5,7 @@ mod counts;
 mod packed;
 mod series;
 
+use super::consider::Shares;
 use super::earlier_pass::{DriveAverages, Verdicts};
 use super::hypothesis::Hypothesis;
 use super::{Calibration, Status, Tracker};
@@ -63,6 +64,8 @@ pub struct Run {
     /// Number of samples refused because of their time stamps.
     pub refused: usize,
     checkpoints: Vec<Checkpoint>,
+    /// What consider states do to each state, and the time, s.
+    shares: Vec<(f64, Shares)>,
     partings: Vec<Parting>,
     tally: Tally,
     /// Times of the resets, s.
@@ -77,6 +80,8 @@ pub struct Run {
 }
 
 const PROGRESS_EVERY: usize = 64;
+/// Between shares, s. They change as slowly as a body moves.
+const SHARES_APART_S: f64 = 1.0;
 
 /// Tracks `streams`, from `start` if given, otherwise from a fit of the first samples.
 pub fn track(
@@ -106,6 +111,7 @@ pub fn track(
         steps: 0,
         refused: 0,
         checkpoints: Vec::new(),
+        shares: Vec::new(),
         partings: Vec::new(),
         tally: Tally::default(),
         losses_s: Vec::new(),
@@ -159,6 +165,7 @@ impl Run {
             config: config.clone(),
             series,
             checkpoints: Vec::new(),
+            shares: Vec::new(),
             partings: partings.clone(),
             tally: tally.clone(),
             losses_s: losses_s.clone(),
@@ -288,6 +295,7 @@ impl Keeper<'_> {
         let run = &mut *self.run;
         run.steps += 1;
         run.note_partings(known);
+        run.note_shares(known);
         Arc::make_mut(&mut run.verdicts).take(time_s, info);
         run.drive.take(&known.belief);
         if run.tracker.is_comparable(time_s) {
@@ -316,6 +324,14 @@ impl Keeper<'_> {
 }
 
 impl Run {
+    fn note_shares(&mut self, known: &Hypothesis) {
+        let time_s = known.belief.time_s;
+        let due = self.shares.last().is_none_or(|(last_s, _)| time_s - last_s >= SHARES_APART_S * (1.0 - 1e-9));
+        if let Some(doubt) = known.doubt.as_ref().filter(|_| due) {
+            self.shares.push((time_s, doubt.shares()));
+        }
+    }
+
     fn note_partings(&mut self, known: &Hypothesis) {
         let (time_s, several) = (known.belief.time_s, !known.rivals.is_empty());
         match self.partings.last_mut().filter(|p| p.to_s.is_infinite()) {

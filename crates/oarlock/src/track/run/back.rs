@@ -1,6 +1,6 @@
 //! Smooths a run backwards from its checkpoints.
 
-use super::super::consider::{Doubt, Shares};
+use super::super::consider::Doubt;
 use super::super::earlier_pass::{Course, EarlierPass};
 use super::super::{diverged, Tracker};
 use super::{Progress, Run};
@@ -92,12 +92,11 @@ impl Run {
         let (all, mut doubt) = (self.checkpoints.len(), Vec::new());
         let scale = self.last.as_ref().and_then(|known| known.doubt.as_ref()).map_or(0.0, Doubt::lasting_scale);
         for k in (0..all).rev() {
-            let shares = self.checkpoints[k].known.shares.take();
             stretch.refilter(&self, &mut tracker, k)?;
             for node in stretch.nodes[..stretch.used].iter_mut().rev() {
                 let belief = &mut node.filtered;
                 if let Some(row) = node.row {
-                    self.note_doubt(row, belief, (scale, shares.as_ref()), &mut doubt);
+                    self.note_doubt(row, belief, scale, &mut doubt);
                 }
                 let done = smoother.back(tracker.body(), belief, &node.transition, &node.predicted, &next);
                 done.map_err(|lost| diverged(lost, belief.time_s))?;
@@ -117,11 +116,12 @@ impl Run {
     }
 
     /// Increase of a filtered row's band over its state estimate by consider states. The smoother's increase is the
-    /// same, and what the band lacked because the scale that the whole recording shows was not known yet. `shares` are those of
-    /// the checkpoint before the row.
-    fn note_doubt(&self, row: usize, filtered: &Belief, (scale, shares): (f64, Option<&Shares>), doubt: &mut Vec<f64>) {
+    /// same, and what the band lacked because the scale that the whole recording shows was not known yet.
+    fn note_doubt(&self, row: usize, filtered: &Belief, scale: f64, doubt: &mut Vec<f64>) {
         let n = filtered.mean.len();
         doubt.clear();
+        let before = self.shares.partition_point(|(at_s, _)| *at_s <= filtered.time_s);
+        let shares = self.shares[..before].last().map(|(_, shares)| shares);
         // With several hypotheses the band is that of all of them.
         let parted = self.partings.iter().any(|p| p.from_s <= filtered.time_s && filtered.time_s <= p.to_s);
         let excess = |(i, std): (usize, &f64)| {

@@ -2,7 +2,6 @@
 
 use crate::estimate::belief::Belief;
 use crate::kernels::dense::Square;
-use crate::track::consider::{Doubt, Shares};
 use crate::track::hypothesis::Hypothesis;
 
 /// A hypothesis whose symmetric covariance is stored as its upper triangle.
@@ -11,18 +10,15 @@ pub(super) struct Packed {
     /// All but covariance and doubt: consider states do not change estimates.
     known: Hypothesis,
     upper: Vec<f64>,
-    /// What consider states do to each state.
-    pub(super) shares: Option<Shares>,
 }
 
 impl Packed {
     pub(super) fn of(known: &Hypothesis) -> Self {
         let upper = upper(&known.belief.covariance);
-        let Hypothesis { belief, sources, rivals, doubt, .. } = known;
-        let shares = doubt.as_ref().map(Doubt::shares);
+        let Hypothesis { belief, sources, rivals, .. } = known;
         let belief = Belief { covariance: Square::zeros(0), ..belief.clone() };
         let (sources, rivals) = (sources.clone(), rivals.clone());
-        Packed { known: Hypothesis { belief, sources, doubt: None, rivals, ..*known }, upper, shares }
+        Packed { known: Hypothesis { belief, sources, doubt: None, rivals, ..*known }, upper }
     }
 
     /// Replaces the filtered by the smoothed estimate.
