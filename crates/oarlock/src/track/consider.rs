@@ -313,7 +313,9 @@ impl Considering {
             })
         });
         doubt.lasting = lasting.unwrap_or(doubt.lasting);
-        doubt.scale = short.into_iter().chain(lasting).reduce(f64::max).unwrap_or(doubt.scale);
+        if short.or(lasting).is_some() {
+            doubt.scale = short.unwrap_or_default().max(doubt.lasting);
+        }
     }
 
     /// Learns, after an update, the roughness of accelerometers and the scale of the consider states.
@@ -397,6 +399,13 @@ impl Doubt {
     /// Discards the effect on the mean after a new fit.
     pub(super) fn forget(&mut self) {
         self.slopes.fill(0.0);
+    }
+
+    /// Discards what the innovations of a lost state estimate said of the parameters. The scale stays until others say more.
+    pub(super) fn forget_evidence(&mut self) {
+        self.rows.fill(RowAverages::NONE);
+        self.expected.fill(0.0);
+        self.lasting = 0.0;
     }
 }
 

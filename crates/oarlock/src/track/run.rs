@@ -327,7 +327,8 @@ impl Run {
     fn note_shares(&mut self, known: &Hypothesis) {
         let time_s = known.belief.time_s;
         let due = self.shares.last().is_none_or(|(last_s, _)| time_s - last_s >= SHARES_APART_S * (1.0 - 1e-9));
-        if let Some(doubt) = known.doubt.as_ref().filter(|_| due) {
+        // Of several hypotheses the leading one may be wrong.
+        if let Some(doubt) = known.doubt.as_ref().filter(|_| due && known.rivals.is_empty()) {
             self.shares.push((time_s, doubt.shares()));
         }
     }

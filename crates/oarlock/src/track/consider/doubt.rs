@@ -52,6 +52,13 @@ pub(super) struct RowAverages {
     pub squares: [Squares; 2],
 }
 
+impl RowAverages {
+    pub(super) const NONE: Self = {
+        let none = Squares { power: 0.0, white: 0.0, share: 0.0 };
+        RowAverages { low: 0.0, last: 0.0, last_s: f64::NAN, count: 0.0, squares: [none; 2] }
+    };
+}
+
 /// Mean squares of the average of innovations, of the average of white noise, and of the expected average.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Squares {
@@ -95,7 +102,6 @@ impl Clone for Doubt {
 impl Doubt {
     /// A new doubt: no parameter has affected the mean yet.
     pub(super) fn new(scale: f64, (states, rows, width): (usize, usize, usize), told: usize, bounds: Bounds) -> Self {
-        let none = RowAverages { low: 0.0, last: 0.0, last_s: f64::NAN, count: 0.0, squares: Default::default() };
         Doubt {
             scale,
             lasting: 0.0,
@@ -103,7 +109,7 @@ impl Doubt {
             told,
             bounds,
             slopes: vec![0.0; states * width],
-            rows: vec![none; rows],
+            rows: vec![RowAverages::NONE; rows],
             expected: vec![0.0; rows * width],
         }
     }
@@ -298,7 +304,7 @@ mod tests {
         let late = early.variance(1);
         early.scale = 0.25;
         assert!((shares.lack(1, 0.5, true) - (late - early.variance(1))).abs() < 1e-12);
-        // A calibrated parameter counts in full at either scale.
+        // A calibrated parameter counts in full at scales up to 1.
         assert!((shares.lack(1, 0.5, false) - (late - 49.0)).abs() < 1e-12);
         assert_eq!((shares.lack(0, 0.5, false), shares.lack(1, 0.0, false)), (0.0, 0.0));
     }

@@ -42,7 +42,7 @@ pub(in crate::track) struct FieldState {
     pub steady: f64,
     pub nearby: f64,
     pub usual_norm: f64,
-    /// Age at the first dip since a reset of the state estimate, s.
+    /// Age at the last reset of the state estimate, or at the first norm, s.
     pub dip_from_s: f64,
     /// Deviation of the dip, rad: currently, and its usual one; since when it is far from that, s.
     pub dip: Deviation,

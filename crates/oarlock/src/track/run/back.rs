@@ -121,7 +121,7 @@ impl Run {
         let n = filtered.mean.len();
         doubt.clear();
         let before = self.shares.partition_point(|(at_s, _)| *at_s <= filtered.time_s);
-        let shares = self.shares[..before].last().map(|(_, shares)| shares);
+        let shares = self.shares.get(before.saturating_sub(1)).map(|(_, shares)| shares);
         // With several hypotheses the band is that of all of them.
         let parted = self.partings.iter().any(|p| p.from_s <= filtered.time_s && filtered.time_s <= p.to_s);
         let excess = |(i, std): (usize, &f64)| {
