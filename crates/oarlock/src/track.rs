@@ -14,6 +14,7 @@ pub mod magnetic;
 pub mod many;
 mod north;
 pub mod notes;
+mod objective;
 mod own_time;
 mod postures;
 mod readings;
@@ -33,6 +34,7 @@ use crate::corrections::{Clock, Corrections};
 use crate::error::{Error, Result};
 use crate::estimate::belief::Belief;
 use crate::estimate::filter::{Diverged, Filter, Gate, Info, UpdateSettings};
+use crate::estimate::information::Columns;
 use crate::estimate::learn::Learning;
 use crate::estimate::sigma::Spread;
 use crate::estimate::transition::Transition;
@@ -51,6 +53,7 @@ use hypothesis::Hypothesis;
 use loops::Loops;
 use magnetic::{Field, Magnetic};
 use north::North;
+use objective::Objective;
 use own_time::OwnTime;
 use readings::Readings;
 use rest::Rest;
@@ -124,6 +127,10 @@ pub struct Tracker {
     learns: bool,
     /// What an earlier pass over the same recording found.
     earlier: Option<Arc<EarlierPass>>,
+    /// Of the course of the earlier pass.
+    objective: Objective,
+    /// One number for each reading.
+    columns: Columns,
     hypothesis: Option<Hypothesis>,
     waiting: Vec<Sample>,
 }
@@ -169,6 +176,8 @@ impl Tracker {
             info: Info::new(&subject.groups, subject.rows()),
             learns: true,
             earlier: None,
+            objective: Objective::default(),
+            columns: Columns::zeros(subject.rows(), 1),
             hypothesis: None,
             waiting: Vec::new(),
             config: config.clone(),
@@ -201,11 +210,6 @@ impl Tracker {
     /// Whether an earlier pass began with several hypotheses.
     fn followed_rivals(&self) -> bool {
         self.earlier.as_ref().is_some_and(|earlier| earlier.had_rivals)
-    }
-
-    /// Whether the density of this sample's readings counts in a comparison with the first pass over the recording.
-    fn is_comparable(&self, time_s: f64) -> bool {
-        self.earlier.as_ref().is_none_or(|earlier| earlier.verdicts.is_filtered_at(time_s))
     }
 
     /// Refuses a state estimate of another size or with numbers that are not finite.

@@ -176,6 +176,17 @@ impl<S: FastSystem> Filter<S> {
         true
     }
 
+    /// Residuals of the used readings at the state where the last update linearised them, squared and divided by the covariance of
+    /// their noise. Each number of `columns` is overwritten. 0 from other than an extended filter.
+    pub fn squares_at_point(&self, z: &[f64], columns: &mut Columns) -> f64 {
+        let Some(linear) = &self.linear else { return 0.0 };
+        let used = || self.rows.iter().copied().filter(|&r| self.used[r]);
+        columns.clear();
+        used().for_each(|r| columns.row_mut(r)[0] = (z[r] - linear.at_point[r]) * self.weight[r]);
+        self.substitute(Side::Left, columns);
+        used().map(|r| columns.row(r)[0].powi(2)).sum()
+    }
+
     /// Time since the update before the last, s.
     pub fn since_s(&self) -> f64 {
         self.since_s
@@ -334,8 +345,6 @@ impl<S: FastSystem> Filter<S> {
         info.nis = verdict.nis;
         let rows = self.used.iter().filter(|&&used| used).count() + self.rejected_rows;
         info.log_likelihood = log_likelihood(info.nis + self.rejected_nis, rows);
-        let log_noise: f64 = self.rows.iter().filter(|&&r| self.used[r]).map(|&r| -self.weight[r].ln()).sum();
-        info.log_density = -0.5 * (info.nis + verdict.log_det) - log_noise;
         Ok(())
     }
 

@@ -53,8 +53,6 @@ pub struct Nis {
     pub nis: f64,
     /// Of the rows of inertial units.
     pub inertial: f64,
-    /// Logarithm of the determinant of their covariance, divided by the noise.
-    pub log_det: f64,
 }
 
 impl InformationUpdate {
@@ -217,8 +215,7 @@ impl InformationUpdate {
         gram(arch, &mut self.v_b_x, [n, wide], Rows { rows: self.inertial..m, ..all }, false);
         factor(arch, &mut self.v_b_x, Sweep { n, width: wide + n_pad, starts: &self.v_starts })?;
         let nis = squares(&self.s_h_y, 0..m, y_at) - squares(&self.v_b_x, 0..n, n);
-        let log_det = 2.0 * (log_diagonal(&self.s_h_y, m) + log_diagonal(&self.v_b_x, n));
-        Ok(Nis { nis, inertial: inertial.unwrap_or(nis), log_det })
+        Ok(Nis { nis, inertial: inertial.unwrap_or(nis) })
     }
 
     /// U8: X'b into `shift`, X'X into `covariance`.
@@ -458,11 +455,6 @@ fn starts_of(firsts: &[usize], starts: &mut [usize]) {
     }
     starts[..open].fill(firsts.len());
     starts[starts.len() - 1] = 0;
-}
-
-/// Sum of the logarithms of the diagonal.
-fn log_diagonal(panel: &Panel, count: usize) -> f64 {
-    (0..count).map(|i| panel.at(i, i).ln()).sum()
 }
 
 /// Sum of squares down a column.

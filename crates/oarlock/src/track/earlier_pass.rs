@@ -4,6 +4,7 @@
 use super::hypothesis::Hypothesis;
 use crate::estimate::belief::Belief;
 use crate::estimate::filter::Info;
+use crate::estimate::System;
 use std::sync::Arc;
 
 /// A finished pass.
@@ -29,6 +30,16 @@ impl EarlierPass {
         }
     }
 
+    /// The states of the course at the ends of a step; `None` if there are none, or if the filter was reset between them.
+    pub fn step(&self, from_s: f64, to_s: f64) -> Option<(&[f64], &[f64])> {
+        let states = || Some((self.course.at(from_s)?, self.course.at(to_s)?));
+        if self.verdicts.is_lost_at(to_s) {
+            None
+        } else {
+            states()
+        }
+    }
+
     /// Settles hypotheses of the start: moves it to the smoothed posture. Its covariance stays. Any other start keeps its
     /// mean, because readings must count only once.
     pub fn settle_start(&self, one: &mut Hypothesis, pose_states: usize) {
@@ -49,8 +60,6 @@ pub(super) struct Verdicts {
     /// Per sample, one for each part.
     rejected: Vec<bool>,
     lost: Vec<bool>,
-    /// Per sample: whether it was filtered, and not after a reset, where a pass may fit it instead: a fit has no density.
-    filtered: Vec<bool>,
 }
 
 impl Verdicts {
@@ -59,7 +68,6 @@ impl Verdicts {
         self.time_s.push(time_s);
         self.rejected.extend(&info.rejected);
         self.lost.push(info.lost);
-        self.filtered.push(!info.nis.is_nan() && !info.lost);
     }
 
     /// Per part of the sample at this time: whether it was rejected. `None` if there was no such sample.
@@ -72,11 +80,6 @@ impl Verdicts {
     /// Whether the filter was reset before the sample at this time.
     pub fn is_lost_at(&self, time_s: f64) -> bool {
         self.row(time_s).is_some_and(|row| self.lost[row])
-    }
-
-    /// Whether the sample at this time was filtered: has a density that another pass can be compared with.
-    pub fn is_filtered_at(&self, time_s: f64) -> bool {
-        self.row(time_s).is_some_and(|row| self.filtered[row])
     }
 
     fn row(&self, time_s: f64) -> Option<usize> {
@@ -105,6 +108,17 @@ impl Course {
     pub fn at(&self, time_s: f64) -> Option<&[f64]> {
         let width = self.mean.len() / self.time_s.len().max(1);
         self.row(time_s).map(|row| &self.mean[row * width..(row + 1) * width])
+    }
+
+    /// Halves the way of every state from that of another course over the same samples.
+    pub fn halve_step_from<S: System>(&mut self, other: &Course, system: &S) {
+        let width = self.mean.len() / self.time_s.len().max(1);
+        let mut step = vec![0.0; width];
+        for (mean, to) in self.mean.chunks_exact_mut(width).zip(other.mean.chunks_exact(width)) {
+            system.difference(to, mean, &mut step);
+            step.iter_mut().for_each(|x| *x *= 0.5);
+            system.shift(mean, &step);
+        }
     }
 
     fn noise_at(&self, time_s: f64) -> Option<&[f64; 2]> {
@@ -147,6 +161,7 @@ mod tests {
     use super::*;
     use crate::estimate::filter::{RowGroups, Verdict};
     use crate::kernels::dense::Square;
+    use crate::track::objective::tests::Line;
 
     fn belief(time_s: f64, factor: f64) -> Belief {
         Belief {
@@ -182,6 +197,18 @@ mod tests {
         let drive = averages.drive().unwrap();
         // 2^(1/4) 16^(3/4)
         assert!((drive[0] / 2.0_f64.powf(3.25) - 1.0).abs() < 1e-12 && drive[1] == 1.0);
+    }
+
+    #[test]
+    fn half_a_step_is_between_two_courses() {
+        let mut courses = [1.0, 5.0].map(|mean| {
+            let mut course = Course::default();
+            course.precede(&Belief { mean: vec![mean, -mean], ..belief(2.0, 1.0) });
+            course
+        });
+        let [from, to] = &mut courses;
+        to.halve_step_from(from, &Line);
+        assert_eq!(to.at(2.0), Some(&[3.0, -3.0][..]));
     }
 
     #[test]

@@ -75,8 +75,8 @@ pub struct Run {
     last: Option<Hypothesis>,
     verdicts: Arc<Verdicts>,
     drive: DriveAverages,
-    /// Logarithm of the density of all readings, up to a constant.
-    log_density: f64,
+    /// Objective of the course that the filter followed; 0 in the first pass.
+    objective: f64,
 }
 
 const PROGRESS_EVERY: usize = 64;
@@ -119,7 +119,7 @@ pub fn track(
         last: None,
         verdicts: Arc::default(),
         drive: DriveAverages::default(),
-        log_density: 0.0,
+        objective: 0.0,
         tracker,
     };
     run.filter(progress)?;
@@ -152,6 +152,7 @@ impl Run {
         }
         tracker.finish(&mut |sample, known, info| keeper.keep(sample, known, info))?;
         self.last = tracker.hypothesis().cloned();
+        self.objective = tracker.objective.sum();
         Ok(())
     }
 
@@ -195,7 +196,7 @@ impl Run {
         (run.partings, run.losses_s, run.last) = (Vec::new(), Vec::new(), None);
         (run.steps, run.refused, run.tally) = (0, 0, Tally::default());
         (run.verdicts, run.drive) = (Arc::default(), DriveAverages::default());
-        (run.smoothed, run.log_density) = (false, 0.0);
+        (run.smoothed, run.objective) = (false, 0.0);
         run
     }
 
@@ -298,9 +299,6 @@ impl Keeper<'_> {
         run.note_shares(known);
         Arc::make_mut(&mut run.verdicts).take(time_s, info);
         run.drive.take(&known.belief);
-        if run.tracker.is_comparable(time_s) {
-            run.log_density += info.log_density;
-        }
         run.losses_s.extend(info.lost.then_some(time_s));
         let Run { tally, tracker, .. } = run;
         tally.judge(&tracker.subject, info, tracker.fields(info).zip(tracker.source_faults(info)));

@@ -76,6 +76,9 @@ impl Tracker {
         let mut one = self.fit_start(&waiting)?;
         if let Some(earlier) = &self.earlier {
             earlier.settle_start(&mut one, self.subject.body.layout.partition.pose);
+            if let Some(first) = earlier.course.at(one.belief.time_s) {
+                self.objective.add_start(&self.subject.body, &one.belief, first);
+            }
         }
         self.filter.await_sample(one.belief.time_s);
         for (i, sample) in waiting.iter().enumerate() {
@@ -199,6 +202,9 @@ impl Tracker {
     }
 
     fn predict(&mut self, one: &mut Hypothesis, to_s: f64) {
+        if let Some(states) = self.earlier.as_ref().and_then(|earlier| earlier.step(one.belief.time_s, to_s)) {
+            self.objective.add_step(&self.subject.body, &one.belief, to_s, states);
+        }
         self.filter.predict(&self.subject.body, &mut one.belief, to_s, &mut self.transition);
         if let Some(doubt) = &mut one.doubt {
             doubt.predict(&self.transition);
@@ -232,7 +238,7 @@ impl Tracker {
         let may_search = self.earlier.is_none();
         let must_regain = is_lost || may_search && regain::is_due(subject, &self.loops, readings, one);
         if !(must_regain && self.regain(one, is_lost)) {
-            self.filter_readings(one)?;
+            self.filter_readings(one, is_lost)?;
         }
         self.earlier.iter().for_each(|earlier| earlier.set_noise(&mut one.belief));
         self.info.lost = is_lost;
@@ -264,7 +270,7 @@ impl Tracker {
     }
 
     /// The update with its tests and the learning after it.
-    fn filter_readings(&mut self, one: &mut Hypothesis) -> Result<()> {
+    fn filter_readings(&mut self, one: &mut Hypothesis, is_lost: bool) -> Result<()> {
         let Tracker { subject, readings, magnetic, .. } = self;
         let time_s = one.belief.time_s;
         self.loops.hush(subject, &one.sources, time_s, readings);
@@ -307,6 +313,10 @@ impl Tracker {
         let moment = &readings.moment;
         let done = self.filter.update(&subject.body, moment, &mut one.belief, measured, settings, &mut self.info);
         done.map_err(|lost| diverged(lost, time_s))?;
+        // A sample after a reset may be fitted in one pass and filtered in another.
+        if smoothed.is_some() && !self.info.nis.is_nan() && !is_lost {
+            self.objective.add_readings(self.filter.squares_at_point(&readings.z, &mut self.columns));
+        }
         if let Some(considering) = considering {
             let learning = self.learns.then_some(self.settings.learning);
             considering.take_update(subject, &Update::new(readings, &self.info, &self.filter, learning), one);

@@ -144,7 +144,6 @@ impl<S: FastSystem> Filter<S> {
         info.nis = f64::NAN;
         info.inertial = (f64::NAN, 0);
         info.log_likelihood = 0.0;
-        info.log_density = 0.0;
         info.parts.fill(Verdict::Missing);
         for (source, rows) in info.sources.iter_mut().zip(&measured.groups.sources) {
             *source = SourceInfo { nis: f64::NAN, used: 0, rejected: 0, missing: rows.len() as u8 };

@@ -218,7 +218,6 @@ impl<S: FastSystem> Filter<S> {
         info.nis = nis;
         info.inertial = if inertial.1 > 0 { inertial } else { (f64::NAN, 0) };
         info.log_likelihood = log_likelihood(nis + rejected.0, used + rejected.1);
-        info.log_density = f64::NAN;
         self.shift.copy_from_slice(&limbs.total);
         if !belief.mean.iter().all(|x| x.is_finite()) {
             return Err(Diverged { what: "the estimate is not a number".into() });

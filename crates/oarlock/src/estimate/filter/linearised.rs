@@ -24,6 +24,8 @@ pub struct Linearised {
     /// Row k is row k of L, reversed.
     l_reversed: Panel,
     away: Away,
+    /// Readings at the point of linearisation.
+    pub at_point: Vec<f64>,
 }
 
 /// The way from the point of linearisation to the mean.
@@ -44,7 +46,16 @@ impl Linearised {
         let size = if sparse.is_some() { 0 } else { rows * (n + inputs) };
         let l_reversed = Panel::zeros(n, padded(n));
         let away = Away { step: vec![0.0; n], back: vec![0.0; n], turned: Vec::with_capacity(n) };
-        Linearised { n, inputs, sparse, jacobian: vec![0.0; size], asked: vec![false; rows], l_reversed, away }
+        Linearised {
+            n,
+            inputs,
+            sparse,
+            jacobian: vec![0.0; size],
+            asked: vec![false; rows],
+            l_reversed,
+            away,
+            at_point: vec![0.0; rows],
+        }
     }
 
     /// Fills in h0, H and D, linearised at `point` or else at the mean. Allocates nothing.
@@ -128,6 +139,7 @@ impl<S: FastSystem> Kernel for Columns<'_, S> {
         let Some(sparse) = &mut linearised.sparse else { return linearised.dense(predicted, context.rows) };
         context.system.linearise_sparse::<FUSED>(context.moment, scratch, context.mean, &mut predicted.h0, sparse);
         if is_away {
+            linearised.at_point.copy_from_slice(&predicted.h0);
             sparse.add_product(&linearised.away.step, &mut predicted.h0);
             linearised.away.turned.iter().for_each(|block| sparse.turn_columns(block.index, &block.factor));
         }

@@ -53,9 +53,6 @@ pub struct Info {
     pub rejected: Vec<bool>,
     /// Log-likelihood of the readings ([`super::log_likelihood`]); a rejected part counts at its threshold.
     pub log_likelihood: f64,
-    /// Logarithm of the Gaussian density of the readings that were used, up to a constant. Not a
-    /// number from the factorised filter.
-    pub log_density: f64,
     /// Whether the belief was reset before this update, because its sensors contradicted it.
     pub lost: bool,
 }
@@ -72,7 +69,6 @@ impl Info {
             parts: vec![Verdict::Missing; groups.parts.len()],
             rejected: vec![false; groups.parts.len()],
             log_likelihood: 0.0,
-            log_density: 0.0,
             lost: false,
         }
     }

@@ -31,46 +31,74 @@ impl Run {
 
     /// Smooths up to `iterations` times. Each time after the first, the recording is filtered again with readings linearised
     /// about the smoothed states (Bell 1994), with the readings that the first pass accepted and with the noise that it learnt.
-    /// Stops when this makes the readings less likely, and returns the likeliest.
+    /// Each course is judged by its objective (`track::objective`), which the next filtering finds. Returns the lowest.
     pub fn into_iterated(self, iterations: usize, progress: Progress) -> Result<Run> {
         self.check_smoothable()?;
-        let all = iterations.max(1) as f64;
-        let (mut best, mut course) = self.with_course(iterations > 1, &mut |share| progress(share / all))?;
-        let Some(drive) = best.drive.drive().map(Arc::new) else { return Ok(best) };
+        if iterations <= 1 {
+            return self.back(&mut |_| {}, progress);
+        }
+        let all = iterations as f64;
+        let (mut best, mut course) = self.with_course(&mut |share| progress(0.5 * share / all))?;
+        if best.drive.drive().is_none() {
+            return Ok(best);
+        }
+        let mut follower = best.relinearised(&course, &mut |share| progress(0.5 * (1.0 + share) / all))?;
         for done in 1..iterations {
-            let (verdicts, had_rivals) = (best.verdicts.clone(), best.started_with_rivals());
-            let earlier = EarlierPass { course, verdicts, drive: drive.clone(), had_rivals };
-            let mut part = |share: f64| progress((done as f64 + 0.5 * share) / all);
-            let next = best.relinearised(earlier, &mut part)?;
-            // Not a number if the filter does not give densities; later passes do.
-            if next.log_density <= best.log_density {
+            let highest = follower.objective;
+            let mut part = |share: f64| progress((done as f64 + share) / all);
+            let Some(pass) = follower.improved(&course, &mut part)? else { break };
+            (best, course, follower) = pass;
+            if highest - follower.objective < LEAST_FALL * highest {
                 break;
             }
-            let mut part = |share: f64| progress((done as f64 + 0.5 * (1.0 + share)) / all);
-            (best, course) = next.with_course(done + 1 < iterations, &mut part)?;
         }
         Ok(best)
     }
 
-    /// The smoothed run, with the smoothed states of all samples if they are wanted.
-    fn with_course(self, wanted: bool, progress: Progress) -> Result<(Run, Course)> {
-        let mut course = Course::default();
-        let mut keep = |belief: &Belief| {
-            if wanted {
-                course.precede(belief);
+    /// Smooths a run that was filtered about `course`, and filters about the result, or about a half or a quarter of the step to it where
+    /// the objective does not fall. `None` if none lowers it.
+    fn improved(self, course: &Course, progress: Progress) -> Result<Option<(Run, Course, Run)>> {
+        let highest = self.objective;
+        let (mut next, mut further) = self.with_course(&mut |share| progress(0.5 * share))?;
+        let mut follower = next.relinearised(&further, &mut |share| progress(0.5 * (1.0 + share)))?;
+        for _ in 0..HALVINGS {
+            if follower.objective < highest {
+                break;
             }
-        };
-        let run = self.back(&mut keep, progress)?;
+            further.halve_step_from(course, next.tracker.body());
+            next.take_course(&further);
+            follower = next.relinearised(&further, &mut |_| progress(1.0))?;
+        }
+        Ok((follower.objective < highest).then_some((next, further, follower)))
+    }
+
+    /// Replaces the estimates by the states of a course.
+    fn take_course(&mut self, course: &Course) {
+        let n = self.tracker.body().layout.dim();
+        for (time_s, mean) in self.series.time_s.iter().zip(self.series.mean.chunks_exact_mut(n)) {
+            course.at(*time_s).into_iter().for_each(|state| mean.copy_from_slice(state));
+        }
+        for checkpoint in &mut self.checkpoints {
+            let time_s = checkpoint.known.time_s();
+            course.at(time_s).into_iter().for_each(|state| checkpoint.known.move_to(state));
+        }
+    }
+
+    /// The smoothed run, with the smoothed states of all samples.
+    fn with_course(self, progress: Progress) -> Result<(Run, Course)> {
+        let mut course = Course::default();
+        let run = self.back(&mut |belief| course.precede(belief), progress)?;
         Ok((run, course))
     }
 
     /// The recording filtered again about an earlier pass. What became of each reading was decided by the first.
-    fn relinearised(&self, earlier: EarlierPass, progress: Progress) -> Result<Run> {
-        let verdicts = earlier.verdicts.clone();
+    fn relinearised(&self, course: &Course, progress: Progress) -> Result<Run> {
+        let (verdicts, had_rivals) = (self.verdicts.clone(), self.started_with_rivals());
+        let drive = Arc::new(self.drive.drive().unwrap_or_default());
         let mut next = self.unfiltered();
-        next.tracker.follow(earlier);
+        next.tracker.follow(EarlierPass { course: course.clone(), verdicts: verdicts.clone(), drive, had_rivals });
         next.filter(progress)?;
-        (next.verdicts, next.tally) = (verdicts, self.tally.clone());
+        (next.verdicts, next.drive, next.tally) = (verdicts, self.drive.clone(), self.tally.clone());
         next.series.take_reports(&self.series);
         Ok(next)
     }
@@ -151,6 +179,11 @@ impl Run {
         Ok(())
     }
 }
+
+/// Share of the objective by which it must fall for a further pass.
+const LEAST_FALL: f64 = 1e-3;
+/// How often a step is halved that does not lower the objective.
+const HALVINGS: usize = 2;
 
 /// Relative excess of a variance below which it counts as a rounding error.
 const ROUNDING: f64 = 1e-12;
