@@ -157,9 +157,10 @@ def smooth(track: Track, *, iterations: int = 1, progress: Progress | None = Non
         iterations: how often to smooth at most. Each time after the first, the recording is filtered again: readings
             are linearised about the smoothed estimates instead of the predicted ones (iterated smoother, Bell 1994),
             and the process noise is the average that the first pass learnt. All passes use the same readings. It stops
-            earlier if the readings become less likely. It helps where a heading follows from movement alone; 2 or 3
-            are enough. Where mounts or lengths are far off, it can make the estimate worse: calibrate first. Each
-            costs as much as tracking and smoothing with `ekf`.
+            earlier if squared residuals and process noise of the whole course no longer fall. It helps where a heading
+            follows from movement alone; 2 or 3 are enough. Where mounts or lengths are far off, it can make the
+            estimate worse: calibrate first. Each costs as much as tracking and smoothing with `ekf`, and the last one
+            filtering more.
         progress: called regularly with the share done, 0 to 1.
 
     Raises:

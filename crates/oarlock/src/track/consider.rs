@@ -53,6 +53,9 @@ const AVERAGE_S: f64 = 0.6;
 /// Memories of the mean squares of averages, s. Parameters are constants, so evidence that they are wrong lasts, also while a
 /// body moves in a way that does not show it. The short memory follows a unit that slips.
 const MEMORIES_S: [f64; 2] = [5.0, 300.0];
+/// Squared scales that the memories take from one reading at most. What goes on for minutes after a burst, such as a fault or a lost
+/// estimate, must be bounded: two standard deviations.
+const MOST_SQUARED: [f64; 2] = [f64::MAX, 4.0];
 /// Averages with at most this multiple of white noise's mean square count as chance.
 const CHANCE: f64 = 1.5;
 /// Larger slopes mean that the recursion has diverged.
@@ -400,13 +403,6 @@ impl Doubt {
     pub(super) fn forget(&mut self) {
         self.slopes.fill(0.0);
     }
-
-    /// Discards what the innovations of a lost state estimate said of the parameters. The scale stays until others say more.
-    pub(super) fn forget_evidence(&mut self) {
-        self.rows.fill(RowAverages::NONE);
-        self.expected.fill(0.0);
-        self.lasting = 0.0;
-    }
 }
 
 impl RowAverages {
@@ -427,9 +423,9 @@ impl RowAverages {
         self.count += 1.0;
         let jump = innovation - self.last;
         let floor = pace / (2.0 - pace) * 0.5 * jump * jump;
-        for (squares, memory_s) in self.squares.iter_mut().zip(MEMORIES_S) {
+        for (squares, (memory_s, most)) in self.squares.iter_mut().zip(MEMORIES_S.into_iter().zip(MOST_SQUARED)) {
             let keep = (dt / memory_s).max(1.0 / self.count).min(1.0);
-            squares.power += keep * (self.low * self.low - squares.power);
+            squares.power += keep * ((self.low * self.low).min(CHANCE * floor + most * owed) - squares.power);
             squares.white += keep * (floor - squares.white);
             squares.share += keep * (owed - squares.share);
         }

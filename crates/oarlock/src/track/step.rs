@@ -259,9 +259,6 @@ impl Tracker {
         self.readings.mark_seen(&mut one.sources, one.belief.time_s);
         if let Some(doubt) = &mut one.doubt {
             doubt.forget();
-            if is_lost {
-                doubt.forget_evidence();
-            }
         }
         if is_lost {
             lost::doubt_fit(&self.subject, &mut one.belief);
