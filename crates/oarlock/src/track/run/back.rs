@@ -21,7 +21,8 @@ impl Run {
     pub fn iterated(&self, iterations: usize, progress: Progress) -> Result<Run> {
         self.check_smoothable()?;
         let series = self.series.blank();
-        Run { checkpoints: self.checkpoints.clone(), ..self.with(series) }.into_iterated(iterations, progress)
+        let (checkpoints, shares) = (self.checkpoints.clone(), self.shares.clone());
+        Run { checkpoints, shares, ..self.with(series) }.into_iterated(iterations, progress)
     }
 
     /// Smooths in place of the filtered estimates, which takes half the memory.
@@ -48,7 +49,7 @@ impl Run {
             let mut part = |share: f64| progress((done as f64 + share) / all);
             let Some(pass) = follower.improved(&course, &mut part)? else { break };
             (best, course, follower) = pass;
-            if highest - follower.objective < LEAST_FALL * highest {
+            if highest - follower.objective < LEAST_FALL {
                 break;
             }
         }
@@ -180,7 +181,7 @@ impl Run {
     }
 }
 
-/// Share of the objective by which it must fall for a further pass.
+/// By how much the objective, squared standard deviations, must fall for a further pass: the states then move by some hundredths of theirs.
 const LEAST_FALL: f64 = 1e-3;
 /// How often a step is halved that does not lower the objective.
 const HALVINGS: usize = 2;
