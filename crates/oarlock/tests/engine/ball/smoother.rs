@@ -206,13 +206,16 @@ fn assert_least_squares(what: &str, start: [f64; 9]) {
 
 /// The start is unknown by 17 degrees, over which readings bend.
 const WIDE_START_RAD: f64 = 0.3;
+/// Iterating stops where the objective no longer falls. Its process noise is that of the course's own postures, which moves its minimum by
+/// this share of a standard deviation.
+const OF_THE_OBJECTIVE_SIGMA: f64 = 1e-2;
 
 #[test]
 fn iterations_lead_to_least_squares_from_a_wide_start() {
     let start = [0.4, -0.3, 0.2, 3.0, -2.0, 4.0, 5.0, 10.0, -8.0];
     let [once, iterated] = [1, 4].map(|iterations| Compared::new(start, WIDE_START_RAD, iterations));
     println!("once {once:?}, iterated {iterated:?}");
-    assert!(iterated.mean < SMALL_ERRORS_SIGMA && iterated.bands < SMALL_ERRORS_SIGMA, "{iterated:?}");
+    assert!(iterated.mean < OF_THE_OBJECTIVE_SIGMA && iterated.bands < SMALL_ERRORS_SIGMA, "{iterated:?}");
     assert!(once.mean > 2.0 * iterated.mean, "iterations did nothing: {once:?} {iterated:?}");
 }
 
