@@ -6,6 +6,8 @@ from scipy.spatial.transform import Rotation
 
 import oarlock
 from command_line import run
+from oarlock.model.joint_play import hinges_that_can_have_play
+from oarlock.storage.errors import DataError
 from refusals import assert_refused
 
 RATE_HZ = 50.0
@@ -137,3 +139,27 @@ def test_the_command_line_says_and_tracks_it(model, tmp_path):
     assert "--play" in run("calibrate", "axes", *words, "--out", tmp_path / "cal.toml").output
     run("track", *words, "--play", "wrist=2", "--out", tmp_path / "track")
     assert "wrist_play_1" in oarlock.load_track(tmp_path / "track").coordinate_names
+
+
+@pytest.mark.parametrize("name", ["full_body", "sculler"])
+def test_every_hinge_of_a_body_gets_play_or_a_reason(name):
+    body = oarlock.load_model(name)
+    possible = hinges_that_can_have_play(body)
+    hinges = [j.name for j in body.describe().joints if j.kind == "hinge"]
+    assert possible and set(possible) <= set(hinges)
+    for hinge in hinges:
+        if hinge in possible:
+            loose = oarlock.with_play(body, {hinge: 0.05})
+            assert len(loose.coordinate_names) == len(body.coordinate_names) + 2
+            assert hinge not in hinges_that_can_have_play(loose)
+        else:
+            assert_refused(lambda own=hinge: oarlock.with_play(body, {own: 0.05}), hinge)
+
+
+def test_play_given_twice_and_hinges_without_are_one_clear_refusal(model):
+    loose = oarlock.with_play(model, {"wrist": 0.05})
+    assert_refused(lambda: oarlock.with_play(loose, {"wrist": 0.05}), "wrist", "has play already")
+    sculler = oarlock.load_model("sculler")
+    with pytest.raises(DataError) as refused:
+        oarlock.with_play(sculler, {"nothing_like_it": 0.05})
+    assert "trunk" not in str(refused.value)

@@ -51,7 +51,7 @@ Plays = Annotated[
     typer.Option(
         "--play",
         metavar="HINGE=DEG",
-        help="A hinge that also turns across its axis, and the standard deviation, e.g. knee_r=3. Repeatable.",
+        help="A hinge that also turns across its axis, and the standard deviation, e.g. knee_flexion_r=3. Repeatable.",
     ),
 ]
 
@@ -95,7 +95,7 @@ def _loosened(body: Model, soft_mounts: Iterable[str], plays: Iterable[str]) -> 
 
     for change, chosen, option in (
         (with_soft_mounts, soft_mounts, ("--soft-mount", "thigh_r=5")),
-        (with_play, plays, ("--play", "knee_r=3")),
+        (with_play, plays, ("--play", "knee_flexion_r=3")),
     ):
         std_deg = assignments(chosen, *option, "degrees")
         body = change(body, {name: radians(deg) for name, deg in std_deg.items()}) if std_deg else body

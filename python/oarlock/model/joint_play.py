@@ -30,32 +30,48 @@ def with_play(model: Model, std_rad: Mapping[str, float]) -> Model:
         std_rad: name of a hinge -> standard deviation of its rotation about each direction across the axis, rad.
 
     Raises:
-        DataError: the model has no such hinge, it moves several frames or is an input, or a standard deviation is not
-            positive.
+        DataError: the model has no such hinge, it moves several frames, is an input or has play already, or a standard
+            deviation is not positive.
     """
     document = document_of(model)
+    possible = hinges_that_can_have_play(model)
     for name, std in std_rad.items():
         if not 0.0 < std < inf:
             raise DataError(
                 f'play of "{name}": a standard deviation of {std:g} rad ({degrees(std):g} deg); expected more than 0, '
                 "e.g. 0.05 rad (3 deg)"
             )
-        _loosen(document, name, float(std))
+        if name not in possible:
+            raise DataError(f"{_why_not(document, name)}. {did_you_mean(name, possible)}")
+        start_std = next(j.process.start_std for j in model.describe().joints if j.name == name and j.process)
+        _loosen(document, name, [float(std) * PER_S**k for k in range(len(start_std))])
     return model_of(document, model)
 
 
-def _loosen(document: Document, name: str, std_rad: float) -> None:
+def hinges_that_can_have_play(model: Model) -> list[str]:
+    """Names of the hinges that `with_play` takes: no inputs, none that moves several frames, none with play."""
+    document = document_of(model)
+    return [joint["name"] for joint in document["joint"] if not _why_not(document, joint["name"])]
+
+
+def _why_not(document: Document, name: str) -> str:
+    """Why a joint cannot have play; empty if it can."""
+    hinges = {j["name"]: j for j in document["joint"] if j.get("kind") == "hinge"}
+    if name not in hinges:
+        return f'there is no hinge "{name}"'
+    if hinges[name].get("input", False):
+        return f'hinge "{name}" is an input, which cannot have play'
+    if f"{name}_play_1" in hinges:
+        return f'hinge "{name}" has play already'
+    moved = sum(frame.get("joint") == name for frame in document["frame"])
+    return "" if moved == 1 else f'"{name}" moves {moved} frames; play is possible in a hinge that moves one'
+
+
+def _loosen(document: Document, name: str, start_std: list[float]) -> None:
     """Puts the two hinges and their frames before those of the joint."""
     joints, frames = document["joint"], document["frame"]
-    hinges = {j["name"]: j for j in joints if j.get("kind") == "hinge" and not j.get("input", False)}
-    if name not in hinges:
-        raise DataError(
-            f'there is no hinge "{name}" that could have play. {did_you_mean(name, list(hinges))}'
-        )
-    moved = [frame for frame in frames if frame.get("joint") == name]
-    if len(moved) != 1:
-        raise DataError(f'"{name}" moves {len(moved)} frames; play is possible in a hinge that moves one')
-    ((frame,), hinge) = moved, hinges[name]
+    hinge = next(joint for joint in joints if joint["name"] == name)
+    frame = next(frame for frame in frames if frame.get("joint") == name)
     loose = [f"{name}_play_{k}" for k in (1, 2)]
     first: Document = {"name": loose[0], "parent": frame["parent"], "transform": {"translation": [0, 0, 0]}}
     if "transform" in frame:
@@ -63,10 +79,10 @@ def _loosen(document: Document, name: str, std_rad: float) -> None:
         first["transform"], frame["transform"] = frame["transform"], {"translation": [0, 0, 0]}
     second = {"name": loose[1], "parent": loose[0], "transform": {"translation": [0, 0, 0]}}
     frame["parent"] = loose[1]
-    process = {**hinge.get("process", {}), "start_std": [std_rad * PER_S**k for k in range(3)]}
+    process = {**hinge.get("process", {}), "start_std": start_std}
     for own, joint, axis in zip((first, second), loose, _across(frame.get("axis", "z")), strict=True):
         own |= {"axis": axis, "joint": joint}
-        limits = [-2.0 * std_rad, 2.0 * std_rad]
+        limits = [-2.0 * start_std[0], 2.0 * start_std[0]]
         joints.insert(
             joints.index(hinge), {"name": joint, "kind": "hinge", "limits": limits, "process": process}
         )
@@ -75,5 +91,5 @@ def _loosen(document: Document, name: str, std_rad: float) -> None:
 
 def _across(axis: Any) -> list[list[float]]:
     """Two unit vectors normal to an axis and to each other."""
-    along = np.eye(3)["xyz".index(axis)] if isinstance(axis, str) else np.asarray(axis, dtype=float)
+    along = np.eye(3)["xyz".index(axis.lstrip("-"))] if isinstance(axis, str) else np.asarray(axis, dtype=float)
     return [row.tolist() for row in np.linalg.svd(along[None, :])[2][1:]]
