@@ -91,5 +91,7 @@ def _loosen(document: Document, name: str, start_std: list[float]) -> None:
 
 def _across(axis: Any) -> list[list[float]]:
     """Two unit vectors normal to an axis and to each other."""
-    along = np.eye(3)["xyz".index(axis.lstrip("-"))] if isinstance(axis, str) else np.asarray(axis, dtype=float)
+    along = (
+        np.eye(3)["xyz".index(axis.lstrip("-"))] if isinstance(axis, str) else np.asarray(axis, dtype=float)
+    )
     return [row.tolist() for row in np.linalg.svd(along[None, :])[2][1:]]
