@@ -43,6 +43,7 @@ USUAL_S = {
     "test_folders_killed": 1500.0,
     "test_found_calibration": 20.0,
     "test_hull": 5.0,
+    "test_instructions": 150.0,
     "test_magnetometer_trust": 130.0,
     "test_motion_calibration": 120.0,
     "test_report_browser": 50.0,

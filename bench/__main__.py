@@ -11,11 +11,13 @@ import os
 from pathlib import Path
 from typing import Any
 
+from pages.record import stamped
 from pages.sections import into_page
 
 from oarlock.lab.bench.measure import measure
 
 from .apart import costs
+from .counted import NotCounted, counts
 from .memory import peaks
 from .startup import startups
 from .table import write
@@ -40,14 +42,24 @@ def criterion(target: Path) -> dict[str, dict[str, float]]:
 
 def collect(seconds: float, memory_s: float) -> dict[str, Any]:
     """Everything that was measured, and what is measured now."""
-    figures: dict[str, Any] = {name: json.loads((OUT / f"{name}.json").read_text()) for name in RUST}
+    figures = stamped({name: json.loads((OUT / f"{name}.json").read_text()) for name in RUST})
     figures["load"] = os.getloadavg()[0]
     figures["criterion"] = criterion(Path(os.environ.get("CARGO_TARGET_DIR", "target")))
     figures["user"] = measure(seconds).to_dict()
     figures["apart"] = costs()
     figures["memory"] = peaks(memory_s)
     figures["startup"] = startups()
+    figures["instructions"] = instructions()
     return figures
+
+
+def instructions() -> dict[str, dict[str, float]]:
+    """Of a step, by body; empty where they cannot be counted, which is told."""
+    try:
+        return counts()
+    except NotCounted as e:
+        print(f"instructions are not counted: {e}")
+        return {}
 
 
 def main() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from pages.record import made_text
 from pages.sections import table
 
 Row = dict[str, Any]
@@ -15,7 +16,7 @@ def write(figures: dict[str, Any]) -> str:
     here = user["machine"]
     processor = f"{here['processor']}, {user['cores']} cores, {here['system']}"
     parts = [
-        f"Measured on {processor}, Oarlock {here['oarlock']}, Python {here['python']}; the machine's load was\n"
+        f"{made_text(figures)}, on {processor}, Python {here['python']};\nthe machine's load was "
         f"{figures['load']:.1f}. Times in µs, medians unless a column says otherwise.",
         f"The textbook's filter takes about {user['usual_textbook_us']:.0f} µs at 41 states on one core of a 3.7 GHz\n"
         "Zen 4; where it is slower here, look at times and not at ratios.",
@@ -90,6 +91,7 @@ def _rest(figures: dict[str, Any]) -> str:
     rows.append(
         ["sensors at 125 Hz, n = 41, ukf", f"{user['times_real_time']:.0f} times faster than real time"]
     )
+    rows += _whole(user, figures["instructions"])
     apart = figures["apart"]
     text = f"{apart['apart_ms']:.1f} ms ({apart['ratio']:.2f} times that of sensors that do)"
     rows.append(["tracking a second of sensors that do not tick together", text])
@@ -104,6 +106,42 @@ def _rest(figures: dict[str, Any]) -> str:
         [f"processor time of `{what}`", f"{time_s:.2f} s"] for what, time_s in figures["startup"].items()
     ]
     return table(["what", "figure"], rows)
+
+
+def _whole(user: Row, instructions: Row) -> list[list[object]]:
+    rows = list[list[object]]()
+    for part in (user, user["with_biases"]):
+        steps, passes = part["track_us"] / part["ukf_us_p10"], part["smooth_us"] / part["track_us"]
+        rows.append(
+            [
+                f"`oarlock.track` of a sample, n = {part['n']}",
+                f"{part['track_us']:.1f} µs ({steps:.2f} times a step)",
+            ]
+        )
+        rows.append(
+            [
+                f"one pass of `oarlock.smooth` after that, a sample, n = {part['n']}",
+                f"{part['smooth_us']:.1f} µs ({passes:.2f} times `track`)",
+            ]
+        )
+    body = user["full_body"]
+    rows.append(
+        [
+            f"a person with {body['units']} units at 100 Hz, n = {body['n']}, one hypothesis",
+            f"{body['times_real_time']:.1f} times faster than real time",
+        ]
+    )
+    rows.append(
+        [
+            "the same, mean of the first 30 s",
+            f"{body['start_times_real_time']:.1f} times faster than real time",
+        ]
+    )
+    rows += [
+        [f"instructions of a step (callgrind), {name}", f"{each['median']:.0f}, p99 {each['p99']:.0f}"]
+        for name, each in instructions.items()
+    ]
+    return rows
 
 
 def _others(user: Row) -> str:

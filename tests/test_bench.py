@@ -70,6 +70,12 @@ def test_figures_fit_together(measured):
             assert part[f"{name}_ratio_to_textbook_p10"] == pytest.approx(tenth)
         assert part["textbook_us_p10"] <= part["textbook_us"]
         assert 0.0 < part["p50_us"] <= part["p99_us"] <= part["p99_9_us"]
+        assert part["smooth_us"] > 0.0 and part["track_us"] > 0.0
+        assert part["bare_ukf_ratio_to_textbook"] == pytest.approx(part["textbook_us"] / part["bare_ukf_us"])
+    body = measured["full_body"]
+    assert body["units"] == 16
+    assert body["times_real_time"] == pytest.approx(1e4 / body["step_us"])
+    assert body["start_times_real_time"] == pytest.approx(1e4 / body["start_us"])
     assert measured["times_real_time"] == pytest.approx(measured["ukf_steps_s"] / 125.0)
     assert measured["paper"]["steps_s"] == 116.0
 
@@ -91,7 +97,9 @@ def test_text_names_the_filters_and_the_paper():
 
 def test_help_names_every_key(measured):
     shown = run("bench", "--help").stdout
-    filters = tuple(f"{name}_{what}" for name in ("ekf", "factorised") for what in ("us", "ratio"))
+    filters = tuple(
+        f"{name}_{what}" for name in ("ekf", "factorised", "bare_ukf") for what in ("us", "ratio")
+    )
     missing = [key for key in measured if key not in shown and not key.startswith(filters)]
     assert missing == ["live_steps"] or not missing
 

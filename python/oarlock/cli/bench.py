@@ -19,12 +19,16 @@ Keys of --json (times in us are medians, each filter's steps are 1e6 / time):
   n, m                         states and readings of the sculler, joints and azimuth alone
   ukf_steps_s, ekf_steps_s, factorised_steps_s    steps per second inside the engine, one core
   ukf_us, ukf_us_p10, ...      time of a step: median and 10 % quantile
+  bare_ukf_steps_s, ...        the same without gates, learning and what is considered, like the textbook filter
   textbook_us, textbook_us_p10                 the textbook unscented filter, same process
   ukf_ratio_to_textbook, ...   textbook_us divided by the filter's
   ukf_ratio_to_textbook_p10, ...               the same for the 10 % quantiles, more stable on a busy machine
   p50_us, p99_us, p99_9_us     of Tracker.step called from Python, default filter
+  track_us, smooth_us          processor time of a sample of a whole recording: tracked; one smoothing pass after that
   times_real_time, rate_hz     ukf_steps_s divided by the rate of the sensors
   with_biases                  the same keys with biases and surge as states
+  full_body                    a person with 16 units, live: n states, units, step_us, times_real_time; start_us,
+                               start_times_real_time: the mean of its first 30 s, with all start hypotheses
   one_thread_steps_s, two_threads_steps_s, two_threads_ratio, cores    by track_many
   paper, usual_textbook_us     the paper's figure; the textbook filter on a 3.7 GHz Zen 4, us
   others, failed               other software: results, and packages that do not run
@@ -83,6 +87,7 @@ def _write(found: Bench) -> None:
     for timed in (found.joints, found.with_biases):
         _write_race(timed)
     _write_live(found)
+    _write_whole(found)
     _write_others(found)
 
 
@@ -92,7 +97,7 @@ def _write_race(timed: Race) -> None:
         "one core, inside the engine; medians, and 10 % quantiles (p10)",
     )
     rows = [
-        (name, step, f"{timed.ratio(name):.1f} ({timed.ratio_p10(name):.1f}) times")
+        (name.replace("_", " "), step, f"{timed.ratio(name):.1f} ({timed.ratio_p10(name):.1f}) times")
         for name, step in timed.filters.items()
     ]
     table(
@@ -106,7 +111,6 @@ def _write_race(timed: Race) -> None:
 
 def _write_live(found: Bench) -> None:
     from oarlock.lab.bench.measure import USUAL_TEXTBOOK_US
-    from oarlock.lab.bench.problem import RATE_HZ
 
     say(
         f"textbook's UKF: the same filter with dense matrices; {USUAL_TEXTBOOK_US:.0f} us at 41 states on one core\n"
@@ -122,11 +126,39 @@ def _write_live(found: Bench) -> None:
             for timed, x in ((found.joints, found.latency), (found.with_biases, found.latency_with_biases))
         ],
     )
+
+
+def _write_whole(found: Bench) -> None:
+    from oarlock.lab.bench.problem import RATE_HZ
+
+    heading(
+        "Whole recordings",
+        "oarlock.track, then one pass of oarlock.smooth; us a sample",
+    )
+    table(
+        [">states", ">track", ">of a step", ">smooth", ">of track"],
+        [
+            (
+                timed.n,
+                f"{one.track_us:.1f}",
+                f"{one.track_us / timed.filters['ukf'].us_p10:.2f}",
+                f"{one.smooth_us:.1f}",
+                f"{one.smooth_us / one.track_us:.2f}",
+            )
+            for timed, one in ((found.joints, found.whole), (found.with_biases, found.whole_with_biases))
+        ],
+    )
     say()
+    body = found.body
     speed = 1e6 / found.joints.filters["ukf"].us
     pairs(
         [
             ("real time", f"{speed / RATE_HZ:.0f} times faster than sensors at {RATE_HZ:.0f} Hz"),
+            (
+                "full body",
+                f"{body.units} units, {body.n} states: {body.step_us:.0f} us a step, {body.times_real_time:.1f} times "
+                f"faster than real time, {body.start_times_real_time:.1f} times over its start",
+            ),
             (
                 "two threads",
                 f"{found.threads.two_steps_s:.0f} samples/s, one: {found.threads.one_steps_s:.0f}; "

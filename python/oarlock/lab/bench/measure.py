@@ -12,6 +12,7 @@ from oarlock.evaluation.comparison.comparison import processor
 from oarlock.lab.bench.others import INSTALL, SOFTWARE, Failure, Figure, Software, missing, time_other
 from oarlock.lab.bench.own import Latency, Race, Threads, live, race, threads
 from oarlock.lab.bench.problem import RATE_HZ, sculling
+from oarlock.lab.bench.whole import FullBody, Whole, full_body, whole
 from oarlock.rowing.simulation.paper import STEPS_PER_S
 
 
@@ -33,7 +34,7 @@ USUAL_TEXTBOOK_US: Final = 405.0
 """Time of a step of the textbook filter at 41 states on one core of a 3.7 GHz Zen 4, microseconds."""
 
 # shares of the given time
-_RACE, _RACE_WITH_BIASES, _LIVE, _THREADS, _OTHER = 0.25, 0.25, 0.15, 0.15, 0.2
+_RACE, _RACE_WITH_BIASES, _LIVE, _WHOLE, _BODY, _THREADS, _OTHER = 0.15, 0.15, 0.1, 0.1, 0.25, 0.1, 0.15
 
 Progress = Callable[[str], AbstractContextManager[object]]
 
@@ -46,6 +47,9 @@ class Bench:
     with_biases: Race
     latency: Latency
     latency_with_biases: Latency
+    whole: Whole
+    whole_with_biases: Whole
+    body: FullBody
     threads: Threads
     others: tuple[Figure, ...]
     failed: tuple[Failure, ...]
@@ -55,10 +59,15 @@ class Bench:
         """All figures by name; those with biases are under `with_biases`."""
         times_real_time = 1e6 / self.joints.filters["ukf"].us / RATE_HZ
         return {
-            **_figures(self.joints, self.latency),
+            **_figures(self.joints, self.latency, self.whole),
             "times_real_time": times_real_time,
             "rate_hz": RATE_HZ,
-            "with_biases": _figures(self.with_biases, self.latency_with_biases),
+            "with_biases": _figures(self.with_biases, self.latency_with_biases, self.whole_with_biases),
+            "full_body": {
+                **vars(self.body),
+                "times_real_time": self.body.times_real_time,
+                "start_times_real_time": self.body.start_times_real_time,
+            },
             "one_thread_steps_s": self.threads.one_steps_s,
             "two_threads_steps_s": self.threads.two_steps_s,
             "two_threads_ratio": self.threads.ratio,
@@ -73,8 +82,8 @@ class Bench:
         }
 
 
-def _figures(timed: Race, latency: Latency) -> dict[str, Any]:
-    found: dict[str, Any] = {"n": timed.n, "m": timed.m}
+def _figures(timed: Race, latency: Latency, whole: Whole) -> dict[str, Any]:
+    found: dict[str, Any] = {"n": timed.n, "m": timed.m, **vars(whole)}
     for name, step in timed.filters.items():
         found |= {
             f"{name}_steps_s": 1e6 / step.us,
@@ -118,12 +127,20 @@ def measure(seconds: float, progress: Progress = lambda what: nullcontext()) -> 
         with_biases = race(problem, "with_biases", _RACE_WITH_BIASES * seconds)
     with progress("stepping live"):
         lone, biased = (live(problem, name, _LIVE / 2 * seconds) for name in ("joints", "with_biases"))
+    with progress("tracking and smoothing whole recordings"):
+        all_of, all_biased = (
+            whole(problem, name, _WHOLE / 2 * seconds) for name in ("joints", "with_biases")
+        )
+    with progress("tracking a full body"):
+        body = full_body(_BODY * seconds)
     with progress("tracking on two threads"):
         many = threads(problem, _THREADS * seconds)
     others = tuple(_others(seconds, progress))
     figures = tuple(one for one in others if isinstance(one, Figure))
     failed = tuple(one for one in others if isinstance(one, Failure))
-    return Bench(joints, with_biases, lone, biased, many, figures, failed, tuple(missing()))
+    return Bench(
+        joints, with_biases, lone, biased, all_of, all_biased, body, many, figures, failed, tuple(missing())
+    )
 
 
 def _others(seconds: float, progress: Progress) -> Iterator[Figure | Failure]:

@@ -13,6 +13,8 @@ import numpy as np
 from oarlock.lab.bench.problem import ESTIMATES, WARM, Floats, Problem
 
 FILTERS: Final = ("ukf", "ekf", "factorised")
+BARE: Final = "bare_ukf"
+"""The `ukf` without gates, learning, and what is considered: only what the textbook filter does too."""
 
 
 @dataclass(frozen=True)
@@ -76,9 +78,9 @@ def race(problem: Problem, estimate: str, seconds: float) -> Race:
     from oarlock import _core
 
     assert estimate in ESTIMATES
-    configs = [problem.config(estimate, name) for name in FILTERS]
+    configs = [*(problem.config(estimate, name) for name in FILTERS), problem.config(estimate, plain=True)]
     found = _core.race(problem.model, problem.recording, configs, WARM, seconds)
-    filters = {name: StepTime.of(us) for name, us in zip(FILTERS, found["steps_us"], strict=True)}
+    filters = {name: StepTime.of(us) for name, us in zip((*FILTERS, BARE), found["steps_us"], strict=True)}
     return Race(found["n"], found["m"], filters, StepTime.of(found["textbook_us"]))
 
 
