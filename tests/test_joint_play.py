@@ -94,6 +94,38 @@ def test_the_axes_show_play(model, play_rad, named):
         assert found.noted["play"] == named
 
 
+def with_rest(motion, rest_s):
+    """The motion ends within its last second, and a rest follows."""
+    more = np.arange(0.0, motion.time_s[-1] + rest_s, 1.0 / RATE_HZ)
+    ends = np.clip(motion.time_s[-1] - motion.time_s, 0.0, 1.0)
+    q = np.zeros((len(more), motion.q.shape[1]))
+    q[: len(motion.q)] = motion.q * ends[:, None]
+    return oarlock.Motion(motion.coordinate_names, more, q)
+
+
+@pytest.mark.parametrize(("play_rad", "named"), [(PLAY_RAD, ["wrist"]), (0.0, [])])
+def test_a_long_rest_hides_no_play(model, play_rad, named):
+    loose = oarlock.with_play(model, {"wrist": PLAY_RAD})
+    for seed in SEEDS:
+        motion = with_rest(waving(loose, seed, play_rad), 40.0)
+        _, recording = oarlock.simulate(loose, motion, rate_hz=RATE_HZ, seed=seed)
+        assert oarlock.calibrate_hinge_axes(model, recording).noted["play"] == named
+
+
+@pytest.mark.parametrize(("play_rad", "named"), [(PLAY_RAD, ["wrist"]), (0.0, [])])
+@pytest.mark.parametrize("hinge_share", [0.03, 0.1])
+def test_a_hinge_that_hardly_turns_between_brisk_links_has_play_only_if_it_has(
+    model, hinge_share, play_rad, named
+):
+    loose = oarlock.with_play(model, {"wrist": PLAY_RAD})
+    for seed in SEEDS:
+        motion = waving(loose, seed, play_rad)
+        shares = np.where(np.array(loose.coordinate_names) == "wrist", hinge_share, 1.0)
+        slow = oarlock.Motion(motion.coordinate_names, motion.time_s, shares * motion.q)
+        _, recording = oarlock.simulate(loose, slow, rate_hz=RATE_HZ, seed=seed)
+        assert oarlock.calibrate_hinge_axes(model, recording).noted["play"] == named
+
+
 def test_two_small_hinges_precede_the_joint(model):
     loose = oarlock.with_play(model, {"wrist": 0.05})
     assert [n for n in loose.coordinate_names if n not in model.coordinate_names] == [
@@ -136,7 +168,7 @@ def test_what_cannot_have_play_is_refused(model):
 def test_the_command_line_says_and_tracks_it(model, tmp_path):
     trial(model, SEEDS[0], PLAY_RAD)[1].save(tmp_path / "rec")
     words = [tmp_path / "rec", "--model", "openaxes_ur5"]
-    assert "--play" in run("calibrate", "axes", *words, "--out", tmp_path / "cal.toml").output
+    assert "--play wrist=3" in run("calibrate", "axes", *words, "--out", tmp_path / "cal.toml").output
     run("track", *words, "--play", "wrist=2", "--out", tmp_path / "track")
     assert "wrist_play_1" in oarlock.load_track(tmp_path / "track").coordinate_names
 

@@ -13,6 +13,7 @@ from oarlock.calibration.motion.constants import Constants
 from oarlock.calibration.motion.hypothesis import RIGID, SOFT
 from oarlock.calibration.motion.restart import joined, restarted
 from oarlock.calibration.motion.searched_model import searched_model
+from oarlock.calibration.static.offset_parameters import place_parameters
 from oarlock.rowing import FieldEffects, anthropometry, simulate_field
 from refusals import assert_refused
 
@@ -118,14 +119,29 @@ def test_skin_that_carries_units_limits_what_is_found_of_their_mounts():
         gain = prior @ seen.T @ np.linalg.inv(seen @ prior @ seen.T + noise)
         told[factor] = gain @ readings, prior - gain @ seen @ prior
     units = ("rad", "m", "m", "m")
-    alone = Constants(names, units, np.zeros(4), *told[0.0], prior_std)
+    alone = Constants(names, units, np.zeros(4), *told[0.0], prior_std, carried > 0.0)
     shared = alone.displaced(2.0)
     np.testing.assert_allclose(shared.moved, told[2.0][0], atol=ROUNDING)
     np.testing.assert_allclose(shared.covariance, told[2.0][1], atol=ROUNDING)
     assert (shared.share[:2] < 1.0 / 3.0 + ROUNDING).all()
 
 
+@pytest.mark.parametrize(
+    ("name", "own"),
+    [("dfjimu", {f"r{k}_{axis}" for k in (1, 2) for axis in "xyz"}), ("sculler", set())],
+)
+def test_positions_of_units_that_a_model_file_names_are_no_lengths(name, own):
+    model = oarlock.load_model(name)
+    assert place_parameters(model) == own
+    searched = searched_model(model, oarlock.Calibration(), RIGID, azimuth_rad=0.5)
+    units = [unit.name for unit in model.describe().inertial_units]
+    assert place_parameters(searched) == own | {
+        f"search_place_{unit}_{axis}" for unit in units for axis in "xyz"
+    }
+
+
 NAMES = ("parameters.l_b", "a.mount_rx", "a.mount_ry", "a.mount_rz")
+MOUNTS = np.array([False, True, True, True])
 
 
 def searched_from(
@@ -135,7 +151,7 @@ def searched_from(
     covariance = np.linalg.inv(information + np.diag(prior_std**-2.0))
     moved = covariance @ information @ (true - start_m)
     begin = np.array([start_m[0], 0.0, 0.0, 0.0])
-    return Constants(NAMES, ("m", "rad", "rad", "rad"), begin, moved, covariance, prior_std)
+    return Constants(NAMES, ("m", "rad", "rad", "rad"), begin, moved, covariance, prior_std, MOUNTS)
 
 
 def test_a_second_search_of_linear_readings_changes_nothing():
@@ -156,7 +172,8 @@ def test_the_second_search_begins_where_the_first_ended():
     names = ("parameters.l_b", *(f"{unit}.mount_r{axis}" for unit in units for axis in "xyz"))
     n = len(names)
     moved = np.array([0.03, 0.2, *np.zeros(n - 2)])
-    found = Constants(names, ("m",) + ("rad",) * (n - 1), np.full(n, 0.5), moved, np.eye(n), np.ones(n))
+    units_of = ("m",) + ("rad",) * (n - 1)
+    found = Constants(names, units_of, np.full(n, 0.5), moved, np.eye(n), np.ones(n), np.arange(n) > 0)
     again = restarted(searched, found)
     assert again.parameters["l_b"] == pytest.approx(0.53)
     turned = {s.name: np.asarray(s.mount.rotation) for s in again.describe().inertial_units}

@@ -36,6 +36,9 @@ Still = Annotated[
     typer.Option("--still", metavar="START END", help="Stationary interval, s; default: the longest one."),
 ]
 
+EXAMPLE_PLAY_DEG = 3.0
+"""What docs/mounts.md recommends to begin with."""
+
 
 def add_to(group: typer.Typer) -> None:
     """Registers the verbs."""
@@ -237,8 +240,17 @@ def write_axes(calibration: Calibration) -> None:
     _remarks(
         noted,
         ("kept_nominal", "hardly determined by the motion, close to the nominal mount"),
-        ("play", "also turns across its axis: play, or a unit that moves on its link; track with `--play`"),
+        (
+            "confirmed",
+            "the motion differs from the nominal mount by no more than its own uncertainty: unchanged",
+        ),
+        ("play", "also turns across its axis: play, or a unit that moves on its link"),
     )
+    if noted["play"]:
+        given = " ".join(f"--play {name}={EXAMPLE_PLAY_DEG:g}" for name in noted["play"])
+        say(
+            f"Track such hinges with `oarlock track ... {given}`: the play's standard deviation in deg, a guess."
+        )
 
 
 def write_pose(calibration: Calibration) -> None:

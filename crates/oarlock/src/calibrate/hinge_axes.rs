@@ -68,6 +68,10 @@ pub struct FoundAxis {
     pub pull: [f64; 6],
     /// Robust standard deviation of the residuals, rad/s.
     pub residual_rad_s: f64,
+    /// Root mean square of the residuals, rad/s: unlike the robust one, a rest dilutes it as it dilutes the two below.
+    pub residual_rms_rad_s: f64,
+    /// Root mean square of both bodies' angular velocities normal to the axis, rad/s.
+    pub transverse_rad_s: f64,
     /// Root mean square of the relative angular velocity about the axis, rad/s.
     pub hinge_rad_s: f64,
     /// From -1 to 1: confidence that both vectors point the same way along the hinge. Near 0 the motion does not
@@ -132,6 +136,13 @@ impl Axes<'_> {
         };
         let (information, pull) = self.motion_alone(found);
         let turning = |pair: &[Window; 2]| (axes[1].dot(&pair[1].rate) - axes[0].dot(&pair[0].rate)).powi(2);
+        let transverse = |pair: &[Window; 2]| {
+            let [one, two] = self.rates(pair, &found.state);
+            (one.cross(&axes[0]).norm_squared() + two.cross(&axes[1]).norm_squared()) / 2.0
+        };
+        let rms = |squares: &dyn Fn(&[Window; 2]) -> f64| {
+            (windows.pairs.iter().map(squares).sum::<f64>() / windows.pairs.len() as f64).sqrt()
+        };
         FoundAxis {
             first: axes[0].into(),
             second: axes[1].into(),
@@ -139,7 +150,9 @@ impl Axes<'_> {
             information: std::array::from_fn(|i| std::array::from_fn(|j| information[(i, j)])),
             pull: std::array::from_fn(|i| pull[i]),
             residual_rad_s: found.spread,
-            hinge_rad_s: (windows.pairs.iter().map(turning).sum::<f64>() / windows.pairs.len() as f64).sqrt(),
+            residual_rms_rad_s: self.errors(&found.state).norm() / (windows.pairs.len() as f64).sqrt(),
+            transverse_rad_s: rms(&transverse),
+            hinge_rad_s: rms(&turning),
             sense: sense(windows, axes),
         }
     }

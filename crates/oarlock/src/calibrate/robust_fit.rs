@@ -34,7 +34,7 @@ pub(crate) struct Scatter {
 }
 
 impl Scatter {
-    /// Rows with a scatter of their own, one to two seconds: the median of their absolute values is known to a fifth.
+    /// Rows with a scatter of their own, one to two seconds: the median of their absolute values is known to a quarter.
     const ROWS: usize = 20;
 
     /// Standard deviation of each row: that of all rows, or the larger one of those around it. Where a body rests, residuals

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from oarlock._core import Model
 from oarlock.calibration.motion.searched_model import PLACE, ZERO
+from oarlock.calibration.static.offset_parameters import place_parameters
 from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec
 from oarlock.recording.calibration import Calibration, EncoderScale
 
@@ -38,6 +39,7 @@ class Constants:
         moved: (n,) how far from there, m or rad.
         covariance: (n, n) of it.
         prior_std: (n,) before the search.
+        of_wearing: (n,) whether each says how a unit sits on its link: mounts and positions.
     """
 
     names: tuple[str, ...]
@@ -46,6 +48,7 @@ class Constants:
     moved: Floats
     covariance: Floats
     prior_std: Floats
+    of_wearing: NDArray[np.bool_]
 
     @classmethod
     def of(cls, belief: Belief, searched: Model, samples_per_error: float) -> Constants:
@@ -58,7 +61,9 @@ class Constants:
         prior = weight * np.array([_prior(name, document) for name in names])
         covariance = samples_per_error * belief.covariance[np.ix_(rows, rows)]
         units = tuple(_unit(name, document) for name in names)
-        return cls(names, units, start, belief.mean[rows] - start, covariance, prior)
+        places = {f"parameters.{name}" for name in place_parameters(searched)}
+        worn = np.array([bool(_MOUNT.fullmatch(name)) or name in places for name in names])
+        return cls(names, units, start, belief.mean[rows] - start, covariance, prior, worn)
 
     @property
     def std(self) -> Floats:
@@ -109,9 +114,8 @@ class Constants:
         if not factor:
             return self
         prior, own = self.prior_std**2, np.linalg.inv(self.covariance)
-        carried = np.array([bool(_MOUNT.fullmatch(n)) or _is_place(n) for n in self.names])
         alone = own - np.diag(1.0 / prior)
-        less = np.linalg.inv(np.eye(len(prior)) + alone * (factor * prior * carried))
+        less = np.linalg.inv(np.eye(len(prior)) + alone * (factor * prior * self.of_wearing))
         covariance = np.linalg.inv(np.diag(1.0 / prior) + less @ alone)
         covariance = (covariance + covariance.T) / 2.0
         return replace(self, moved=covariance @ less @ own @ self.moved, covariance=covariance)
@@ -181,10 +185,6 @@ def _std_in_link(rotation: Floats, covariance: Floats) -> Floats:
 
 def _is_constant(name: str) -> bool:
     return name.startswith("parameters.") or bool(_MOUNT.fullmatch(name)) or name.startswith(f"{ZERO}_")
-
-
-def _is_place(name: str) -> bool:
-    return name.startswith(f"parameters.{PLACE}_")
 
 
 def _unit(name: str, document: dict[str, Any]) -> str:

@@ -14,6 +14,7 @@ from oarlock import _core
 from oarlock.calibration.static.link_pairs import ROOT, LinkPair, link_pairs
 from oarlock.calibration.static.mounts_of_axes import LikelyMount, SeenAxis, solved_mounts
 from oarlock.calibration.static.worn_model import EXACT_STD_RAD, Worn
+from oarlock.model.joint_play import hinges_that_can_have_play
 from oarlock.model.rotation import angle_between
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.corrections import corrected
@@ -31,12 +32,18 @@ SEARCH = "hinge axes"
 CLEAR_SENSE = 0.1
 """From here on the motion determines the common sense of the two axes."""
 
-PLAY_SHARE = 0.03
-"""Residual relative to the rotation about the hinge. Gyroscopes leave up to 1 %: their axes are misaligned by that, and
-the difference of their scales is estimated. More is rotation across the axis, from play or from a unit that moves."""
+RIGID_RAD_S, RIGID_TRANSVERSE, RIGID_HINGE = 0.005, 0.01, 0.03
+"""Residual that a hinge without play leaves: noise and bias of consumer gyroscopes over a window, rad/s; the 1 % by
+which their axes are misaligned, of the rotation normal to the hinge; and of the rotation about it three times as much,
+which also leaks in where the axis is a degree off. All are root mean squares over the same windows: a rest dilutes
+them alike. More is rotation across the axis, from play or from a unit that moves."""
 
 LITTLE_LEARNT = 0.7
 """An axis of which this share of the nominal standard deviation remains is reported: the motion shows less of it."""
+
+
+TURNING = ("residual_rms_rad_s", "transverse_rad_s", "hinge_rad_s")
+"""Root mean squares over all windows, rad/s."""
 
 
 def calibrate_hinge_axes(
@@ -67,8 +74,8 @@ def calibrate_hinge_axes(
 
     Returns:
         The starting calibration with turned mounts and their standard deviations. ``noted`` holds each axis, its
-        standard deviation, by how much the mount was turned, undetermined axes, and under ``play`` the hinges that
-        also turn across their axis: see `oarlock.with_play`.
+        standard deviation, by how much the mount was turned, undetermined axes, mounts that the motion confirms, and
+        under ``play`` the hinges that also turn across their axis: see `oarlock.with_play`.
 
     Raises:
         DataError: no two units with a single hinge between them, two units on one body, a stream without
@@ -94,7 +101,8 @@ def calibrate_hinge_axes(
         "joint": {pair.label: _joint_note(pair, axis) for pair, axis in found.items()},
         "sensor": {name: _unit_note(name, mount, found) for name, mount in solved.items()},
         "kept_nominal": [text for pair, axis in found.items() for text in _little_learnt(pair, axis, worn)],
-        "play": [pair.label for pair, axis in found.items() if _has_play(axis)],
+        "confirmed": [name for name, mount in solved.items() if not mount.turn_rad.any()],
+        "play": _loose(model, [pair for pair, axis in found.items() if _has_play(axis)]),
         "left_out": [name for name in recording.names if name not in names],
     }
     stds = {name: np.sqrt(np.diag(mount.covariance)) for name, mount in solved.items()}
@@ -136,7 +144,15 @@ def _little_learnt(pair: LinkPair, found: Mapping[str, Any], worn: Worn) -> list
 
 
 def _has_play(found: Mapping[str, Any]) -> bool:
-    return bool(found["residual_rad_s"] > PLAY_SHARE * found["hinge_rad_s"])
+    rigid = RIGID_TRANSVERSE * found["transverse_rad_s"] + RIGID_HINGE * found["hinge_rad_s"] + RIGID_RAD_S
+    return bool(found["residual_rms_rad_s"] > rigid)
+
+
+def _loose(model: Model, pairs: Iterable[LinkPair]) -> list[str]:
+    """The first hinge of each pair that `with_play` takes: several about one axis turn across it alike."""
+    possible = hinges_that_can_have_play(model)
+    hinges = ([name for name in pair.joints if name in possible] for pair in pairs)
+    return [names[0] for names in hinges if names]
 
 
 def _unit_note(name: str, mount: LikelyMount, found: Mapping[LinkPair, Mapping[str, Any]]) -> dict[str, Any]:
@@ -156,6 +172,7 @@ def _joint_note(pair: LinkPair, found: Mapping[str, Any]) -> dict[str, Any]:
         "child": pair.child,
         "axis_in_parent_sensor": found["first"],
         "axis_in_child_sensor": found["second"],
-        **{key: found[key] for key in ("std_rad", "residual_rad_s", "hinge_rad_s", "sense")},
+        **{key: found[key] for key in ("std_rad", "residual_rad_s", *TURNING, "sense")},
+        "turns_across": _has_play(found),
         "ends_contradict": bool(pair.parent != ROOT and found["sense"] < -CLEAR_SENSE),
     }

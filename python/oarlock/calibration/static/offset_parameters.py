@@ -1,15 +1,19 @@
-"""Finds parameters of a model file that define only a unit's position on its link, for `calibrate_joint_centers`."""
+"""Finds parameters of a model file that define only a unit's position on its link, for the searches that need them."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from oarlock.calibration.static.worn_model import Worn
 from oarlock.model.description import ImuDescription, ModelDescription
 from oarlock.storage.array_gate import FloatArray
+
+if TYPE_CHECKING:
+    from oarlock._core import Model
 
 STEP_M = 0.01
 """A step, because no Jacobian contains all that a parameter may change: whole descriptions are compared."""
@@ -39,6 +43,15 @@ def own_parameters(worn: Worn, taken: Collection[str] = ()) -> dict[str, tuple[s
         for unit, alone in found.items()
         if all(len(names) == 1 for names in alone)
     }
+
+
+def place_parameters(model: Model) -> set[str]:
+    """Parameters that say where one unit sits on its link, and nothing else."""
+    own = model.describe()
+    longer = {
+        name: model.with_parameters({name: x + STEP_M}).describe() for name, x in model.parameters.items()
+    }
+    return {name for name, moved in longer.items() if _moved_alone(own, moved)}
 
 
 def offset_parameters(
