@@ -115,7 +115,7 @@ impl Doubt {
     }
 
     /// Numbers of states, rows and padded parameters.
-    pub(super) fn size(&self) -> (usize, usize, usize) {
+    pub fn size(&self) -> (usize, usize, usize) {
         (self.slopes.len() / self.width.max(1), self.rows.len(), self.width)
     }
 
