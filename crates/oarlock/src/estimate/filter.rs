@@ -14,6 +14,7 @@ use super::information::{Carried, Columns, InformationUpdate, Side, WeightedRead
 use super::learn::{Correction, Learning};
 use super::shear::Shear;
 use super::sigma::{PredictedReadings, ReadingContext, Spread};
+use super::star::turn_rows;
 use super::transition::{apply_to_rows, congruence, Block, Transition};
 use super::FastSystem;
 use crate::kernels::arch::Arch;
@@ -171,10 +172,22 @@ impl<S: FastSystem> Filter<S> {
         }
         carried.before.copy_from_slice(slopes);
         self.information.carry(self.arch, &self.l_transposed, forced, carried, slopes);
-        let (width, before) = (slopes.len() / self.shift.len(), &carried.before);
+        self.follow_mean(&carried.before, slopes);
+        true
+    }
+
+    /// Derivatives of the mean after the last update (P3, P4), from those `before` it and those before the mean moved.
+    pub fn follow_mean(&self, before: &[f64], slopes: &mut [f64]) {
+        let width = slopes.len() / self.shift.len();
         self.reset.iter().for_each(|block| leave_chart(self.arch, (block, &self.shift), before, slopes, width));
         self.shears.iter().for_each(|shear| shear.apply_to_rows(slopes, width));
-        true
+    }
+
+    /// A becomes T'^-1 A, if the last update made T P T' of the covariance P when it moved the mean (P3, P4).
+    pub fn undo_transposed(&self, rows: &mut [f64]) {
+        let width = rows.len() / self.shift.len();
+        self.reset.iter().for_each(|block| turn_rows(rows, width, block.index, block));
+        self.shears.iter().for_each(|shear| shear.undo_transposed(rows, width));
     }
 
     /// Residuals of the used readings at the state where the last update linearised them, squared and divided by the covariance of
