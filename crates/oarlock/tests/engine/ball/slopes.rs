@@ -21,7 +21,7 @@ const SWING: [f64; 2] = [0.7, 1.0];
 /// As the model files say nothing.
 const MOUNT_STD_RAD: f64 = 0.1;
 /// Numbers of a doubt's flat form before the slopes.
-const HEAD: usize = 4;
+const HEAD: usize = 5;
 
 /// A body without noise, gate and learning, at a state estimate from its own start fit.
 struct Moving {
