@@ -44,8 +44,8 @@ def last_belief(calibration: oarlock.Calibration | None, **keys: object) -> oarl
 
 def test_slopes_are_those_of_the_filter_itself() -> None:
     belief = last_belief(None, consider="always", **STILL_MODEL)
-    width, n = int(belief.doubt[1]), len(belief.mean)
-    slopes = belief.doubt[4 : 4 + n * width].reshape(n, width)
+    width, n = int(belief.doubt[2]), len(belief.mean)
+    slopes = belief.doubt[5 : 5 + n * width].reshape(n, width)
     angles = [belief.state_names.index(name) for name in ELEVEN]
     # Lengths and the places of units stand before the mounts, which come unit by unit.
     lengths = [name for name in sculler().parameters if name.startswith(("l_", "r_pin_"))]
@@ -61,7 +61,7 @@ def test_a_model_that_is_right_is_not_doubted() -> None:
     recording = load_excerpt().recording
     learnt = excerpt_track()
     off = oarlock.track(sculler(), recording, None, oarlock.Config(consider="off"))
-    assert learnt.last_belief is not None and learnt.last_belief.doubt[0] == 0.0
+    assert learnt.last_belief is not None and learnt.last_belief.doubt[1] == 0.0
     np.testing.assert_array_equal(learnt.q, off.q)
     np.testing.assert_array_equal(learnt.q_std, off.q_std)
 

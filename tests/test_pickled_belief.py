@@ -30,3 +30,11 @@ def test_a_belief_of_another_version_is_refused(belief, more):
     memory = [[*numbers, 0.0][: len(numbers) + more] for numbers in belief.memory]
     with pytest.raises(oarlock.DataError, match="read it with the version that wrote it"):
         build(*parts[:PLACE_OF_MEMORY], memory, *parts[PLACE_OF_MEMORY + 1 :])
+
+
+def test_a_belief_with_another_layout_of_its_doubt_is_refused(belief):
+    build, parts = belief.__reduce__()
+    layout, *rest = belief.doubt
+    for other in (rest, [layout - 1.0, *rest]):
+        with pytest.raises(oarlock.DataError, match=r"doubt: .* read it with the version that wrote it"):
+            build(*parts[:-1], other)

@@ -143,8 +143,8 @@ def considered(text: str) -> int:
     _, recording, _ = trial(SEEDS[0], soft=True)
     belief = oarlock.track(model_of(text), recording, None, oarlock.Config(consider="always")).last_belief
     assert belief is not None
-    width, n = int(belief.doubt[1]), len(belief.mean)
-    slopes = belief.doubt[4 : 4 + n * width].reshape(n, width)
+    width, n = int(belief.doubt[2]), len(belief.mean)
+    slopes = belief.doubt[5 : 5 + n * width].reshape(n, width)
     return int((slopes != 0.0).any(axis=0).sum())
 
 

@@ -137,7 +137,7 @@ impl PyBelief {
         self.known.sources.iter().map(|s| s.to_flat()).collect()
     }
 
-    /// Effect of the consider states (mounts, lengths, sensor positions) on the mean: learnt scale, number of
+    /// Effect of the consider states (mounts, lengths, sensor positions) on the mean: number of the layout, learnt scale, number of
     /// parameters, number of those with a calibrated standard deviation, their shifts of every state, and the
     /// statistics behind the scale. Empty without consider states.
     #[getter]
@@ -218,7 +218,7 @@ fn doubt_from(flat: &[f64], states: usize) -> PyResult<Option<Doubt>> {
     let doubt = Doubt::from_flat(flat, states).ok_or_else(|| {
         let count = flat.len();
         DataError::new_err(format!(
-            "doubt: {count} numbers that do not belong to {states} states; take those of a belief"
+            "doubt: {count} numbers that this version of Oarlock does not read for {states} states; read it with the version that wrote it, or track again"
         ))
     });
     doubt.map(Some)

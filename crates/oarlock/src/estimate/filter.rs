@@ -14,6 +14,7 @@ use super::information::{Carried, Columns, InformationUpdate, Side, WeightedRead
 use super::learn::{Correction, Learning};
 use super::shear::Shear;
 use super::sigma::{PredictedReadings, ReadingContext, Spread};
+use super::star::turn_rows;
 use super::transition::{apply_to_rows, congruence, Block, Transition};
 use super::FastSystem;
 use crate::kernels::arch::Arch;
@@ -169,11 +170,24 @@ impl<S: FastSystem> Filter<S> {
         if !self.is_whole() {
             return false;
         }
+        carried.before.copy_from_slice(slopes);
         self.information.carry(self.arch, &self.l_transposed, forced, carried, slopes);
-        let width = slopes.len() / self.shift.len();
-        apply_to_rows(self.arch, &self.reset, slopes, width);
-        self.shears.iter().for_each(|shear| shear.apply_to_rows(slopes, width));
+        self.follow_mean(&carried.before, slopes);
         true
+    }
+
+    /// Derivatives of the mean after the last update (P3, P4), from those `before` it and those before the mean moved.
+    pub fn follow_mean(&self, before: &[f64], slopes: &mut [f64]) {
+        let width = slopes.len() / self.shift.len();
+        self.reset.iter().for_each(|block| leave_chart(self.arch, (block, &self.shift), before, slopes, width));
+        self.shears.iter().for_each(|shear| shear.apply_to_rows(slopes, width));
+    }
+
+    /// A becomes T'^-1 A, if the last update made T P T' of the covariance P when it moved the mean (P3, P4).
+    pub fn undo_transposed(&self, rows: &mut [f64]) {
+        let width = rows.len() / self.shift.len();
+        self.reset.iter().for_each(|block| turn_rows(rows, width, block.index, block));
+        self.shears.iter().for_each(|shear| shear.undo_transposed(rows, width));
     }
 
     /// Residuals of the used readings at the state where the last update linearised them, squared and divided by the covariance of
@@ -365,6 +379,23 @@ impl<S: FastSystem> Filter<S> {
             Err(Diverged { what: "the estimate is not a number".into() })
         }
     }
+}
+
+/// The derivative S+ of a rotation by a parameter after an update by delta(p), of R Exp(S p) Exp(delta): what is from before turns with the
+/// mean, the change of delta follows Jr(delta) of P3. Exp(delta)' S + Jr (S+ - S) = S + Jr (S+ - S - delta x S).
+fn leave_chart(arch: Arch, (jr, shift): (&Block, &[f64]), before: &[f64], slopes: &mut [f64], width: usize) {
+    let [x, y, z] = jr.index;
+    let add = |slopes: &mut [f64], to: usize, by: f64, from: usize| {
+        let from = &before[from * width..(from + 1) * width];
+        slopes[to * width..(to + 1) * width].iter_mut().zip(from).for_each(|(s, b)| *s += by * b);
+    };
+    for (i, j, k) in [(x, y, z), (y, z, x), (z, x, y)] {
+        add(slopes, i, -1.0, i);
+        add(slopes, i, -shift[j], k);
+        add(slopes, i, shift[k], j);
+    }
+    apply_to_rows(arch, std::slice::from_ref(jr), slopes, width);
+    jr.index.into_iter().for_each(|i| add(slopes, i, 1.0, i));
 }
 
 fn broken(e: NotPositive) -> Diverged {

@@ -244,7 +244,7 @@ impl InformationUpdate {
     /// the derivatives of the readings, divided by their noise. `slopes` are S, a row for each state.
     pub fn carry(&self, arch: Arch, l_transposed: &Panel, forced: &Columns, carried: &mut Carried, slopes: &mut [f64]) {
         let (n, m, h_at, x_at) = (self.states, self.used, self.states_at(), self.wide());
-        let Carried { width, forced: f, slopes: z, out, starts, zeros } = carried;
+        let Carried { width, forced: f, slopes: z, out, starts, zeros, .. } = carried;
         let width = *width;
         for (slot, &r) in self.rows.iter().enumerate() {
             f.row_mut(slot)[..width].copy_from_slice(forced.row(r));
@@ -276,6 +276,8 @@ pub struct Carried {
     slopes: Panel,
     out: Panel,
     zeros: Vec<usize>,
+    /// The slopes before the update.
+    pub(super) before: Vec<f64>,
 }
 
 impl Carried {
@@ -289,6 +291,7 @@ impl Carried {
             out: Panel::zeros(states, width),
             zeros: starts.clone(),
             starts,
+            before: vec![0.0; states * width],
         }
     }
 }

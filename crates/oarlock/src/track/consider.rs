@@ -252,7 +252,7 @@ impl Considering {
             filter.substitute(Side::Left, &mut self.forced);
             filter.substitute(Side::Right, &mut self.forced);
             gather_pull(&self.straight, &self.roles, &self.weights, &self.forced, pull);
-            prior.update(self.arch, p, pull, slopes);
+            prior.update(p, filter, pull, slopes);
         }
         if !slopes.iter().all(|s| s.abs() < ABSURD) {
             tame(slopes);

@@ -11,7 +11,7 @@ use std::sync::Arc;
 #[derive(Debug, Clone)]
 pub(super) struct EarlierPass {
     /// State about which readings are linearised, and noise, per sample.
-    pub course: Course,
+    pub course: Arc<Course>,
     /// What the first pass did with each reading.
     pub verdicts: Arc<Verdicts>,
     /// Factors on the process noise of the whole recording.
@@ -161,7 +161,6 @@ mod tests {
     use super::*;
     use crate::estimate::filter::{RowGroups, Verdict};
     use crate::kernels::dense::Square;
-    use crate::track::objective::tests::Line;
 
     fn belief(time_s: f64, factor: f64) -> Belief {
         Belief {
@@ -200,23 +199,11 @@ mod tests {
     }
 
     #[test]
-    fn half_a_step_is_between_two_courses() {
-        let mut courses = [1.0, 5.0].map(|mean| {
-            let mut course = Course::default();
-            course.precede(&Belief { mean: vec![mean, -mean], ..belief(2.0, 1.0) });
-            course
-        });
-        let [from, to] = &mut courses;
-        to.halve_step_from(from, &Line);
-        assert_eq!(to.at(2.0), Some(&[3.0, -3.0][..]));
-    }
-
-    #[test]
     fn a_later_pass_has_one_process_noise_and_the_measurement_noise_of_each_sample() {
         let mut course = Course::default();
         [3.0, 2.0].iter().for_each(|t| course.precede(&belief(*t, *t)));
         let drive = Arc::new(vec![7.0, 1.0]);
-        let earlier = EarlierPass { course, verdicts: Arc::default(), drive, had_rivals: false };
+        let earlier = EarlierPass { course: Arc::new(course), verdicts: Arc::default(), drive, had_rivals: false };
         let mut now = belief(2.0, 50.0);
         earlier.set_noise(&mut now);
         assert_eq!((&now.drive[..], now.inflation, now.roughness), (&[7.0, 1.0][..], 4.0, 1.0));

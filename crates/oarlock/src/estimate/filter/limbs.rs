@@ -219,6 +219,10 @@ impl<S: FastSystem> Filter<S> {
         info.inertial = if inertial.1 > 0 { inertial } else { (f64::NAN, 0) };
         info.log_likelihood = log_likelihood(nis + rejected.0, used + rejected.1);
         self.shift.copy_from_slice(&limbs.total);
+        self.reset.clear();
+        of.0.reset_jacobian(&self.shift, &mut self.reset);
+        self.shears.clear();
+        of.0.shears(&belief.mean, &self.shift, &mut self.shears);
         if !belief.mean.iter().all(|x| x.is_finite()) {
             return Err(Diverged { what: "the estimate is not a number".into() });
         }

@@ -76,8 +76,10 @@ pub(in crate::track) struct Shares {
     variances: Vec<[f64; 2]>,
 }
 
-/// Numbers at the start of the flat form: scale, width, number of calibrated parameters, and lasting scale.
-const HEAD: usize = 4;
+/// Numbers at the start of the flat form: layout, scale, width, number of calibrated parameters, and lasting scale.
+const HEAD: usize = 5;
+/// Number of the layout; another one with every change of it. Negative, because forms without a layout begin with the scale.
+const LAYOUT: f64 = -1.0;
 const PER_ROW: usize = 10;
 
 impl Clone for Doubt {
@@ -115,7 +117,7 @@ impl Doubt {
     }
 
     /// Numbers of states, rows and padded parameters.
-    pub(super) fn size(&self) -> (usize, usize, usize) {
+    pub fn size(&self) -> (usize, usize, usize) {
         (self.slopes.len() / self.width.max(1), self.rows.len(), self.width)
     }
 
@@ -166,7 +168,7 @@ impl Doubt {
 
     /// The flat form in pickled state estimates.
     pub fn to_flat(&self) -> Vec<f64> {
-        let head = [self.scale, self.width as f64, self.told as f64, self.lasting];
+        let head = [LAYOUT, self.scale, self.width as f64, self.told as f64, self.lasting];
         let rows = self.rows.iter().flat_map(|row| row.to_flat());
         let (slopes, expected) = (self.slopes.iter().copied(), self.expected.iter().copied());
         let Bounds { mounts, most, reach } = &self.bounds;
@@ -182,7 +184,7 @@ impl Doubt {
 
     /// Reads the result of `to_flat` for this number of states; `None` if the numbers do not fit.
     pub fn from_flat(flat: &[f64], states: usize) -> Option<Self> {
-        let (&[scale, width, told, lasting], rest) = flat.split_first_chunk::<HEAD>()?;
+        let (&[layout, scale, width, told, lasting], rest) = flat.split_first_chunk::<HEAD>()?;
         let (width, told) = (count(width, flat.len())?, count(told, flat.len())?);
         let (slopes, rest) = rest.split_at_checked(states.checked_mul(width)?)?;
         let (mounts, rest) = rest.split_at_checked(width)?;
@@ -193,7 +195,7 @@ impl Doubt {
         let count = rest.len() / (PER_ROW + width);
         let (rows, expected) = rest.split_at(count * PER_ROW);
         let (rows, []) = rows.as_chunks::<PER_ROW>() else { return None };
-        let fits = told <= width && expected.len() == count * width;
+        let fits = layout == LAYOUT && told <= width && expected.len() == count * width;
         let rows = rows.iter().map(RowAverages::from_flat).collect();
         let (slopes, expected) = (slopes.to_vec(), expected.to_vec());
         fits.then_some(Doubt { scale, lasting, width, told, bounds, slopes, rows, expected })
@@ -244,7 +246,7 @@ mod tests {
     fn the_flat_form_leads_back() {
         // 3 states with a bound each and 2 rows of 10 averages, with 4 parameters each, one of them with a bound.
         let rest = (0..12).chain([0, 1, 1, 0]).chain(12..44).map(f64::from);
-        let flat: Vec<f64> = [0.5, 4.0, 1.0, 0.25].into_iter().chain(rest).collect();
+        let flat: Vec<f64> = [LAYOUT, 0.5, 4.0, 1.0, 0.25].into_iter().chain(rest).collect();
         let doubt = Doubt::from_flat(&flat, 3).unwrap();
         assert_eq!(doubt.size(), (3, 2, 4));
         let mounts = vec![false, true, true, false];
@@ -314,7 +316,9 @@ mod tests {
         let whole = doubt(1.0).to_flat();
         assert!(Doubt::from_flat(&whole, 3).is_some());
         assert!(Doubt::from_flat(&whole[..whole.len() - 1], 3).is_none());
-        for (place, wrong) in [(1, 5.0), (1, -4.0), (1, 4.5), (1, f64::NAN), (2, 5.0), (2, f64::INFINITY)] {
+        for (place, wrong) in
+            [(0, 1.0), (0, LAYOUT - 1.0), (2, 5.0), (2, -4.0), (2, 4.5), (2, f64::NAN), (3, 5.0), (3, f64::INFINITY)]
+        {
             let mut flat = whole.clone();
             flat[place] = wrong;
             assert!(Doubt::from_flat(&flat, 3).is_none(), "{place} {wrong}");

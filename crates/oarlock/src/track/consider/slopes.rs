@@ -4,6 +4,8 @@
 //! J is the one that the update used: with sigma points L'J' is H of U2, and W includes the curvature (U5). With the derivative at the mean in
 //! its place, the recursion S - P+ J'W (J S + dh/dp) is no contraction where a heading is uncertain by tens of degrees, and grows without bound.
 
+use crate::body::Body;
+use crate::estimate::filter::Filter;
 use crate::kernels::arch::{Arch, Kernel};
 use crate::kernels::dense::{accumulate, Square};
 use crate::kernels::tiles::{factor, padded, Panel, Sweep, RAISES, VECTOR};
@@ -17,6 +19,7 @@ pub(super) struct Prior {
     panel: Panel,
     starts: Vec<usize>,
     own: Vec<f64>,
+    before: Vec<f64>,
     /// Whether P could be factored.
     known: bool,
 }
@@ -26,7 +29,15 @@ impl Prior {
     pub(super) fn new(states: usize, width: usize) -> Self {
         let all = padded(states) + width;
         let panel = Panel::zeros(states, all);
-        Prior { states, width, panel, starts: vec![0; all / VECTOR], own: vec![0.0; width], known: false }
+        Prior {
+            states,
+            width,
+            panel,
+            starts: vec![0; all / VECTOR],
+            own: vec![0.0; width],
+            before: vec![0.0; states * width],
+            known: false,
+        }
     }
 
     /// U'^-1 S. Where rounding took the sign of a pivot, the diagonal of P is raised.
@@ -42,22 +53,26 @@ impl Prior {
         });
     }
 
-    /// The slopes after an update with the covariance P+ and J'W dh/dp; zero if P could not be factored.
-    pub(super) fn update(&mut self, arch: Arch, p: &Square, pull: &[f64], slopes: &mut [f64]) {
-        slopes.fill(0.0);
-        if self.known {
-            arch.run(Back { prior: self, pull });
-            let (at, width) = (padded(self.states), self.width);
-            let rows = (0..self.states).map(|i| &self.panel.row(i)[at..at + width]);
-            arch.run(Multiplying { out: slopes, p, of: rows, width });
+    /// The slopes after an update with the covariance P+; `pull` is J'W dh/dp and is overwritten. Zero if P could not be factored.
+    pub(super) fn update(&mut self, p: &Square, filter: &Filter<Body>, pull: &mut [f64], slopes: &mut [f64]) {
+        if !self.known {
+            slopes.fill(0.0);
+            return;
         }
+        self.before.copy_from_slice(slopes);
+        slopes.fill(0.0);
+        filter.follow_mean(&self.before, slopes);
+        let (arch, width) = (Arch::best(), self.width);
+        arch.run(Back { prior: self, pull });
+        filter.undo_transposed(pull);
+        arch.run(Multiplying { out: slopes, p, of: pull.chunks_exact(width), width });
     }
 }
 
-/// U^-1 from the left on the right part, less `pull`.
+/// `pull` becomes U^-1 times the right part, less itself.
 struct Back<'a> {
     prior: &'a mut Prior,
-    pull: &'a [f64],
+    pull: &'a mut [f64],
 }
 
 impl Kernel for Back<'_> {
@@ -74,8 +89,8 @@ impl Kernel for Back<'_> {
             let pivot = row[i];
             panel.row_mut(i)[at..at + *width].iter_mut().zip(&*own).for_each(|(x, own)| *x = own / pivot);
         }
-        for (i, pull) in self.pull.chunks_exact(*width).enumerate() {
-            panel.row_mut(i)[at..at + *width].iter_mut().zip(pull).for_each(|(x, p)| *x -= p);
+        for (i, pull) in self.pull.chunks_exact_mut(*width).enumerate() {
+            pull.iter_mut().zip(&panel.row(i)[at..]).for_each(|(p, x)| *p = x - *p);
         }
     }
 }

@@ -53,12 +53,14 @@ impl Run {
                 break;
             }
         }
+        // The course that it was linearised about is not needed any more.
+        best.tracker.earlier = None;
         Ok(best)
     }
 
     /// Smooths a run that was filtered about `course`, and filters about the result, or about a half or a quarter of the step to it where
     /// the objective does not fall. `None` if none lowers it.
-    fn improved(self, course: &Course, progress: Progress) -> Result<Option<(Run, Course, Run)>> {
+    fn improved(self, course: &Course, progress: Progress) -> Result<Option<(Run, Arc<Course>, Run)>> {
         let highest = self.objective;
         let (mut next, mut further) = self.with_course(&mut |share| progress(0.5 * share))?;
         let mut follower = next.relinearised(&further, &mut |share| progress(0.5 * (1.0 + share)))?;
@@ -66,7 +68,9 @@ impl Run {
             if follower.objective < highest {
                 break;
             }
-            further.halve_step_from(course, next.tracker.body());
+            // The follower shares the course, which is halved in place.
+            drop(follower);
+            Arc::make_mut(&mut further).halve_step_from(course, next.tracker.body());
             next.take_course(&further);
             follower = next.relinearised(&further, &mut |_| progress(1.0))?;
         }
@@ -86,14 +90,14 @@ impl Run {
     }
 
     /// The smoothed run, with the smoothed states of all samples.
-    fn with_course(self, progress: Progress) -> Result<(Run, Course)> {
+    fn with_course(self, progress: Progress) -> Result<(Run, Arc<Course>)> {
         let mut course = Course::default();
         let run = self.back(&mut |belief| course.precede(belief), progress)?;
-        Ok((run, course))
+        Ok((run, Arc::new(course)))
     }
 
     /// The recording filtered again about an earlier pass. What became of each reading was decided by the first.
-    fn relinearised(&self, course: &Course, progress: Progress) -> Result<Run> {
+    fn relinearised(&self, course: &Arc<Course>, progress: Progress) -> Result<Run> {
         let (verdicts, had_rivals) = (self.verdicts.clone(), self.started_with_rivals());
         let drive = Arc::new(self.drive.drive().unwrap_or_default());
         let mut next = self.unfiltered();
@@ -268,5 +272,92 @@ impl Stretch {
         node.transition.turnings.clone_from(turnings);
         node.predicted.clone_from(predicted);
         self.used += 1;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Config;
+    use crate::estimate::System as _;
+    use crate::model::Model;
+    use crate::recording::{Channel, Stream};
+    use crate::sensor::Quantity;
+    use crate::track::{run::track, Calibration};
+
+    const BALLS: &str = r#"
+format = 1
+name = "balls"
+joint = [ { name = "trunk", kind = "free" }, { name = "shoulder", kind = "ball" } ]
+frame = [
+    { name = "trunk", parent = "root", transform = {}, joint = "trunk" },
+    { name = "arm", parent = "trunk", transform = { translation = [0, 0, 0.3] }, joint = "shoulder" },
+]
+sensor = [
+    { name = "trunk", kind = "imu", frame = "trunk", gyro_std_rad_s = 0.01, accel_std_m_s2 = 0.1 },
+    { name = "arm", kind = "imu", frame = "arm", gyro_std_rad_s = 0.01, accel_std_m_s2 = 0.1 },
+]
+world = { up = [0, 0, 1], forward = [1, 0, 0] }
+"#;
+
+    /// Of a body that turns and is shaken.
+    fn filtered() -> Run {
+        let model = Arc::new(Model::from_toml(BALLS, "balls.toml").unwrap());
+        let time_s: Vec<f64> = (0..60).map(|k| 0.01 * f64::from(k)).collect();
+        let wave = |size: f64, phase: f64| {
+            move |t: &f64| {
+                [0.0, 1.0, 2.0].map(|k| size * (9.0 * t + phase + 2.0 * k).sin() + if k == 2.0 { size } else { 0.0 })
+            }
+        };
+        let stream = |name: &str, phase: f64| {
+            let channel = |quantity, size| {
+                let values: Vec<f64> = time_s.iter().flat_map(wave(size, phase)).collect();
+                Channel { quantity, values: values.into() }
+            };
+            let channels = vec![channel(Quantity::Gyro, 3.0), channel(Quantity::Accel, 9.8)];
+            Stream { name: name.into(), time_s: time_s.clone().into(), channels }
+        };
+        let streams = vec![stream("trunk", 0.0), stream("arm", 1.0)];
+        let config = Config { belief_interval_s: 0.2, ..Config::default() };
+        track(model, streams, &Calibration::default(), &config, None, &mut |_| true).unwrap()
+    }
+
+    /// Tangent vectors between two courses, for all rows.
+    fn steps(run: &Run, to: &[f64], from: &[f64]) -> Vec<f64> {
+        let n = run.tracker.body().layout.dim();
+        let mut steps = vec![0.0; to.len()];
+        for ((to, from), step) in to.chunks(n).zip(from.chunks(n)).zip(steps.chunks_mut(n)) {
+            run.tracker.body().difference(to, from, step);
+        }
+        steps
+    }
+
+    /// Of rotations of up to half a turn, there and back.
+    const ROUNDING: f64 = 1e-12;
+
+    #[test]
+    fn parts_of_a_step_are_parts_of_its_tangent_vectors() {
+        let (first, from) = filtered().with_course(&mut |_| true).unwrap();
+        let (mut next, to) = first.relinearised(&from, &mut |_| true).unwrap().with_course(&mut |_| true).unwrap();
+        let (start, whole) = (first.series.mean.clone(), next.series.mean.clone());
+        let all = steps(&next, &whole, &start);
+        assert!(all.iter().any(|x| x.abs() > 1e-3), "the courses differ");
+        // Step 1 is the new course and step 0 the old one, to the bit.
+        for (course, mean) in [(&to, &whole), (&from, &start)] {
+            next.take_course(course);
+            assert_eq!(&next.series.mean, mean);
+            for checkpoint in &next.checkpoints {
+                assert_eq!(checkpoint.known.whole().belief.mean, course.at(checkpoint.known.time_s()).unwrap());
+            }
+        }
+        let mut part = (*to).clone();
+        for share in [0.5, 0.25] {
+            part.halve_step_from(&from, next.tracker.body());
+            next.take_course(&part);
+            let found = steps(&next, &next.series.mean, &start);
+            for (found, all) in found.iter().zip(&all) {
+                assert!((found - share * all).abs() < ROUNDING * (1.0 + all.abs()), "{share}: {found} {all}");
+            }
+        }
     }
 }

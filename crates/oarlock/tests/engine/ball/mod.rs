@@ -8,4 +8,5 @@ mod gauge;
 mod hypotheses;
 mod kinematics;
 mod motion;
+mod slopes;
 mod smoother;
