@@ -12,6 +12,7 @@ from pyarrow import parquet
 import oarlock
 from command_line import run
 from oarlock.evaluation.study.filter_inputs import filter_model
+from oarlock.evaluation.study.pool import UNFINISHED
 from oarlock.evaluation.study.rows import write_rows
 from oarlock.lab.reproduce.chains import Size, built
 from oarlock.lab.reproduce.claim_runs import studies
@@ -19,6 +20,7 @@ from oarlock.lab.reproduce.contents import Part
 from oarlock.lab.reproduce.cost import formula, power
 from oarlock.lab.reproduce.discussion import printed_growth_percent
 from oarlock.lab.reproduce.estimators import ELEVEN, ESTIMATORS
+from oarlock.lab.reproduce.kept import Kept
 from oarlock.lab.reproduce.page import reproduction_page
 from oarlock.lab.reproduce.places import place_band
 from oarlock.lab.reproduce.reproduce import PARTS, reproduce
@@ -226,6 +228,92 @@ def test_the_verb_writes_a_page_and_tables(tmp_path):
     other = run("reproduce", "fig3", "--out", str(tmp_path), status=2)
     assert "contains other files" in other.output
     run("reproduce", "table7", "--out", str(out), status=2)
+
+
+def kept(folder, seed=UNSEEN, duration_s=SHORT_S):
+    return Kept(folder, (seed,), duration_s)
+
+
+def test_parts_are_kept_as_they_are(made, tmp_path):
+    for part in made.values():
+        kept(tmp_path).write(part)
+        again = kept(tmp_path).read(part.key)
+        assert reproduction_page([again], "", ()) == reproduction_page([part], "", ())
+        assert (again.tables, again.claims, again.notes) == (part.tables, part.claims, part.notes)
+        assert again.data.keys() == part.data.keys() and again.marks == part.marks
+        for name, rows in part.data.items():
+            assert repr(list(map(_numbers, again.data[name]))) == repr(list(map(_numbers, rows)))
+
+
+def _numbers(row):
+    return {key: value.item() if isinstance(value, np.generic) else value for key, value in row.items()}
+
+
+def test_a_part_that_others_made_or_that_is_damaged_is_made_again(made, tmp_path, monkeypatch):
+    kept(tmp_path).write(made["table6"])
+    assert kept(tmp_path).read("table6") is not None and kept(tmp_path).read("table5") is None
+    assert kept(tmp_path, seed=1).read("table6") is None
+    assert kept(tmp_path, duration_s=40.0).read("table6") is None
+    file = tmp_path / "table6.json"
+    whole = file.read_bytes()
+    file.write_bytes(whole[: len(whole) // 2])
+    assert kept(tmp_path).read("table6") is None
+    file.write_bytes(whole)
+    monkeypatch.setattr("oarlock.lab.reproduce.kept._package_hash", lambda: "another one")
+    assert kept(tmp_path).read("table6") is None
+
+
+def test_parts_that_were_finished_before_it_was_stopped_are_kept(tmp_path, monkeypatch):
+    def stop(progress):
+        raise KeyboardInterrupt
+
+    given, parts = (
+        {"seeds": (UNSEEN,), "duration_s": 5.0, "jobs": 1, "kept": kept(tmp_path, duration_s=5.0)},
+        [],
+    )
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr("oarlock.lab.reproduce.reproduce.cost", stop)
+        reproduce(("fig3", "cost"), **given)
+    reproduce(("fig3",), **given, on_part=lambda *told: parts.append(told))
+    assert parts == [("fig3", True)]
+
+
+@pytest.mark.long
+def test_a_stopped_reproduction_goes_on_where_it_was(tmp_path):
+    """Ctrl-C within the study of table 5, after figure 3 was finished; then again; then nothing is left to do."""
+    study, own = table5_study((UNSEEN,), SHORT_S), kept(tmp_path)
+    runs = own.runs("table5")
+
+    def stop(done):
+        if (runs / UNFINISHED).exists():
+            raise KeyboardInterrupt
+
+    given = {"seeds": (UNSEEN,), "duration_s": SHORT_S, "jobs": 1, "kept": own}
+    reproduce(("fig3",), **given)
+    with pytest.raises(KeyboardInterrupt):
+        reproduce(("table5", "fig3"), **given, progress=stop)
+    before = (runs / UNFINISHED).read_text().count("\n")
+    assert before >= 1
+    shares, parts = [], []
+    found = reproduce(
+        ("table5", "fig3"), **given, progress=shares.append, on_part=lambda *told: parts.append(told)
+    )
+    assert parts == [("fig3", True), ("table5", False)] and [part.key for part in found] == ["table5", "fig3"]
+    assert shares[0] > 1.0 / study.run_count and not runs.exists()
+    whole = reproduce(("table5",), (UNSEEN,), duration_s=SHORT_S, jobs=1)[0]
+    assert found[0].tables == whole.tables
+    parts.clear()
+    reproduce(("table5", "fig3"), **given, on_part=lambda *told: parts.append(told))
+    assert parts == [("table5", True), ("fig3", True)]
+
+
+def test_the_verb_says_what_it_kept_and_makes_it_anew(tmp_path):
+    out = tmp_path / "fig3"
+    command = ["reproduce", "fig3", "--seed", str(UNSEEN), "--duration-s", "5", "--out", str(out)]
+    (out / "parts").mkdir(parents=True)  # as a reproduction leaves it that was killed
+    assert "Kept from before" not in run(*command).stdout
+    assert "Kept from before: fig3; --anew makes them again" in " ".join(run(*command).stdout.split())
+    assert "Kept from before" not in run(*command, "--anew").stdout
 
 
 def test_unknown_parts_are_refused():

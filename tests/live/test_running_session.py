@@ -1,24 +1,41 @@
 """A whole session over real sockets: sources, recorder, tracker and page together."""
 
 import asyncio
+import contextlib
 import json
+import socket
+from itertools import groupby
 
 import numpy as np
 import pytest
+from bench.live.virtual import VirtualTime
 from senders import encoded, rig_of, with_test_format
 from websockets.asyncio.client import connect
 
 import oarlock
 from oarlock import rowing
 from oarlock.live.emulators.deliveries import Faults, deliveries
-from oarlock.live.emulators.lines import send
 from oarlock.live.folder import LiveFolder
-from oarlock.live.live import Live
+from oarlock.live.live import FRAMES_HZ, Live
 from oarlock.live.picture import LivePicture
 from oarlock.live.server import PageServer
-from oarlock.live.transports.udp import free_port
+from oarlock.live.transports.transport import Options
+from oarlock.live.transports.udp import Udp, free_port
 
 SECONDS = 6.0
+SHOWN_EACH_S = 0.1
+
+
+class TimedUdp(Udp):
+    """Receives datagrams at a real port, at times of the test's clock: a busy machine makes no reading late."""
+
+    def __init__(self, source, time):
+        super().__init__(source.name, Options(source.name, source.options))
+        self.time, self.received = time, 0
+
+    def packet(self, sender, arrival_ns, data):
+        self.received += 1
+        return super().packet(sender, self.time.now_ns(), data)
 
 
 async def viewed(server, frames, told):
@@ -31,13 +48,37 @@ async def viewed(server, frames, told):
                 await page.send('{"shown": 1}')
 
 
+async def until(is_so):
+    while not is_so():
+        await asyncio.sleep(0.0)
+
+
+async def send(sent, live, time, port, frames):
+    """Sends each packet when it is due and the one before was received; each block of them shows a frame."""
+    begun_ns, radio, count = time.now_ns(), live.transports["radio"], 0
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for _, block in groupby(sent, lambda delivery: int(delivery.due_s / SHOWN_EACH_S)):
+            await asyncio.sleep(1.1 / FRAMES_HZ)  # no more frames a second are published
+            shown, estimates = len(frames), live.estimates
+            for delivery in block:
+                await time.until(begun_ns + int(1e9 * delivery.due_s))
+                sender.sendto(encoded(delivery), ("127.0.0.1", port))
+                count += 1
+                await until(lambda: radio.received == count)  # noqa: B023 (awaited within the turn)
+            if live.estimates > estimates:
+                await until(lambda: len(frames) > shown)  # noqa: B023
+
+
 async def lived(live, sent, port):
     frames, told = [], []
-    running = asyncio.create_task(live.run(SECONDS + 1.0))
+    running = asyncio.create_task(live.run())
     await live.started.wait()
     viewing = asyncio.create_task(viewed(live.server, frames, told))
-    await send(sent, "127.0.0.1", port, encoded)
-    await running
+    await until(lambda: live.server.viewers)
+    await send(sent, live, live.time, port, frames)
+    running.cancel()
+    with contextlib.suppress(asyncio.CancelledError):
+        await running
     await asyncio.gather(viewing, return_exceptions=True)
     return frames, told
 
@@ -53,7 +94,12 @@ def test_packets_become_frames_a_recording_and_the_same_track(sculler, rowed, tm
     recording = rowed[1]
     port = free_port()
     rig = rig_of(sculler, recording, {"port": port, "host": "127.0.0.1"})
-    live = Live(rig, sculler, tmp_path / "today", picture=LivePicture.of(sculler))
+    live = Live(
+        *(rig, sculler, tmp_path / "today"),
+        picture=LivePicture.of(sculler),
+        time=(time := VirtualTime()),
+        transport_of=lambda source: TimedUdp(source, time),
+    )
     live.server = PageServer({"/": b"page"}, live.do, lambda: {"type": "hello"})
     frames, told = asyncio.run(lived(live, deliveries(recording, Faults()), port))
 

@@ -1,5 +1,7 @@
 """Two units in each other's place are named while they are tracked, and exchanged in the session."""
 
+import asyncio
+from concurrent.futures import Future
 from itertools import combinations
 
 import numpy as np
@@ -97,6 +99,39 @@ def test_nothing_is_named_where_every_unit_sits_in_its_place(sculler, effects):
     assert not watched.told
     # Windows in which readings were lost are not looked at.
     assert len(watched.looks) > 4
+
+
+def test_nothing_is_looked_at_where_a_pause_left_no_readings(sculler, rowed):
+    watched = Watched(sculler, rowed[1], 1.4)
+    watched.swaps._newest_s = dict.fromkeys(UNITS, 3.9)  # as readings that come late leave it
+    assert watched.session.tracker is not None and watched.swaps.look() is None
+
+
+def test_a_look_that_fails_does_not_end_the_session(sculler, rowed, monkeypatch):
+    def refused(look, model):
+        raise DataError("the recording is empty")
+
+    class Here:
+        """In place of the other process."""
+
+        def submit(self, work, *given):
+            future = Future()
+            try:
+                future.set_result(work(*given))
+            except DataError as error:
+                future.set_exception(error)
+            return future
+
+        def shutdown(self, **_):
+            pass
+
+    watched = Watched(sculler, rowed[1], 1.4)
+    watched.swaps._looked_s = -np.inf
+    monkeypatch.setattr("oarlock.live.swaps.swaps._pool", Here)
+    monkeypatch.setattr("oarlock.live.swaps.swaps.looked", refused)
+    asyncio.run(watched.swaps.run())
+    ((_, text),) = watched.told
+    assert text == "swapped units are no longer looked for: the recording is empty"
 
 
 def test_exchanged_devices_are_looked_at_anew_and_fit(sculler, rowed):

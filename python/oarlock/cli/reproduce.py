@@ -76,10 +76,17 @@ def reproduce(
         float, typer.Option("--duration-s", metavar="S", min=4.0, help="Length of each recording.")
     ] = 40.0,
     jobs: Jobs = None,
+    anew: Annotated[
+        bool, typer.Option("--anew", help="Make parts again that are in FOLDER already, by the same version.")
+    ] = False,
     force: Force = False,
     json_output: Json = False,
 ) -> None:
-    """Repeat experiments of the paper: write a report that compares the values, and the tables."""
+    """Repeat experiments of the paper: write a report that compares the values, and the tables.
+
+    Finished parts are kept in FOLDER/parts: after Ctrl-C the same command continues from there.
+    """
+    from oarlock.lab.reproduce.kept import FOLDER, Kept
     from oarlock.lab.reproduce.reproduce import PARTS
     from oarlock.lab.reproduce.reproduce import reproduce as run
 
@@ -88,15 +95,27 @@ def reproduce(
         raise UsageError(f"{', '.join(chosen)}: one of them is named twice")
     count = seeds if seeds is not None else (3 if seed is None else 1)
     numbers = tuple(range(seed or 0, (seed or 0) + count))
-    with output_folder(out, "reproduction", force) as stage:
+    kept, skipped = Kept(out / FOLDER, numbers, duration_s), []
+    with output_folder(out, "reproduction", force, beside=FOLDER) as stage:
+        for key in chosen if anew else ():
+            kept.forget(key)
         with progress("running the paper's experiments") as told:
-            parts = run(chosen, numbers, duration_s=duration_s, jobs=jobs, progress=told)
+            parts = run(
+                *(chosen, numbers),
+                duration_s=duration_s,
+                jobs=jobs,
+                progress=told,
+                kept=kept,
+                on_part=lambda key, is_kept: skipped.append(key) if is_kept else None,
+            )
         report = out / write_reproduction(parts, stage, numbers, duration_s).name
     if json_output:
         print_json(_document(parts, report))
         return
     for part in parts:
         _write(part)
+    if skipped:
+        say(f"\nKept from before: {', '.join(skipped)}; --anew makes them again")
     say(f"\nWrote {out}: report.html, and its tables as CSV and Parquet")
     steps(f"open {report}")
 

@@ -8,9 +8,11 @@ import json
 import math
 import os
 import sys
+import threading
+import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
 from typing import Any, Final, NoReturn, ParamSpec, TypeVar
@@ -30,6 +32,9 @@ EXIT_USAGE: Final = 2
 EXIT_STOPPED: Final = 130
 EXIT_PIPE: Final = 141
 TRACEBACK_VARIABLE: Final = "OARLOCK_TRACEBACK"
+
+FIRST_LINE_S, LINES_S = 5.0, 10.0
+"""Without a terminal progress is a line after so long, and then each so long."""
 
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
@@ -174,10 +179,14 @@ def json_ready(value: object) -> Any:
 
 @contextmanager
 def progress(text: str) -> Iterator[Told]:
-    """A progress bar on stderr, on a terminal only. The block calls it with the completed share, 0 to 1."""
+    """Progress on stderr; the block calls it with the completed share, 0 to 1.
+
+    A bar on a terminal; elsewhere a line after `FIRST_LINE_S`, then one each `LINES_S`.
+    """
     console = page(stderr=True)
     if not console.is_terminal:
-        yield lambda share: None
+        with _progress_lines(text) as told:
+            yield told
         return
     columns = (TextColumn("{task.description}"), BarColumn(30), TaskProgressColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True) as bar:
@@ -187,6 +196,33 @@ def progress(text: str) -> Iterator[Told]:
             bar.update(task, completed=share, total=1.0)
 
         yield told
+
+
+@contextmanager
+def _progress_lines(text: str) -> Iterator[Told]:
+    """Prints lines from a thread, because computations call rarely."""
+    done = ""
+    ended, out, began_s = threading.Event(), sys.stderr, time.monotonic()
+
+    def lines() -> None:
+        pause_s = FIRST_LINE_S
+        while not ended.wait(pause_s):
+            with suppress(OSError, ValueError):  # nobody reads it any more
+                out.write(f"{text}: {done}{time.monotonic() - began_s:.0f} s\n")
+                out.flush()
+            pause_s = LINES_S
+
+    def told(share: float) -> None:
+        nonlocal done
+        done = f"{100.0 * share:.0f} %, "
+
+    writer = threading.Thread(target=lines, name="progress", daemon=True)
+    writer.start()
+    try:
+        yield told
+    finally:
+        ended.set()
+        writer.join()
 
 
 # --- errors -------------------------------------------------------------------------------------------

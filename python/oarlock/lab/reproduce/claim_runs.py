@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
-import oarlock
 from oarlock import Study, StudyResult, load_model
 from oarlock.evaluation.progress import Progress, share
+from oarlock.evaluation.study.pool import all_rows
 from oarlock.lab.reproduce.contents import Floats, Row, finite_mean
 from oarlock.lab.reproduce.estimators import ELEVEN, ESTIMATORS
 from oarlock.lab.reproduce.field_trials import POINTS
@@ -112,12 +113,18 @@ def studies(seeds: Sequence[int], duration_s: float) -> dict[str, Study]:
     }
 
 
-def asked(seeds: Sequence[int], duration_s: float, jobs: int | None, progress: Progress | None) -> Asked:
-    """Runs all studies."""
+def asked(
+    seeds: Sequence[int],
+    duration_s: float,
+    jobs: int | None,
+    progress: Progress | None,
+    runs: Path | None = None,
+) -> Asked:
+    """Runs all studies; `runs` is a folder for finished runs."""
     wanted = studies(seeds, duration_s)
     whole, done, found = sum(study.run_count for study in wanted.values()), 0, {}
     for name, study in wanted.items():
         part = share(progress, done / whole, (done + study.run_count) / whole)
-        found[name] = oarlock.study(study, jobs=jobs, progress=part)
+        found[name] = StudyResult(study, tuple(all_rows(study, jobs, runs, part)))
         done += study.run_count
     return Asked(found)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -23,10 +24,16 @@ SAME = 1.05
 """Errors within 5 % of each other count as equal."""
 
 
-def discussion(seeds: Sequence[int], duration_s: float, jobs: int | None, progress: Progress | None) -> Part:
-    """All claims."""
+def discussion(
+    seeds: Sequence[int],
+    duration_s: float,
+    jobs: int | None,
+    progress: Progress | None,
+    runs: Path | None = None,
+) -> Part:
+    """All claims; `runs` is a folder for finished runs."""
     length, seeds = min(duration_s, LONGEST_S), seeds[:MOST_SEEDS]
-    found = asked(seeds, length, jobs, share(progress, 0.0, 0.95))
+    found = asked(seeds, length, jobs, share(progress, 0.0, 0.95), runs)
     technique = features(seeds[0], length)
     claims = (
         _boat(found),

@@ -6,7 +6,8 @@ rowing", Journal of Sports Engineering and Technology.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from pathlib import Path
 
 from oarlock.evaluation.progress import Progress, share
 from oarlock.lab.reproduce.contents import Part
@@ -14,6 +15,7 @@ from oarlock.lab.reproduce.cost import cost
 from oarlock.lab.reproduce.discussion import discussion
 from oarlock.lab.reproduce.field_trials import Scored, field_trials
 from oarlock.lab.reproduce.figures import fig3, fig4, fig5
+from oarlock.lab.reproduce.kept import Kept
 from oarlock.lab.reproduce.table5 import table5
 from oarlock.lab.reproduce.table6 import table6
 from oarlock.storage.errors import DataError
@@ -40,6 +42,8 @@ def reproduce(
     duration_s: float = 40.0,
     jobs: int | None = None,
     progress: Progress | None = None,
+    kept: Kept | None = None,
+    on_part: Callable[[str, bool], object] = lambda key, is_kept: None,
 ) -> list[Part]:
     """Reproduce parts of the paper.
 
@@ -49,6 +53,8 @@ def reproduce(
         duration_s: duration of each recording, s; the paper has 40.
         jobs: number of processes and threads; None uses all cores.
         progress: called regularly with the share done, 0 to 1.
+        kept: finished parts and runs, which are not made again; None keeps nothing.
+        on_part: called with the name of each part when it is finished, and whether it was kept.
 
     Returns:
         The requested parts, in the order of the paper.
@@ -64,20 +70,27 @@ def reproduce(
             f"reproduce: {len(seeds)} seeds of {duration_s:g} s; give one seed or more, and at least 4 s"
         )
     chosen = [name for name in PARTS if name in what]
-    whole, done = sum(_WEIGHTS[name] for name in chosen), 0.0
-    found: list[Part] = []
+    found = {name: part for name in chosen if kept is not None and (part := kept.read(name)) is not None}
+    for name in found:
+        on_part(name, True)
+    missing = [name for name in chosen if name not in found]
+    whole, done = sum(_WEIGHTS[name] for name in missing), 0.0
     trials: list[Scored] | None = None
-    for name in chosen:
+    for name in missing:
         part_progress = share(progress, done / whole, (done + _WEIGHTS[name]) / whole)
         done += _WEIGHTS[name]
         if name in ("table6", "fig4", "fig5") and trials is None:
             # a figure without table 6 needs only one recording with one setting
-            some = () if "table6" in chosen else ("indoor",)
+            some = () if "table6" in missing else ("indoor",)
             trials = field_trials(
-                seeds if "table6" in chosen else seeds[:1], duration_s, jobs, part_progress, some
+                seeds if "table6" in missing else seeds[:1], duration_s, jobs, part_progress, some
             )
-        found.append(_part(name, seeds, duration_s, jobs, part_progress, trials or []))
-    return found
+        runs = None if kept is None else kept.runs(name)
+        found[name] = _part(name, seeds, duration_s, jobs, part_progress, trials or [], runs)
+        if kept is not None:
+            kept.write(found[name])
+        on_part(name, False)
+    return [found[name] for name in chosen]
 
 
 def _part(
@@ -87,13 +100,14 @@ def _part(
     jobs: int | None,
     progress: Progress | None,
     trials: Sequence[Scored],
+    runs: Path | None,
 ) -> Part:
     if name == "table5":
-        return table5(seeds, duration_s, jobs, progress)
+        return table5(seeds, duration_s, jobs, progress, runs)
     if name == "table6":
         return table6(trials, duration_s)
     if name == "fig3":
         return fig3(seeds[0], duration_s)
     if name in ("fig4", "fig5"):
         return (fig4 if name == "fig4" else fig5)(trials, duration_s)
-    return discussion(seeds, duration_s, jobs, progress) if name == "discussion" else cost(progress)
+    return discussion(seeds, duration_s, jobs, progress, runs) if name == "discussion" else cost(progress)

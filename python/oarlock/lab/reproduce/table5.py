@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 
-import oarlock
 from oarlock import Study, StudyResult, load_model
 from oarlock.evaluation.progress import Progress
+from oarlock.evaluation.study.pool import all_rows
 from oarlock.lab.reproduce.contents import Cell, Floats, Mark, Part, Table, finite_mean, shown, spread
 from oarlock.lab.reproduce.estimators import ELEVEN, ESTIMATORS
 from oarlock.rowing.simulation import paper
@@ -22,9 +23,16 @@ LOST_DEG = 5.0
 ROUNDING = 0.05
 
 
-def table5(seeds: Sequence[int], duration_s: float, jobs: int | None, progress: Progress | None) -> Part:
-    """The whole table, by study."""
-    result = oarlock.study(table5_study(seeds, duration_s), jobs=jobs, progress=progress)
+def table5(
+    seeds: Sequence[int],
+    duration_s: float,
+    jobs: int | None,
+    progress: Progress | None,
+    runs: Path | None = None,
+) -> Part:
+    """The whole table, by study; `runs` is a folder for finished runs."""
+    study = table5_study(seeds, duration_s)
+    result = StudyResult(study, tuple(all_rows(study, jobs, runs, progress)))
     return Part(
         key="table5",
         title="Table 5: simulated inertial sensors",

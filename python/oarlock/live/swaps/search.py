@@ -110,7 +110,7 @@ class Search:
         rest = self._fitting.moves.rest
         self._tracked = np.where(np.isfinite(self.posture), self.posture, rest)
         measured = sorted(column for own in self.layout.columns.values() for column in own)
-        self._count = int(np.isfinite(self.seen[:, measured]).sum())
+        self._count = max(int(np.isfinite(self.seen[:, measured]).sum()), 1)
 
     def seen_as(self) -> Seen:
         """What the window shows."""

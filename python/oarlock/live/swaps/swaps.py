@@ -110,13 +110,14 @@ class Swaps:
                 look = self.look()
                 if look is not None:
                     self._judge(look, await loop.run_in_executor(pool, looked, look, self.session.model))
-        except (BrokenProcessPool, RuntimeError) as error:
+        except (BrokenProcessPool, RuntimeError, ValueError, ArithmeticError) as error:
+            # The session itself goes on, whatever its readings did here.
             self.tell(f"swapped units are no longer looked for: {error}")
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
 
     def look(self) -> Look | None:
-        """What is to be looked at now; None if nothing is tracked, or too little was heard since the last look."""
+        """What is to be looked at now; None if nothing is tracked, or too little was heard of two units."""
         tracker = self.session.tracker
         belief = None if tracker is None else tracker.belief
         ends_s = min((self._newest_s.get(name, -math.inf) for name in self._units), default=-math.inf)
@@ -126,6 +127,8 @@ class Swaps:
         self._looked_s = ends_s
         found = [own.since(ends_s - WINDOW_S) for own in self._lately.values()]
         rows = tuple(own for own in found if len(own) >= _LEAST_ROWS)
+        if sum(own.feed.kind == "imu" for own in rows) < 2:
+            return None
         known = dict(zip(belief.state_names, belief.mean.tolist(), strict=True))
         posture = tuple(known.get(name, math.nan) for name in self.session.model.coordinate_names)
         return Look(rows, ends_s - 0.5 * WINDOW_S, posture, self.session.calibration)
