@@ -6,14 +6,12 @@ use super::support::stroke::{Posture, Stroke};
 use super::support::{body, fresh, start_std, SCULLER};
 use oarlock::config::FilterKind;
 use oarlock::recording::Sample;
-use oarlock::sensor::Quantity;
 use oarlock::track::hypothesis::Hypothesis;
 use oarlock::track::{Calibration, Tracker};
 use oarlock::{Config, Model};
 use std::fmt::Write;
 use std::sync::Arc;
 
-const UPPER_BODY: &str = include_str!("../../../../python/oarlock/model/shipped/qmt_full_body.toml");
 pub const RATE_HZ: f64 = 125.0;
 const SAMPLES: usize = 1_000;
 /// Until a belief has settled.
@@ -40,29 +38,7 @@ pub fn cases() -> Vec<Case> {
     ]
 }
 
-/// The upper body of a person, free in the room, with ten inertial units; the textbook filter knows no free joints.
-pub fn upper_body() -> Case {
-    Case::new("upper body of ten units", UPPER_BODY, &Config::default())
-}
-
 impl Case {
-    /// The case with errors that real units have and that the filter is not told: what is considered is then active.
-    pub fn with_errors(mut self) -> Self {
-        let chance = &mut Chance::new(2);
-        for part in body(&self.model, &self.config).suite.sources.iter().flat_map(|source| &source.parts) {
-            let std = match part.quantity {
-                Quantity::Gyro => 0.01,
-                Quantity::Accel => 0.1,
-                _ => continue,
-            };
-            for row in part.rows.clone() {
-                let error = std * chance.normal();
-                self.samples.iter_mut().for_each(|sample| sample.z[row] += error);
-            }
-        }
-        self
-    }
-
     fn new(name: &'static str, text: &str, config: &Config) -> Self {
         let model = Arc::new(Model::from_toml(text, name).expect("the model is valid"));
         let body = body(&model, config);

@@ -10,7 +10,7 @@ mod measurement;
 mod report;
 
 use super::belief::Belief;
-use super::information::{Carried, Columns, InformationUpdate, Side, WeightedReadings};
+use super::information::{Carried, Columns, Force, InformationUpdate, Side, WeightedReadings};
 use super::learn::{Correction, Learning};
 use super::shear::Shear;
 use super::sigma::{PredictedReadings, ReadingContext, Spread};
@@ -166,12 +166,12 @@ impl<S: FastSystem> Filter<S> {
 
     /// The effect of the last update on derivatives of the mean, a row for each state; see [`InformationUpdate::carry`]. False for a
     /// factorised filter, which does not change them.
-    pub fn carry(&self, forced: &Columns, carried: &mut Carried, slopes: &mut [f64]) -> bool {
+    pub fn carry(&self, forces: &[Force], carried: &mut Carried, slopes: &mut [f64]) -> bool {
         if !self.is_whole() {
             return false;
         }
         carried.before.copy_from_slice(slopes);
-        self.information.carry(self.arch, &self.l_transposed, forced, carried, slopes);
+        self.information.carry(self.arch, &self.l_transposed, forces, carried, slopes);
         self.follow_mean(&carried.before, slopes);
         true
     }

@@ -3,14 +3,16 @@
 //! Equations U5 to U8 of ARCHITECTURE.md. P+ = X'X cannot lose its symmetry or its sign. Readings of inertial units stand first, so that
 //! partial sums give their joint NIS.
 
+mod carry;
+
 use super::sigma::PredictedReadings;
 use crate::kernels::arch::{with_simd, Arch, Kernel};
 use crate::kernels::dense::{accumulate, NotPositive, Square};
 use crate::kernels::registers::{F64x4, Simd};
-use crate::kernels::tiles::{
-    factor, find_starts, gram, padded, product, substitute, subtract_product, Panel, Rows, Sweep, VECTOR,
-};
+use crate::kernels::tiles::{factor, find_starts, gram, padded, Panel, Rows, Sweep, VECTOR};
 use std::ops::Range;
+
+pub use carry::{Carried, Force};
 
 /// Slot of a row that is not in use.
 const NOWHERE: usize = usize::MAX;
@@ -82,6 +84,12 @@ impl InformationUpdate {
 
     fn states_at(&self) -> usize {
         padded(self.slots.len())
+    }
+
+    /// Position of a reading among those in use.
+    #[inline(always)]
+    fn slot(&self, row: usize) -> Option<usize> {
+        Some(self.slots[row]).filter(|slot| *slot != NOWHERE)
     }
 
     /// Column of y: it fills up the last vector of H.
@@ -238,61 +246,6 @@ impl InformationUpdate {
     /// reading, divided by its noise; those of readings not in use do not change.
     pub fn substitute(&self, arch: Arch, side: Side, columns: &mut Columns) {
         arch.run(Substituting { information: self, side, columns });
-    }
-
-    /// After `solve`: what the update makes of derivatives of the mean, S+ = P+ (P^-1 S - J'W f) = X' V'^-1 (L^-1 S - W'U'^-1 f), with f
-    /// the derivatives of the readings, divided by their noise. `slopes` are S, a row for each state.
-    pub fn carry(&self, arch: Arch, l_transposed: &Panel, forced: &Columns, carried: &mut Carried, slopes: &mut [f64]) {
-        let (n, m, h_at, x_at) = (self.states, self.used, self.states_at(), self.wide());
-        let Carried { width, forced: f, slopes: z, out, starts, zeros, .. } = carried;
-        let width = *width;
-        for (slot, &r) in self.rows.iter().enumerate() {
-            f.row_mut(slot)[..width].copy_from_slice(forced.row(r));
-        }
-        (0..n).for_each(|i| z.row_mut(i)[..width].copy_from_slice(&slopes[i * width..(i + 1) * width]));
-        let all = Sweep { n, width: padded(n), starts: &self.zeros };
-        substitute(arch, l_transposed, all, (z, width, zeros));
-        find_starts(arch, f, m, 0..width, starts);
-        substitute(arch, &self.s_h_y, Sweep { n: m, width: h_at, starts: &self.starts }, (f, width, starts));
-        // H, and with it V, has the states in reverse order.
-        z.reverse_rows(n);
-        let w = Rows { panel: &self.s_h_y, rows: 0..m, column: h_at, starts: &self.starts[h_at / VECTOR..] };
-        subtract_product(arch, z, [n, width], [w, Rows { panel: f, rows: 0..m, column: 0, starts }]);
-        substitute(arch, &self.v_b_x, all, (z, width, zeros));
-        let x = Rows { panel: &self.v_b_x, rows: 0..n, column: x_at, starts: &self.reversed };
-        product(arch, out, [n, width], [x, Rows { panel: z, rows: 0..n, column: 0, starts: zeros }]);
-        (0..n).for_each(|i| slopes[i * width..(i + 1) * width].copy_from_slice(&out.row(i)[..width]));
-    }
-}
-
-/// Workspace of [`InformationUpdate::carry`].
-#[derive(Debug, Clone)]
-pub struct Carried {
-    width: usize,
-    /// U'^-1 f, a row for each reading in use, and the first row of each of its vectors of columns that is not zero.
-    forced: Panel,
-    starts: Vec<usize>,
-    /// V'^-1 (L^-1 S - W'U'^-1 f).
-    slopes: Panel,
-    out: Panel,
-    zeros: Vec<usize>,
-    /// The slopes before the update.
-    pub(super) before: Vec<f64>,
-}
-
-impl Carried {
-    /// For so many states and readings; `width` is a multiple of a vector's length.
-    pub fn new(states: usize, rows: usize, width: usize) -> Self {
-        let starts = vec![0; width / VECTOR];
-        Carried {
-            width,
-            forced: Panel::zeros(rows, width),
-            slopes: Panel::zeros(states, width),
-            out: Panel::zeros(states, width),
-            zeros: starts.clone(),
-            starts,
-            before: vec![0.0; states * width],
-        }
     }
 }
 

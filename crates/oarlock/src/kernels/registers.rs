@@ -10,6 +10,9 @@ use super::arch::Arch;
 #[cfg(target_arch = "x86_64")]
 use std::arch::x86_64::*;
 
+#[cfg(target_arch = "x86_64")]
+mod twelve;
+
 /// Numbers in a register.
 pub const VECTOR: usize = 4;
 
@@ -38,6 +41,50 @@ pub unsafe trait F64x4: Copy {
     unsafe fn is_zero(self) -> bool;
     /// Rows become columns.
     unsafe fn turned(of: [Self; 4]) -> [Self; 4];
+    /// `tile +- left' right` over `count` rows, at least one, of R and V VECTOR numbers.
+    #[inline(always)]
+    unsafe fn multiply<const TAKE: bool, const R: usize, const V: usize>(
+        tile: &mut Tile<Self, R, V>,
+        left: Strided,
+        right: Strided,
+        count: usize,
+    ) {
+        multiply_rows::<Self, TAKE, R, V>(tile, left, right, count);
+    }
+}
+
+/// Rows in memory: the first number, and numbers from row to row.
+#[derive(Debug, Clone, Copy)]
+pub struct Strided {
+    at: *const f64,
+    stride: usize,
+}
+
+/// [`F64x4::multiply`], as the compiler arranges it.
+#[inline(always)]
+unsafe fn multiply_rows<F: F64x4, const TAKE: bool, const R: usize, const V: usize>(
+    tile: &mut Tile<F, R, V>,
+    left: Strided,
+    right: Strided,
+    count: usize,
+) {
+    let (mut a, mut b) = (left.at, right.at);
+    for k in 0..count {
+        if k > 0 {
+            (a, b) = (a.add(left.stride), b.add(right.stride));
+        }
+        let mut row = [F::splat(0.0); V];
+        for v in 0..V {
+            row[v] = F::load(b.add(v * VECTOR));
+        }
+        for r in 0..R {
+            let factor = F::splat(*a.add(r));
+            for v in 0..V {
+                let sum = tile[r][v];
+                tile[r][v] = if TAKE { sum.minus(factor, row[v]) } else { sum.plus(factor, row[v]) };
+            }
+        }
+    }
 }
 
 /// For every machine.
@@ -91,6 +138,7 @@ unsafe impl F64x4 for Plain {
 /// For AVX2 with fused multiply-adds.
 #[cfg(target_arch = "x86_64")]
 #[derive(Debug, Clone, Copy)]
+#[repr(transparent)]
 pub struct Fused(__m256d);
 
 #[cfg(target_arch = "x86_64")]
@@ -142,6 +190,20 @@ unsafe impl F64x4 for Fused {
         let low = |x, y| Fused(_mm256_permute2f128_pd::<0x20>(x, y));
         let high = |x, y| Fused(_mm256_permute2f128_pd::<0x31>(x, y));
         [low(ab0, cd0), low(ab1, cd1), high(ab0, cd0), high(ab1, cd1)]
+    }
+    #[inline(always)]
+    unsafe fn multiply<const TAKE: bool, const R: usize, const V: usize>(
+        tile: &mut Tile<Self, R, V>,
+        left: Strided,
+        right: Strided,
+        count: usize,
+    ) {
+        if R == 4 && V == 3 {
+            // A tile of this size, and `Fused` is its register and nothing else.
+            twelve::multiply::<TAKE>(&mut *std::ptr::from_mut(tile).cast(), left, right, count);
+        } else {
+            multiply_rows::<Self, TAKE, R, V>(tile, left, right, count);
+        }
     }
 }
 
@@ -232,23 +294,8 @@ impl<F: F64x4> Simd<F> {
         assert!(end(right.from, count, right.stride, V * VECTOR) <= right.data.len());
         // SAFETY: all rows of both end within their data.
         unsafe {
-            let (mut a, mut b) = (left.data.as_ptr().add(left.from), right.data.as_ptr().add(right.from));
-            for k in 0..count {
-                if k > 0 {
-                    (a, b) = (a.add(left.stride), b.add(right.stride));
-                }
-                let mut row = [F::splat(0.0); V];
-                for v in 0..V {
-                    row[v] = F::load(b.add(v * VECTOR));
-                }
-                for r in 0..R {
-                    let factor = F::splat(*a.add(r));
-                    for v in 0..V {
-                        let sum = tile[r][v];
-                        tile[r][v] = if TAKE { sum.minus(factor, row[v]) } else { sum.plus(factor, row[v]) };
-                    }
-                }
-            }
+            let at = |part: Part| Strided { at: part.data.as_ptr().add(part.from), stride: part.stride };
+            F::multiply::<TAKE, R, V>(&mut tile, at(left), at(right), count);
         }
         tile
     }
@@ -349,6 +396,40 @@ impl<F: F64x4> Simd<F> {
         }
     }
 
+    /// `to += scale from`, over whole registers.
+    #[inline(always)]
+    pub fn add_scaled(self, from: &[f64], scale: f64, to: &mut [f64]) {
+        let width = from.len().min(to.len()) / VECTOR * VECTOR;
+        // SAFETY: both are at least as long.
+        unsafe {
+            let (factor, from, to) = (F::splat(scale), from.as_ptr(), to.as_mut_ptr());
+            let add = |k: usize| F::load(to.add(k)).plus(factor, F::load(from.add(k))).store(to.add(k));
+            let mut k = 0;
+            while k + 4 * VECTOR <= width {
+                [0, 1, 2, 3].into_iter().for_each(|v| add(k + v * VECTOR));
+                k += 4 * VECTOR;
+            }
+            while k < width {
+                add(k);
+                k += VECTOR;
+            }
+        }
+    }
+
+    /// `to = a - b`, over whole registers.
+    #[inline(always)]
+    pub fn difference(self, a: &[f64], b: &[f64], to: &mut [f64]) {
+        let width = a.len().min(b.len()).min(to.len()) / VECTOR * VECTOR;
+        // SAFETY: all are at least as long.
+        unsafe {
+            let one = F::splat(1.0);
+            for k in (0..width).step_by(VECTOR) {
+                let (a, b) = (F::load(a.as_ptr().add(k)), F::load(b.as_ptr().add(k)));
+                a.minus(one, b).store(to.as_mut_ptr().add(k));
+            }
+        }
+    }
+
     /// `to = scale from`, over whole registers.
     #[inline(always)]
     pub fn scale(self, from: &[f64], scale: f64, to: &mut [f64]) {
@@ -364,114 +445,4 @@ impl<F: F64x4> Simd<F> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::super::arch::{with_simd, Arch, Kernel};
-    use super::*;
-
-    /// Runs a check with each instruction set that this machine has.
-    trait Check {
-        fn check<F: F64x4>(&self, simd: Simd<F>);
-
-        fn everywhere(&self)
-        where
-            Self: Sized,
-        {
-            [Arch::PORTABLE, Arch::best()].into_iter().for_each(|arch| arch.run(Checking(self)));
-        }
-    }
-
-    struct Checking<'a, C>(&'a C);
-
-    impl<C: Check> Kernel for Checking<'_, C> {
-        type Output = ();
-
-        #[inline(always)]
-        fn run<const FUSED: bool>(self) {
-            with_simd!(FUSED, |simd| self.0.check(simd));
-        }
-    }
-
-    fn number(i: usize) -> f64 {
-        (0.7 + 1.3 * i as f64).sin()
-    }
-
-    struct Products;
-
-    impl Check for Products {
-        fn check<F: F64x4>(&self, simd: Simd<F>) {
-            let rows: Vec<Vec<f64>> = (0..6).map(|r| (0..12).map(|k| number(r * 12 + k)).collect()).collect();
-            let three = |first: usize| std::array::from_fn(|k| rows[first + k].as_slice());
-            let products = simd.products(three(0), three(3));
-            for i in 0..3 {
-                for j in 0..3 {
-                    let plain: f64 = rows[i].iter().zip(&rows[3 + j]).map(|(a, b)| a * b).sum();
-                    // A dozen products of numbers below one.
-                    assert!((products[i][j] - plain).abs() < 1e-14, "{i} {j}");
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn products_are_sums_over_rows() {
-        Products.everywhere();
-    }
-
-    struct Moving;
-
-    impl Check for Moving {
-        fn check<F: F64x4>(&self, simd: Simd<F>) {
-            let rows: Vec<Vec<f64>> = (0..4).map(|r| (0..9).map(|k| number(r * 9 + k)).collect()).collect();
-            let mut out = vec![0.0; 40];
-            simd.turn(std::array::from_fn(|r| rows[r].as_slice()), [1.0, 2.0, 3.0, 4.0], 5, &mut out, 2, 10);
-            for i in 0..4 {
-                for j in 0..4 {
-                    assert_eq!(out[2 + 10 * i + j], rows[j][5 + i] * (j + 1) as f64);
-                }
-            }
-            let mut scaled = [7.0; 9];
-            simd.scale(&rows[0], 2.0, &mut scaled);
-            assert_eq!((scaled[7], scaled[8]), (2.0 * rows[0][7], 7.0));
-            simd.copy(&rows[1], &mut scaled);
-            assert_eq!((scaled[0], scaled[7], scaled[8]), (rows[1][0], rows[1][7], 7.0));
-        }
-    }
-
-    #[test]
-    fn rows_turn_scale_and_move_in_whole_registers() {
-        Moving.everywhere();
-    }
-
-    struct Zeros;
-
-    impl Check for Zeros {
-        fn check<F: F64x4>(&self, simd: Simd<F>) {
-            for (last, zeros) in [(0.0, 3), (-0.0, 3), (f64::MIN_POSITIVE / 4.0, 2), (f64::NAN, 2)] {
-                let row = [0.0, -0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, last, 0.0, 0.0];
-                assert_eq!(simd.leading_zeros(&row), zeros, "{last}");
-                let part = Part { data: &row, from: 0, stride: 4 };
-                assert_eq!(simd.empty_rows(part, 3), zeros, "{last}");
-            }
-        }
-    }
-
-    #[test]
-    fn zeros_have_either_sign_and_the_least_number_is_none() {
-        Zeros.everywhere();
-    }
-
-    struct Beyond;
-
-    impl Check for Beyond {
-        fn check<F: F64x4>(&self, simd: Simd<F>) {
-            let data = [0.0; 10];
-            let _: Tile<F, 2, 1> = simd.load(Part { data: &data, from: 3, stride: 4 });
-        }
-    }
-
-    #[test]
-    #[should_panic(expected = "p.data.len()")]
-    fn tiles_that_do_not_fit_are_refused() {
-        Beyond.everywhere();
-    }
-}
+mod tests;

@@ -21,13 +21,24 @@ pub fn padded(n: usize) -> usize {
 pub struct Panel {
     stride: usize,
     data: Vec<f64>,
+    /// Workspace of `factor`: for each vector of columns, the tile that begins with it.
+    groups: Vec<Group>,
+}
+
+/// Neighbouring vectors of columns that make one tile.
+#[derive(Debug, Clone, Copy)]
+struct Group {
+    count: usize,
+    /// Rows before this one are zero.
+    start: usize,
 }
 
 impl Panel {
     /// All zero; `width` is a multiple of a vector's length.
     pub fn zeros(rows: usize, width: usize) -> Self {
         let stride = padded(width);
-        Panel { stride, data: vec![0.0; rows * stride] }
+        let groups = vec![Group { count: 1, start: 0 }; stride / VECTOR];
+        Panel { stride, data: vec![0.0; rows * stride], groups }
     }
 
     /// Row `i`.
@@ -52,6 +63,11 @@ impl Panel {
     #[inline(always)]
     pub fn rows_mut(&mut self) -> impl Iterator<Item = &mut [f64]> {
         self.data.chunks_exact_mut(self.stride.max(1))
+    }
+
+    /// Sets all numbers to zero.
+    pub fn clear(&mut self) {
+        self.data.fill(0.0);
     }
 
     /// Entry (i, j).
@@ -87,14 +103,6 @@ impl Panel {
     pub fn copy_rows(&mut self, other: &Panel, rows: usize) {
         let end = rows * self.stride;
         self.data[..end].copy_from_slice(&other.data[..end]);
-    }
-
-    /// Turns the order of the first `rows` rows round.
-    pub fn reverse_rows(&mut self, rows: usize) {
-        for i in 0..rows / 2 {
-            let (above, below) = self.data.split_at_mut((rows - 1 - i) * self.stride);
-            above[i * self.stride..][..self.stride].swap_with_slice(&mut below[..self.stride]);
-        }
     }
 
     /// The part from (i, j) on.
@@ -139,25 +147,72 @@ impl Panel {
     }
 }
 
-/// Runs `$body` over tiles of two vectors of columns, then over the rest. Four rows by two vectors fit in the registers; with three, the
-/// compiler moves sums between registers.
+/// Runs `$body` over tiles of up to three vectors of columns, which `$group` chooses from the column on.
 macro_rules! over_columns {
-    ($columns:expr, |$j:ident, $v:ident| $body:block) => {{
+    ($columns:expr, $group:expr, |$j:ident, $v:ident, $start:ident| $body:block) => {{
         let (mut $j, end) = ($columns.start, $columns.end);
-        while $j + 2 * VECTOR <= end {
-            const $v: usize = 2;
-            $body
-            $j += 2 * VECTOR;
-        }
-        if $j + VECTOR <= end {
-            const $v: usize = 1;
-            $body
+        while $j < end {
+            let $crate::kernels::tiles::Group { count, start: $start } = $group($j);
+            match count {
+                3 => {
+                    const $v: usize = 3;
+                    $body
+                }
+                2 => {
+                    const $v: usize = 2;
+                    $body
+                }
+                _ => {
+                    const $v: usize = 1;
+                    $body
+                }
+            }
+            $j += count * VECTOR;
         }
     }};
 }
 
+/// Vectors of the next tile, of so many. Four make two tiles of two: one of one would wait for its own sums.
+#[inline(always)]
+fn widest(vectors: usize) -> usize {
+    if vectors == 4 {
+        2
+    } else {
+        vectors.min(3)
+    }
+}
+
+/// Zeros that a tile may multiply, in rows of a vector, so that it may be wider.
+const WASTE: usize = 4;
+
+/// The tile of the next vectors of columns, of which rows in `range` count.
+#[inline(always)]
+fn together(starts: &[usize], range: Range<usize>) -> Group {
+    let start = |v: usize| starts[v].max(range.start).min(range.end);
+    let (most, first) = (widest(starts.len()), start(0));
+    if most == 1 {
+        return Group { count: 1, start: first };
+    }
+    let second = start(1);
+    let two = first.min(second);
+    if first.max(second) - two > WASTE {
+        return Group { count: 1, start: first };
+    }
+    if most == 2 {
+        return Group { count: 2, start: two };
+    }
+    let third = start(2);
+    let three = two.min(third);
+    if first + second + third - 3 * three > WASTE {
+        return Group { count: 2, start: two };
+    }
+    Group { count: 3, start: three }
+}
+
 mod products;
-pub use products::{gram, product, subtract_product, Rows};
+mod substitution;
+pub use products::{gram, product, Rows};
+pub use substitution::{substitute, substitute_back, Lower};
 
 /// Factor U of a diagonal block, U scaled to a unit diagonal, and the reciprocals of its diagonal. A block of fewer than four rows is padded
 /// with the unit matrix.
@@ -237,22 +292,36 @@ impl Kernel for Factoring<'_> {
 impl Factoring<'_> {
     #[inline(always)]
     fn factor<F: F64x4>(self, simd: Simd<F>) -> Result<(), NotPositive> {
-        let (a, sweep) = (self.a, self.sweep);
-        let mut corner = open(simd, a, 0, sweep)?;
-        for first in (0..sweep.n).step_by(VECTOR) {
-            let next = match sweep.n - first {
-                1 => factor_rows::<F, 1>(simd, a, first, sweep, &corner)?,
-                2 => factor_rows::<F, 2>(simd, a, first, sweep, &corner)?,
-                3 => factor_rows::<F, 3>(simd, a, first, sweep, &corner)?,
-                _ => factor_rows::<F, 4>(simd, a, first, sweep, &corner)?,
-            };
-            match next {
-                Some(next) => corner = next,
-                None => break,
-            }
-        }
-        Ok(())
+        let mut groups = std::mem::take(&mut self.a.groups);
+        let starts = &self.sweep.starts[..self.sweep.width / VECTOR];
+        groups
+            .iter_mut()
+            .enumerate()
+            .take(starts.len())
+            .for_each(|(v, g)| *g = together(&starts[v..], 0..self.sweep.n));
+        let done = factor_all(simd, self.a, self.sweep, &groups);
+        self.a.groups = groups;
+        done
     }
+}
+
+#[inline(always)]
+fn factor_all<F: F64x4>(simd: Simd<F>, a: &mut Panel, sweep: Sweep, groups: &[Group]) -> Result<(), NotPositive> {
+    let mut corner = open(simd, a, 0, sweep)?;
+    for first in (0..sweep.n).step_by(VECTOR) {
+        let row = Row { first, corner: &corner, groups };
+        let next = match sweep.n - first {
+            1 => factor_rows::<F, 1>(simd, a, sweep, row)?,
+            2 => factor_rows::<F, 2>(simd, a, sweep, row)?,
+            3 => factor_rows::<F, 3>(simd, a, sweep, row)?,
+            _ => factor_rows::<F, 4>(simd, a, sweep, row)?,
+        };
+        match next {
+            Some(next) => corner = next,
+            None => break,
+        }
+    }
+    Ok(())
 }
 
 /// Factor of the diagonal block of the rows from `first` on, once all rows above are done.
@@ -289,21 +358,28 @@ fn open_rows<F: F64x4, const R: usize>(
 const UNIT: [[f64; VECTOR]; VECTOR] =
     [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
 
+/// Rows from `first` on.
+#[derive(Clone, Copy)]
+struct Row<'a> {
+    first: usize,
+    corner: &'a Corner,
+    groups: &'a [Group],
+}
+
 /// The next diagonal block is factored as soon as its columns are done, so that its pivots overlap with the tiles to the right.
 #[inline(always)]
 fn factor_rows<F: F64x4, const R: usize>(
     simd: Simd<F>,
     a: &mut Panel,
-    first: usize,
     sweep: Sweep,
-    corner: &Corner,
+    row: Row,
 ) -> Result<Option<Corner>, NotPositive> {
+    let Row { first, corner, groups } = row;
     let own = least(sweep.starts, first, 1).min(first);
+    let more = R == VECTOR && first + VECTOR < sweep.n;
     if own == first && corner.u == UNIT {
-        let more = R == VECTOR && first + VECTOR < sweep.n;
         return if more { open(simd, a, first + VECTOR, sweep).map(Some) } else { Ok(None) };
     }
-    let row = Row { first, own, sweep, corner };
     if R < VECTOR {
         // The last vector may contain columns of B.
         let tile: Tile<F, R, 1> = simd.load(a.part(first, first));
@@ -312,91 +388,31 @@ fn factor_rows<F: F64x4, const R: usize>(
     for (r, u) in corner.u.iter().enumerate().take(R) {
         a.row_mut(first + r)[first..][..R].copy_from_slice(&u[..R]);
     }
-    let (near, mut next) = ((first + 3 * VECTOR).min(sweep.width), None);
-    over_columns!(first + VECTOR..near, |j, V| { row.substitute::<F, R, V>(simd, a, j) });
-    if R == VECTOR && first + VECTOR < sweep.n {
-        next = Some(open(simd, a, first + VECTOR, sweep)?);
-    }
-    over_columns!(near..sweep.width, |j, V| { row.substitute::<F, R, V>(simd, a, j) });
+    let mut next = None;
+    over_columns!(first + VECTOR..sweep.width, |j: usize| groups[j / VECTOR], |j, V, start| {
+        if start < first + R {
+            row.substitute::<F, R, V>(simd, a, j, start.max(own).min(first));
+        }
+        if more && next.is_none() {
+            next = Some(open(simd, a, first + VECTOR, sweep)?);
+        }
+    });
     Ok(next)
-}
-
-/// Rows from `first` on, whose diagonal block has zeros above row `own`.
-struct Row<'a> {
-    first: usize,
-    own: usize,
-    sweep: Sweep<'a>,
-    corner: &'a Corner,
 }
 
 impl Row<'_> {
     #[inline(always)]
-    fn substitute<F: F64x4, const R: usize, const V: usize>(&self, simd: Simd<F>, a: &mut Panel, j: usize) {
-        let (first, start) = (self.first, least(self.sweep.starts, j, V));
-        if start < first + R {
-            let start = start.max(self.own).min(first);
-            let tile: Tile<F, R, V> = simd.load(a.part(first, j));
-            let tile = simd.multiply::<true, R, V>(tile, a.part(start, first), a.part(start, j), first - start);
-            a.put(simd, simd.substitute(tile, &self.corner.unit, &self.corner.inverse), first, j);
-        }
-    }
-}
-
-/// U'^-1 B for a factor U that is known: `sweep` is that of U, and of B the first `width` columns count. `starts` is for B what it is in
-/// [`Sweep`] for U.
-pub fn substitute(arch: Arch, u: &Panel, sweep: Sweep, (b, width, starts): (&mut Panel, usize, &[usize])) {
-    arch.run(Substituting { u, sweep, b, width, starts });
-}
-
-struct Substituting<'a> {
-    u: &'a Panel,
-    sweep: Sweep<'a>,
-    b: &'a mut Panel,
-    width: usize,
-    starts: &'a [usize],
-}
-
-impl Kernel for Substituting<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<const FUSED: bool>(self) {
-        with_simd!(FUSED, |simd| self.substitute(simd))
-    }
-}
-
-impl Substituting<'_> {
-    #[inline(always)]
-    fn substitute<F: F64x4>(mut self, simd: Simd<F>) {
-        for first in (0..self.sweep.n).step_by(VECTOR) {
-            match self.sweep.n - first {
-                1 => self.rows::<F, 1>(simd, first),
-                2 => self.rows::<F, 2>(simd, first),
-                3 => self.rows::<F, 3>(simd, first),
-                _ => self.rows::<F, 4>(simd, first),
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn rows<F: F64x4, const R: usize>(&mut self, simd: Simd<F>, first: usize) {
-        let Substituting { u, sweep, b, width, starts } = self;
-        let own = least(sweep.starts, first, 1).min(first);
-        let (mut unit, mut inverse) = ([[0.0; VECTOR]; VECTOR], [0.0; VECTOR]);
-        for i in 0..R {
-            let row = &u.row(first + i)[first..];
-            inverse[i] = 1.0 / row[i];
-            (i + 1..R).for_each(|k| unit[i][k] = row[k] * inverse[i]);
-        }
-        over_columns!(0..*width, |j, V| {
-            let start = least(starts, j, V);
-            if start < first + R {
-                let start = start.max(own).min(first);
-                let tile: Tile<F, R, V> = simd.load(b.part(first, j));
-                let tile = simd.multiply::<true, R, V>(tile, u.part(start, first), b.part(start, j), first - start);
-                b.put(simd, simd.substitute(tile, &unit, &inverse), first, j);
-            }
-        });
+    fn substitute<F: F64x4, const R: usize, const V: usize>(
+        &self,
+        simd: Simd<F>,
+        a: &mut Panel,
+        j: usize,
+        start: usize,
+    ) {
+        let first = self.first;
+        let tile: Tile<F, R, V> = simd.load(a.part(first, j));
+        let tile = simd.multiply::<true, R, V>(tile, a.part(start, first), a.part(start, j), first - start);
+        a.put(simd, simd.substitute(tile, &self.corner.unit, &self.corner.inverse), first, j);
     }
 }
 

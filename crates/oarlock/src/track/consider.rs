@@ -7,6 +7,7 @@
 //! standard deviations, is learnt. Where the model is correct, innovations are white, and their low-passed values are
 //! small. Where it is wrong, they persist as the slopes predict.
 
+mod averages;
 mod delays;
 mod doubt;
 mod felt;
@@ -25,7 +26,7 @@ use crate::config::{Config, Consider, FilterKind};
 use crate::error::Result;
 use crate::estimate::belief::Belief;
 use crate::estimate::filter::{Filter, Info, Verdict};
-use crate::estimate::information::{Carried, Columns, Side};
+use crate::estimate::information::{Carried, Columns, Force, Side};
 use crate::estimate::learn::Learning;
 use crate::estimate::transition::Transition;
 use crate::estimate::{FastSystem, System};
@@ -36,9 +37,9 @@ use crate::kernels::tiles::padded;
 use crate::sensor::MountValue;
 use crate::sensor::Quantity;
 use delays::Delays;
+use doubt::Bounds;
 pub use doubt::Doubt;
 pub(super) use doubt::Shares;
-use doubt::{Bounds, RowAverages, Squares};
 use felt::Felt;
 use leftover::leftover;
 use scoring::Scoring;
@@ -47,17 +48,6 @@ use tally::Tally;
 pub use tally::Window;
 use twin::{twin, Role, Roles, ZERO_STD};
 
-/// Time over which innovations are averaged, s: longer than the correlation of noise, learnt process noise and soft
-/// tissue motion; shorter than a movement cycle.
-const AVERAGE_S: f64 = 0.6;
-/// Memories of the mean squares of averages, s. Parameters are constants, so evidence that they are wrong lasts, also while a
-/// body moves in a way that does not show it. The short memory follows a unit that slips.
-const MEMORIES_S: [f64; 2] = [5.0, 300.0];
-/// Squared scales that the memories take from one reading at most. What goes on for minutes after a burst, such as a fault or a lost
-/// estimate, must be bounded: two standard deviations.
-const MOST_SQUARED: [f64; 2] = [f64::MAX, 4.0];
-/// Averages with at most this multiple of white noise's mean square count as chance.
-const CHANCE: f64 = 1.5;
 /// Larger slopes mean that the recursion has diverged.
 const ABSURD: f64 = 1e6;
 
@@ -71,6 +61,7 @@ pub(super) struct Considering {
     straight: SparseJacobian,
     felt: Felt,
     roles: Vec<Role>,
+    considered: ConsideredSlopes,
     /// Per row: the consider state that is its encoder's zero.
     zeros: Vec<Option<usize>>,
     /// Per row: whether its innovations persist only if the model is wrong, so that they are used for learning.
@@ -94,8 +85,8 @@ pub(super) struct Considering {
     score: Option<Scoring>,
     /// Derivative of each innovation by each parameter, row-major.
     answers: Vec<f64>,
-    /// dh/dp, divided by noise, then by the filter's S (U5).
-    forced: Columns,
+    /// dh/dp without its zeros, divided by noise.
+    forces: Vec<Force>,
     /// Per row: one over the standard deviation of its noise; 0 if it was not used.
     weights: Vec<f64>,
     /// Workspaces for an update with all readings, and for one in parts.
@@ -139,6 +130,8 @@ impl Considering {
             arch: Arch::best(),
             scratch: Box::new(twin.scratch()),
             felt: Felt::new(&straight),
+            forces: Vec::with_capacity(most_forces(&straight)),
+            considered: ConsideredSlopes::new(&straight, &roles),
             straight,
             roles,
             zeros,
@@ -154,10 +147,9 @@ impl Considering {
             names,
             score: None,
             answers: vec![0.0; m * width],
-            forced: Columns::zeros(m, width),
             weights: vec![0.0; m],
             carried: Carried::new(n, m, width),
-            parts: (config.filter == FilterKind::Factorised).then(|| Parts::new(n, width)),
+            parts: (config.filter == FilterKind::Factorised).then(|| Parts::new(n, m, width)),
             scales: Vec::with_capacity(m),
             twin,
         }))
@@ -173,9 +165,8 @@ impl Considering {
         self.size.2 = width;
         self.bounds.mounts.resize(width, false);
         self.answers = vec![0.0; m * width];
-        self.forced = Columns::zeros(m, width);
         self.carried = Carried::new(n, m, width);
-        self.parts = self.parts.as_ref().map(|_| Parts::new(n, width));
+        self.parts = self.parts.as_ref().map(|_| Parts::new(n, m, width));
         self.how = Consider::Always;
         self.score = Some(Scoring::new(delays, Tally::new(width, settle_s, window_s), (n, m, width)));
     }
@@ -233,7 +224,7 @@ impl Considering {
         row_variance: impl Fn(usize) -> Option<f64>,
     ) {
         let slopes = &mut doubt.slopes[..];
-        self.forced.clear();
+        self.forces.clear();
         for t in 0..self.straight.triples.len() {
             self.answer(t, slopes, &row_variance);
         }
@@ -247,14 +238,18 @@ impl Considering {
         if self.weights.iter().all(|w| *w == 0.0) {
             return; // The last update may be an earlier one.
         }
-        let is_whole = filter.carry(&self.forced, &mut self.carried, slopes);
-        if let Some(Parts { prior, pull }) = self.parts.as_mut().filter(|_| !is_whole) {
-            filter.substitute(Side::Left, &mut self.forced);
-            filter.substitute(Side::Right, &mut self.forced);
-            gather_pull(&self.straight, &self.roles, &self.weights, &self.forced, pull);
+        let is_whole = filter.carry(&self.forces, &mut self.carried, slopes);
+        if let Some(Parts { prior, forced, pull }) = self.parts.as_mut().filter(|_| !is_whole) {
+            forced.clear();
+            self.forces.iter().for_each(|f| forced.row_mut(f.row)[f.parameter] += f.by);
+            filter.substitute(Side::Left, forced);
+            filter.substitute(Side::Right, forced);
+            gather_pull(&self.straight, &self.roles, &self.weights, forced, pull);
             prior.update(p, filter, pull, slopes);
         }
-        if !slopes.iter().all(|s| s.abs() < ABSURD) {
+        // Side by side; so written that NaN is absurd too.
+        let is_sane = |some: &[f64]| some.iter().fold(true, |sane, s| sane & (s.abs() < ABSURD));
+        if !slopes.chunks(self.size.2).all(is_sane) {
             tame(slopes);
         }
     }
@@ -275,15 +270,16 @@ impl Considering {
         let slopes = &self.straight.slopes[triple.slopes.clone()];
         for (i, answer) in answers.chunks_exact_mut(width).enumerate().filter(|(i, _)| noise[*i].is_some()) {
             let row = triple.row + i;
-            let (weight, forced) = (self.weights[row], self.forced.row_mut(row));
+            let (weight, forces) = (self.weights[row], &mut self.forces);
             let mut force = |k: usize, by: f64| {
-                forced[k] += by * weight;
+                if by == 0.0 {
+                    return;
+                }
+                forces.push(Force { row, parameter: k, by: by * weight });
                 answer[k] += if is_used { by } else { 0.0 };
             };
-            for slope in slopes {
-                if let Role::Considered(k, std) = self.roles[slope.state] {
-                    force(k, slope.rows[i] * std);
-                }
+            for &(at, k, std) in self.considered.of(t) {
+                force(k, self.straight.slopes[at].rows[i] * std);
             }
             if let Some(k) = self.zeros[row] {
                 force(k, ZERO_STD);
@@ -297,27 +293,10 @@ impl Considering {
 
     /// Learns the common scale of the parameters from persistent innovations.
     fn learn(&mut self, doubt: &mut Doubt, time_s: f64, innovation: &[f64], told: impl Fn(usize) -> bool) {
-        if self.how == Consider::Always {
-            return;
-        }
-        let (_, m, width) = self.size;
-        let telling = (0..m).filter(|&r| self.telling[r]);
-        for r in telling.clone().filter(|&r| told(r)) {
-            let range = r * width..(r + 1) * width;
-            doubt.rows[r].take(&mut doubt.expected[range.clone()], &self.answers[range], (time_s, innovation[r]));
-        }
-        let [short, lasting] = [0, 1].map(|memory| {
-            self.scales.clear();
-            self.scales.extend(telling.clone().filter_map(|r| doubt.rows[r].squares[memory].scale_squared()));
-            let middle = self.scales.len() / 2;
-            (!self.scales.is_empty()).then(|| {
-                let (_, &mut median, _) = self.scales.select_nth_unstable_by(middle, f64::total_cmp);
-                median.max(0.0).sqrt()
-            })
-        });
-        doubt.lasting = lasting.unwrap_or(doubt.lasting);
-        if short.or(lasting).is_some() {
-            doubt.scale = short.unwrap_or_default().max(doubt.lasting);
+        if self.how != Consider::Always {
+            let told = |r: usize| self.telling[r] && told(r);
+            averages::take(self.arch, doubt, &self.answers, (time_s, innovation), told);
+            averages::learn(doubt, &self.telling, &mut self.scales);
         }
     }
 
@@ -341,6 +320,39 @@ impl Considering {
         self.follow(doubt, (belief.time_s, &belief.covariance, update.filter, innovation), noise);
         self.learn(doubt, belief.time_s, &update.info.innovation, believed);
     }
+}
+
+/// Slopes of a Jacobian by consider states, of each of its triples.
+#[derive(Debug, Clone)]
+struct ConsideredSlopes {
+    /// Index of the slope, the consider state, and its standard deviation.
+    all: Vec<(usize, usize, f64)>,
+    ends: Vec<usize>,
+}
+
+impl ConsideredSlopes {
+    fn new(straight: &SparseJacobian, roles: &[Role]) -> Self {
+        let (mut all, mut ends) = (Vec::new(), Vec::new());
+        for triple in &straight.triples {
+            for at in triple.slopes.clone() {
+                if let Role::Considered(k, std) = roles[straight.slopes[at].state] {
+                    all.push((at, k, std));
+                }
+            }
+            ends.push(all.len());
+        }
+        ConsideredSlopes { all, ends }
+    }
+
+    fn of(&self, triple: usize) -> &[(usize, usize, f64)] {
+        let first = if triple == 0 { 0 } else { self.ends[triple - 1] };
+        &self.all[first..self.ends[triple]]
+    }
+}
+
+/// Derivatives by parameters that there can be at most: by a column of the Jacobian, an encoder's zero and a clock's delay.
+fn most_forces(straight: &SparseJacobian) -> usize {
+    straight.triples.iter().map(|t| t.count * (t.slopes.len() + 2)).sum()
 }
 
 /// Largest variance of each state that is a joint's coordinate; infinite for all others. A joint is never known worse than
@@ -405,52 +417,20 @@ impl Doubt {
     }
 }
 
-impl RowAverages {
-    /// Adds one innovation and its derivatives by each parameter to the averages.
-    fn take(&mut self, expected: &mut [f64], answers: &[f64], (time_s, innovation): (f64, f64)) {
-        let dt = time_s - self.last_s;
-        if !dt.is_finite() {
-            (self.last, self.last_s) = (innovation, time_s);
-            return;
-        }
-        let pace = (dt / AVERAGE_S).min(1.0);
-        self.low += pace * (innovation - self.low);
-        let mut owed = 0.0;
-        for (e, a) in expected.iter_mut().zip(answers) {
-            *e += pace * (a - *e);
-            owed += *e * *e;
-        }
-        self.count += 1.0;
-        let jump = innovation - self.last;
-        let floor = pace / (2.0 - pace) * 0.5 * jump * jump;
-        for (squares, (memory_s, most)) in self.squares.iter_mut().zip(MEMORIES_S.into_iter().zip(MOST_SQUARED)) {
-            let keep = (dt / memory_s).max(1.0 / self.count).min(1.0);
-            squares.power += keep * ((self.low * self.low).min(CHANCE * floor + most * owed) - squares.power);
-            squares.white += keep * (floor - squares.white);
-            squares.share += keep * (owed - squares.share);
-        }
-        (self.last, self.last_s) = (innovation, time_s);
-    }
-}
-
-impl Squares {
-    /// Squared scale of the parameters' errors; `None` where noise is larger than what they explain.
-    fn scale_squared(&self) -> Option<f64> {
-        (self.share > self.white && self.white > 0.0).then(|| (self.power - CHANCE * self.white) / self.share)
-    }
-}
-
 /// Workspace for an update in parts, limb by limb.
 #[derive(Debug, Clone)]
 struct Parts {
     prior: Prior,
+    /// dh/dp, divided by noise, then by the filter's S (U5).
+    forced: Columns,
     /// J'W dh/dp with W = (R^1/2 S R^1/2)^-1.
     pull: Vec<f64>,
 }
 
 impl Parts {
-    fn new(states: usize, width: usize) -> Self {
-        Parts { prior: Prior::new(states, width), pull: vec![0.0; states * width] }
+    fn new(states: usize, rows: usize, width: usize) -> Self {
+        let forced = Columns::zeros(rows, width);
+        Parts { prior: Prior::new(states, width), forced, pull: vec![0.0; states * width] }
     }
 }
 

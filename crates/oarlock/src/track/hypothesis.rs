@@ -115,7 +115,8 @@ impl Hypothesis {
 
     /// Converts variances without consider states into standard deviations that include them.
     pub fn widen(&self, variance: &mut [f64]) {
-        variance.iter_mut().enumerate().for_each(|(i, x)| *x = self.widened(i, *x).sqrt());
+        self.doubt.iter().for_each(|doubt| doubt.widen(variance));
+        variance.iter_mut().for_each(|x| *x = x.sqrt());
     }
 
     /// Writes standard deviations into `std`. With rivals: those of all hypotheses about this mean.
@@ -130,11 +131,6 @@ impl Hypothesis {
         self.belief.variances(&mut std);
         self.widen(&mut std);
         std
-    }
-
-    /// Variance of a state with this variance due to noise, with the effect of the consider states.
-    pub fn widened(&self, state: usize, noise: f64) -> f64 {
-        self.doubt.as_ref().map_or(noise, |doubt| doubt.widened(state, noise))
     }
 
     fn mix<S: System>(&self, system: &S, variance: &mut [f64]) {

@@ -47,9 +47,10 @@ fn widened(run: &Run) -> Option<String> {
     let (body, last) = (run.tracker().body(), run.last()?);
     let slides = |c: usize| body.model.joints.iter().any(|j| j.first == c && j.kind == JointKind::Slide);
     let turning = body.moving().filter(|(c, axis, _)| !axis.place && !slides(*c));
-    let (joint, most) = turning
-        .map(|(c, _, slots)| (c, last.widened(slots.q, 0.0).sqrt().to_degrees()))
-        .max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let mut std_rad = vec![0.0; body.layout.dim()];
+    last.widen(&mut std_rad);
+    let (joint, most) =
+        turning.map(|(c, _, slots)| (c, std_rad[slots.q].to_degrees())).max_by(|a, b| a.1.total_cmp(&b.1))?;
     (most > WORTH_A_WORD_DEG).then(|| {
         format!(
             "uncertainty was increased, by up to {:.1} deg ({}) at the end: for several seconds the sensors disagreed with the \

@@ -1,6 +1,6 @@
 //! Products of panels: A'B, and the upper triangle of G'G.
 
-use super::{least, Panel, VECTOR};
+use super::{together, Panel, VECTOR};
 use crate::kernels::arch::{with_simd, Arch, Kernel};
 use crate::kernels::registers::{F64x4, Simd, Tile};
 use std::ops::Range;
@@ -20,8 +20,8 @@ pub struct Rows<'a> {
 
 impl Rows<'_> {
     #[inline(always)]
-    fn start(&self, column: usize, vectors: usize) -> usize {
-        least(self.starts, column, vectors).min(self.rows.end).max(self.rows.start)
+    fn start(&self, column: usize) -> usize {
+        self.starts[column / VECTOR].min(self.rows.end).max(self.rows.start)
     }
 }
 
@@ -29,23 +29,18 @@ impl Rows<'_> {
 pub fn gram(arch: Arch, out: &mut Panel, [n, width]: [usize; 2], g: Rows, fresh: bool) {
     let (left, right) = (g.clone(), g);
     if fresh {
-        arch.run(Multiplying::<true, false> { out, n, width, left, right, upper: true });
+        arch.run(Multiplying::<true> { out, n, width, left, right, upper: true });
     } else {
-        arch.run(Multiplying::<false, false> { out, n, width, left, right, upper: true });
+        arch.run(Multiplying::<false> { out, n, width, left, right, upper: true });
     }
 }
 
 /// `out = A'B` for the first `n` columns of A and the first `width` columns of B, which are the same rows.
 pub fn product(arch: Arch, out: &mut Panel, [n, width]: [usize; 2], [left, right]: [Rows; 2]) {
-    arch.run(Multiplying::<true, false> { out, n, width, left, right, upper: false });
+    arch.run(Multiplying::<true> { out, n, width, left, right, upper: false });
 }
 
-/// `out -= A'B`, as in `product`.
-pub fn subtract_product(arch: Arch, out: &mut Panel, [n, width]: [usize; 2], [left, right]: [Rows; 2]) {
-    arch.run(Multiplying::<false, true> { out, n, width, left, right, upper: false });
-}
-
-struct Multiplying<'a, const FRESH: bool, const TAKE: bool> {
+struct Multiplying<'a, const FRESH: bool> {
     out: &'a mut Panel,
     n: usize,
     width: usize,
@@ -55,7 +50,7 @@ struct Multiplying<'a, const FRESH: bool, const TAKE: bool> {
     upper: bool,
 }
 
-impl<const FRESH: bool, const TAKE: bool> Kernel for Multiplying<'_, FRESH, TAKE> {
+impl<const FRESH: bool> Kernel for Multiplying<'_, FRESH> {
     type Output = ();
 
     #[inline(always)]
@@ -64,7 +59,7 @@ impl<const FRESH: bool, const TAKE: bool> Kernel for Multiplying<'_, FRESH, TAKE
     }
 }
 
-impl<const FRESH: bool, const TAKE: bool> Multiplying<'_, FRESH, TAKE> {
+impl<const FRESH: bool> Multiplying<'_, FRESH> {
     #[inline(always)]
     fn multiply<F: F64x4>(mut self, simd: Simd<F>) {
         let whole = self.n / VECTOR * VECTOR;
@@ -81,13 +76,17 @@ impl<const FRESH: bool, const TAKE: bool> Multiplying<'_, FRESH, TAKE> {
 
     #[inline(always)]
     fn rows<F: F64x4, const R: usize>(&mut self, simd: Simd<F>, first: usize) {
-        let (left, right, own) = (&self.left, &self.right, self.left.start(first, 1));
-        over_columns!(if self.upper { first } else { 0 }..self.width, |j, V| {
-            let start = right.start(j, V).max(own);
-            let tile: Tile<F, R, V> = if FRESH { simd.zero() } else { simd.load(self.out.part(first, j)) };
-            let (a, b) = (left.panel.part(start, left.column + first), right.panel.part(start, right.column + j));
-            let tile = simd.multiply::<TAKE, R, V>(tile, a, b, left.rows.end - start);
-            self.out.put(simd, tile, first, j);
-        });
+        let (left, right, own) = (&self.left, &self.right, self.left.start(first));
+        let width = self.width;
+        over_columns!(
+            if self.upper { first } else { 0 }..width,
+            |j: usize| together(&right.starts[j / VECTOR..width / VECTOR], own..left.rows.end),
+            |j, V, start| {
+                let tile: Tile<F, R, V> = if FRESH { simd.zero() } else { simd.load(self.out.part(first, j)) };
+                let (a, b) = (left.panel.part(start, left.column + first), right.panel.part(start, right.column + j));
+                let tile = simd.multiply::<false, R, V>(tile, a, b, left.rows.end - start);
+                self.out.put(simd, tile, first, j);
+            }
+        );
     }
 }

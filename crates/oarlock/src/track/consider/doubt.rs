@@ -76,6 +76,9 @@ pub(in crate::track) struct Shares {
     variances: Vec<[f64; 2]>,
 }
 
+/// Consider states side by side.
+const WIDE: usize = 8;
+
 /// Numbers at the start of the flat form: layout, scale, width, number of calibrated parameters, and lasting scale.
 const HEAD: usize = 5;
 /// Number of the layout; another one with every change of it. Negative, because forms without a layout begin with the scale.
@@ -121,25 +124,41 @@ impl Doubt {
         (self.slopes.len() / self.width.max(1), self.rows.len(), self.width)
     }
 
-    /// Variance of a state with this variance due to noise. A joint is not beyond its range, whatever the
+    /// Adds to variances of all states, due to noise, those due to the consider states. A joint is not beyond its range, whatever the
     /// derivatives say.
-    pub(in crate::track) fn widened(&self, state: usize, noise: f64) -> f64 {
-        (noise + self.variance(state)).min(self.bounds.reach[state])
+    pub(in crate::track) fn widen(&self, variance: &mut [f64]) {
+        if self.scale != 0.0 || self.told != 0 {
+            let stated = stated(self.scale);
+            for first in (0..self.width).step_by(WIDE) {
+                let scales = std::array::from_fn(|k| self.scale_of(first + k, stated));
+                self.add_squares(first, scales, variance);
+            }
+        }
+        variance.iter_mut().zip(&self.bounds.reach).for_each(|(variance, reach)| *variance = variance.min(*reach));
     }
 
-    /// Variance of a state that is due to the consider states.
-    fn variance(&self, state: usize) -> f64 {
-        if self.scale == 0.0 && self.told == 0 {
-            return 0.0;
+    /// Adds the squares of the slopes by some neighbouring parameters, each times its scale. Slopes by those that are missing count as zero.
+    fn add_squares(&self, first: usize, scales: [f64; WIDE], variance: &mut [f64]) {
+        for (slopes, variance) in self.slopes.chunks_exact(self.width).zip(variance) {
+            let mut some = [0.0; WIDE];
+            match slopes[first..].first_chunk() {
+                Some(whole) => some = *whole,
+                None => some[..slopes.len() - first].copy_from_slice(&slopes[first..]),
+            }
+            let squares: [f64; WIDE] = std::array::from_fn(|k| (some[k] * scales[k]).powi(2));
+            let pairs: [f64; WIDE / 2] = std::array::from_fn(|k| squares[k] + squares[k + WIDE / 2]);
+            *variance += (pairs[0] + pairs[2]) + (pairs[1] + pairs[3]);
         }
-        let (told, rest) = self.slopes[state * self.width..(state + 1) * self.width].split_at(self.told);
-        let (mounts, stated) = (self.scale, stated(self.scale));
-        // The uncertainty of a calibrated parameter is never less than the calibration's own and never more than without it.
-        let calibrated =
-            told.iter().zip(&self.bounds.most).map(|(s, &most)| (s * self.scale.min(most).max(1.0)).powi(2));
-        let others = rest.iter().zip(&self.bounds.mounts[self.told..]);
-        let others = others.map(|(s, &is_mount)| (s * if is_mount { mounts } else { stated }).powi(2));
-        calibrated.sum::<f64>() + others.sum::<f64>()
+    }
+
+    /// Scale of a consider state, with that of lengths and positions. The uncertainty of a calibrated parameter is never less than the
+    /// calibration's own and never more than without it.
+    fn scale_of(&self, parameter: usize, stated: f64) -> f64 {
+        match self.bounds.most.get(parameter) {
+            Some(&most) => self.scale.min(most).max(1.0),
+            None if self.bounds.mounts.get(parameter) == Some(&true) => self.scale,
+            None => stated,
+        }
     }
 
     /// What the smoother needs later, when the scale of the whole recording is known.
@@ -262,13 +281,19 @@ mod tests {
         Doubt::new(scale, (3, 2, 4), 1, bounds)
     }
 
+    fn widened(doubt: &Doubt, state: usize, noise: f64) -> f64 {
+        let mut variance = [noise; 3];
+        doubt.widen(&mut variance);
+        variance[state]
+    }
+
     #[test]
     fn a_joint_is_not_beyond_its_range() {
         let mut doubt = doubt(1.0);
         doubt.slopes.fill(100.0);
-        assert_eq!(doubt.widened(0, 0.1), 4.0);
-        assert_eq!(doubt.widened(0, 9.0), 4.0);
-        assert_eq!(doubt.widened(1, 0.5), 40_000.5);
+        assert_eq!(widened(&doubt, 0, 0.1), 4.0);
+        assert_eq!(widened(&doubt, 0, 9.0), 4.0);
+        assert_eq!(widened(&doubt, 1, 0.5), 40_000.5);
     }
 
     #[test]
@@ -276,7 +301,7 @@ mod tests {
         let by_the_first = |scale: f64| {
             let mut doubt = doubt(scale);
             doubt.slopes[4] = 1.0;
-            doubt.widened(1, 0.0)
+            widened(&doubt, 1, 0.0)
         };
         assert_eq!([0.0, 1.0, 3.0, 5.0, 1000.0].map(by_the_first), [1.0, 1.0, 9.0, 25.0, 25.0]);
     }
@@ -286,7 +311,7 @@ mod tests {
         let std = |parameter: usize, scale: f64| {
             let mut doubt = doubt(scale);
             doubt.slopes[4 + parameter] = 1.0;
-            doubt.widened(1, 0.0).sqrt()
+            widened(&doubt, 1, 0.0).sqrt()
         };
         let (mount, length) = (|scale: f64| std(1, scale), |scale: f64| std(3, scale));
         assert_eq!([0.0, 0.1, 0.5, 2.0].map(mount), [0.0, 0.1, 0.5, 2.0]);
@@ -303,9 +328,9 @@ mod tests {
         let shares = early.shares();
         assert_eq!(shares.lack(1, 0.2, true), 0.0);
         early.scale = 0.5;
-        let late = early.variance(1);
+        let late = widened(&early, 1, 0.0);
         early.scale = 0.25;
-        assert!((shares.lack(1, 0.5, true) - (late - early.variance(1))).abs() < 1e-12);
+        assert!((shares.lack(1, 0.5, true) - (late - widened(&early, 1, 0.0))).abs() < 1e-12);
         // A calibrated parameter counts in full at scales up to 1.
         assert!((shares.lack(1, 0.5, false) - (late - 49.0)).abs() < 1e-12);
         assert_eq!((shares.lack(0, 0.5, false), shares.lack(1, 0.0, false)), (0.0, 0.0));

@@ -4,7 +4,7 @@ use super::system::{matrix, start, Linear, ROWS, STATES};
 use super::{samples, support, Make, OPEN};
 use nalgebra::{DMatrix, DVector};
 use oarlock::estimate::filter::{Filter, Info, Measurement, RowGroups};
-use oarlock::estimate::information::{Carried, Columns};
+use oarlock::estimate::information::{Carried, Force};
 use oarlock::estimate::transition::Transition;
 use support::chance::Chance;
 
@@ -19,7 +19,7 @@ fn worst(make: Make) -> f64 {
         RowGroups { parts: vec![0..2, 2..ROWS], sources: vec![0..2, 2..ROWS], inertial: vec![0, 1], rough: vec![] };
     let (mut filter, mut info, mut belief) = (make(&system, &groups), Info::new(&groups, ROWS), start());
     let mut chance = Chance::new(8);
-    let (mut forced, mut carried) = (Columns::zeros(ROWS, WIDTH), Carried::new(STATES, ROWS, WIDTH));
+    let mut carried = Carried::new(STATES, ROWS, WIDTH);
     let mut worst: f64 = 0.0;
     for (k, sample) in samples(60, 3).iter().enumerate().skip(1) {
         filter.predict(&system, &mut belief, sample.time_s, &mut Transition::default());
@@ -29,9 +29,10 @@ fn worst(make: Make) -> f64 {
         let (excluded, before) = ([k % 5 == 2, k % 6 == 1], belief.clone());
         let f = DMatrix::from_fn(ROWS, WIDTH, |_, _| chance.normal());
         let s = DMatrix::from_fn(STATES, WIDTH, |_, _| chance.normal());
-        for r in 0..ROWS {
-            (0..WIDTH).for_each(|k| forced.row_mut(r)[k] = f[(r, k)] / system.noise_std[r]);
-        }
+        let force =
+            |row: usize, parameter: usize| Force { row, parameter, by: f[(row, parameter)] / system.noise_std[row] };
+        let forces: Vec<Force> =
+            (0..ROWS).flat_map(|r| (0..WIDTH).map(move |k| (r, k))).map(|(r, k)| force(r, k)).collect();
         let (std, level) = (system.noise_std, [None; 2]);
         let (z, groups) = (&sample.z, &groups);
         let measured = Measurement {
@@ -45,7 +46,7 @@ fn worst(make: Make) -> f64 {
         };
         filter.update(&system, &(), &mut belief, measured, OPEN, &mut info).unwrap();
         let mut slopes: Vec<f64> = s.transpose().as_slice().to_vec();
-        assert!(filter.carry(&forced, &mut carried, &mut slopes));
+        assert!(filter.carry(&forces, &mut carried, &mut slopes));
 
         let mut used = *z;
         for (part, _) in groups.parts.iter().zip(excluded).filter(|(_, excluded)| *excluded) {
