@@ -211,7 +211,7 @@ def write_axes(calibration: Calibration) -> None:
     noted: dict[str, Any] = dict(calibration.noted)
     heading("Hinges")
     table(
-        ["hinge", "units", ">std deg", ">residual rad/s", ">rotation rad/s", "ends"],
+        ["hinge", "units", ">std deg", ">residual rad/s", ">rotation rad/s", "remark"],
         [
             (
                 name,
@@ -219,7 +219,7 @@ def write_axes(calibration: Calibration) -> None:
                 _degrees(found["std_rad"]),
                 number(found["residual_rad_s"], ".3f"),
                 number(found["hinge_rad_s"], ".2f"),
-                "contradict the mounts" if found["ends_contradict"] else "",
+                _remark(found),
             )
             for name, found in noted["joint"].items()
         ],
@@ -251,6 +251,11 @@ def write_axes(calibration: Calibration) -> None:
         say(
             f"Track such hinges with `oarlock track ... {given}`: the play's standard deviation in deg, a guess."
         )
+
+
+def _remark(found: dict[str, Any]) -> str:
+    across = "turns across its axis" if found["turns_across"] else ""
+    return "ends contradict the mounts" if found["ends_contradict"] else across
 
 
 def write_pose(calibration: Calibration) -> None:
