@@ -3,8 +3,12 @@
 import subprocess
 import sys
 
+import numpy as np
 import pyarrow as pa
 from pyarrow import parquet
+
+import oarlock
+from oarlock.storage.parquet_table import numbers_of
 
 READ_EACH = """
 import sys
@@ -34,3 +38,19 @@ def test_no_damaged_footer_ends_the_process(tmp_path):
     read = subprocess.run([sys.executable, "-c", READ_EACH, file], capture_output=True, text=True)
     assert read.returncode == 0, read.stderr
     assert int(read.stdout) > 100
+
+
+def test_numbers_are_the_same_in_parts_and_missing_ones_are_nan():
+    whole = pa.chunked_array([[0.5, np.nan], [2.5]])
+    np.testing.assert_array_equal(numbers_of(whole), [0.5, np.nan, 2.5])
+    np.testing.assert_array_equal(numbers_of(pa.chunked_array([[0.5, None], [2.5]])), [0.5, np.nan, 2.5])
+    np.testing.assert_array_equal(numbers_of(pa.chunked_array([[1, 2], [3]])), [1, 2, 3])
+    assert numbers_of(pa.chunked_array([], pa.float64())).shape == (0,)
+
+
+def test_reading_a_recording_does_not_import_pandas(tmp_path):
+    stream = oarlock.ScalarStream("seat", np.arange(5.0), np.arange(5.0), "m")
+    oarlock.Recording([stream]).save(tmp_path / "rec")
+    asked = "import sys, oarlock; oarlock.load_recording(sys.argv[1]); print('pandas' in sys.modules)"
+    read = subprocess.run([sys.executable, "-c", asked, tmp_path / "rec"], capture_output=True, text=True)
+    assert read.stdout == "False\n", read.stderr

@@ -107,7 +107,6 @@ def write_any_report(
     targets: str | None = None,
 ) -> list[Path]:
     """Write the report of any model; add strokes for rowers. Return the written files, the report first."""
-    from oarlock.movement.report import write_movement_report
     from oarlock.rowing.report.write import is_of_rower, write_rowing_report
 
     if is_of_rower(track):
@@ -117,4 +116,6 @@ def write_any_report(
             raise UsageError(
                 f"{flag} needs the track of a rower; this one has the joints {', '.join(track.joint_names[:6])}"
             )
+    from oarlock.movement.report import write_movement_report
+
     return write_movement_report(track, path, evaluation, truth)

@@ -24,7 +24,7 @@ from oarlock.storage.delimited import Dialect, Layout, numbers
 from oarlock.storage.errors import DataError
 from oarlock.storage.folder_writer import check_files, read_manifest, replaced_folder
 from oarlock.storage.names import file_names
-from oarlock.storage.parquet_table import read_table
+from oarlock.storage.parquet_table import numbers_of, read_table
 from oarlock.storage.paths import place_of
 from oarlock.storage.suggest import did_you_mean
 from oarlock.storage.toml import TomlTable, toml_text
@@ -260,7 +260,7 @@ def _read_parquet(file: Path, names: list[str]) -> dict[str, FloatArray]:
         kind = column.type.value_type if pa.types.is_dictionary(column.type) else column.type
         if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
             raise DataError(f'{file}: column "{name}" is of type {kind}; expected numbers')
-        columns[name] = column.to_numpy()
+        columns[name] = numbers_of(column)
     return columns
 
 

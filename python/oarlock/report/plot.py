@@ -97,37 +97,38 @@ def decimate(x: Floats, y: Floats, buckets: int = BUCKETS) -> tuple[Floats, Floa
     """At most two samples per column: the smallest and the largest, in order of time. NaN marks a gap."""
     if len(x) <= 2 * buckets:
         return x, y
-    kept_x: list[float] = []
-    kept_y: list[float] = []
-    for xs, ys in _buckets(x, y, buckets):
-        good = np.flatnonzero(np.isfinite(ys))
-        if not len(good):
-            kept_x.append(float(xs[0]))
-            kept_y.append(math.nan)
-            continue
-        ends = sorted({int(good[np.argmin(ys[good])]), int(good[np.argmax(ys[good])])})
-        kept_x.extend(float(xs[k]) for k in ends)
-        kept_y.extend(float(ys[k]) for k in ends)
-    return np.array(kept_x), np.array(kept_y)
+    places, is_in = _buckets(len(x), buckets)
+    values, good = y[places], np.isfinite(y[places]) & is_in
+    lowest = np.argmin(np.where(good, values, np.inf), axis=1)
+    highest = np.argmax(np.where(good, values, -np.inf), axis=1)
+    ends = np.sort(np.stack([lowest, highest], axis=1), axis=1)
+    kept = np.take_along_axis(places, ends, axis=1)
+    heights, is_seen = y[kept], good.any(axis=1)
+    heights[~is_seen] = np.nan
+    # One sample is enough where the smallest is the largest, and for a gap.
+    chosen = np.stack([np.ones(len(kept), dtype=bool), is_seen & (ends[:, 0] != ends[:, 1])], axis=1)
+    return x[kept][chosen], heights[chosen]
 
 
 def envelope(x: Floats, low: Floats, high: Floats, buckets: int = BUCKETS) -> tuple[Floats, Floats, Floats]:
     """A band with one pair of bounds per bucket, never narrower than the band itself."""
     if len(x) <= buckets:
         return x, low, high
-    rows = []
-    for (xs, lows), (_, highs) in zip(_buckets(x, low, buckets), _buckets(x, high, buckets), strict=True):
-        good = np.isfinite(lows) & np.isfinite(highs)
-        bounds = (lows[good].min(), highs[good].max()) if good.any() else (math.nan, math.nan)
-        rows.append((xs.mean(), *bounds))
-    middle, lower, upper = np.array(rows).T
+    places, is_in = _buckets(len(x), buckets)
+    good = np.isfinite(low[places]) & np.isfinite(high[places]) & is_in
+    lower = np.where(good, low[places], np.inf).min(axis=1)
+    upper = np.where(good, high[places], -np.inf).max(axis=1)
+    lower[~good.any(axis=1)] = upper[~good.any(axis=1)] = np.nan
+    middle = np.mean(x[places], axis=1, where=is_in)
     middle[0], middle[-1] = x[0], x[-1]
     return middle, lower, upper
 
 
-def _buckets(x: Floats, y: Floats, count: int) -> list[tuple[Floats, Floats]]:
-    edges = np.linspace(0, len(x), count + 1).astype(int)
-    return [(x[a:b], y[a:b]) for a, b in pairwise(edges)]
+def _buckets(samples: int, count: int) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    """(count, n) indices of the samples of each bucket, and which of them are its own: n is that of the longest."""
+    edges = np.linspace(0, samples, count + 1).astype(int)
+    places = edges[:-1, None] + np.arange(np.diff(edges).max())
+    return np.minimum(places, samples - 1), places < edges[1:, None]
 
 
 def line(panel: Panel, x: Floats, y: Floats, style: str) -> str:
@@ -208,7 +209,7 @@ def _decades(panel: Panel) -> list[float]:
 
 def _path(x: Floats, y: Floats) -> str:
     pieces, pen = [], "M"
-    for a, b in zip(x, y, strict=True):
+    for a, b in zip(x.tolist(), y.tolist(), strict=True):
         if not math.isfinite(b):
             pen = "M"
             continue

@@ -18,7 +18,7 @@ from oarlock.recording.session_info import SESSION_KEY, read_session, without_se
 from oarlock.storage.epoch import epoch_of_stamps, shifted_text
 from oarlock.storage.errors import DataError
 from oarlock.storage.folder_writer import check_files, read_manifest, replaced_folder
-from oarlock.storage.parquet_table import columns_of, read_table
+from oarlock.storage.parquet_table import columns_of, numbers_of, read_table
 from oarlock.storage.paths import place_of
 from oarlock.storage.regular_file import read_text
 from oarlock.storage.toml import TomlTable, write_toml
@@ -257,7 +257,7 @@ def _model(place: Path, provenance: Mapping[str, Any]) -> Model | None:
 
 
 def _one(table: pa.Table, name: str) -> NDArray[np.float64]:
-    return np.array(table[name].to_numpy(), dtype=np.float64)
+    return np.array(numbers_of(table[name]), dtype=np.float64)
 
 
 def _stack(table: pa.Table, names: list[str]) -> NDArray[np.float64]:

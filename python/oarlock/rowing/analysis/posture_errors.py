@@ -164,7 +164,9 @@ def _length_groups(stds: dict[str, float]) -> list[list[str]]:
 
 
 def _posture(rower: Rower, grid: Grid, q: Floats, qd: Floats) -> Posture:
-    places, moves, rates = rower.places(q), rower.moves(q), np.nan_to_num(qd)
+    places, rates = rower.places(q), np.nan_to_num(qd)
+    held = grip_names(places)
+    moves = rower.moves(q, held.values())
 
     def speed(move: Floats) -> Floats:
         return np.asarray(np.sum(_along(move) * rates, axis=-1))
@@ -176,7 +178,7 @@ def _posture(rower: Rower, grid: Grid, q: Floats, qd: Floats) -> Posture:
         places,
         speed(moves["seat"]),
         speed(shoulders(moves)),
-        {side: speed(moves[name]) for side, name in grip_names(places).items()},
+        {side: speed(moves[name]) for side, name in held.items()},
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -79,14 +79,18 @@ class Rower:
             found = {name: _aboard(hull, place) for name, place in found.items()}
         return found
 
-    def moves(self, q: Floats) -> dict[str, Floats]:
-        """Derivatives (..., 3, n_coordinates) of `places` by the coordinates."""
-        names = list(self.model.frame_names)
-        frames = ["hull" if "hull" in names else "root", *self._frames(names)]
+    def moves(self, q: Floats, grips: Collection[str] = ()) -> dict[str, Floats]:
+        """Derivatives (..., 3, n_coordinates) of `places` by the coordinates: of seat, shoulders and `grips`."""
+        frames, names = [*NEEDED, *grips], list(self.model.frame_names)
         read = np.where(_unread(q), 0.0, q)
-        poses = self.model.forward_kinematics(read)[..., [names.index(frame) for frame in frames], :, :]
-        moves = relative_moves(poses, self.model.frame_jacobian(read, frames).by_coordinate)
-        return {frame: moves[..., k, :, :] for k, frame in enumerate(frames[1:])}
+        if "hull" in names:
+            frames = ["hull", *frames]
+            poses = self.model.forward_kinematics(read)[..., [names.index(frame) for frame in frames], :, :]
+            moves = relative_moves(poses, self.model.frame_jacobian(read, frames).by_coordinate)
+            frames = frames[1:]
+        else:
+            moves = self.model.frame_jacobian(read, frames).by_coordinate[..., :3, :]
+        return {frame: moves[..., k, :, :] for k, frame in enumerate(frames)}
 
     def _frames(self, names: list[str]) -> list[str]:
         wanted = [f"{side}_{part}" for side in SIDES for part in PARTS]

@@ -94,10 +94,13 @@ class Course:
             value, rate = read.at(times)
             value[outside] = rate[outside] = np.nan
             values[known, column], rates[known, column] = value, rate
-            std = np.nan_to_num(self.track.q_std[:, column])
-            stds[known, column] = np.interp(times, self.track.time_s, std)
+            stds[known, column] = np.interp(times, self.track.time_s, self._stds[column])
             rate_stds[known, column] = read.rate_std
         return values, rates, stds, rate_stds
+
+    @cached_property
+    def _stds(self) -> list[Floats]:
+        return [np.nan_to_num(column) for column in self.track.q_std.T]
 
     @cached_property
     def _read(self) -> list[_Read | None]:

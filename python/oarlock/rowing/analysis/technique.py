@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from os import PathLike
+from os import PathLike, cpu_count
 from types import MappingProxyType
 
 import numpy as np
@@ -37,7 +38,7 @@ Floats = NDArray[np.float64]
 SETTLED_S = 2.0
 """As `evaluate` scores tracks: until then errors are larger than the filter can know."""
 _YOUNG = f"it began in the first {SETTLED_S:.0f} s of filtering"
-_STROKES_AT_ONCE = 32
+_STROKES_AT_ONCE = 16
 _ARM = ("elbow", "shoulder", "arm_plane", "forearm")
 
 
@@ -149,10 +150,14 @@ def _values(
     if len(found) == 0:
         return {}, {}
     course, events = Course(track, observed_q(track, rower)), _events(found)
-    parts = []
-    for first in range(0, len(found), _STROKES_AT_ONCE):
+
+    def part(first: int) -> tuple[Values, Values]:
         own = events.part(slice(first, first + _STROKES_AT_ONCE))
-        parts.append(Scatter(rower, course, own, found.zero_std, lengths).values_and_stds())
+        return Scatter(rower, course, own, found.zero_std, lengths).values_and_stds()
+
+    # The engine and numpy compute without Python's lock; each thread needs some 100 MB.
+    with ThreadPoolExecutor(min(cpu_count() or 1, 4)) as pool:
+        parts = list(pool.map(part, range(0, len(found), _STROKES_AT_ONCE)))
     values, stds = (_joined([part[which] for part in parts]) for which in (0, 1))
     boat, boat_stds = _boat(track, _grid(found), mean_speed_m_s)
     oars, oar_stds = _oars(rower, course, _grid(found), found.zero_std)
