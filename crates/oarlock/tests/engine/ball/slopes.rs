@@ -100,9 +100,9 @@ fn slopes(one: &Hypothesis, parameter: usize) -> Vec<f64> {
 const UNITS: usize = 3;
 /// Third powers of it are nothing beside it.
 const STEP_RAD: f64 = 1e-3;
-/// Slopes leave out that the gain changes with the parameter. It falls with the distance that an update moves; measured 0.022 at
-/// most.
-const CHANGES_OF_THE_GAIN: f64 = 0.03;
+/// Slopes leave out that the gain changes with the parameter, which is up to 0.085 here, and as much as what P3 does to them: the
+/// test below tells the latter.
+const CHANGES_OF_THE_GAIN: f64 = 0.1;
 
 #[test]
 fn slopes_of_fast_balls_are_differences_of_estimates() {
@@ -110,7 +110,8 @@ fn slopes_of_fast_balls_are_differences_of_estimates() {
     let tree = ["2.0", "3.0", "4.0"]
         .iter()
         .fold(TREE.to_string(), |text, density| text.replace(&format!("density = {density}"), "density = 20.0"));
-    for (filter, seed) in [(FilterKind::Ekf, 6), (FilterKind::Ekf, 7), (FilterKind::Ukf, 8)] {
+    let trials = [5, 6, 7, 8].map(|seed| (FilterKind::Ekf, seed));
+    for (filter, seed) in trials.into_iter().chain([(FilterKind::Ukf, 8)]) {
         let moving = Moving::new(&tree, filter, 400.0, seed);
         let end = moving.end(&Calibration::default(), moving.start.clone());
         for k in 0..3 * UNITS {
