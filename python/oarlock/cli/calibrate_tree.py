@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from oarlock.cli.options import Json, ModelName, Replace, Settings, assignments, example, names
-from oarlock.cli.terminal import free_file, heading, number, print_json, say, steps, table, verb
+from oarlock.cli.terminal import free_file, heading, number, print_json, progress, say, steps, table, verb
 
 if TYPE_CHECKING:
     from oarlock import Calibration, Model, Recording
@@ -162,7 +162,8 @@ def calibrated(
 
     body = oarlock.load_model(model, parameters=assignments(settings, "--set"))
     free_file(out, force)
-    found = search(body, oarlock.load_recording(recording))
+    with progress("calibrating"):
+        found = search(body, oarlock.load_recording(recording))
     saved(found, write, out, json_output)
     if not json_output:
         steps(track_next(recording, model, out))

@@ -9,7 +9,7 @@ import typer
 
 from oarlock.cli.evaluate import truth_folder
 from oarlock.cli.options import Json, Replace, example
-from oarlock.cli.terminal import UsageError, free_file, print_json, say, verb
+from oarlock.cli.terminal import UsageError, free_file, print_json, progress, say, verb
 
 if TYPE_CHECKING:
     from oarlock import Evaluation, Track
@@ -110,7 +110,10 @@ def write_any_report(
     from oarlock.rowing.report.write import is_of_rower, write_rowing_report
 
     if is_of_rower(track):
-        return write_rowing_report(track, path, evaluation, truth, other=other, names=names, targets=targets)
+        with progress("writing the report"):
+            return write_rowing_report(
+                track, path, evaluation, truth, other=other, names=names, targets=targets
+            )
     for flag, asked in (("--compare", other), ("--targets", targets)):
         if asked is not None:
             raise UsageError(
@@ -118,4 +121,5 @@ def write_any_report(
             )
     from oarlock.movement.report import write_movement_report
 
-    return write_movement_report(track, path, evaluation, truth)
+    with progress("writing the report"):
+        return write_movement_report(track, path, evaluation, truth)
