@@ -166,20 +166,27 @@ impl<S: FastSystem> Filter<S> {
 
     /// The effect of the last update on derivatives of the mean, a row for each state; see [`InformationUpdate::carry`]. False for a
     /// factorised filter, which does not change them.
-    pub fn carry(&self, forces: &[Force], carried: &mut Carried, slopes: &mut [f64]) -> bool {
+    pub fn carry(&self, forces: &[Force], apart: &[Apart], carried: &mut Carried, slopes: &mut [f64]) -> bool {
         if !self.is_whole() {
             return false;
         }
         carried.before.copy_from_slice(slopes);
         self.information.carry(self.arch, &self.l_transposed, forces, carried, slopes);
-        self.follow_mean(&carried.before, slopes);
+        self.follow_mean(&carried.before, apart, slopes);
         true
     }
 
-    /// Derivatives of the mean after the last update (P3, P4), from those `before` it and those before the mean moved.
-    pub fn follow_mean(&self, before: &[f64], slopes: &mut [f64]) {
+    /// Derivatives of the mean after the last update (P3, P4), from those `before` it and those before the mean moved; `apart` has every
+    /// rotation.
+    pub fn follow_mean(&self, before: &[f64], apart: &[Apart], slopes: &mut [f64]) {
         let width = slopes.len() / self.shift.len();
-        self.reset.iter().for_each(|block| leave_chart(self.arch, (block, &self.shift), before, slopes, width));
+        for block in &self.reset {
+            let Some(own) = apart.iter().find(|own| own.state == block.index[0]) else {
+                debug_assert!(false, "a rotation of which nothing is said");
+                continue;
+            };
+            leave_chart(self.arch, (block, &self.shift, &own.share), before, slopes);
+        }
         self.shears.iter().for_each(|shear| shear.apply_to_rows(slopes, width));
     }
 
@@ -381,18 +388,30 @@ impl<S: FastSystem> Filter<S> {
     }
 }
 
+/// For a rotation, by parameter: 1 if its error stays in the axes of what carries the body, 0 if it stays in the body's own.
+#[derive(Debug, Clone)]
+pub struct Apart {
+    /// First state of the rotation.
+    pub state: usize,
+    /// A number for each parameter.
+    pub share: Vec<f64>,
+}
+
 /// The derivative S+ of a rotation by a parameter after an update by delta(p), of R Exp(S p) Exp(delta): what is from before turns with the
-/// mean, the change of delta follows Jr(delta) of P3. Exp(delta)' S + Jr (S+ - S) = S + Jr (S+ - S - delta x S).
-fn leave_chart(arch: Arch, (jr, shift): (&Block, &[f64]), before: &[f64], slopes: &mut [f64], width: usize) {
-    let [x, y, z] = jr.index;
+/// mean, the change of delta follows Jr(delta) of P3. Exp(delta)' S + Jr (S+ - S) = S + Jr (S+ - S - delta x S). An error of the body's own
+/// axes turns delta too, by -S x delta, so that delta x S is left out.
+fn leave_chart(arch: Arch, (jr, shift, share): (&Block, &[f64], &[f64]), before: &[f64], slopes: &mut [f64]) {
+    let (width, [x, y, z]) = (share.len(), jr.index);
     let add = |slopes: &mut [f64], to: usize, by: f64, from: usize| {
         let from = &before[from * width..(from + 1) * width];
         slopes[to * width..(to + 1) * width].iter_mut().zip(from).for_each(|(s, b)| *s += by * b);
     };
     for (i, j, k) in [(x, y, z), (y, z, x), (z, x, y)] {
         add(slopes, i, -1.0, i);
-        add(slopes, i, -shift[j], k);
-        add(slopes, i, shift[k], j);
+        let [to_j, to_k] = [j, k].map(|r| &before[r * width..(r + 1) * width]);
+        let turned =
+            to_j.iter().zip(to_k).zip(share).map(|((b_j, b_k), share)| share * (shift[k] * b_j - shift[j] * b_k));
+        slopes[i * width..(i + 1) * width].iter_mut().zip(turned).for_each(|(s, t)| *s += t);
     }
     apply_to_rows(arch, std::slice::from_ref(jr), slopes, width);
     jr.index.into_iter().for_each(|i| add(slopes, i, 1.0, i));

@@ -16,6 +16,7 @@ mod scoring;
 mod slopes;
 mod tally;
 mod twin;
+mod worn_rigidly;
 
 use super::hypothesis::Hypothesis;
 use super::readings::Readings;
@@ -25,7 +26,7 @@ use crate::body::{Body, Moment};
 use crate::config::{Config, Consider, FilterKind};
 use crate::error::Result;
 use crate::estimate::belief::Belief;
-use crate::estimate::filter::{Filter, Info, Verdict};
+use crate::estimate::filter::{Apart, Filter, Info, Verdict};
 use crate::estimate::information::{Carried, Columns, Force, Side};
 use crate::estimate::learn::Learning;
 use crate::estimate::transition::Transition;
@@ -47,6 +48,7 @@ use slopes::Prior;
 use tally::Tally;
 pub use tally::Window;
 use twin::{twin, Role, Roles, ZERO_STD};
+use worn_rigidly::worn_rigidly;
 
 /// Larger slopes mean that the recursion has diverged.
 const ABSURD: f64 = 1e6;
@@ -91,6 +93,7 @@ pub(super) struct Considering {
     weights: Vec<f64>,
     /// Workspaces for an update with all readings, and for one in parts.
     carried: Carried,
+    apart: Vec<Apart>,
     parts: Option<Parts>,
     scales: Vec<f64>,
 }
@@ -144,6 +147,7 @@ impl Considering {
             bounds: Bounds { mounts, most, reach: reach(body) },
             how: config.consider,
             inflated: (1.0, 1.0),
+            apart: worn_rigidly(body, &names, width),
             names,
             score: None,
             answers: vec![0.0; m * width],
@@ -166,6 +170,7 @@ impl Considering {
         self.bounds.mounts.resize(width, false);
         self.answers = vec![0.0; m * width];
         self.carried = Carried::new(n, m, width);
+        self.apart.iter_mut().for_each(|own| own.share.resize(width, 1.0));
         self.parts = self.parts.as_ref().map(|_| Parts::new(n, m, width));
         self.how = Consider::Always;
         self.score = Some(Scoring::new(delays, Tally::new(width, settle_s, window_s), (n, m, width)));
@@ -238,14 +243,14 @@ impl Considering {
         if self.weights.iter().all(|w| *w == 0.0) {
             return; // The last update may be an earlier one.
         }
-        let is_whole = filter.carry(&self.forces, &mut self.carried, slopes);
+        let is_whole = filter.carry(&self.forces, &self.apart, &mut self.carried, slopes);
         if let Some(Parts { prior, forced, pull }) = self.parts.as_mut().filter(|_| !is_whole) {
             forced.clear();
             self.forces.iter().for_each(|f| forced.row_mut(f.row)[f.parameter] += f.by);
             filter.substitute(Side::Left, forced);
             filter.substitute(Side::Right, forced);
             gather_pull(&self.straight, &self.roles, &self.weights, forced, pull);
-            prior.update(p, filter, pull, slopes);
+            prior.update(p, (filter, &self.apart), pull, slopes);
         }
         // Side by side; so written that NaN is absurd too.
         let is_sane = |some: &[f64]| some.iter().fold(true, |sane, s| sane & (s.abs() < ABSURD));

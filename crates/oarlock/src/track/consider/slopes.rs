@@ -5,7 +5,7 @@
 //! its place, the recursion S - P+ J'W (J S + dh/dp) is no contraction where a heading is uncertain by tens of degrees, and grows without bound.
 
 use crate::body::Body;
-use crate::estimate::filter::Filter;
+use crate::estimate::filter::{Apart, Filter};
 use crate::kernels::arch::{Arch, Kernel};
 use crate::kernels::dense::{accumulate, Square};
 use crate::kernels::tiles::{factor, padded, Panel, Sweep, RAISES, VECTOR};
@@ -54,14 +54,20 @@ impl Prior {
     }
 
     /// The slopes after an update with the covariance P+; `pull` is J'W dh/dp and is overwritten. Zero if P could not be factored.
-    pub(super) fn update(&mut self, p: &Square, filter: &Filter<Body>, pull: &mut [f64], slopes: &mut [f64]) {
+    pub(super) fn update(
+        &mut self,
+        p: &Square,
+        (filter, apart): (&Filter<Body>, &[Apart]),
+        pull: &mut [f64],
+        slopes: &mut [f64],
+    ) {
         if !self.known {
             slopes.fill(0.0);
             return;
         }
         self.before.copy_from_slice(slopes);
         slopes.fill(0.0);
-        filter.follow_mean(&self.before, slopes);
+        filter.follow_mean(&self.before, apart, slopes);
         let (arch, width) = (Arch::best(), self.width);
         arch.run(Back { prior: self, pull });
         filter.undo_transposed(pull);

@@ -46,7 +46,7 @@ fn worst(make: Make) -> f64 {
         };
         filter.update(&system, &(), &mut belief, measured, OPEN, &mut info).unwrap();
         let mut slopes: Vec<f64> = s.transpose().as_slice().to_vec();
-        assert!(filter.carry(&forces, &mut carried, &mut slopes));
+        assert!(filter.carry(&forces, &[], &mut carried, &mut slopes));
 
         let mut used = *z;
         for (part, _) in groups.parts.iter().zip(excluded).filter(|(_, excluded)| *excluded) {
