@@ -179,15 +179,14 @@ impl<S: FastSystem> Filter<S> {
     /// Derivatives of the mean after the last update (P3, P4), from those `before` it and those before the mean moved; `apart` has every
     /// rotation.
     pub fn follow_mean(&self, before: &[f64], apart: &[Apart], slopes: &mut [f64]) {
-        let width = slopes.len() / self.shift.len();
+        let of_rotation = |state: usize| apart.iter().find(|own| own.state == state);
         for block in &self.reset {
-            let Some(own) = apart.iter().find(|own| own.state == block.index[0]) else {
-                debug_assert!(false, "a rotation of which nothing is said");
-                continue;
-            };
+            let Some(own) = of_rotation(block.index[0]) else { continue };
             leave_chart(self.arch, (block, &self.shift, &own.share), before, slopes);
         }
-        self.shears.iter().for_each(|shear| shear.apply_to_rows(slopes, width));
+        for shear in &self.shears {
+            of_rotation(shear.from).into_iter().for_each(|own| shear.apply_to_columns(slopes, &own.share));
+        }
     }
 
     /// A becomes T'^-1 A, if the last update made T P T' of the covariance P when it moved the mean (P3, P4).

@@ -41,11 +41,12 @@ impl Shear {
         (0..3).for_each(|r| row[self.to + r] += self.row(r, old));
     }
 
-    /// Applies it to a matrix whose rows of this width are the coordinates.
-    pub fn apply_to_rows(&self, rows: &mut [f64], width: usize) {
-        for column in 0..width {
+    /// Applies this share of it to each column of a matrix whose rows are the coordinates.
+    pub fn apply_to_columns(&self, rows: &mut [f64], share: &[f64]) {
+        let width = share.len();
+        for (column, share) in share.iter().enumerate() {
             let old = std::array::from_fn(|c| rows[(self.from + c) * width + column]);
-            (0..3).for_each(|r| rows[(self.to + r) * width + column] += self.row(r, old));
+            (0..3).for_each(|r| rows[(self.to + r) * width + column] += share * self.row(r, old));
         }
     }
 
