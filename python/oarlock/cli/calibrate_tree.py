@@ -242,7 +242,7 @@ def write_axes(calibration: Calibration) -> None:
         noted,
         ("kept_nominal", "hardly determined by the motion, close to the nominal mount"),
         (
-            "confirmed",
+            "stays_nominal",
             "the motion differs from the nominal mount by no more than its own uncertainty: unchanged",
         ),
         ("play", "also turns across its axis: play, or a unit that moves on its link"),

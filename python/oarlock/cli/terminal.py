@@ -246,7 +246,10 @@ def verb(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]
             fail("usage", str(error), EXIT_USAGE, as_json)
         except KeyboardInterrupt:
             fail(
-                "stopped", "stopped by Ctrl-C; output folders are as they were before", EXIT_STOPPED, as_json
+                "stopped",
+                "stopped by Ctrl-C; nothing unfinished is in the output folders",
+                EXIT_STOPPED,
+                as_json,
             )
         except BrokenPipeError:
             # The reader of the pipe (such as `head`) has closed it. Without this Python prints a second error at exit.

@@ -185,7 +185,16 @@ impl<S: FastSystem> Filter<S> {
             leave_chart(self.arch, (block, &self.shift, &own.share), before, slopes);
         }
         for shear in &self.shears {
-            of_rotation(shear.from).into_iter().for_each(|own| shear.apply_to_columns(slopes, &own.share));
+            let Some(own) = of_rotation(shear.from) else { continue };
+            shear.apply_to_columns(slopes, own.share.iter().copied());
+        }
+    }
+
+    /// Of P+ times something, which has P4 in all columns, takes it from those where it does not apply.
+    pub fn leave_shears(&self, apart: &[Apart], slopes: &mut [f64]) {
+        for shear in &self.shears {
+            let Some(own) = apart.iter().find(|own| own.state == shear.from) else { continue };
+            shear.apply_to_columns(slopes, own.share.iter().map(|share| share - 1.0));
         }
     }
 

@@ -42,9 +42,9 @@ impl Shear {
     }
 
     /// Applies this share of it to each column of a matrix whose rows are the coordinates.
-    pub fn apply_to_columns(&self, rows: &mut [f64], share: &[f64]) {
+    pub fn apply_to_columns(&self, rows: &mut [f64], share: impl ExactSizeIterator<Item = f64>) {
         let width = share.len();
-        for (column, share) in share.iter().enumerate() {
+        for (column, share) in share.enumerate() {
             let old = std::array::from_fn(|c| rows[(self.from + c) * width + column]);
             (0..3).for_each(|r| rows[(self.to + r) * width + column] += share * self.row(r, old));
         }

@@ -74,8 +74,9 @@ def calibrate_hinge_axes(
 
     Returns:
         The starting calibration with turned mounts and their standard deviations. ``noted`` holds each axis, its
-        standard deviation, by how much the mount was turned, undetermined axes, mounts that the motion confirms, and
-        under ``play`` the hinges that also turn across their axis: see `oarlock.with_play`.
+        standard deviation, by how much the mount was turned, undetermined axes, mounts that stay nominal because the
+        motion differs from them all by no more than its own uncertainty, and under ``play`` the hinges that also turn
+        across their axis: see `oarlock.with_play`.
 
     Raises:
         DataError: no two units with a single hinge between them, two units on one body, a stream without
@@ -101,7 +102,7 @@ def calibrate_hinge_axes(
         "joint": {pair.label: _joint_note(pair, axis) for pair, axis in found.items()},
         "sensor": {name: _unit_note(name, mount, found) for name, mount in solved.items()},
         "kept_nominal": [text for pair, axis in found.items() for text in _little_learnt(pair, axis, worn)],
-        "confirmed": [name for name, mount in solved.items() if not mount.turn_rad.any()],
+        "stays_nominal": [name for name, mount in solved.items() if not mount.turn_rad.any()],
         "play": _loose(model, [pair for pair, axis in found.items() if _has_play(axis)]),
         "left_out": [name for name in recording.names if name not in names],
     }

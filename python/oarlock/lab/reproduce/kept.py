@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, is_dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +41,9 @@ class Kept:
     seeds: tuple[int, ...]
     duration_s: float
 
+    def __post_init__(self) -> None:
+        _package_hash()  # of what runs now, not of what the files become meanwhile
+
     def read(self, key: str) -> Part | None:
         """A part that was made by the same; None without."""
         file = self.folder / f"{key}.json"
@@ -70,8 +75,11 @@ class Kept:
 
     def forget_runs(self, key: str) -> None:
         """Removes the finished runs of a part's studies, also those that other files of the package made."""
+        if self.folder.is_symlink():
+            return
         for place in self.folder.glob(f"{key}-*"):
-            if place.is_dir() and not place.is_symlink():
+            own = re.fullmatch(rf"{re.escape(key)}-[0-9a-f]{{12}}", place.name)
+            if own and place.is_dir() and not place.is_symlink():
                 shutil.rmtree(place)
 
     def _made_by(self) -> dict[str, Any]:
@@ -83,6 +91,7 @@ class Kept:
         }
 
 
+@cache
 def _package_hash() -> str:
     """A hash of the engine, the Python files and the models: between two versions they change, too."""
     root, engine = Path(oarlock.__file__).parent, Path(str(_core.__file__))

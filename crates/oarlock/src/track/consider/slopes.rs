@@ -20,6 +20,8 @@ pub(super) struct Prior {
     starts: Vec<usize>,
     own: Vec<f64>,
     before: Vec<f64>,
+    /// What the move of the mean adds to the part by P+.
+    moved: Vec<f64>,
     /// Whether P could be factored.
     known: bool,
 }
@@ -36,6 +38,7 @@ impl Prior {
             starts: vec![0; all / VECTOR],
             own: vec![0.0; width],
             before: vec![0.0; states * width],
+            moved: vec![0.0; states * width],
             known: false,
         }
     }
@@ -66,12 +69,15 @@ impl Prior {
             return;
         }
         self.before.copy_from_slice(slopes);
+        self.moved.fill(0.0);
+        filter.follow_mean(&self.before, apart, &mut self.moved);
         slopes.fill(0.0);
-        filter.follow_mean(&self.before, apart, slopes);
         let (arch, width) = (Arch::best(), self.width);
         arch.run(Back { prior: self, pull });
         filter.undo_transposed(pull);
         arch.run(Multiplying { out: slopes, p, of: pull.chunks_exact(width), width });
+        filter.leave_shears(apart, slopes);
+        slopes.iter_mut().zip(&self.moved).for_each(|(s, moved)| *s += moved);
     }
 }
 

@@ -4,10 +4,10 @@ use crate::body::Body;
 use crate::estimate::filter::Apart;
 use crate::model::{Model, SensorKind};
 
-/// For each rotation of the state: 0 for mounts of the units that turn with it, with no other rotation between; 1 for all else.
+/// For each rotation of the state: 0 for mounts of the units that turn with it, with no other ball or free joint between; 1 for all else.
 ///
 /// If a mount is wrong by a turn, all that its unit says is turned alike, in the body's axes, and so is the update: the error stays what
-/// it is there. Any other error stays in the axes of what carries the body.
+/// it is there (of a unit behind a hinge, nearly so). Any other error stays in the axes of what carries the body.
 pub(super) fn worn_rigidly(body: &Body, names: &[String], width: usize) -> Vec<Apart> {
     let of_rotation = |&(coordinate, slots): &(usize, crate::state::Slots)| {
         let is_own = |name: &String| {
