@@ -3,10 +3,9 @@
 use super::support::chance::Chance;
 use super::support::record::{times, Scene};
 use super::support::stroke::{Posture, Stroke};
-use super::support::{body, fresh, start_std, SCULLER};
+use super::support::{body, SCULLER};
 use oarlock::config::FilterKind;
 use oarlock::recording::Sample;
-use oarlock::track::hypothesis::Hypothesis;
 use oarlock::track::{Calibration, Tracker};
 use oarlock::{Config, Model};
 use std::fmt::Write;
@@ -14,15 +13,14 @@ use std::sync::Arc;
 
 pub const RATE_HZ: f64 = 125.0;
 const SAMPLES: usize = 1_000;
-/// Until a belief has settled.
-const WARM: usize = 100;
+/// Samples of the start and until a belief has settled.
+const WARM: usize = 250;
 
-/// A body with its configuration, where it begins, and what its sensors read from there on.
+/// A body with its configuration, and what its sensors read.
 pub struct Case {
     pub name: &'static str,
     pub model: Arc<Model>,
     pub config: Config,
-    pub start: Hypothesis,
     pub samples: Vec<Sample>,
 }
 
@@ -46,8 +44,7 @@ impl Case {
         let motion = |t: f64| stroke.as_ref().map_or_else(|| sway(&model, t), |stroke| stroke.at(t));
         let scene = Scene { body: &body, motion: &motion, surge: &|_| 0.0, azimuth_rad: 0.3, noise: 1.0 };
         let samples = scene.samples(&times(1.0 / RATE_HZ, 1.0 / RATE_HZ, SAMPLES), &mut Chance::new(1));
-        let start = fresh(&body, 0.0, scene.state(0.0), &start_std(&body));
-        Case { name, model, config: config.clone(), start, samples }
+        Case { name, model, config: config.clone(), samples }
     }
 
     pub fn tracker(&self, filter: FilterKind) -> Tracker {
@@ -55,10 +52,9 @@ impl Case {
         Tracker::new(self.model.clone(), &Calibration::default(), &config).expect("it tracks")
     }
 
-    /// A tracker that has settled, and the samples that follow.
+    /// A tracker that has begun by itself, with all that it considers, and settled; and the samples that follow.
     pub fn running(&self, filter: FilterKind) -> (Tracker, &[Sample]) {
         let mut tracker = self.tracker(filter);
-        tracker.resume(self.start.clone()).expect("it fits");
         let (before, behind) = self.samples.split_at(WARM);
         for sample in before {
             tracker.step(sample).expect("these readings fit the model");
