@@ -1,6 +1,6 @@
 """Counts the instructions of single steps with callgrind, which neighbours on the machine do not change.
 
-`python -m bench.counted` prints them beside the record of the last release in docs/figures/instructions.json; with
+`python -m bench.counted` prints them beside the record in docs/figures/instructions.json; with
 `--keep` they become the record. valgrind runs the AVX2 kernels also where the processor has AVX-512.
 """
 
@@ -23,7 +23,7 @@ RECORD: Final = ROOT / "docs/figures/instructions.json"
 BODIES: Final = ("sculler", "sculler with biases and surge", "arms of 29 hinges")
 STEPS: Final = 300
 MOST_GROWTH: Final = 0.05
-"""A step may take this much more than in the last release."""
+"""A step may take this much more than on record."""
 MOST_TAIL: Final = 1.3
 """The 99 % quantile of the steps, relative to their median: no step waits for work that others avoid."""
 
@@ -105,7 +105,7 @@ def main() -> None:
     before = json.loads(RECORD.read_text(encoding="utf-8"))["bodies"] if RECORD.exists() else {}
     for body, each in now.items():
         then = f"{before[body]['median']:.0f}" if body in before else "not recorded"
-        print(f"{body}: {each['median']:.0f} instructions a step, p99 {each['p99']:.0f}; last release {then}")
+        print(f"{body}: {each['median']:.0f} instructions a step, p99 {each['p99']:.0f}; on record {then}")
     if keep:
         record = stamped({"compiler": compiler(), "bodies": now})
         RECORD.write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")

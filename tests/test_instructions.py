@@ -1,4 +1,4 @@
-"""Instructions of a step, counted by callgrind: at most those of the last release, and every step alike."""
+"""Instructions of a step, counted by callgrind: at most those of the record, and every step alike."""
 
 import json
 

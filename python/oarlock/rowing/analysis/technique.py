@@ -155,7 +155,7 @@ def _values(
         own = events.part(slice(first, first + _STROKES_AT_ONCE))
         return Scatter(rower, course, own, found.zero_std, lengths).values_and_stds()
 
-    # The engine and numpy compute without Python's lock; each thread needs some 100 MB.
+    # The engine and numpy compute without Python's lock.
     with ThreadPoolExecutor(min(cpu_count() or 1, 4)) as pool:
         parts = list(pool.map(part, range(0, len(found), _STROKES_AT_ONCE)))
     values, stds = (_joined([part[which] for part in parts]) for which in (0, 1))
