@@ -24,7 +24,7 @@ from oarlock.storage.delimited import Dialect, Layout, numbers
 from oarlock.storage.errors import DataError
 from oarlock.storage.folder_writer import check_files, read_manifest, replaced_folder
 from oarlock.storage.names import file_names
-from oarlock.storage.parquet_table import numbers_of, read_table
+from oarlock.storage.parquet_table import arrow_numbers, numbers_of, read_table
 from oarlock.storage.paths import place_of
 from oarlock.storage.suggest import did_you_mean
 from oarlock.storage.toml import TomlTable, toml_text
@@ -159,7 +159,7 @@ def _columns_of(stream: Stream) -> dict[str, FloatArray]:
 
 def _write_columns(file: Path, columns: Mapping[str, FloatArray]) -> None:
     if file.suffix == ".parquet":
-        table = pa.table({name: pa.array(np.ascontiguousarray(v)) for name, v in columns.items()})
+        table = pa.table({name: arrow_numbers(v) for name, v in columns.items()})
         pq.write_table(table, file)
         return
     with file.open("w", encoding="utf-8", newline="\n") as out:
