@@ -26,6 +26,7 @@ from oarlock.storage.folder_writer import check_files, read_manifest, replaced_f
 from oarlock.storage.names import file_names
 from oarlock.storage.parquet_table import arrow_numbers, numbers_of, read_table
 from oarlock.storage.paths import place_of
+from oarlock.storage.plain_csv import plain_columns
 from oarlock.storage.suggest import did_you_mean
 from oarlock.storage.toml import TomlTable, toml_text
 from oarlock.storage.write_file import write_file
@@ -267,6 +268,9 @@ def _read_parquet(file: Path, names: list[str]) -> dict[str, FloatArray]:
 def _read_csv(file: Path, names: list[str]) -> dict[str, FloatArray]:
     layout = Layout.of(file, Dialect())
     _check_columns(file, list(layout.names), names)
+    plain = plain_columns(file, layout.names)
+    if plain is not None:
+        return plain
     wanted = [layout.index(name) for name in names]
     parts: list[list[FloatArray]] = [[] for _ in names]
     for batch in layout.batches(wanted):

@@ -9,7 +9,6 @@ from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from oarlock.evaluation.comparison.single_units import Stretch
 from oarlock.model.rotation import quat_from_matrix, quat_product
@@ -56,6 +55,8 @@ def begun(stretch: Stretch) -> Floats:
     recover.
     """
     count = min(len(stretch.time_s), max(1, round(START_S / stretch.step_s)))
+    from scipy.spatial.transform import Rotation  # takes 0.15 s to import, and `track` imports this module
+
     turned = Rotation.identity()
     sums = np.zeros((2, 3))
     for i in range(count):
