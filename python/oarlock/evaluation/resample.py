@@ -43,7 +43,9 @@ def resample_rotation(time_s: Floats, quat_wxyz: Floats, at_s: Floats) -> Floats
 
 
 def _fill(result: Floats, time_s: Floats, value: Floats, at_s: Floats, circular: bool) -> None:
-    from scipy.interpolate import CubicSpline  # takes 0.2 s to import, and a report without a truth does not need it
+    from scipy.interpolate import (
+        CubicSpline,
+    )  # takes 0.2 s to import, and a report without a truth does not need it
 
     inside = (at_s >= time_s[0]) & (at_s <= time_s[-1])
     if len(time_s) > 1 and inside.any():

@@ -68,13 +68,15 @@ def arrow_numbers(values: NDArray[Any]) -> pa.Array:
 
 
 def arrow_words(places: NDArray[np.integer], words: Sequence[str]) -> pa.DictionaryArray:
-    """A column of the words at these places, (T,); the words that occur are stored once, in the order of their first rows."""
+    """A column of the words at these places, (T,); those that occur are stored once, by their first rows."""
     used, first, inverse = np.unique(places, return_index=True, return_inverse=True)
     order = np.argsort(first)
     texts = [words[place].encode() for place in used[order]]
     ends = np.cumsum([0, *map(len, texts)], dtype=np.int32)
     dictionary = pa.StringArray.from_buffers(len(texts), pa.py_buffer(ends), pa.py_buffer(b"".join(texts)))
-    return pa.DictionaryArray.from_arrays(arrow_numbers(np.argsort(order).astype(np.int32)[inverse]), dictionary)
+    return pa.DictionaryArray.from_arrays(
+        arrow_numbers(np.argsort(order).astype(np.int32)[inverse]), dictionary
+    )
 
 
 @contextmanager

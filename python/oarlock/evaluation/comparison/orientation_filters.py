@@ -54,9 +54,9 @@ def begun(stretch: Stretch) -> Floats:
     A single sample of a moving unit may be wrong by half a radian, from which slow filters need many seconds to
     recover.
     """
-    count = min(len(stretch.time_s), max(1, round(START_S / stretch.step_s)))
     from scipy.spatial.transform import Rotation  # takes 0.15 s to import, and `track` imports this module
 
+    count = min(len(stretch.time_s), max(1, round(START_S / stretch.step_s)))
     turned = Rotation.identity()
     sums = np.zeros((2, 3))
     for i in range(count):

@@ -1,4 +1,4 @@
-"""Cubics fitted to the neighbours of each sample (Savitzky and Golay, Anal. Chem. 36, 1964), for the slopes of strokes."""
+"""Cubics through the neighbours of each sample (Savitzky and Golay, Anal. Chem. 36, 1964), for slopes of strokes."""
 
 from __future__ import annotations
 
