@@ -69,7 +69,7 @@ def main() -> None:
         "--seconds", type=float, default=20.0, help="time for the package's own measurements"
     )
     command.add_argument(
-        "--recording-s", type=float, default=600.0, help="length of the recording that is tracked whole, s"
+        "--recording-s", type=float, default=800.0, help="length of the recording that is tracked whole, s"
     )
     command.add_argument("--page", type=Path, help="only put the last run's tables into this page")
     asked = command.parse_args()

@@ -42,8 +42,9 @@ _PARTS = {"imports": "", "recording": "load", "track": "load,track", "smooth": "
 def whole_recordings(duration_s: float) -> dict[str, Any]:
     """Peak memory, MiB, and processor time, s, with a recording of this length, and of an hour.
 
-    An hour's are on the line through those of this length and of `SHORT_S`, so that imports count once. `verb` is
-    `oarlock track --smooth` with its report.
+    An hour's are on the line through those of this length and of `SHORT_S`, so that imports count once; 800 s are
+    enough that `smooth` reuses the memory of `track`, as it does for an hour. `verb` is `oarlock track --smooth` with
+    its report.
     """
     if duration_s <= SHORT_S:
         raise ValueError(f"a recording of {duration_s:g} s is too short, expected more than {SHORT_S:g} s")
