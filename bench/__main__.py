@@ -18,7 +18,7 @@ from oarlock.lab.bench.measure import measure
 
 from .apart import costs
 from .counted import NotCounted, counts
-from .memory import peaks
+from .recordings import whole_recordings
 from .startup import startups
 from .table import write
 
@@ -40,14 +40,14 @@ def criterion(target: Path) -> dict[str, dict[str, float]]:
     return found
 
 
-def collect(seconds: float, memory_s: float) -> dict[str, Any]:
+def collect(seconds: float, recording_s: float) -> dict[str, Any]:
     """Everything that was measured, and what is measured now."""
     figures = stamped({name: json.loads((OUT / f"{name}.json").read_text()) for name in RUST})
     figures["load"] = os.getloadavg()[0]
     figures["criterion"] = criterion(Path(os.environ.get("CARGO_TARGET_DIR", "target")))
     figures["user"] = measure(seconds).to_dict()
     figures["apart"] = costs()
-    figures["memory"] = peaks(memory_s)
+    figures["recordings"] = whole_recordings(recording_s)
     figures["startup"] = startups()
     figures["instructions"] = instructions()
     return figures
@@ -69,7 +69,7 @@ def main() -> None:
         "--seconds", type=float, default=20.0, help="time for the package's own measurements"
     )
     command.add_argument(
-        "--memory-s", type=float, default=120.0, help="length of the recording whose memory counts, s"
+        "--recording-s", type=float, default=800.0, help="length of the recording that is tracked whole, s"
     )
     command.add_argument("--page", type=Path, help="only put the last run's tables into this page")
     asked = command.parse_args()
@@ -79,7 +79,7 @@ def main() -> None:
             into_page(page, (OUT / "table.md").read_text(encoding="utf-8")), encoding="utf-8"
         )
         return
-    figures = collect(asked.seconds, asked.memory_s)
+    figures = collect(asked.seconds, asked.recording_s)
     tables = write(figures)
     (OUT / "figures.json").write_text(json.dumps(figures, indent=2), encoding="utf-8")
     (OUT / "table.md").write_text(tables, encoding="utf-8")

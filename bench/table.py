@@ -95,13 +95,7 @@ def _rest(figures: dict[str, Any]) -> str:
     apart = figures["apart"]
     text = f"{apart['apart_ms']:.1f} ms ({apart['ratio']:.2f} times that of sensors that do)"
     rows.append(["tracking a second of sensors that do not tick together", text])
-    for row in figures["memory"]:
-        text = f"{row['peak_mib']:.0f} MiB"
-        if row["what"] not in ("imports", "recording"):
-            text += f", {row['mib_per_minute']:.1f} MiB a minute beyond the recording"
-        rows.append(
-            [f"peak memory of the process, {row['duration_s'] / 60:.0f} min at n = 72: {row['what']}", text]
-        )
+    rows += _recordings(figures["recordings"])
     rows += [
         [f"processor time of `{what}`", f"{time_s:.2f} s"] for what, time_s in figures["startup"].items()
     ]
@@ -140,6 +134,25 @@ def _whole(user: Row, instructions: Row) -> list[list[object]]:
     rows += [
         [f"instructions of a step (callgrind), {name}", f"{each['median']:.0f}, p99 {each['p99']:.0f}"]
         for name, each in instructions.items()
+    ]
+    return rows
+
+
+def _recordings(found: Row) -> list[list[object]]:
+    minutes = found["duration_s"] / 60
+    hour = "an hour" if minutes == 60 else f"an hour (extrapolated from {minutes:.0f} min)"
+    time, verb = f"processor time, {hour}", "`oarlock track --smooth` with its report"
+    smoothed_s = found["smooth"]["hour"]["spent_s"] - found["recording"]["hour"]["spent_s"]
+    rows: list[list[object]] = [
+        [f"peak memory, {hour}, n = 72: {what}", f"{found[what]['hour']['peak_mib']:.0f} MiB"]
+        for what in ("recording", "track", "smooth")
+    ]
+    rows += [
+        [f"{time}: reading a folder, Parquet", f"{found['recording']['hour']['spent_s']:.1f} s"],
+        [f"{time}: reading a folder, CSV", f"{found['csv']['hour']['spent_s']:.1f} s"],
+        [f"{time}, n = 72: `track` and one pass of `smooth`", f"{smoothed_s:.0f} s"],
+        [f"{time}: {verb}", f"{found['verb']['hour']['spent_s']:.0f} s"],
+        [f"the same for {found['short_s']:.0f} s", f"{found['verb']['short']['spent_s']:.1f} s"],
     ]
     return rows
 

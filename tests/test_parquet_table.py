@@ -8,7 +8,7 @@ import pyarrow as pa
 from pyarrow import parquet
 
 import oarlock
-from oarlock.storage.parquet_table import numbers_of
+from oarlock.storage.parquet_table import arrow_numbers, arrow_words, numbers_of
 
 READ_EACH = """
 import sys
@@ -48,9 +48,20 @@ def test_numbers_are_the_same_in_parts_and_missing_ones_are_nan():
     assert numbers_of(pa.chunked_array([], pa.float64())).shape == (0,)
 
 
-def test_reading_a_recording_does_not_import_pandas(tmp_path):
+def test_columns_are_what_pyarrow_makes_of_arrays():
+    table = np.arange(12.0).reshape(4, 3)
+    assert arrow_numbers(table[:, 1]).equals(pa.array(np.ascontiguousarray(table[:, 1])))
+    for places in (np.array([2, 0, 2, 1]), np.array([1, 1]), np.array([], dtype=np.int64)):
+        words = ("", "märz", "field")
+        made = arrow_words(places, words)
+        assert made.equals(pa.array([words[place] for place in places], pa.string()).dictionary_encode())
+
+
+def test_reading_and_writing_a_recording_does_not_import_pandas(tmp_path):
     stream = oarlock.ScalarStream("seat", np.arange(5.0), np.arange(5.0), "m")
     oarlock.Recording([stream]).save(tmp_path / "rec")
-    asked = "import sys, oarlock; oarlock.load_recording(sys.argv[1]); print('pandas' in sys.modules)"
-    read = subprocess.run([sys.executable, "-c", asked, tmp_path / "rec"], capture_output=True, text=True)
+    asked = "import sys, oarlock; oarlock.load_recording(sys.argv[1]).save(sys.argv[2]); print('pandas' in sys.modules)"
+    read = subprocess.run(
+        [sys.executable, "-c", asked, tmp_path / "rec", tmp_path / "copy"], capture_output=True, text=True
+    )
     assert read.stdout == "False\n", read.stderr

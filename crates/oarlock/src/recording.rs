@@ -227,6 +227,11 @@ impl Recording {
         })
     }
 
+    /// Rows of the stream that has most.
+    pub fn longest(&self) -> usize {
+        self.streams.iter().map(|s| s.stream.time_s.len()).max().unwrap_or_default()
+    }
+
     /// First and last true time, s; `None` without rows.
     pub fn span_s(&self) -> Option<(f64, f64)> {
         let first = self.streams.iter().filter_map(|s| s.true_s(0)).reduce(f64::min)?;

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.special import gammaincinv
 
 from oarlock.evaluation.interval import Floats, Interval, beliefs_of, info_of
@@ -134,6 +133,12 @@ def _minus(mean: Floats, at_s: Floats, time_s: Floats, true: Floats, kind: Kind)
 
 def _nees(error: Floats, covariance: Floats) -> float:
     """The quadratic form e' P^-1 e; NaN if P is not positive definite. Scaled to unit variance: units differ."""
+    from scipy.linalg import (  # takes 0.1 s to import, and reports without a truth do not need it
+        LinAlgError,
+        cho_factor,
+        cho_solve,
+    )
+
     variance = np.diag(covariance)
     if not np.all(np.isfinite(covariance)) or np.any(variance <= 0):
         return float("nan")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from oarlock.evaluation.interval import STAMP_TOLERANCE_S, Bools, Floats
 from oarlock.model.rotation import continuous_quat
@@ -44,6 +43,10 @@ def resample_rotation(time_s: Floats, quat_wxyz: Floats, at_s: Floats) -> Floats
 
 
 def _fill(result: Floats, time_s: Floats, value: Floats, at_s: Floats, circular: bool) -> None:
+    from scipy.interpolate import (
+        CubicSpline,
+    )  # takes 0.2 s to import, and a report without a truth does not need it
+
     inside = (at_s >= time_s[0]) & (at_s <= time_s[-1])
     if len(time_s) > 1 and inside.any():
         smooth = np.unwrap(value) if circular else value

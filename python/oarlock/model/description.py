@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -450,8 +451,9 @@ _PARTS = {
 }
 
 
+@lru_cache(maxsize=8)
 def described(text: str) -> ModelDescription:
-    """The description that the engine writes as JSON."""
+    """The description that the engine writes as JSON; immutable, so that equal texts share one."""
     return ModelDescription(**{key: _typed(key, value) for key, value in json.loads(text).items()})
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation
 
 from oarlock.storage.array_gate import real_array
 from oarlock.storage.errors import DataError
@@ -80,6 +79,8 @@ def right_jacobian(rotvec_rad: ArrayLike) -> Floats:
 
 def quat_from_matrix(matrix: ArrayLike) -> Floats:
     """Unit quaternions (..., 4) of rotation matrices (..., 3, 3)."""
+    from scipy.spatial.transform import Rotation  # takes 0.15 s to import, and tracking does not need it
+
     m = np.asarray(matrix, dtype=np.float64)
     flat = m.reshape(-1, 3, 3)
     there = np.isfinite(flat).all(axis=(1, 2))

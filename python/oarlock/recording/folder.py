@@ -24,8 +24,9 @@ from oarlock.storage.delimited import Dialect, Layout, numbers
 from oarlock.storage.errors import DataError
 from oarlock.storage.folder_writer import check_files, read_manifest, replaced_folder
 from oarlock.storage.names import file_names
-from oarlock.storage.parquet_table import numbers_of, read_table
+from oarlock.storage.parquet_table import arrow_numbers, numbers_of, read_table
 from oarlock.storage.paths import place_of
+from oarlock.storage.plain_csv import plain_columns
 from oarlock.storage.suggest import did_you_mean
 from oarlock.storage.toml import TomlTable, toml_text
 from oarlock.storage.write_file import write_file
@@ -159,7 +160,7 @@ def _columns_of(stream: Stream) -> dict[str, FloatArray]:
 
 def _write_columns(file: Path, columns: Mapping[str, FloatArray]) -> None:
     if file.suffix == ".parquet":
-        table = pa.table({name: pa.array(np.ascontiguousarray(v)) for name, v in columns.items()})
+        table = pa.table({name: arrow_numbers(v) for name, v in columns.items()})
         pq.write_table(table, file)
         return
     with file.open("w", encoding="utf-8", newline="\n") as out:
@@ -267,6 +268,9 @@ def _read_parquet(file: Path, names: list[str]) -> dict[str, FloatArray]:
 def _read_csv(file: Path, names: list[str]) -> dict[str, FloatArray]:
     layout = Layout.of(file, Dialect())
     _check_columns(file, list(layout.names), names)
+    plain = plain_columns(file, layout.names)
+    if plain is not None:
+        return plain
     wanted = [layout.index(name) for name in names]
     parts: list[list[FloatArray]] = [[] for _ in names]
     for batch in layout.batches(wanted):

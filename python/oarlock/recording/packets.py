@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -80,7 +81,7 @@ def lost_packets(recording: Session, stream: Stream) -> Lost | None:
     counted = recording.meta.get(META_KEY)
     if isinstance(counted, Mapping) and isinstance(counted.get(stream.name), Mapping):
         return _counted(counted[stream.name], stream)
-    return _by_steps(stream.time_s)
+    return _own(stream).lost
 
 
 def _counted(found: Mapping[str, ArrayLike], stream: Stream) -> Lost:
@@ -95,6 +96,43 @@ def _counted(found: Mapping[str, ArrayLike], stream: Stream) -> Lost:
         raise DataError(f"{where}: contains a value that is not a number; import the recording again")
     inside = (after >= stream.time_s[0]) & (after <= stream.time_s[-1])
     return Lost(after[inside], packets[inside], packets[inside] * step_s, True)
+
+
+@dataclass(frozen=True)
+class _Slow:
+    """Regular rows of a quantity that has readings in only some rows of its stream."""
+
+    count: int
+    first_s: float
+    last_s: float
+
+
+@dataclass(frozen=True)
+class _Own:
+    """What a stream's time stamps show: gaps, and of each quantity its rows if it has readings in only some."""
+
+    lost: Lost | None
+    slow: Mapping[str, _Slow | None]
+
+
+# A stream is immutable, and a recording asks for these several times.
+_OWN: WeakKeyDictionary[Stream, _Own] = WeakKeyDictionary()
+
+
+def _own(stream: Stream) -> _Own:
+    if stream not in _OWN:
+        slow = {name: _slow(stream, values) for name, values in stream.values.items()}
+        _OWN[stream] = _Own(_by_steps(stream.time_s), slow)
+    return _OWN[stream]
+
+
+def _slow(stream: Stream, values: FloatArray) -> _Slow | None:
+    read = np.isfinite(values)
+    if read.all():
+        return None
+    own = stream.time_s[read.reshape(len(values), -1).any(axis=1)]
+    lost = _by_steps(own) if own.size < len(stream) else None
+    return None if lost is None else _Slow(own.size + int(lost.packets.sum()), float(own[0]), float(own[-1]))
 
 
 def _by_steps(time_s: FloatArray) -> Lost | None:
@@ -156,25 +194,15 @@ def _quantities(recording: Session, stream: Stream) -> dict[str, tuple[int, floa
     """Expected rows and rate in Hz of each quantity."""
     rows, rows_hz = expected_rows(recording, stream), own_rate_hz(recording, stream)
     found = {}
-    for name, own in _own_stamps(stream).items():
+    for name, own in _own(stream).slow.items():
         found[name] = rows, rows_hz
-        lost = _by_steps(own) if own.size < len(stream) else None
-        if lost is not None:
-            whole = own.size + int(lost.packets.sum())
-            rate_hz = float((whole - 1) / (own[-1] - own[0]))
-            steps = rate_hz * np.array([own[0] - recording.start_s, recording.end_s - own[-1]])
-            expected = whole + int(np.floor(steps[steps > _GAP_STEPS]).sum())
+        if own is not None:
+            rate_hz = (own.count - 1) / (own.last_s - own.first_s)
+            steps = rate_hz * np.array([own.first_s - recording.start_s, recording.end_s - own.last_s])
+            expected = own.count + int(np.floor(steps[steps > _GAP_STEPS]).sum())
             if expected < min(_SLOWER_SHARE * rows, rows - 2):
                 found[name] = expected, rate_hz
     return found
-
-
-def _own_stamps(stream: Stream) -> dict[str, FloatArray]:
-    """Time stamps of the rows in which each quantity has a reading."""
-    return {
-        name: stream.time_s[np.isfinite(values).reshape(len(values), -1).any(axis=1)]
-        for name, values in stream.values.items()
-    }
 
 
 def missing_packets(recording: Session, stream: Stream) -> int | None:

@@ -34,6 +34,8 @@ def real_array(value: ArrayLike, shape: Sequence[int | None], where: str) -> Flo
     given = _as_numpy(value, where)
     _check_numeric(given, where)
     _check_shape(given.shape, shape, where)
+    if type(given) is np.ndarray and given.dtype == np.float64:
+        return _sealed(given)
     # What does not fit is refused below, by its place.
     with np.errstate(over="ignore"):
         result = np.array(given, dtype=np.float64, order="C", copy=True, subok=False)
@@ -120,8 +122,9 @@ def check_no_infinity(values: FloatArray, time_s: FloatArray, where: str) -> Non
 def _sealed(values: FloatArray) -> FloatArray:
     """The same numbers in memory that nothing can write to, not even through `base`."""
     if not values.size:  # numpy reads no array from an empty buffer
-        values.setflags(write=False)
-        return values
+        empty = np.empty(values.shape, values.dtype)
+        empty.setflags(write=False)
+        return empty
     return np.frombuffer(values.tobytes(), values.dtype).reshape(values.shape)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -56,6 +56,27 @@ def numbers_of(column: pa.ChunkedArray) -> NDArray[Any]:
     if array.null_count == 0 and (pa.types.is_floating(array.type) or pa.types.is_integer(array.type)):
         return np.from_dlpack(array)
     return np.asarray(array.to_numpy(zero_copy_only=False))
+
+
+def arrow_numbers(values: NDArray[Any]) -> pa.Array:
+    """An array of numbers, (T,), as a column; without a copy where it is contiguous.
+
+    `pa.array` and `pa.table` of numpy's arrays would import pandas where it is installed.
+    """
+    kind = pa.from_numpy_dtype(values.dtype)
+    return pa.Array.from_buffers(kind, len(values), [None, pa.py_buffer(np.ascontiguousarray(values))])
+
+
+def arrow_words(places: NDArray[np.integer], words: Sequence[str]) -> pa.DictionaryArray:
+    """A column of the words at these places, (T,); those that occur are stored once, by their first rows."""
+    used, first, inverse = np.unique(places, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    texts = [words[place].encode() for place in used[order]]
+    ends = np.cumsum([0, *map(len, texts)], dtype=np.int32)
+    dictionary = pa.StringArray.from_buffers(len(texts), pa.py_buffer(ends), pa.py_buffer(b"".join(texts)))
+    return pa.DictionaryArray.from_arrays(
+        arrow_numbers(np.argsort(order).astype(np.int32)[inverse]), dictionary
+    )
 
 
 @contextmanager

@@ -18,7 +18,7 @@ from oarlock.recording.session_info import SESSION_KEY, read_session, without_se
 from oarlock.storage.epoch import epoch_of_stamps, shifted_text
 from oarlock.storage.errors import DataError
 from oarlock.storage.folder_writer import check_files, read_manifest, replaced_folder
-from oarlock.storage.parquet_table import columns_of, numbers_of, read_table
+from oarlock.storage.parquet_table import arrow_numbers, arrow_words, columns_of, numbers_of, read_table
 from oarlock.storage.paths import place_of
 from oarlock.storage.regular_file import read_text
 from oarlock.storage.toml import TomlTable, write_toml
@@ -45,7 +45,8 @@ def write_track(track: Estimates, folder: str | PathLike[str], force: bool = Fal
             the folder, or it cannot be written.
     """
     with replaced_folder(folder, KIND, force) as place:
-        parquet.write_table(pa.table(track_columns(track)), place / "track.parquet")
+        columns = {name: arrow_numbers(values) for name, values in track_columns(track).items()}
+        parquet.write_table(pa.table(columns), place / "track.parquet")
         if track.info is not None:
             parquet.write_table(_sensor_table(track.time_s, track.info), place / "sensors.parquet")
         if track.beliefs is not None:
@@ -192,21 +193,21 @@ def _with_none_read(value: Any) -> Any:
 
 
 def _sensor_table(time_s: NDArray[np.float64], info: SensorInfo) -> pa.Table:
-    columns: dict[str, Any] = {"time_s": time_s}
+    columns = {"time_s": arrow_numbers(time_s)}
     for i, name in enumerate(info.sensor_names):
-        columns[f"{name}.nis"] = info.nis[:, i]
-        columns |= {f"{name}.{kind}": getattr(info, kind)[:, i] for kind in _COUNTS}
-        columns[f"{name}.field"] = pa.array(np.array(FIELD)[info.field[:, i]]).dictionary_encode()
-        columns[f"{name}.fault"] = pa.array(np.array(FAULT)[info.fault[:, i]]).dictionary_encode()
-    columns |= {"inertial.nis": info.inertial_nis, "inertial.used": info.inertial_used}
+        columns |= {f"{name}.{kind}": arrow_numbers(getattr(info, kind)[:, i]) for kind in ("nis", *_COUNTS)}
+        columns[f"{name}.field"] = arrow_words(info.field[:, i], FIELD)
+        columns[f"{name}.fault"] = arrow_words(info.fault[:, i], FAULT)
+    columns["inertial.nis"] = arrow_numbers(info.inertial_nis)
+    columns["inertial.used"] = arrow_numbers(info.inertial_used)
     return pa.table(columns)
 
 
 def _belief_table(beliefs: Beliefs) -> pa.Table:
     n = len(beliefs.state_names)
-    mean = pa.FixedSizeListArray.from_arrays(pa.array(beliefs.mean.ravel()), max(n, 1))
-    covariance = pa.FixedSizeListArray.from_arrays(pa.array(beliefs.covariance.ravel()), max(n * n, 1))
-    return pa.table({"time_s": beliefs.time_s, "mean": mean, "covariance": covariance})
+    mean = pa.FixedSizeListArray.from_arrays(arrow_numbers(beliefs.mean.ravel()), max(n, 1))
+    covariance = pa.FixedSizeListArray.from_arrays(arrow_numbers(beliefs.covariance.ravel()), max(n * n, 1))
+    return pa.table({"time_s": arrow_numbers(beliefs.time_s), "mean": mean, "covariance": covariance})
 
 
 def _info(file: Path, names: tuple[str, ...]) -> SensorInfo | None:

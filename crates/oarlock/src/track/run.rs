@@ -20,6 +20,7 @@ use crate::recording::{Cursor, Gathering, Recording, Sample, Stream};
 pub use counts::StreamCount;
 use counts::Tally;
 use packed::Packed;
+use series::Widths;
 pub use series::{Report, Series};
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -134,6 +135,7 @@ impl Run {
         };
         let mut tracker = self.tracker.clone();
         let kept_s = tracker.belief().map_or(f64::NEG_INFINITY, |b| b.time_s);
+        self.reserve((begin, end));
         let mut keeper = Keeper { run: self, cursors: VecDeque::new(), kept_s };
         let (mut cursor, mut sample) = (recording.start(), tracker.empty_sample());
         let mut count = 0;
@@ -154,6 +156,17 @@ impl Run {
         self.last = tracker.hypothesis().cloned();
         self.objective = tracker.objective.sum();
         Ok(())
+    }
+
+    /// Memory for the rows that are expected from one time to another, s.
+    fn reserve(&mut self, (begin_s, end_s): (f64, f64)) {
+        let of_rate = self.config.row_rate_hz().map(|hz| ((end_s - begin_s) * hz) as usize + 1);
+        let read = self.recording.longest();
+        let rows = of_rate.map_or(read, |rows| rows.min(read));
+        let body = self.tracker.body();
+        let (states, sources) = (body.layout.dim(), body.suite.sources.len());
+        let widths = Widths { states, coordinates: body.axes.len(), inputs: self.inputs.len(), sources };
+        self.series.reserve(rows, widths);
     }
 
     /// A run of the same recording with these estimates and only the last state estimate.

@@ -9,7 +9,6 @@ from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from oarlock.evaluation.comparison.single_units import Stretch
 from oarlock.model.rotation import quat_from_matrix, quat_product
@@ -55,6 +54,8 @@ def begun(stretch: Stretch) -> Floats:
     A single sample of a moving unit may be wrong by half a radian, from which slow filters need many seconds to
     recover.
     """
+    from scipy.spatial.transform import Rotation  # takes 0.15 s to import, and `track` imports this module
+
     count = min(len(stretch.time_s), max(1, round(START_S / stretch.step_s)))
     turned = Rotation.identity()
     sums = np.zeros((2, 3))

@@ -7,9 +7,9 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_coeffs, savgol_filter
 
 from oarlock import Track
+from oarlock.rowing.analysis.local_cubic import local_cubic
 
 Floats = NDArray[np.float64]
 
@@ -128,11 +128,10 @@ class _Read:
         if len(even) <= window:
             return None
         values = np.interp(even, time_s, value)
-        rate = savgol_filter(values, window, 3, deriv=1, delta=step)
-        left = values - savgol_filter(values, window, 3)
+        smooth, slope, gain = local_cubic(values, window)
+        left = values - smooth
         noise = 1.4826 * float(np.median(np.abs(left - np.median(left))))
-        gain = float(np.linalg.norm(savgol_coeffs(window, 3, deriv=1, delta=step)))
-        return _Read(time_s, value, np.interp(time_s, even, rate), _LASTING * noise * gain)
+        return _Read(time_s, value, np.interp(time_s, even, slope / step), _LASTING * noise * gain / step)
 
     def at(self, time_s: Floats) -> tuple[Floats, Floats]:
         after = np.clip(np.searchsorted(self.time_s, time_s), 1, len(self.time_s) - 1)

@@ -27,6 +27,15 @@ impl Report {
     }
 }
 
+/// Numbers in a row.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Widths {
+    pub states: usize,
+    pub coordinates: usize,
+    pub inputs: usize,
+    pub sources: usize,
+}
+
 /// Estimates over time. The filtered and the smoothed series share what smoothing does not change.
 #[derive(Debug, Clone, Default)]
 pub struct Series {
@@ -82,6 +91,19 @@ impl Series {
     /// Replaces the reports by those of another run over the same rows.
     pub(super) fn take_reports(&mut self, from: &Series) {
         (self.nis, self.reports, self.inertial) = (from.nis.clone(), from.reports.clone(), from.inertial.clone());
+    }
+
+    /// Memory for this many rows: what grows by doubling leaves holes of the same size behind. It is not touched before it is used.
+    pub(super) fn reserve(&mut self, rows: usize, widths: Widths) {
+        let Widths { states, coordinates, inputs, sources } = widths;
+        self.time_s.reserve_exact(rows);
+        self.mean.reserve_exact(rows * states);
+        self.std.reserve_exact(rows * states);
+        self.observed.reserve_exact(rows * coordinates);
+        Arc::make_mut(&mut self.inputs).reserve_exact(rows * inputs);
+        Arc::make_mut(&mut self.nis).reserve_exact(rows * sources);
+        Arc::make_mut(&mut self.reports).reserve_exact(rows * sources);
+        Arc::make_mut(&mut self.inertial).reserve_exact(rows);
     }
 
     /// Appends the report of an update.
