@@ -60,7 +60,10 @@ impl Kernel for Turn<'_> {
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
         let Turn { mut blocks, p } = self;
-        blocks.iter().for_each(|b| rows::<FUSED>(b, p));
+        // A loop, because a closure may be compiled outside the kernel, without its instructions.
+        for block in blocks {
+            rows::<FUSED>(block, p);
+        }
         while let [first, rest @ ..] = blocks {
             let count = neighbours(blocks, p.n());
             if count > 1 {
