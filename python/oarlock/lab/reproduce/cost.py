@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import statistics
 import time
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ import numpy as np
 
 import oarlock
 from oarlock import Belief, Config, DivergedError, Model, Recording, load_model
+from oarlock.evaluation.child_process import in_processes
 from oarlock.evaluation.progress import Progress
 from oarlock.lab.reproduce.chains import RATE_HZ, Size, built
 from oarlock.lab.reproduce.contents import Cell, Chart, Floats, Part, Row, Table, shown
@@ -43,9 +45,14 @@ class Job:
     start: Belief | None
 
 
-def cost(progress: Progress | None) -> Part:
-    """Measures every size with every filter, in turn, and fits powers."""
-    jobs = [_job(sweep, size) for sweep, size in _sizes()]
+def cost(processes: int | None, progress: Progress | None) -> Part:
+    """Measures every size with every filter, in turn, and fits powers.
+
+    Several processes fit the starts; one measures, when they have ended.
+    """
+    tasks = sorted(_sizes(), key=lambda task: -task[1].joints)
+    made = dict(in_processes(_job, None, tasks, processes or os.cpu_count() or 1))
+    jobs = [made[task] for task in _sizes()]
     times = _measured(jobs, progress)
     rows = [_row(job, times) for job in jobs]
     sculler = _sculler_rate()
@@ -81,7 +88,8 @@ def _sizes() -> list[tuple[str, Size]]:
     return sizes + [("tree", Size(joints, units, arm=4)) for joints, units in BOTH[1:]]
 
 
-def _job(sweep: str, size: Size) -> Job:
+def _job(_: None, task: tuple[str, Size]) -> Job:
+    sweep, size = task
     model, whole, posture = built(size, STARTING + LONG)
     starting_s, short_s = (whole.start_s + (count - 0.5) / RATE_HZ for count in (STARTING, STARTING + SHORT))
     config = Config(initial_q=posture, **_TUNING)
