@@ -20,7 +20,7 @@ NEAR_FINISH = 0.9
 
 @dataclass(frozen=True)
 class Features:
-    """RMS errors of the trunk's lean and of the arm plane's normal near the finish, deg; and steps per s of processor time."""
+    """RMS errors of trunk lean and of the arm plane's normal near the finish, deg; steps per s of processor time."""
 
     lean_deg: float
     plane_deg: float
