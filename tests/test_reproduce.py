@@ -2,7 +2,12 @@
 
 import json
 import math
+import os
 import re
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +25,7 @@ from oarlock.lab.reproduce.contents import Part
 from oarlock.lab.reproduce.cost import formula, power
 from oarlock.lab.reproduce.discussion import printed_growth_percent
 from oarlock.lab.reproduce.estimators import ELEVEN, ESTIMATORS
-from oarlock.lab.reproduce.kept import Kept
+from oarlock.lab.reproduce.kept import Kept, _plain
 from oarlock.lab.reproduce.page import reproduction_page
 from oarlock.lab.reproduce.places import place_band
 from oarlock.lab.reproduce.reproduce import PARTS, reproduce
@@ -64,6 +69,12 @@ def made() -> dict[str, Part]:
         "in the paper's order"
     )
     return {part.key: part for part in parts}
+
+
+def test_positions_are_the_same_bits_on_two_processes(made):
+    keys = ("table6", "fig4", "fig5")
+    for part in reproduce(keys, (UNSEEN,), duration_s=SHORT_S, jobs=2):
+        assert plain(part) == plain(made[part.key])
 
 
 def test_printed_tables_are_the_papers():
@@ -245,6 +256,10 @@ def test_parts_are_kept_as_they_are(made, tmp_path):
             assert repr(list(map(_numbers, again.data[name]))) == repr(list(map(_numbers, rows)))
 
 
+def plain(part):
+    return json.dumps(_plain(part))
+
+
 def _numbers(row):
     return {key: value.item() if isinstance(value, np.generic) else value for key, value in row.items()}
 
@@ -264,7 +279,7 @@ def test_a_part_that_others_made_or_that_is_damaged_is_made_again(made, tmp_path
 
 
 def test_parts_that_were_finished_before_it_was_stopped_are_kept(tmp_path, monkeypatch):
-    def stop(progress):
+    def stop(processes, progress):
         raise KeyboardInterrupt
 
     given, parts = (
@@ -305,6 +320,29 @@ def test_a_stopped_reproduction_goes_on_where_it_was(tmp_path):
     parts.clear()
     reproduce(("table5", "fig3"), **given, on_part=lambda *told: parts.append(told))
     assert parts == [("table5", True), ("fig3", True)]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGKILL])
+def test_a_killed_reproduction_leaves_no_process_and_goes_on(tmp_path, sent):
+    """Whatever stops the command: its processes end, and the finished runs of table 5 are not made again."""
+    runs, own = kept(tmp_path / "out" / "parts").runs("table5"), {"start_new_session": True}
+    command = ["reproduce", "table5", "--seed", str(UNSEEN), "--duration-s", str(SHORT_S), "--jobs", "2"]
+    command = [sys.executable, "-m", "oarlock", *command, "--out", str(tmp_path / "out")]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, **own) as process:
+        while not (runs / UNFINISHED).is_file() or not (runs / UNFINISHED).read_text().endswith("\n"):
+            assert process.poll() is None
+            time.sleep(0.01)
+        process.send_signal(sent)
+    with pytest.raises(ProcessLookupError):
+        while True:
+            os.killpg(process.pid, 0)
+            time.sleep(0.01)
+    shares = []
+    given = {"duration_s": SHORT_S, "jobs": 1, "kept": kept(tmp_path / "out" / "parts")}
+    (found,) = reproduce(("table5",), (UNSEEN,), **given, progress=shares.append)
+    assert shares[0] > 0.25, "one of four groups was kept"
+    assert plain(found) == plain(reproduce(("table5",), (UNSEEN,), duration_s=SHORT_S, jobs=1)[0])
 
 
 def test_the_verb_says_what_it_kept_and_makes_it_anew(tmp_path):

@@ -12,7 +12,7 @@ import oarlock
 from command_line import run
 from oarlock.evaluation.study.degrade import degraded, keys_of_streams
 from oarlock.evaluation.study.filter_inputs import filter_calibration, filter_model, keys_of_filter_inputs
-from oarlock.evaluation.study.pool import UNFINISHED, identity
+from oarlock.evaluation.study.pool import UNFINISHED, identity, rows_of_studies
 from oarlock.evaluation.study.rows import write_rows
 from oarlock.evaluation.study.run import groups, run_group
 from oarlock.report.study_page import study_page
@@ -45,6 +45,26 @@ def test_rows_are_the_same_bits_on_one_process_and_on_two(pendulum_motion, tmp_p
     assert len(groups(study)) == 4  # two rates, two seeds; the filters share a trial
     alone, together = (oarlock.study(study, jobs=jobs) for jobs in (1, 2))
     assert json.dumps(alone.rows) == json.dumps(together.rows)
+
+
+def test_studies_that_share_processes_and_a_folder_have_their_own_rows(pendulum_motion, tmp_path):
+    few = swing(pendulum_motion, tmp_path)
+    many = swing(pendulum_motion, tmp_path, grid="rate_hz = [60, 120]")
+    whole = [list(oarlock.study(study, jobs=1).rows) for study in (few, many)]
+    out = tmp_path / "out"
+
+    def stop(done: float) -> None:
+        if done >= 0.75:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        rows_of_studies((few, many), 2, out, stop)
+    kept = (out / UNFINISHED).read_text(encoding="utf-8").splitlines()
+    assert len(kept) >= 2
+    begun: list[float] = []
+    again = rows_of_studies((few, many), 2, out, begun.append)
+    assert json.dumps(again) == json.dumps(whole)
+    assert len(begun) == len(groups(few)) + len(groups(many)) - len(kept), "what was done is not done again"
 
 
 def test_a_stopped_study_goes_on_and_ends_in_the_same_rows(pendulum_motion, tmp_path):

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-import multiprocessing
 import os
-from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from oarlock import _core
-from oarlock.evaluation.child_process import begin_child
+from oarlock.evaluation.child_process import in_processes
 from oarlock.evaluation.study.run import Group, Row, groups, run_group
 from oarlock.evaluation.study.spec import Study, stable_text
 from oarlock.storage.errors import DataError
@@ -21,16 +20,21 @@ Progress = Callable[[float], object]
 UNFINISHED = "unfinished.jsonl"
 """File with the rows of finished groups, one line each, while a study runs."""
 
-_OWN: Study | None = None
-
 
 def all_rows(study: Study, jobs: int | None, folder: Path | None, progress: Progress | None) -> list[Row]:
-    """Rows of all runs, by scenario, then seed.
+    """Rows of all runs, by scenario, then seed; the arguments are those of `rows_of_studies`."""
+    return rows_of_studies((study,), jobs, folder, progress)[0]
+
+
+def rows_of_studies(
+    studies: Sequence[Study], jobs: int | None, folder: Path | None, progress: Progress | None
+) -> list[list[Row]]:
+    """Rows of all runs of each study, by scenario, then seed. The same processes run all studies.
 
     Args:
-        study: the study.
+        studies: the studies.
         jobs: number of processes; None uses all cores.
-        folder: folder for finished groups, so that an interrupted study can continue; None stores nothing.
+        folder: folder for finished groups, so that interrupted studies can continue; None stores nothing.
         progress: called regularly with the share done, 0 to 1.
 
     Raises:
@@ -38,11 +42,12 @@ def all_rows(study: Study, jobs: int | None, folder: Path | None, progress: Prog
     """
     if jobs is not None and (type(jobs) is not int or jobs < 1):
         raise DataError(f"study: jobs = {jobs!r}: expected 1 or more, or None for all cores")
-    whole = groups(study)
-    done = _read(study, folder)
-    left = [group for group in whole if _name(group) not in done]
-    count = sum(len(group.scenarios) for group in whole)
-    finished = count - sum(len(group.scenarios) for group in left)
+    whole = [_Task(number, group) for number, study in enumerate(studies) for group in groups(study)]
+    names = [identity(study) for study in studies]
+    done = _read(folder)
+    left = [task for task in whole if task.key(names) not in done]
+    count = sum(task.size for task in whole)
+    finished = count - sum(task.size for task in left)
 
     def report(more: int) -> None:
         nonlocal finished
@@ -51,14 +56,19 @@ def all_rows(study: Study, jobs: int | None, folder: Path | None, progress: Prog
             progress(finished / count)
 
     # the longest first, so that no process ends much later than the others; the order of rows is restored below
-    left.sort(key=lambda group: -len(group.scenarios))
-    for group, rows in _made(study, left, min(jobs or os.cpu_count() or 1, max(len(left), 1)), report):
-        done[_name(group)] = rows
-        _keep(study, folder, group, rows)
-    rows = [row for group in whole for row in done[_name(group)]]
+    left.sort(key=lambda task: -task.size)
+    for task, rows in _made(studies, left, jobs or os.cpu_count() or 1, report):
+        done[task.key(names)] = rows
+        _keep(folder, task.key(names), rows)
+    found: list[list[Row]] = [[] for _ in studies]
+    for task in whole:
+        found[task.study] += done[task.key(names)]
+    return [_in_order(study, rows) for study, rows in zip(studies, found, strict=True)]
+
+
+def _in_order(study: Study, rows: list[Row]) -> list[Row]:
     seeds = {seed: place for place, seed in enumerate(study.seeds)}
-    rows.sort(key=lambda row: (row["scenario"], seeds[row["seed"]]))
-    return rows
+    return sorted(rows, key=lambda row: (row["scenario"], seeds[row["seed"]]))
 
 
 def forget(folder: Path) -> None:
@@ -66,41 +76,37 @@ def forget(folder: Path) -> None:
     (folder / UNFINISHED).unlink(missing_ok=True)
 
 
+@dataclass(frozen=True)
+class _Task:
+    """A group of a study, which has a number."""
+
+    study: int
+    group: Group
+
+    @property
+    def size(self) -> int:
+        return len(self.group.scenarios)
+
+    def key(self, names: Sequence[str]) -> tuple[str, str]:
+        """Under which its rows are kept; `names` are the identities of the studies."""
+        own = self.group
+        return names[self.study], f"{own.seed} {own.key}" + (f" {own.part}" if own.part else "")
+
+
 def _made(
-    study: Study, left: list[Group], jobs: int, report: Callable[[int], None]
-) -> Iterator[tuple[Group, list[Row]]]:
-    if jobs == 1:
-        for group in left:
-            yield group, run_group(study, group, lambda: report(1))
+    studies: Sequence[Study], left: list[_Task], jobs: int, report: Callable[[int], None]
+) -> Iterator[tuple[_Task, list[Row]]]:
+    if min(jobs, len(left)) <= 1:
+        for task in left:
+            yield task, run_group(studies[task.study], task.group, lambda: report(1))
         return
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(jobs, mp_context=context, initializer=_begin, initargs=(study,))
-    try:
-        waiting: dict[Future[list[Row]], Group] = {pool.submit(_one, group): group for group in left}
-        while waiting:
-            ended, _ = wait(waiting, return_when=FIRST_COMPLETED)
-            for future in ended:
-                group = waiting.pop(future)
-                report(len(group.scenarios))
-                yield group, future.result()
-        pool.shutdown()
-    except BaseException:
-        pool.shutdown(wait=False, cancel_futures=True)
-        for child in multiprocessing.active_children():
-            child.terminate()
-        raise
+    for task, rows in in_processes(_one, studies, left, jobs):
+        report(task.size)
+        yield task, rows
 
 
-def _begin(study: Study) -> None:
-    """Start of a child process."""
-    global _OWN
-    begin_child()
-    _OWN = study
-
-
-def _one(group: Group) -> list[Row]:
-    assert _OWN is not None
-    return run_group(_OWN, group)
+def _one(studies: Sequence[Study], task: _Task) -> list[Row]:
+    return run_group(studies[task.study], task.group)
 
 
 # --- finished groups ----------------------------------------------------------------------------------
@@ -119,29 +125,24 @@ def identity(study: Study) -> str:
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 
-def _name(group: Group) -> str:
-    return f"{group.seed} {group.key}" + (f" {group.part}" if group.part else "")
-
-
-def _read(study: Study, folder: Path | None) -> dict[str, list[Row]]:
+def _read(folder: Path | None) -> dict[tuple[str, str], list[Row]]:
     if folder is None or not (folder / UNFINISHED).is_file():
         return {}
-    own, found = identity(study), {}
+    found = {}
     for line in (folder / UNFINISHED).read_text(encoding="utf-8").splitlines():
         try:
             kept = json.loads(line)
         except json.JSONDecodeError:  # the process was stopped while it wrote the line
             continue
-        if kept["study"] == own:
-            found[kept["group"]] = kept["rows"]
+        found[kept["study"], kept["group"]] = kept["rows"]
     return found
 
 
-def _keep(study: Study, folder: Path | None, group: Group, rows: list[Row]) -> None:
+def _keep(folder: Path | None, key: tuple[str, str], rows: list[Row]) -> None:
     if folder is None:
         return
     folder.mkdir(parents=True, exist_ok=True)
     if (folder / UNFINISHED).is_symlink():
         raise DataError(f"{folder / UNFINISHED}: is a link; remove it")
     with (folder / UNFINISHED).open("a", encoding="utf-8") as file:
-        file.write(json.dumps({"study": identity(study), "group": _name(group), "rows": rows}) + "\n")
+        file.write(json.dumps({"study": key[0], "group": key[1], "rows": rows}) + "\n")

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from oarlock import Study, StudyResult, load_model
-from oarlock.evaluation.progress import Progress, share
-from oarlock.evaluation.study.pool import all_rows
+from oarlock.evaluation.progress import Progress
+from oarlock.evaluation.study.pool import rows_of_studies
 from oarlock.lab.reproduce.contents import Floats, Row, finite_mean
 from oarlock.lab.reproduce.estimators import ELEVEN, ESTIMATORS
 from oarlock.lab.reproduce.field_trials import POINTS
@@ -122,9 +122,7 @@ def asked(
 ) -> Asked:
     """Runs all studies; `runs` is a folder for finished runs."""
     wanted = studies(seeds, duration_s)
-    whole, done, found = sum(study.run_count for study in wanted.values()), 0, {}
-    for name, study in wanted.items():
-        part = share(progress, done / whole, (done + study.run_count) / whole)
-        found[name] = StudyResult(study, tuple(all_rows(study, jobs, runs, part)))
-        done += study.run_count
-    return Asked(found)
+    rows = rows_of_studies(tuple(wanted.values()), jobs, runs, progress)
+    return Asked(
+        {name: StudyResult(wanted[name], tuple(own)) for name, own in zip(wanted, rows, strict=True)}
+    )

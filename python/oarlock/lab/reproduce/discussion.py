@@ -377,7 +377,7 @@ def _pace(found: dict[str, Features]) -> Claim:
         "section 5",
         "The execution of the reconstruction [...] produces an average rate of 116 steps per second [...] recent "
         "advancements of mobile GPU open the possibility of using this algorithm in real-time in a wearable system.",
-        "Steps per second of the shipped filter (72 states, 145 sigma points) on one core of this machine. Holds where "
+        "Steps per second of processor time of the shipped filter (72 states, 145 sigma points). Holds where "
         "it processes 125 samples per second without a GPU.",
         f"{pace:,.0f} steps/s: {pace / paper.STEPS_PER_S:,.0f} times the paper's, {pace / 125.0:,.0f} times real time "
         "at 125 Hz. The paper's 116 were not quite its own 125 Hz.",

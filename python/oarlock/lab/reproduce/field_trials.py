@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import os
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 import oarlock
-from oarlock import Config, Track, load_model
+from oarlock import Config, Model, Recording, Track, load_model
+from oarlock.evaluation.child_process import in_processes
+from oarlock.evaluation.markers.trajectories import Markers
 from oarlock.evaluation.progress import Progress
 from oarlock.lab.reproduce.contents import Floats
 from oarlock.lab.reproduce.places import PlaceBand, place_band
 from oarlock.rowing.field.effects import FieldEffects
-from oarlock.rowing.field.trial import FieldTrial, simulate_field
+from oarlock.rowing.field.trial import simulate_field
 from oarlock.rowing.simulation import paper
 
 START_S = 2.0
@@ -28,6 +31,9 @@ NOT_PUBLIC = (
     "the pattern, not the digits."
 )
 _PAPER_CONFIG = {"estimate": (), "learning_memory_s": None, "gate": False, "magnetometer": "on"}
+
+_Given = tuple[Model, Mapping[str, FieldEffects], float]
+_Trial = tuple[Recording, Markers]
 
 
 @dataclass(frozen=True)
@@ -75,7 +81,7 @@ class Scored:
 
     setting: Setting
     seed: int
-    trial: FieldTrial
+    markers: Markers
     track: Track
     bands: dict[str, PlaceBand]
     points: dict[str, dict[str, float]]
@@ -84,58 +90,58 @@ class Scored:
 def field_trials(
     seeds: Sequence[int],
     duration_s: float,
-    threads: int | None,
+    jobs: int | None,
     progress: Progress | None,
     keys: Sequence[str] = (),
 ) -> list[Scored]:
     """All settings for all seeds; lost tracks are left out."""
     settings = [s for s in SETTINGS if not keys or s.key in keys]
     model = load_model("sculler")
-    trials: dict[tuple[str, int], FieldTrial] = {}
-    for seed in seeds:
-        for setting in settings:
-            if (setting.condition, seed) not in trials:
-                trials[setting.condition, seed] = simulate_field(
-                    model,
-                    setting.effects,
-                    condition=setting.condition,
-                    duration_s=duration_s,
-                    rate_hz=RATE_HZ,
-                    seed=seed,
-                )
-                if progress is not None:
-                    progress(0.5 * len(trials) / (len(seeds) * len({s.condition for s in settings})))
+    effects = {setting.condition: setting.effects for setting in settings}
+    tasks = [(condition, seed) for condition in effects for seed in seeds]
+    trials: dict[tuple[str, int], _Trial] = {}
+    for key, trial in in_processes(_trial, (model, effects, duration_s), tasks, jobs or os.cpu_count() or 1):
+        trials[key] = trial
+        if progress is not None:
+            progress(0.5 * len(trials) / len(tasks))
     pairs = [(setting, seed) for setting in settings for seed in seeds]
     found: list[Scored] = []
     for smooth in (False, True):
         own = [(setting, seed) for setting, seed in pairs if setting.smooth == smooth]
         tracks = oarlock.track_many(
             model,
-            [trials[setting.condition, seed].recording for setting, seed in own],
+            [trials[setting.condition, seed][0] for setting, seed in own],
             config=[_config(setting) for setting, seed in own],
             smooth=smooth,
-            threads=threads,
+            threads=jobs,
             on_error="return",
         )
         for (setting, seed), track in zip(own, tracks, strict=True):
             if isinstance(track, Track):
-                found.append(_scored(setting, seed, trials[setting.condition, seed], track))
+                found.append(_scored(setting, seed, trials[setting.condition, seed][1], track))
     found.sort(key=lambda scored: [s.key for s in settings].index(scored.setting.key))
     return found
+
+
+def _trial(given: _Given, task: tuple[str, int]) -> _Trial:
+    (model, effects, duration_s), (condition, seed) = given, task
+    whole = simulate_field(
+        model, effects[condition], condition=condition, duration_s=duration_s, rate_hz=RATE_HZ, seed=seed
+    )
+    return whole.recording, whole.markers
 
 
 def _config(setting: Setting) -> Config:
     return Config(belief_interval_s=BELIEFS_S, **setting.config)
 
 
-def _scored(setting: Setting, seed: int, trial: FieldTrial, track: Track) -> Scored:
-    markers = trial.markers
+def _scored(setting: Setting, seed: int, markers: Markers, track: Track) -> Scored:
     scores = oarlock.evaluate_markers(track, markers, align_clock=False, align_frame=False, start_s=START_S)
     bands = {name: place_band(track, name, START_S) for name in POINTS}
     points = {}
     for name in POINTS:
         score, band = scores.points[name], bands[name]
-        truth = marker_at(trial, name, band.time_s)
+        truth = marker_at(markers, name, band.time_s)
         points[name] = {
             "rmse_3d_m": float(score.rmse_3d_m),
             **{f"rmse_{axis}_m": float(v) for axis, v in zip("xyz", score.rmse_m, strict=True)},
@@ -144,13 +150,15 @@ def _scored(setting: Setting, seed: int, trial: FieldTrial, track: Track) -> Sco
             "nees": band.nees(truth),
             "coverage_95": band.coverage(truth),
         }
-    return Scored(setting, seed, trial, track, bands, points)
+    return Scored(setting, seed, markers, track, bands, points)
 
 
-def marker_at(trial: FieldTrial, name: str, time_s: Floats) -> Floats:
+def marker_at(markers: Markers, name: str, time_s: Floats) -> Floats:
     """Position of a marker (T, 3), m, root axes; NaN outside the recording."""
-    own, k = trial.markers, trial.markers.names.index(name)
-    columns = [np.interp(time_s, own.time_s, own.position_m[:, k, axis], np.nan, np.nan) for axis in range(3)]
+    k = markers.names.index(name)
+    columns = [
+        np.interp(time_s, markers.time_s, markers.position_m[:, k, axis], np.nan, np.nan) for axis in range(3)
+    ]
     return np.stack(columns, axis=1)
 
 

@@ -145,7 +145,7 @@ def _axes(one: Scored, point: str, duration_s: float) -> tuple[Curve, ...]:
     kept = _middle(one.track.time_s, duration_s)
     time_s = one.track.time_s[kept]
     place = one.track.frame_positions(point)[kept]
-    truth = marker_at(one.trial, point, time_s)
+    truth = marker_at(one.markers, point, time_s)
     half = one.bands[point].half_band(time_s)
     return tuple(
         Curve(
@@ -165,7 +165,7 @@ def _axes(one: Scored, point: str, duration_s: float) -> tuple[Curve, ...]:
 def _position_rows(one: Scored, points: tuple[str, ...]) -> list[Row]:
     columns: dict[str, Floats] = {}
     for point in points:
-        place, truth = one.track.frame_positions(point), marker_at(one.trial, point, one.track.time_s)
+        place, truth = one.track.frame_positions(point), marker_at(one.markers, point, one.track.time_s)
         half = one.bands[point].half_band(one.track.time_s)
         for k, axis in enumerate("xyz"):
             columns[f"{point}_{axis}_m"] = place[:, k]

@@ -110,4 +110,6 @@ def _part(
         return fig3(seeds[0], duration_s)
     if name in ("fig4", "fig5"):
         return (fig4 if name == "fig4" else fig5)(trials, duration_s)
-    return discussion(seeds, duration_s, jobs, progress, runs) if name == "discussion" else cost(progress)
+    return (
+        discussion(seeds, duration_s, jobs, progress, runs) if name == "discussion" else cost(jobs, progress)
+    )

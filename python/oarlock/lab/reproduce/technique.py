@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 
 import numpy as np
 
 import oarlock
-from oarlock import Track, load_model
+from oarlock import Model, Recording, Track, load_model
 from oarlock.lab.reproduce.contents import Floats
 from oarlock.rowing.analysis.stroke_values import BENT_RAD, arm_normal
 from oarlock.rowing.field.trial import simulate_field
@@ -19,7 +20,7 @@ NEAR_FINISH = 0.9
 
 @dataclass(frozen=True)
 class Features:
-    """RMS errors of the trunk's lean and of the arm plane's normal near the finish, deg; and steps per second."""
+    """RMS errors of trunk lean and of the arm plane's normal near the finish, deg; steps per s of processor time."""
 
     lean_deg: float
     plane_deg: float
@@ -32,16 +33,19 @@ def features(seed: int, duration_s: float) -> dict[str, Features]:
     truth, recording = simulate_sculling(model, "B-B", duration_s, (20.0, 34.0), seed)
     trial = simulate_field(model, condition="B-B", duration_s=duration_s, seed=seed)
     pairs = {"as modelled": (truth, recording), "field": (trial.truth, trial.recording)}
-    return {name: _features(oarlock.track(model, own), true) for name, (true, own) in pairs.items()}
+    return {name: _features(model, own, true) for name, (true, own) in pairs.items()}
 
 
-def _features(track: Track, truth: Track) -> Features:
+def _features(model: Model, recording: Recording, truth: Track) -> Features:
+    began = time.process_time()
+    track = oarlock.track(model, recording)
+    spent_s = time.process_time() - began
     scores = oarlock.evaluate(track, truth, frames=())
     errors = [_plane_errors(track, truth, side) for side in ("r", "l")]
     return Features(
         float(np.degrees(scores["trunk"].rmse)),
         float(np.sqrt(np.mean(np.concatenate(errors) ** 2))),
-        float(track.provenance["steps_per_s"]),
+        float(track.provenance["steps"]) / spent_s,
     )
 
 
