@@ -4,6 +4,7 @@
 
 pub mod belief;
 pub mod clique;
+pub mod covariance_form;
 pub mod filter;
 pub mod information;
 pub mod learn;

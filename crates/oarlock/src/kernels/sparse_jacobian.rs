@@ -3,7 +3,7 @@
 #![allow(clippy::needless_range_loop)] // several arrays go in step
 
 use super::tiles::{padded, Panel, VECTOR};
-use crate::kernels::arch::with_simd;
+use crate::kernels::arch::{with_simd, Arch, Kernel};
 use crate::kernels::registers::{F64x4, Part, Simd, Tile};
 use std::ops::Range;
 
@@ -113,25 +113,56 @@ impl SparseJacobian {
     /// overwritten.
     #[inline(always)]
     pub fn times<const FUSED: bool>(&self, turned: &Panel, count: usize, asked: &[bool], odd: &mut Panel) {
-        with_simd!(FUSED, |simd| self.multiply(simd, turned, count, asked, odd));
+        with_simd!(FUSED, |simd| self.multiply::<_, true>(simd, turned.part(0, 0), padded(count), asked, odd));
+    }
+
+    /// J A for the first `count` columns, at least a vector, of a matrix with a row for each state. Rows of `out` that are not asked for do
+    /// not change.
+    pub fn product(&self, arch: Arch, a: Part, count: usize, asked: &[bool], out: &mut Panel) {
+        arch.run(Product { jacobian: self, a, count, asked, out });
     }
 
     #[inline(always)]
-    fn multiply<F: F64x4>(&self, simd: Simd<F>, turned: &Panel, count: usize, asked: &[bool], odd: &mut Panel) {
-        let width = padded(count);
-        for triple in &self.triples {
-            if !asked[triple.rows()].contains(&true) {
-                continue;
-            }
+    fn multiply<F: F64x4, const TRIANGULAR: bool>(
+        &self,
+        simd: Simd<F>,
+        a: Part,
+        width: usize,
+        asked: &[bool],
+        out: &mut Panel,
+    ) {
+        for triple in self.triples.iter().filter(|triple| asked[triple.rows()].contains(&true)) {
             let slopes = &self.slopes[triple.slopes.clone()];
-            for at in (0..width).step_by(BLOCK) {
+            let mut at = 0;
+            while at < width {
                 if at + BLOCK <= width {
-                    triple.columns::<F, 2>(simd, slopes, (turned, self.n), at, odd);
+                    triple.columns::<F, 2, TRIANGULAR>(simd, slopes, (a, self.n), at, out);
+                    at += BLOCK;
                 } else {
-                    triple.columns::<F, 1>(simd, slopes, (turned, self.n), at, odd);
+                    // An incomplete vector at the end overlaps the one before.
+                    triple.columns::<F, 1, TRIANGULAR>(simd, slopes, (a, self.n), at.min(width - VECTOR), out);
+                    at += VECTOR;
                 }
             }
         }
+    }
+}
+
+struct Product<'a> {
+    jacobian: &'a SparseJacobian,
+    a: Part<'a>,
+    count: usize,
+    asked: &'a [bool],
+    out: &'a mut Panel,
+}
+
+impl Kernel for Product<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Product { jacobian, a, count, asked, out } = self;
+        with_simd!(FUSED, |simd| jacobian.multiply::<_, false>(simd, a, count, asked, out));
     }
 }
 
@@ -141,36 +172,38 @@ impl RowTriple {
         std::array::from_fn(|i| if i < self.count { of(self.row + i) } else { None })
     }
 
-    fn rows(&self) -> Range<usize> {
+    /// Which rows.
+    pub fn rows(&self) -> Range<usize> {
         self.row..self.row + self.count
     }
 
     #[inline(always)]
-    fn columns<F: F64x4, const V: usize>(
+    fn columns<F: F64x4, const V: usize, const TRIANGULAR: bool>(
         &self,
         simd: Simd<F>,
         slopes: &[Slope],
-        (turned, n): (&Panel, usize),
+        (a, n): (Part, usize),
         at: usize,
-        odd: &mut Panel,
+        out: &mut Panel,
     ) {
+        let part = |state: usize| Part { from: a.from + state * a.stride + at, ..a };
         let mut sums: Tile<F, 3, V> = match self.added {
-            Some(first) => simd.load(turned.part(first, at)),
+            Some(first) => simd.load(part(first)),
             None => simd.zero(),
         };
         // L is triangular: column c is zero in the rows before n - 1 - c.
-        let first = n.saturating_sub(at + V * VECTOR);
+        let first = if TRIANGULAR { n.saturating_sub(at + V * VECTOR) } else { 0 };
         for slope in slopes.iter().skip_while(|s| s.state >= n) {
             if slope.state < first {
                 break;
             }
             let rows = Part { data: &slope.rows, from: 0, stride: 0 };
-            sums = simd.multiply::<false, 3, V>(sums, rows, turned.part(slope.state, at), 1);
+            sums = simd.multiply::<false, 3, V>(sums, rows, part(slope.state), 1);
         }
         match (self.count, sums) {
-            (1, [a, ..]) => odd.put::<F, 1, V>(simd, [a], self.row, at),
-            (2, [a, b, _]) => odd.put::<F, 2, V>(simd, [a, b], self.row, at),
-            (_, all) => odd.put::<F, 3, V>(simd, all, self.row, at),
+            (1, [a, ..]) => out.put::<F, 1, V>(simd, [a], self.row, at),
+            (2, [a, b, _]) => out.put::<F, 2, V>(simd, [a, b], self.row, at),
+            (_, all) => out.put::<F, 3, V>(simd, all, self.row, at),
         }
     }
 }
@@ -188,7 +221,6 @@ pub fn turn(factor: &Panel, n: usize, turned: &mut Panel) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernels::arch::{Arch, Kernel};
 
     /// Of sums of ten numbers of about one.
     const ROUNDING: f64 = 1e-14;

@@ -107,7 +107,7 @@ impl Panel {
 
     /// The part from (i, j) on.
     #[inline(always)]
-    pub(super) fn part(&self, i: usize, j: usize) -> Part<'_> {
+    pub fn part(&self, i: usize, j: usize) -> Part<'_> {
         Part { data: &self.data, from: i * self.stride + j, stride: self.stride }
     }
 
@@ -211,7 +211,7 @@ fn together(starts: &[usize], range: Range<usize>) -> Group {
 
 mod products;
 mod substitution;
-pub use products::{gram, product, Rows};
+pub use products::{add_symmetric, gram, product, Rows};
 pub use substitution::{substitute, substitute_back, Lower};
 
 /// Factor U of a diagonal block, U scaled to a unit diagonal, and the reciprocals of its diagonal. A block of fewer than four rows is padded

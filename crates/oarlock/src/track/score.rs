@@ -42,6 +42,7 @@ pub fn score(
         )));
     };
     considering.keep_score(&tracker.subject.body, settle_s, window_s);
+    tracker.filter.leave_covariance_form(); // It has no factor of S.
     let body = tracker.body();
     let recording = Recording::new(&body.model, &body.suite, streams, clocks, Gathering::of(config))?;
     let Some((begin, end)) = recording.span_s() else {

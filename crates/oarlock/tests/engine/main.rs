@@ -12,6 +12,7 @@ mod ekf;
 mod exact;
 mod factorised;
 mod field;
+mod forms;
 mod hinge_chain;
 mod identities;
 mod linear;

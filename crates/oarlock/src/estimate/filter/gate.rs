@@ -68,7 +68,7 @@ impl<S: FastSystem> Filter<S> {
             }
             if excluded || outlier {
                 self.used[rows.clone()].fill(false);
-                rows.clone().for_each(|r| self.information.reject(r));
+                rows.clone().for_each(|r| self.reject(r));
             }
             info.parts[p] = match (measured.excluded[p], wrong_direction, outlier) {
                 (true, ..) => Verdict::Excluded,
@@ -83,7 +83,7 @@ impl<S: FastSystem> Filter<S> {
 
     /// Whether a part fails its direction test; its rows begin at row `first` of their source.
     fn is_wrong_direction(&self, source: usize, first: usize, weight: f64, direction: DirectionTest) -> bool {
-        let block = self.information.innovation_covariance(source);
+        let block = self.innovation_covariance(source);
         let along = direction.along;
         let term = |i: usize, j: usize| along[i] * along[j] * block.at(first + i.min(j), first + i.max(j));
         let all: f64 = (0..3).map(|i| (0..3).map(|j| term(i, j)).sum::<f64>()).sum();
@@ -103,15 +103,15 @@ impl<S: FastSystem> Filter<S> {
         rows: impl ExactSizeIterator<Item = (usize, &'a Range<usize>)> + Clone,
         sources: &[Range<usize>],
     ) {
-        let (y, used, information, count) = (&self.y, &self.used, &self.information, rows.len());
+        let (count, mut found) = (rows.len(), std::mem::take(&mut self.tested));
         let test = |(source, rows): (usize, &Range<usize>)| InnovationBlock {
-            covariance: information.innovation_covariance(source),
+            covariance: self.innovation_covariance(source),
             first: rows.start - sources[source].start,
-            y: &y[rows.clone()],
-            used: &used[rows.clone()],
+            y: &self.y[rows.clone()],
+            used: &self.used[rows.clone()],
         };
         let on = |&(source, _): &(usize, &Range<usize>)| self.stages[source] == self.stage;
-        for (k, tested) in self.tested[..count].chunks_mut(VECTOR).enumerate() {
+        for (k, tested) in found[..count].chunks_mut(VECTOR).enumerate() {
             if !rows.clone().skip(k * VECTOR).take(VECTOR).any(|one| on(&one)) {
                 continue;
             }
@@ -119,6 +119,7 @@ impl<S: FastSystem> Filter<S> {
             let four = std::array::from_fn(|i| test(rows.clone().nth((k * VECTOR + i).min(count - 1)).expect("fewer")));
             tested.copy_from_slice(&mahalanobis::nis(self.arch, &four)[..tested.len()]);
         }
+        self.tested = found;
     }
 
     fn test_parts(&mut self, groups: &RowGroups) {
