@@ -1,0 +1,63 @@
+"""Small seasons for tests: recordings of noise, and strokes with known numbers."""
+
+from __future__ import annotations
+
+import datetime
+from pathlib import Path
+
+import numpy as np
+
+from oarlock import ImuStream, Recording
+from oarlock.rowing import StrokeTable, save_strokes
+from oarlock.season import Admission, Athlete, Season, Setup
+from oarlock.season.add import done_record
+
+SETUP = Setup(model=b'name = "sculler"\n')
+
+
+def noise(seed: int, day: str = "2026-03-04", seconds: float = 0.4) -> Recording:
+    """A recording of one unit."""
+    rng = np.random.default_rng(seed)
+    time_s = np.arange(round(50 * seconds)) / 50.0
+    gyro, accel = rng.normal(size=(2, len(time_s), 3))
+    return Recording(
+        [ImuStream("trunk", time_s, gyro, accel)], {"clock": {"kind": "utc", "zero": f"{day}T10:00:00Z"}}
+    )
+
+
+def squad(season: Season, *pseudonyms: str) -> None:
+    """Athletes with these pseudonyms."""
+    for name in pseudonyms:
+        season.put_athlete(Athlete(name, {"stature_m": 1.8}, {"coaching": "2026-01-01"}))
+
+
+def add_noise(season: Season, athlete: str, seed: int, day: str = "2026-03-04") -> str:
+    """Name of a new recording of noise."""
+    added = Admission(season, athlete).add_recording(noise(seed, day), {"boat": "1x"})
+    return added.entry.recording
+
+
+def strokes_of(folder: Path, seed: int, count: int = 5) -> bytes:
+    """A file of strokes; the catch angle of stroke k is -1 - k / 1000 - seed / 100, rad."""
+    angle = -1.0 - np.arange(count) / 1000.0 - seed / 100.0
+    rate = np.full(count, 22.0)
+    rate[-1] = np.nan
+    table = StrokeTable(
+        {"catch_angle_rad": angle, "rate_per_min": rate}, {"catch_angle_rad": np.full(count, 0.01)}
+    )
+    return save_strokes(table, folder / f"strokes_{seed}")[1].read_bytes()
+
+
+def add_strokes(
+    season: Season, recording: str, folder: Path, seed: int, engine: str = "0.1.0", setup: Setup = SETUP
+) -> str:
+    """Name of the run that has these strokes as its result."""
+    contents = strokes_of(folder, seed)
+    record = done_record(recording, setup, engine, contents, 5, {})
+    season.put_result(record, {"strokes.parquet": contents}, setup)
+    return record.run
+
+
+def day(number: int) -> str:
+    """A day of 2026, counted from its first."""
+    return (datetime.date(2026, 1, 1) + datetime.timedelta(days=number)).isoformat()
