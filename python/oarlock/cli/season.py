@@ -39,7 +39,7 @@ def add_to(app: typer.Typer) -> None:
 @group.command(
     "init",
     epilog=example(
-        "oarlock season init /srv/season --name 'Club 2026' --time-zone Europe/Berlin",
+        "oarlock season init season --name 'Club 2026' --time-zone Europe/Berlin",
         "oarlock season init s3://club/season",
     ),
 )
@@ -70,9 +70,9 @@ def init(
 @group.command(
     "add",
     epilog=example(
-        "oarlock season add /srv/season trial_1 trial_2 --athlete K7QMVA",
-        "oarlock season add /srv/season recordings/* --names ~/names.toml",
-        "oarlock season add /srv/season rp3.csv --athlete K7QMVA --date 2026-05-01",
+        "oarlock season add season trial_1 trial_2 --athlete K7QMVA",
+        "oarlock season add season recordings/* --names ~/names.toml",
+        "oarlock season add season rp3.csv --athlete K7QMVA --date 2026-05-01",
     ),
 )
 @verb
@@ -151,9 +151,7 @@ def _start(one: Added) -> str:
     return "unknown" if one.entry.start is None else f"{one.entry.start:%Y-%m-%d %H:%M}"
 
 
-@group.command(
-    "list", epilog=example("oarlock season list /srv/season", "oarlock season list /srv/season --json")
-)
+@group.command("list", epilog=example("oarlock season list season", "oarlock season list season --json"))
 @verb
 def list_(at: SeasonAt, json_output: Json = False) -> None:
     """Show what a season holds: athletes, recordings, results, failures."""
@@ -179,9 +177,7 @@ def list_(at: SeasonAt, json_output: Json = False) -> None:
             say(f"- {recording}: {fault}", indent=2)
 
 
-@group.command(
-    "check", epilog=example("oarlock season check /srv/season", "oarlock season check /srv/season --repair")
-)
+@group.command("check", epilog=example("oarlock season check season", "oarlock season check season --repair"))
 @verb
 def check(
     at: SeasonAt,
@@ -211,7 +207,7 @@ def check(
 
 
 @group.command(
-    "prune", epilog=example("oarlock season prune /srv/season --dry-run", "oarlock season prune /srv/season")
+    "prune", epilog=example("oarlock season prune season --dry-run", "oarlock season prune season")
 )
 @verb
 def prune(
@@ -239,9 +235,9 @@ def prune(
 @group.command(
     "athlete",
     epilog=example(
-        "oarlock season athlete /srv/season --stature-m 1.86 --mass-kg 82",
-        "oarlock season athlete /srv/season --name 'Anna Muster' --names ~/names.toml",
-        "oarlock season athlete /srv/season --athlete K7QMVA --consent coaching --on 2026-03-01",
+        "oarlock season athlete season --stature-m 1.86 --mass-kg 82",
+        "oarlock season athlete season --name 'Anna Muster' --names ~/names.toml",
+        "oarlock season athlete season --athlete K7QMVA --consent coaching --on 2026-03-01",
     ),
 )
 @verb
