@@ -6,7 +6,8 @@ from .analysis.stroke_means import FeatureMean, PhaseCurve
 from .analysis.stroke_summary import SummaryRow, summarise_strokes
 from .analysis.targets import TARGET_CLASSES, Target, load_targets
 from .analysis.technique import Technique, technique
-from .exports.load import EXPORT_FORMATS, ExportFormat, load_stroke_export
+from .exports.activity import Activity
+from .exports.load import EXPORT_FORMATS, ExportFormat, load_export, load_stroke_export
 from .field.effects import FieldEffects
 from .field.trial import FieldTrial, simulate_field
 from .figure.shapes import LiveLook, live_look, rowing_look, stroke_marks
@@ -39,6 +40,7 @@ __all__ = [
     "SIMULATORS",
     "TABLE_4_NOISE",
     "TARGET_CLASSES",
+    "Activity",
     "Boat",
     "ErgometerShape",
     "ExportFormat",
@@ -79,6 +81,7 @@ __all__ = [
     "hull_pitch",
     "live_look",
     "live_stroke",
+    "load_export",
     "load_stroke_export",
     "load_targets",
     "on_hull",

@@ -114,14 +114,14 @@ class Admission:
         )
 
     def _add_export(self, file: Path, session: Mapping[str, str]) -> Added:
-        from oarlock.rowing import load_stroke_export
+        from oarlock.rowing import load_export
 
-        load_stroke_export(file)  # so that nothing is stored that cannot be read
+        found = load_export(file)  # nothing is stored that cannot be read
         info = {**read_session(file.parent), **session}
         info["athlete"] = self.pseudonym(info.get("athlete"), str(file))
         contents = self._without_names(read_bytes(file), file)
-        start = start_of(self.season, None, 0.0, info)
-        entry = Entry(named_by(contents), info["athlete"], "export", start, None, info)
+        start = start_of(self.season, found.epoch or None, 0.0, info)
+        entry = Entry(named_by(contents), info["athlete"], "export", start, found.duration_s, info)
         return put_entry(self.season, entry, {f"{EXPORT_STEM}{file.suffix.lower()}": contents})
 
     def _refuse_names(self, meta: Mapping[str, object], where: str) -> None:
