@@ -165,20 +165,21 @@ def _columns(rows: list[dict[str, float]]) -> dict[str, Floats]:
     return {name: np.array([row.get(name, np.nan) for row in rows]) for name in names}
 
 
-def _timed(found: _Found) -> tuple[dict[str, Floats], str]:
-    """The columns with the time since the start, and the epoch of the start."""
+def _timed(found: _Found, by_stamp: bool) -> tuple[dict[str, Floats], str]:
+    """The columns with the time since the start, of the stamps or of the file's own fields; the epoch of the start."""
     columns = _columns(found.rows)
     stamp = columns.pop("stamp")
     first_s = float(np.nanmin(stamp)) if np.isfinite(stamp).any() else np.nan
     start_s = found.start_s if found.start_s <= first_s else first_s
-    columns.setdefault("time_s", stamp - start_s)
+    if by_stamp or not any(name in columns for name in TIMES):
+        columns["time_s"] = stamp - start_s
     for name in _ZERO_IS_MISSING:
         columns[name] = np.where(columns[name] == 0.0, np.nan, columns[name])
     return columns, epoch_of_seconds(start_s + EPOCH_S) if start_s >= _ABSOLUTE_S else ""
 
 
 def _activity(file: Path, found: _Found) -> Activity:
-    columns, epoch = _timed(found)
+    columns, epoch = _timed(found, by_stamp=True)
     notes = []
     if found.sport in _NO_STROKE_RATE:
         columns.pop("rate_per_min")
@@ -190,7 +191,7 @@ def _activity(file: Path, found: _Found) -> Activity:
 
 
 def _strokes(file: Path, found: _Found) -> StrokeTable | None:
-    columns, epoch = _timed(found)
+    columns, epoch = _timed(found, by_stamp=False)
     number = columns["stroke_number"]
     of_strokes = [name for name in columns if name not in {*(name for name, _, _ in _NATIVE), "time_s"}]
     if not of_strokes:
@@ -208,8 +209,6 @@ def _strokes(file: Path, found: _Found) -> StrokeTable | None:
     lost = int(np.clip(np.diff(number[kept]) - 1.0, 0.0, None).sum()) if len(kept) > 1 else 0
     if lost:
         notes.append(f"the device's count leaves out {many(lost, 'stroke')}, not in the file")
-    if any(name in columns for name in TIMES[:3]):
-        del columns["time_s"]
     drop = ("latitude_deg", "longitude_deg")
     held = known_columns({name: values[kept] for name, values in columns.items() if name not in drop})
     stds = known_columns({name: values[kept] for name, values in _columns(found.stds).items() if name in held})

@@ -83,16 +83,21 @@ class StrokeTable:
         return name in self.columns
 
     @property
-    def clock_s(self) -> Floats:
-        """When each stroke ended (N,), s: the next catch, else the finish, else the logger's time; on one clock.
-
-        Where a logger's clock restarts, its times go on from the last one: the pause between is not known.
-        """
+    def end_of_stroke_s(self) -> Floats:
+        """When each stroke ended (N,), s: the next catch, else the finish, else the logger's time."""
         found = np.full(len(self), np.nan)
         for name in ("end_time_s", "finish_time_s", "time_s"):
             if name in self:
                 found = np.where(np.isnan(found), self[name], found)
-        return running(found)
+        return found
+
+    @property
+    def clock_s(self) -> Floats:
+        """As `end_of_stroke_s`, (N,), on one clock: where a logger's restarts, times go on from the last.
+
+        The pause between is not known.
+        """
+        return running(self.end_of_stroke_s)
 
     @property
     def duration_s(self) -> float | None:
