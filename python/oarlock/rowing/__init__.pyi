@@ -27,9 +27,11 @@ from .simulation.stretcher import adjusted_stretcher
 from .simulation.stroke_shape import StrokeShape
 from .simulation.sweep import SweepShape, sweep_piece, sweeping
 from .simulation.timing import StrokeTiming
-from .strokes.files import save_strokes
+from .strokes.files import load_strokes, save_strokes
 from .strokes.find_strokes import find_strokes
+from .strokes.fit_file import save_fit
 from .strokes.live_strokes import LiveStrokes, StrokeEvent
+from .strokes.rowingdata_file import save_rowingdata
 from .strokes.strokes import Strokes
 from .strokes.table import StrokeTable
 
@@ -83,12 +85,15 @@ __all__ = [
     "live_stroke",
     "load_export",
     "load_stroke_export",
+    "load_strokes",
     "load_targets",
     "on_hull",
     "on_unknown_rail",
     "row_piece",
     "rowing_devices",
     "rowing_look",
+    "save_fit",
+    "save_rowingdata",
     "save_strokes",
     "sculling",
     "session_skin",

@@ -78,6 +78,8 @@ class Activity:
 
 
 def known_columns(found: Mapping[str, list[float] | Floats]) -> dict[str, Floats]:
-    """Those columns that have a number in some row."""
+    """Those columns that have a number in some row; a power that is always 0 was not measured."""
     arrays = {name: np.asarray(values, dtype=np.float64) for name, values in found.items()}
+    if "power_w" in arrays and not np.nan_to_num(arrays["power_w"]).any():
+        del arrays["power_w"]
     return {name: values for name, values in arrays.items() if np.isfinite(values).any()}

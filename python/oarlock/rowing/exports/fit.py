@@ -119,7 +119,9 @@ def _messages(file: Path) -> Iterator[FitDataMessage]:
 def _describe(found: _Found, message: FitDataMessage) -> None:
     """fitdecode applies no scale to developer fields."""
     known = [_number(message.get_value(name, fallback=None)) for name in ("scale", "offset")]
-    scale, offset = (default if np.isnan(one) else one for one, default in zip(known, (1.0, 0.0), strict=True))
+    scale, offset = (
+        default if np.isnan(one) else one for one, default in zip(known, (1.0, 0.0), strict=True)
+    )
     key = message.get_value("developer_data_index"), message.get_value("field_definition_number")
     found.scales[key] = (scale or 1.0, offset)
 
@@ -205,13 +207,17 @@ def _strokes(file: Path, found: _Found) -> StrokeTable | None:
         return None
     notes = [f"fields that are not known: {', '.join(found.unknown)}"] if found.unknown else []
     if len(kept) < len(number):
-        notes.append(f"{many(len(number), 'record')} contain {many(len(kept), 'stroke')}: the last of each is taken")
+        notes.append(
+            f"{many(len(number), 'record')} contain {many(len(kept), 'stroke')}: the last of each is taken"
+        )
     lost = int(np.clip(np.diff(number[kept]) - 1.0, 0.0, None).sum()) if len(kept) > 1 else 0
     if lost:
         notes.append(f"the device's count leaves out {many(lost, 'stroke')}, not in the file")
     drop = ("latitude_deg", "longitude_deg")
     held = known_columns({name: values[kept] for name, values in columns.items() if name not in drop})
-    stds = known_columns({name: values[kept] for name, values in _columns(found.stds).items() if name in held})
+    stds = known_columns(
+        {name: values[kept] for name, values in _columns(found.stds).items() if name in held}
+    )
     reasons = {
         name: tuple("" if known else _NOT_IN_RECORD for known in np.isfinite(values))
         for name, values in held.items()

@@ -23,6 +23,7 @@ _BY_HEADER = (
 )
 _BEGIN = 4000
 
+
 def what_it_is(text: str, grids: Sequence[Grid]) -> str:
     """What a file is that no format reads; "" where it is not known."""
     found = [what for begin, what in _BY_BEGIN if begin in text[:_BEGIN]]

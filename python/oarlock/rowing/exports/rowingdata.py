@@ -47,7 +47,9 @@ _WANTED = (
     Wanted("work_j", ("WorkPerStroke (joules)",), zero_is_missing=True),
     Wanted("drag_factor", ("DragFactor",), zero_is_missing=True),
     *(
-        Wanted(f"{side}{name}", (f"{header}{end}",), DEGREE_RAD, zero_is_missing=header not in ("slip", "wash"))
+        Wanted(
+            f"{side}{name}", (f"{header}{end}",), DEGREE_RAD, zero_is_missing=header not in ("slip", "wash")
+        )
         for side, end in SIDES.items()
         for name, header in SIDED
     ),
@@ -142,4 +144,3 @@ def _leave_out_unmeasured(gathered: Gathered, side: str) -> None:
         gathered.columns[name] = column
         if column.is_empty:
             del gathered.columns[name]
-

@@ -49,7 +49,9 @@ def epoch_of_text(text: str, back_s: float = 0.0) -> str:
     found = _parsed(text.strip()) - datetime.timedelta(seconds=back_s)
     kind = "local" if found.tzinfo is None else "utc"
     plain = found if found.tzinfo is None else found.astimezone(_UTC).replace(tzinfo=None)
-    return epoch_text(round((plain - _FIRST).total_seconds() * 1e6) * 1000, "utc" if kind == "utc" else "local")
+    return epoch_text(
+        round((plain - _FIRST).total_seconds() * 1e6) * 1000, "utc" if kind == "utc" else "local"
+    )
 
 
 def _parsed(text: str) -> datetime.datetime:

@@ -26,7 +26,10 @@ EPOCH_S = 631_065_600
 
 UNITS: Mapping[str, float] = MappingProxyType(
     {
-        **{unit: 1.0 for unit in ("", "1", "m", "s", "rad", "N", "J", "W", "m/s", "rad/s", "m/s2", "1/min", "m2")},
+        **{
+            unit: 1.0
+            for unit in ("", "1", "m", "s", "rad", "N", "J", "W", "m/s", "rad/s", "m/s2", "1/min", "m2")
+        },
         **{"mm": 1e-3, "cm": 1e-2, "ms": 1e-3, "deg": np.pi / 180.0, "deg/s": np.pi / 180.0, "%": 1e-2},
         **{"cm2": 1e-4, "lbs": 4.4482216152605, "spm": 1.0, "bpm": 1.0},
     }
@@ -94,7 +97,14 @@ OTHER_NAMES: Mapping[str, str] = MappingProxyType(
 """Columns by names of fields that earlier versions of the draft had; they are read and not written."""
 NATIVE = frozenset(
     {
-        *("rate_per_min", "heart_rate_per_min", "power_w", "speed_m_s", "distance_m", "distance_per_stroke_m"),
+        *(
+            "rate_per_min",
+            "heart_rate_per_min",
+            "power_w",
+            "speed_m_s",
+            "distance_m",
+            "distance_per_stroke_m",
+        ),
         *("stroke_number", "interval"),
     }
 )

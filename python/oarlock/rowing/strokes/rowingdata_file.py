@@ -65,7 +65,7 @@ def save_rowingdata(table: StrokeTable, path: str | PathLike[str]) -> tuple[str,
     columns = {
         "TimeStamp (sec)": begin_s + clock_s,
         " ElapsedTime (sec)": clock_s,
-        " Stroke Number": np.arange(1.0, len(table) + 1.0),
+        " Stroke Number": np.cumsum(np.isfinite(clock_s)).astype(np.float64),
         " Horizontal (meters)": _distance_m(table),
         " Stroke500mPace (sec/500m)": _pace_s(table),
     }
