@@ -117,7 +117,7 @@ def _messages(file: Path) -> Iterator[FitDataMessage]:
 
 
 def _describe(found: _Found, message: FitDataMessage) -> None:
-    """fitdecode applies no scale to developer fields."""
+    """Keep the scale of a developer field, which fitdecode does not apply."""
     known = [_number(message.get_value(name, fallback=None)) for name in ("scale", "offset")]
     scale, offset = (
         default if np.isnan(one) else one for one, default in zip(known, (1.0, 0.0), strict=True)
@@ -210,7 +210,7 @@ def _strokes(file: Path, found: _Found) -> StrokeTable | None:
         notes.append(
             f"{many(len(number), 'record')} contain {many(len(kept), 'stroke')}: the last of each is taken"
         )
-    lost = int(np.clip(np.diff(number[kept]) - 1.0, 0.0, None).sum()) if len(kept) > 1 else 0
+    lost = int(np.nansum(np.clip(np.diff(number[kept]) - 1.0, 0.0, None)))
     if lost:
         notes.append(f"the device's count leaves out {many(lost, 'stroke')}, not in the file")
     drop = ("latitude_deg", "longitude_deg")

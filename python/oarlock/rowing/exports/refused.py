@@ -17,8 +17,8 @@ _BY_HEADER = (
     ),
     (
         ("Date", "Description", "Work Time (Formatted)"),
-        "a season's list of workouts of the Concept2 logbook: a row is a workout and not a stroke. In the logbook, open "
-        "a workout and export its CSV",
+        "a season's list of workouts of the Concept2 logbook: a row is a workout, not a stroke. In the logbook, open a "
+        "workout and export its CSV",
     ),
 )
 _BEGIN = 4000

@@ -1,4 +1,4 @@
-"""Writes a table of strokes as CSV for people and as Parquet, with reasons and curves, for programs; reads the latter."""
+"""Writes a table of strokes as CSV for people and as Parquet, with reasons and curves, and reads the Parquet file."""
 
 from __future__ import annotations
 

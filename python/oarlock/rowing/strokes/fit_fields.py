@@ -1,7 +1,7 @@
 """Developer fields of strokes in FIT files: those of the rowing community's draft standard, and Oarlock's own.
 
-The draft is github.com/MoveLab-Studio/rowing-data-standard, version 0.1 of 2026-08-31, sections 5.1 to 5.3. Fields whose
-scale is disputed there (AverageBoatSpeed, EffectiveLength) are not used.
+The draft is github.com/MoveLab-Studio/rowing-data-standard, version 0.1 of 2026-08-31, sections 5.1 to 5.3. Fields
+whose scale is disputed there (AverageBoatSpeed, EffectiveLength) are not used.
 """
 
 from __future__ import annotations
@@ -26,10 +26,9 @@ EPOCH_S = 631_065_600
 
 UNITS: Mapping[str, float] = MappingProxyType(
     {
-        **{
-            unit: 1.0
-            for unit in ("", "1", "m", "s", "rad", "N", "J", "W", "m/s", "rad/s", "m/s2", "1/min", "m2")
-        },
+        **dict.fromkeys(
+            ("", "1", "m", "s", "rad", "N", "J", "W", "m/s", "rad/s", "m/s2", "1/min", "m2"), 1.0
+        ),
         **{"mm": 1e-3, "cm": 1e-2, "ms": 1e-3, "deg": np.pi / 180.0, "deg/s": np.pi / 180.0, "%": 1e-2},
         **{"cm2": 1e-4, "lbs": 4.4482216152605, "spm": 1.0, "bpm": 1.0},
     }

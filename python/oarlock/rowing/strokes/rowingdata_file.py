@@ -1,4 +1,4 @@
-"""Writes strokes as RowingData CSV, for rowingdata and sites that take its files. For `oarlock strokes --rowingdata`."""
+"""Writes strokes as RowingData CSV, for rowingdata and sites that take it. For `oarlock strokes --rowingdata`."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def save_rowingdata(table: StrokeTable, path: str | PathLike[str]) -> tuple[str,
     empty = np.full(len(table), np.nan)
     for name, column, scale in _WRITTEN:
         if column in table or name in _ZERO_FILLED:
-            values = (table[column] if column in table else empty) * scale
+            values = table.columns.get(column, empty) * scale
             columns[name] = np.nan_to_num(values) if name in _ZERO_FILLED else values
     text = io.StringIO(newline="")
     writer = csv.writer(text)
