@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from oarlock.rowing.strokes.fit_fields import (
+    EPOCH_S,
     NATIVE,
     OWN_ID,
     PROTOCOL,
@@ -39,8 +40,10 @@ if TYPE_CHECKING:
     from fit_tool.fit_file_builder import FitFileBuilder
     from fit_tool.profile.messages.record_message import RecordMessage
 
-_MOST_OWN = 255
-"""Fields of one application in a FIT file."""
+_MOST_FIELDS = 255
+"""Developer fields of one record."""
+_FIRST_S, _LAST_S = EPOCH_S + 0x10000000, EPOCH_S + 0xFFFFFFFE
+"""Stamps of FIT files, s since 1970; smaller numbers would count from when a device was switched on."""
 _OARS = ("catch_angle_rad", "finish_angle_rad", "arc_rad", "r_arc_rad", "l_arc_rad")
 _MACHINE = ("handle_travel_m", "drag_factor")
 
@@ -83,6 +86,8 @@ def save_fit(table: StrokeTable, path: str | PathLike[str]) -> tuple[str, ...]:
     kept = np.flatnonzero(np.isfinite(clock_s))
     if not len(kept):
         raise DataError(f"{path}: no stroke has a time, so there is nothing to write as FIT")
+    if not _FIRST_S <= start.seconds <= start.seconds + np.nanmax(clock_s) <= _LAST_S:
+        raise DataError(f"{path}: FIT files hold moments between 1998 and 2125, and not {start.text()}")
     left_out = len(table) - len(kept)
     notes = [f"{left_out} strokes without a time are not in the FIT file"] if left_out else []
     # Records come in whole seconds, so the session begins at one, and times count from it.
@@ -125,8 +130,9 @@ def _told(table: StrokeTable) -> tuple[list[_Told], list[str]]:
     stds = [(own_field(name, is_std=True), table.stds[name]) for name in table.stds]
     own += [_Told(one, 1, 0, std / UNITS[one.unit]) for one, std in stds]
     own = [one for one in own if np.isfinite(one.values).any()]
-    numbered = [_Told(one.field, 1, number, one.values) for number, one in enumerate(own[:_MOST_OWN])]
-    return told + numbered, [one.field.name for one in own[_MOST_OWN:]]
+    room = _MOST_FIELDS - len(told)
+    numbered = [_Told(one.field, 1, number, one.values) for number, one in enumerate(own[:room])]
+    return told + numbered, [one.field.name for one in own[room:]]
 
 
 def _add(
