@@ -21,7 +21,7 @@ from oarlock.rowing import (
     save_rowingdata,
     save_strokes,
 )
-from oarlock.rowing.strokes.fit_fields import KNOWN, NATIVE, OWN_ID, STANDARD, STANDARD_ID, own_field
+from oarlock.rowing.strokes.fit_fields import KNOWN_OWN, NATIVE, OWN_ID, STANDARD, STANDARD_ID, own_field
 from refusals import assert_refused
 
 fitdecode = pytest.importorskip("fitdecode")
@@ -98,7 +98,7 @@ def test_every_field_has_a_name_of_its_own_that_leads_back_to_its_column() -> No
     standard = {one.column: one.name for one in STANDARD}
     assert len(names) == 2 * len(FEATURES) and len({name for name, _ in names}) == len(names)
     for (name, is_std), column in names.items():
-        assert (KNOWN[name].column, KNOWN[name].is_std) == (column, is_std)
+        assert (KNOWN_OWN[name].column, KNOWN_OWN[name].is_std) == (column, is_std)
         assert len(name.encode()) < 64
     assert all(own_field(column).name == name for column, name in standard.items() if column in FEATURES)
     assert not NATIVE & set(standard)

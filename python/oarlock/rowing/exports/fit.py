@@ -13,7 +13,16 @@ from oarlock.rowing.exports.activity import COLUMNS, Activity, known_columns
 from oarlock.rowing.exports.build import many
 from oarlock.rowing.exports.cells import MOST, Floats
 from oarlock.rowing.exports.starts import epoch_of_seconds
-from oarlock.rowing.strokes.fit_fields import EPOCH_S, KNOWN, STRATEGY_NAME, STROKE_BOUNDARY, TIMES, UNITS
+from oarlock.rowing.strokes.fit_fields import (
+    EPOCH_S,
+    KNOWN,
+    KNOWN_OWN,
+    OWN_ID,
+    STRATEGY_NAME,
+    STROKE_BOUNDARY,
+    TIMES,
+    UNITS,
+)
 from oarlock.rowing.strokes.table import StrokeTable
 from oarlock.storage.errors import DataError
 from oarlock.storage.regular_file import open_regular, read_bytes
@@ -52,6 +61,7 @@ class _Found:
     rows: list[dict[str, float]] = field(default_factory=list)
     stds: list[dict[str, float]] = field(default_factory=list)
     scales: dict[tuple[int, int], tuple[float, float]] = field(default_factory=dict)
+    own: set[int] = field(default_factory=set)
     unknown: dict[str, None] = field(default_factory=dict)
     start_s: float = np.nan
     strategy: float = np.nan
@@ -80,7 +90,9 @@ def read_fit(file: Path) -> StrokeTable | Activity:
     """
     found = _Found()
     for message in _messages(file):
-        if message.name == "field_description":
+        if message.name == "developer_data_id":
+            _take_application(found, message)
+        elif message.name == "field_description":
             _describe(found, message)
         elif message.name == "session":
             _take_session(found, message)
@@ -116,6 +128,15 @@ def _messages(file: Path) -> Iterator[FitDataMessage]:
         ) from error
 
 
+def _take_application(found: _Found, message: FitDataMessage) -> None:
+    index, application = (
+        message.get_raw_value(name, fallback=None) for name in ("developer_data_index", "application_id")
+    )
+    found.own.discard(index)
+    if application == tuple(OWN_ID):
+        found.own.add(index)
+
+
 def _describe(found: _Found, message: FitDataMessage) -> None:
     """Keep the scale of a developer field, which fitdecode does not apply."""
     known = [_number(message.get_value(name, fallback=None)) for name in ("scale", "offset")]
@@ -144,9 +165,10 @@ def _take_record(found: _Found, message: FitDataMessage) -> None:
         developer = one.field
         if getattr(developer, "field_type", "") != "devfield":
             continue
-        known, unit = KNOWN.get(str(developer.name)), str(developer.units or "")
+        name, unit = str(developer.name), str(developer.units or "")
+        known = KNOWN.get(name) or (KNOWN_OWN.get(name) if developer.dev_data_index in found.own else None)
         if known is None or unit not in UNITS:
-            found.unknown[f"{developer.name}"] = None
+            found.unknown[name] = None
             continue
         scale, offset = found.scales.get((developer.dev_data_index, developer.def_num), (1.0, 0.0))
         into = std if known.is_std else row
@@ -198,11 +220,11 @@ def _strokes(file: Path, found: _Found) -> StrokeTable | None:
     of_strokes = [name for name in columns if name not in {*(name for name, _, _ in _NATIVE), "time_s"}]
     if not of_strokes:
         return None
-    if np.isfinite(number).any():
+    if found.strategy == STROKE_BOUNDARY:
+        kept = np.arange(len(number))
+    elif np.isfinite(number).any():
         kept = np.flatnonzero(np.isfinite(number))
         kept = kept[np.append(np.diff(number[kept]) != 0.0, True)]
-    elif found.strategy == STROKE_BOUNDARY:
-        kept = np.arange(len(number))
     else:
         return None
     notes = [f"fields that are not known: {', '.join(found.unknown)}"] if found.unknown else []

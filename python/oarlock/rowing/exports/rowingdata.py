@@ -73,6 +73,7 @@ def read(grid: Grid, header: int) -> StrokeTable | Activity:
     gathered.number_from_one("interval")
     for side in SIDES:
         _leave_out_unmeasured(gathered, side)
+    _take_arc(gathered)
     if "catch_angle_rad" in gathered.columns:
         told_angles(gathered)
         add_arcs(gathered)
@@ -131,6 +132,13 @@ def _activity(gathered: Gathered) -> Activity:
     names = ("time_s", "distance_m", "speed_m_s", "heart_rate_per_min", "rate_per_min", "power_w")
     columns = known_columns({name: gathered.values(name) for name in names})
     return Activity(columns, f"{gathered.rows.file.name}: RowingData CSV, points in time")
+
+
+def _take_arc(gathered: Gathered) -> None:
+    """A finish without any catch is the arc: so it is in files made from those of Quiske pods, with catches of 0."""
+    if "finish_angle_rad" in gathered.columns and "catch_angle_rad" not in gathered.columns:
+        gathered.columns["arc_rad"] = gathered.columns.pop("finish_angle_rad")
+        gathered.notes.append("no catch angles, so that finish is taken as the arc")
 
 
 def _leave_out_unmeasured(gathered: Gathered, side: str) -> None:

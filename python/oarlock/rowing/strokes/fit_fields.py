@@ -129,13 +129,12 @@ def _own_name(column: str) -> str:
     return "".join(part.capitalize() for part in stem.split("_")) + side
 
 
-def _known() -> Mapping[str, FitField]:
-    found = {name: FitField(name, column, "") for name, column in OTHER_NAMES.items()}
-    for column in FEATURES:
-        fields = own_field(column), own_field(column, is_std=True)
-        found |= {one.name: one for one in fields}
-    return MappingProxyType(found | {one.name: one for one in STANDARD})
-
-
-KNOWN: Mapping[str, FitField] = _known()
-"""By name in the file: what is read. The unit is that of the file."""
+KNOWN: Mapping[str, FitField] = MappingProxyType(
+    {name: FitField(name, column, "") for name, column in OTHER_NAMES.items()}
+    | {one.name: one for one in STANDARD}
+)
+"""By name: what is read from files of any application; the unit is that of the file."""
+KNOWN_OWN: Mapping[str, FitField] = MappingProxyType(
+    {one.name: one for column in FEATURES for one in (own_field(column), own_field(column, is_std=True))}
+)
+"""By name: what is read besides from files by Oarlock. Its names are plain words, which others use otherwise."""
