@@ -64,7 +64,7 @@ def test_a_number_that_is_marked_invalid_is_missing(tmp_path: Path) -> None:
 # --- FIT: strokes -------------------------------------------------------------------------------------------
 
 
-def rowed(strategy: int | None = None, counted: bool = True) -> list[Message]:
+def rowed(strategy: int | None = None, counted: bool = True, rate: int = 24) -> list[Message]:
     """Two records a stroke, with the developer fields of rowsandall's earlier exports; the last record is cut short."""
     head, *records, session = watch(8)
     application = Message(fit_bytes.DEVELOPER_DATA_ID, {1: (fit_bytes.BYTE, bytes(range(16))), 3: (UINT8, 0)})
@@ -77,7 +77,7 @@ def rowed(strategy: int | None = None, counted: bool = True) -> list[Message]:
         fit_bytes.described(10, UINT8, "RecordingStrategy", ""),
     ]
     for k, record in enumerate(records):
-        record.fields[19] = (UINT32, 1 + k // 2)
+        record.fields |= {19: (UINT32, 1 + k // 2), 4: (UINT8, rate)}
         if not counted:
             del record.fields[19]
         record.developer = {
@@ -110,8 +110,10 @@ def test_records_with_numbers_of_a_stroke_become_strokes(tmp_path: Path) -> None
 def test_without_a_count_records_are_strokes_only_if_the_file_says_so(tmp_path: Path) -> None:
     unsaid = load_export(saved(tmp_path, fit_file(rowed(counted=False))))
     assert isinstance(unsaid, Activity) and len(unsaid) == 8
-    said = load_export(saved(tmp_path, fit_file(rowed(strategy=1, counted=False))))
+    said = load_export(saved(tmp_path, fit_file(rowed(strategy=1, counted=False, rate=60))))
     assert isinstance(said, StrokeTable) and len(said) == 8
+    wrong = load_export(saved(tmp_path, fit_file(rowed(strategy=1, counted=False, rate=24))))
+    assert isinstance(wrong, Activity)  # a record a second, at 2.5 s a stroke
 
 
 # --- FIT: damage --------------------------------------------------------------------------------------------

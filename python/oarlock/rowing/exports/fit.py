@@ -12,6 +12,7 @@ import numpy as np
 from oarlock.rowing.exports.activity import COLUMNS, Activity, known_columns
 from oarlock.rowing.exports.build import many
 from oarlock.rowing.exports.cells import MOST, Floats
+from oarlock.rowing.exports.rowingdata import follow_by_strokes
 from oarlock.rowing.exports.starts import epoch_of_seconds
 from oarlock.rowing.strokes.fit_fields import (
     EPOCH_S,
@@ -220,7 +221,9 @@ def _strokes(file: Path, found: _Found) -> StrokeTable | None:
     of_strokes = [name for name in columns if name not in {*(name for name, _, _ in _NATIVE), "time_s"}]
     if not of_strokes:
         return None
-    if found.strategy == STROKE_BOUNDARY:
+    stamps = np.array([row["stamp"] for row in found.rows])
+    # Some programs write the strategy into every file, whatever its rows are.
+    if found.strategy == STROKE_BOUNDARY and follow_by_strokes(stamps, columns["rate_per_min"]):
         kept = np.arange(len(number))
     elif np.isfinite(number).any():
         kept = np.flatnonzero(np.isfinite(number))

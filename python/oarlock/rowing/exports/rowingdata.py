@@ -99,11 +99,15 @@ def _begin_at_zero(gathered: Gathered) -> None:
         gathered.columns["time_s"] = Column(stamps.values - first_s, stamps.reasons)
 
 
-def _are_strokes(gathered: Gathered) -> bool:
-    """Whether the rows follow each other by about one stroke; also if nothing says so."""
-    step_s, rate = np.diff(gathered.values("time_s")), gathered.values("rate_per_min")[1:]
+def follow_by_strokes(time_s: Floats, rate_per_min: Floats) -> bool:
+    """Whether rows (N,) follow each other by about one stroke; also if nothing says so."""
+    step_s, rate = np.diff(time_s), rate_per_min[1:]
     strokes = (step_s * rate / 60.0)[(step_s > 0.0) & np.isfinite(rate)]
     return not len(strokes) or bool(_LOWEST <= np.median(strokes) <= _HIGHEST)
+
+
+def _are_strokes(gathered: Gathered) -> bool:
+    return follow_by_strokes(gathered.values("time_s"), gathered.values("rate_per_min"))
 
 
 def _merged(rows: Rows, gathered: Gathered) -> Gathered | None:
