@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import fitdecode
 import numpy as np
 import pytest
 
@@ -23,9 +24,6 @@ from oarlock.rowing import (
 )
 from oarlock.rowing.strokes.fit_fields import KNOWN_OWN, NATIVE, OWN_ID, STANDARD, STANDARD_ID, own_field
 from refusals import assert_refused
-
-fitdecode = pytest.importorskip("fitdecode")
-pytest.importorskip("fit_tool")
 
 EXAMPLES = Path(__file__).parents[1] / "examples/strokes"
 DEGREE = np.pi / 180

@@ -25,7 +25,7 @@ class Entry:
     Args:
         recording: its name in the season, made of its contents.
         athlete: the pseudonym.
-        kind: a recording of streams, or an export of a device that has found strokes itself.
+        kind: a recording of streams, or an export of a device: strokes, or points in time.
         start: the moment at which it began, UTC; None if nothing says so.
         duration_s: None if unknown.
         session: what `session.toml` said, with the pseudonym.
