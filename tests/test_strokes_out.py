@@ -22,7 +22,16 @@ from oarlock.rowing import (
     save_rowingdata,
     save_strokes,
 )
-from oarlock.rowing.strokes.fit_fields import KNOWN_OWN, NATIVE, OWN_ID, STANDARD, STANDARD_ID, own_field
+from oarlock.rowing.strokes.fit_fields import (
+    KNOWN_OWN,
+    NATIVE,
+    OWN_ID,
+    STANDARD,
+    STANDARD_ID,
+    UNITS,
+    own_field,
+)
+from oarlock.storage.errors import DataError
 from refusals import assert_refused
 
 EXAMPLES = Path(__file__).parents[1] / "examples/strokes"
@@ -100,6 +109,13 @@ def test_every_field_has_a_name_of_its_own_that_leads_back_to_its_column() -> No
         assert len(name.encode()) < 64
     assert all(own_field(column).name == name for column, name in standard.items() if column in FEATURES)
     assert not NATIVE & set(standard)
+
+
+def test_every_shown_unit_leads_back_to_si() -> None:
+    for column, feature in FEATURES.items():
+        unit = own_field(column).unit
+        shown = 1.0 if unit == feature.unit else feature.shown_scale
+        assert UNITS[unit] * shown == pytest.approx(1.0), column
 
 
 def test_another_reader_finds_fields_units_and_numbers(tmp_path: Path) -> None:
@@ -209,6 +225,33 @@ def test_numbers_beyond_a_field_are_left_out_and_fields_beyond_the_file_are_name
     records = [message for message in messages_of(tmp_path / "row.fit") if message.name == "record"]
     assert [record.get_value("power", fallback=None) for record in records] == [200, None, 200, 200, 200, 200]
     assert not any(record.has_field("PeakDriveForce") for record in records)
+
+
+ODD = np.array([np.nan, np.inf, -np.inf, 1e300, -1e300, 1e39, -1.0, 0.0, 6553.5, -3276.8, 3.4e38, 1e-40])
+
+
+def test_odd_numbers_are_written_or_left_out_and_the_files_are_whole(tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    written = 0
+    for _ in range(40):
+        count = int(rng.integers(1, 6))
+        names = ["time_s", *rng.choice(sorted(FEATURES), 12, replace=False)]
+        columns = {
+            str(name): np.where(rng.random(count) < 0.7, 1.5, rng.choice(ODD, count)) for name in names
+        }
+        stds = {str(name): rng.choice(ODD, count) for name in names[1:4]}
+        table = StrokeTable(columns, stds, epoch=START)
+        try:
+            save_fit(table, tmp_path / "row.fit")
+        except DataError as error:
+            assert "no stroke has a time" in str(error)
+            continue
+        written += 1
+        assert [m.name for m in messages_of(tmp_path / "row.fit")].count("record") >= 1
+        load_export(tmp_path / "row.fit")
+        save_rowingdata(table, tmp_path / "row.csv")
+        load_export(tmp_path / "row.csv")
+    assert written > 20
 
 
 def test_fit_refusals(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -44,6 +44,7 @@ _MOST_FIELDS = 255
 """Developer fields of one record."""
 _FIRST_S, _LAST_S = EPOCH_S + 0x10000000, EPOCH_S + 0xFFFFFFFE
 """Stamps of FIT files, s since 1970; smaller numbers would count from when a device was switched on."""
+_LARGEST = 1e12
 _OARS = ("catch_angle_rad", "finish_angle_rad", "arc_rad", "r_arc_rad", "l_arc_rad")
 _MACHINE = ("handle_travel_m", "drag_factor")
 
@@ -83,11 +84,11 @@ def save_fit(table: StrokeTable, path: str | PathLike[str]) -> tuple[str, ...]:
             "Give it: --start 2026-05-01T07:30:00Z"
         )
     clock_s = table.clock_s
-    kept = np.flatnonzero(np.isfinite(clock_s))
+    if not _FIRST_S <= start.seconds <= _LAST_S:
+        raise DataError(f"{path}: FIT files hold moments between 1998 and 2125, and not {start.text()}")
+    kept = np.flatnonzero((clock_s >= 0.0) & (clock_s <= _LAST_S - start.seconds))
     if not len(kept):
         raise DataError(f"{path}: no stroke has a time, so there is nothing to write as FIT")
-    if not _FIRST_S <= start.seconds <= start.seconds + np.nanmax(clock_s) <= _LAST_S:
-        raise DataError(f"{path}: FIT files hold moments between 1998 and 2125, and not {start.text()}")
     left_out = len(table) - len(kept)
     notes = [f"{left_out} strokes without a time are not in the FIT file"] if left_out else []
     # Records come in whole seconds, so the session begins at one, and times count from it.
@@ -100,7 +101,7 @@ def save_fit(table: StrokeTable, path: str | PathLike[str]) -> tuple[str, ...]:
     told, dropped = _told(table)
     notes += [f"the FIT file has no room for: {', '.join(dropped)}"] if dropped else []
     builder = FitFileBuilder(auto_define=True, strict=True)
-    _add(builder, table, told, kept, np.floor(begin_s + table.clock_s + 0.5), begin_s)
+    _add(builder, table, told, kept, np.floor(start.seconds + clock_s + 0.5), begin_s)
     write_file(Path(path), builder.build_bytes())
     return tuple(notes)
 
@@ -120,19 +121,24 @@ def _told(table: StrokeTable) -> tuple[list[_Told], list[str]]:
     standard = {one.column: one for one in STANDARD}
     for column, one in standard.items():
         if column in table and np.isfinite(table[column]).any():
-            told.append(_Told(one, 0, one.number or 0, table[column] / UNITS[one.unit]))
+            told.append(_Told(one, 0, one.number or 0, _sensible(table[column] / UNITS[one.unit])))
     own = [
-        _Told(one, 1, 0, table[name] / UNITS[one.unit])
+        _Told(one, 1, 0, _sensible(table[name] / UNITS[one.unit]))
         for name in table.columns
         if name not in standard and name not in NATIVE
         for one in [own_field(name)]
     ]
     stds = [(own_field(name, is_std=True), table.stds[name]) for name in table.stds]
-    own += [_Told(one, 1, 0, std / UNITS[one.unit]) for one, std in stds]
+    own += [_Told(one, 1, 0, _sensible(std / UNITS[one.unit])) for one, std in stds]
     own = [one for one in own if np.isfinite(one.values).any()]
     room = _MOST_FIELDS - len(told)
     numbered = [_Told(one.field, 1, number, one.values) for number, one in enumerate(own[:room])]
     return told + numbered, [one.field.name for one in own[room:]]
+
+
+def _sensible(values: Floats) -> Floats:
+    """The numbers; NaN where they are larger than any of a stroke, and than 32 bits can hold."""
+    return np.where(np.abs(values) <= _LARGEST, values, np.nan)
 
 
 def _add(

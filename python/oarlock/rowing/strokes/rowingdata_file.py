@@ -17,6 +17,7 @@ from oarlock.storage.write_file import write_file
 _POUND_FORCE_N = 4.4482216152605
 _DEGREE_RAD = np.pi / 180.0
 _PLACES = 6
+_LARGEST = 1e12
 # Names as the format spells them, with its blanks; column of the table; a number times this is in the file's unit.
 _WRITTEN = (
     (" lapIdx", "interval", 1.0),
@@ -57,7 +58,7 @@ def save_rowingdata(table: StrokeTable, path: str | PathLike[str]) -> tuple[str,
         DataError: no stroke has a time.
     """
     clock_s = table.clock_s
-    kept = np.flatnonzero(np.isfinite(clock_s))
+    kept = np.flatnonzero(np.abs(clock_s) <= _LARGEST)
     if not len(kept):
         raise DataError(f"{path}: no stroke has a time, so there is nothing to write as RowingData CSV")
     start = moment_of(table.epoch)
@@ -98,4 +99,4 @@ def _pace_s(table: StrokeTable) -> Floats:
 
 
 def _cell(value: float) -> str:
-    return "" if np.isnan(value) else f"{value:.{_PLACES}f}".rstrip("0").rstrip(".")
+    return "" if not abs(value) <= _LARGEST else f"{value:.{_PLACES}f}".rstrip("0").rstrip(".")
