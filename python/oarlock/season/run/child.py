@@ -113,9 +113,9 @@ class Child:
         with _TimeLimit(self._process, START_LIMIT_S):
             found = _answer(self._process, self.task)
         if found != READY:
-            detail = self._errors()
+            last = self._errors().splitlines()[-1:] or ["it said nothing"]
             self._end()
-            raise DataError(f"a process that computes could not start: {detail or 'it said nothing'}")
+            raise DataError(f"a process that computes could not start: {last[0]}")
 
     def _errors(self) -> str:
         assert self._scratch is not None

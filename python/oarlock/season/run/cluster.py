@@ -7,6 +7,7 @@ that dies become suspicious, so each job runs in a process beside the worker, wh
 
 from __future__ import annotations
 
+import logging
 import os
 import queue
 import secrets
@@ -165,6 +166,7 @@ def _connected(scheduler: str) -> Any:
         raise DataError(
             f'{scheduler}: Dask clusters need one more package: pip install "oarlock[dask]"'
         ) from None
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what fails is said in our words
     client: Any = distributed.Client
     try:
         return client(scheduler, timeout=_CONNECT_S, set_as_default=False)

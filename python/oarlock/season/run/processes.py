@@ -41,7 +41,7 @@ class Processes:
 
     def as_completed(self) -> Iterator[Ended]:
         """As `Executor.as_completed`."""
-        while self._open:
+        while self._open and not self._is_cancelled:
             try:
                 ended = self._ended.get(timeout=_LOOK_S)
             except queue.Empty:
@@ -51,7 +51,7 @@ class Processes:
 
     def cancel(self) -> None:
         """As `Executor.cancel`."""
-        self._open, self._is_cancelled = 0, True
+        self._is_cancelled = True
         for child in self._children:
             child.stop()
         for _ in self._threads:

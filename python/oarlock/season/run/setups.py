@@ -26,11 +26,13 @@ def make_setup(model: Model, calibration: Calibration | None = None, config: Con
     Equal values give equal files, however they were written. What a calibration notes about its origin is left out.
 
     Raises:
-        DataError: the model is no rower's.
+        DataError: the model is no rower's, or has other parameters than its file.
     """
     from oarlock.rowing.analysis.rower_places import Rower
 
     Rower(model)
+    if dict(Model.from_toml(model.text, "model.toml", {}).parameters) != dict(model.parameters):
+        raise DataError("setup: the model has lengths other than its file; give them in a calibration")
     text = "" if calibration is None else calibration_text(replace(calibration, noted={}))
     return Setup(model.text.encode(), text.encode(), _settings(config or Config()))
 
