@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import socket
 import subprocess
 import sys
 import time
@@ -157,6 +158,52 @@ def test_deaths_change_no_byte_and_nothing_is_computed_again(
     assert len(jobs.begun(count)) == RECORDINGS - 1  # all but the damaged one
     assert check(here) == check(season)
     assert [one.what for one in check(season)] == ["damaged"]
+
+
+@pytest.fixture
+def bucket(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """An address on a server that speaks S3's protocol, in a process of its own."""
+    pytest.importorskip("obstore")
+    boto3 = pytest.importorskip("boto3")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    endpoint = f"http://127.0.0.1:{port}"
+    for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
+        monkeypatch.setenv(name, "test")
+    monkeypatch.setenv("AWS_REGION", "us-east-1")
+    monkeypatch.setenv("AWS_ENDPOINT_URL", endpoint)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    command = [sys.executable, "-m", "moto.server", "-H", "127.0.0.1", "-p", str(port)]
+    with (tmp_path / "moto.log").open("wb") as log:
+        server = subprocess.Popen(command, stdout=log, stderr=log)
+    try:
+        until(lambda: answers(port))
+        boto3.client("s3", endpoint_url=endpoint, region_name="us-east-1").create_bucket(Bucket="club")
+        yield "s3://club/season"
+    finally:
+        server.kill()
+        server.wait()
+
+
+def answers(port: int) -> bool:
+    with socket.socket() as one:
+        return one.connect_ex(("127.0.0.1", port)) == 0
+
+
+def test_an_object_store_has_the_same_results(season: Season, bucket: str) -> None:
+    there = create_season(bucket, "club")
+    support.squad(there, "AAAAAA")
+    for seed in range(RECORDINGS):
+        support.add_noise(there, "AAAAAA", seed)
+    there = choose_setup(there, make_setup(sculler()))
+    damaged = [name for name, _ in season.place.files("recordings") if name.endswith("trunk.parquet")]
+    for name in damaged:
+        there.place.write(name, season.place.read(name))
+    run_season(season, Processes(jobs.quick_task, 2), planned(season))
+    assert run_season(there, Processes(jobs.quick_task, 2), planned(there)).computed == RECORDINGS - 4
+    assert results(there) == results(season)
+    assert make_plan(there).jobs == []
 
 
 def test_where_no_scheduler_is_it_says_how_to_start_one(season: Season) -> None:

@@ -19,10 +19,10 @@ from exact_recording import at_rate, load_excerpt, sculler
 from oarlock import Calibration, Config, DataError, load_model
 from oarlock.season import Admission, Season, create_season, open_season
 from oarlock.season.check import check
-from oarlock.season.compact import known_now
+from oarlock.season.compact import compact, known_now
 from oarlock.season.layout import ENTRY_FILE
 from oarlock.season.run.child import Child
-from oarlock.season.run.compute import commit, failed_record, run_job
+from oarlock.season.run.compute import Found, commit, failed_record, run_job
 from oarlock.season.run.job import Ended, Job, Loss, Reply
 from oarlock.season.run.plan import LIMIT_S, LIMIT_SHARE, make_plan
 from oarlock.season.run.processes import Processes
@@ -236,6 +236,15 @@ def test_raw_data_that_retention_removed_are_left_alone(season: Season) -> None:
     season.place.write(f"recordings/{one}/{ENTRY_FILE}", replace(entry, files={}).toml())
     plan = make_plan(season)
     assert (len(plan.jobs), plan.removed) == (3, 1)
+
+
+def test_a_recording_without_strokes_is_done_and_has_no_rows(season: Season) -> None:
+    reply = run_job(make_plan(season).jobs[0], lambda entry, tools: Found(None, {"trunk.nis": 1.0}))
+    assert reply.told == "done"
+    record = known_now(season).records[0]
+    assert (record.status, record.strokes, dict(record.files)) == ("done", 0, {})
+    assert compact(season).files["recordings"]
+    assert check(season) == []
 
 
 def test_a_failure_gives_way_to_a_result_and_never_the_reverse(season: Season) -> None:

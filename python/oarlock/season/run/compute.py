@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -43,9 +43,9 @@ class Tools:
 
 @dataclass(frozen=True)
 class Found:
-    """Strokes of a recording, and numbers about its sensors by name."""
+    """Strokes of a recording, None where it has none, and numbers about its sensors by name."""
 
-    strokes: StrokeTable
+    strokes: StrokeTable | None
     health: dict[str, float]
 
 
@@ -176,10 +176,11 @@ def _recorded(job: Job, entry: Entry, tools: Tools, compute: Compute) -> tuple[R
     except BaseException as error:  # a panic of the engine is no Exception
         words = str(error) if isinstance(error, DataError) else f"{type(error).__name__}: {error}"
         return failed_record(job, tools.setup, words), {}
-    strokes = stroke_bytes(found.strokes)
     engine = dict(job.versions)["oarlock"]
-    record = done_record(job.recording, tools.setup, engine, strokes, len(found.strokes), found.health)
-    return record, {STROKES_FILE: strokes}
+    count = 0 if found.strokes is None else len(found.strokes)
+    strokes = b"" if found.strokes is None else stroke_bytes(found.strokes)
+    record = done_record(job.recording, tools.setup, engine, strokes, count, found.health)
+    return (record, {STROKES_FILE: strokes}) if count else (replace(record, files={}), {})
 
 
 def stroke_bytes(table: StrokeTable) -> bytes:
