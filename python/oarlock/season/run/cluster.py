@@ -166,7 +166,8 @@ def _connected(scheduler: str) -> Any:
         raise DataError(
             f'{scheduler}: Dask clusters need one more package: pip install "oarlock[dask]"'
         ) from None
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what fails is said in our words
+    for logger in ("distributed", "distributed.client"):
+        logging.getLogger(logger).setLevel(logging.CRITICAL)  # what fails is said in our words
     client: Any = distributed.Client
     try:
         return client(scheduler, timeout=_CONNECT_S, set_as_default=False)
