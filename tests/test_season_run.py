@@ -20,9 +20,10 @@ from oarlock import Calibration, Config, DataError, load_model
 from oarlock.season import Admission, Season, create_season, open_season
 from oarlock.season.check import check
 from oarlock.season.compact import compact, known_now
+from oarlock.season.entry import Entry
 from oarlock.season.layout import ENTRY_FILE
 from oarlock.season.run.child import Child
-from oarlock.season.run.compute import Found, commit, failed_record, run_job
+from oarlock.season.run.compute import Found, Tools, commit, failed_record, run_job
 from oarlock.season.run.job import Ended, Job, Loss, Reply
 from oarlock.season.run.plan import LIMIT_S, LIMIT_SHARE, make_plan
 from oarlock.season.run.processes import Processes
@@ -245,6 +246,17 @@ def test_a_recording_without_strokes_is_done_and_has_no_rows(season: Season) -> 
     assert (record.status, record.strokes, dict(record.files)) == ("done", 0, {})
     assert compact(season).files["recordings"]
     assert check(season) == []
+
+
+def test_an_erasure_meanwhile_leaves_no_result(season: Season) -> None:
+    job = make_plan(season).jobs[0]
+
+    def erased_then_found(entry: Entry, tools: Tools) -> Found:
+        season.place.remove_folder(f"recordings/{entry.recording}", ENTRY_FILE)
+        return Found(None, {})
+
+    assert run_job(job, erased_then_found).told == "there"
+    assert season.results() == []
 
 
 def test_a_failure_gives_way_to_a_result_and_never_the_reverse(season: Season) -> None:

@@ -17,7 +17,7 @@ from oarlock.evaluation.consistency import sensor_scores
 from oarlock.evaluation.interval import Interval
 from oarlock.rowing import StrokeTable, load_stroke_export, save_strokes, technique
 from oarlock.season.add import done_record
-from oarlock.season.entry import Entry
+from oarlock.season.entry import Entry, entry_place
 from oarlock.season.layout import RUN_FILE, STROKES_FILE, recording_folder, result_folder
 from oarlock.season.run.job import Job, Reply, versions
 from oarlock.season.run.setups import opened_setup
@@ -144,18 +144,24 @@ def fetch(season: Season, entry: Entry, folder: Path) -> None:
 
 
 def commit(season: Season, record: RunRecord, files: dict[str, bytes], setup: Setup, again: bool) -> bool:
-    """Store a result; False if another writer was first.
+    """Store a result; False if another writer was first, or the recording was erased meanwhile.
 
     A record of a failure gives way to a result, and to another failure if it is computed again.
     """
+    folder = result_folder(record.recording, record.run)
     try:
         before = season.run_record(record.recording, record.run)
         gives_way = before is not None and before.status == "failed" and (again or record.status == "done")
     except DataError:  # damaged
         gives_way = True
     if gives_way:
-        season.place.remove_folder(result_folder(record.recording, record.run), RUN_FILE)
-    return season.put_result(record, files, setup)
+        season.place.remove_folder(folder, RUN_FILE)
+    is_new = season.put_result(record, files, setup)
+    # Looked at afterwards: an erasure that began before finds the result, or this finds that it began.
+    if season.place.exists(entry_place(recording_folder(record.recording))):
+        return is_new
+    season.place.remove_folder(folder, RUN_FILE)
+    return False
 
 
 def failed_record(job: Job, setup: Setup, fault: str) -> RunRecord:
