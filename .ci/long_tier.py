@@ -50,6 +50,7 @@ USUAL_S = {
     "test_reproduce": 20.0,
     "test_strokes": 15.0,
     "test_suspects": 190.0,
+    "test_season_cluster": 60.0,
     "test_smoothing": 200.0,
     "test_soak": 80.0,
     "test_sessions_killed": 700.0,

@@ -65,6 +65,8 @@ LEAF = {
     "live scan": "test_scan.test_nothing_is_said_to_be_nothing",
     "live track": "test_live_track.test_a_session_becomes_a_track_that_other_verbs_read",
     "live run": "test_live_cli.test_a_rig_is_recorded_and_the_recording_written_again",
+    "season run": "test_season_run.test_typed",
+    "season setup": "test_season_run.test_typed",
     "report": "test_cli.test_report_is_written_where_it_is_asked_for",
     "reproduce": "test_reproduce.test_the_verb_writes_a_page_and_tables",
     "run": "test_run.test_from_files_to_a_report",

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from oarlock.cli import season_run
 from oarlock.cli.options import Json, example
 from oarlock.cli.season_options import SeasonAt, opened
 from oarlock.cli.terminal import (
@@ -33,6 +34,7 @@ _MOST_SHOWN = 20
 
 def add_to(app: typer.Typer) -> None:
     """Registers the verbs."""
+    season_run.add_to(group)
     app.add_typer(group, name="season")
 
 
