@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from oarlock.cli.options import Json, example
-from oarlock.cli.season_options import SeasonAt, opened
+from oarlock.cli.season_options import SeasonAt, Tombstones, opened
 from oarlock.cli.terminal import (
     EXIT_DATA,
     UsageError,
@@ -33,6 +33,9 @@ _MOST_SHOWN = 20
 
 def add_to(app: typer.Typer) -> None:
     """Registers the verbs."""
+    from oarlock.cli import season_privacy
+
+    season_privacy.add_to(group)
     app.add_typer(group, name="season")
 
 
@@ -184,6 +187,7 @@ def check(
     repair: Annotated[
         bool, typer.Option("--repair", help="Remove damaged results and tables; `run` makes them again.")
     ] = False,
+    tombstones: Tombstones = None,
     json_output: Json = False,
 ) -> None:
     """Compare every file with its hash; name what is damaged, unfinished, or came back after an erasure."""
@@ -192,7 +196,7 @@ def check(
 
     season = opened(at)
     with progress("checking") as share:
-        findings = findings_of(season, share)
+        findings = findings_of(season, share, tombstones)
     removed = repaired(season, findings) if repair else []
     if json_output:
         print_json({"findings": findings, "removed": removed})

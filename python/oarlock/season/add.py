@@ -14,6 +14,7 @@ import numpy as np
 from oarlock.recording.recording import Recording, load_recording
 from oarlock.recording.session_info import SESSION_KEY, checked_session, read_session, session_info
 from oarlock.season.entry import Entry
+from oarlock.season.erase_again import erase_again
 from oarlock.season.layout import ENTRY_FILE, STROKES_FILE, named_by, recording_folder
 from oarlock.season.run_record import RunRecord, Setup
 from oarlock.season.store import Season
@@ -48,6 +49,7 @@ class Admission:
     def __init__(
         self, season: Season, athlete: str | None = None, names: Mapping[str, str] | None = None
     ) -> None:
+        erase_again(season)  # a restored backup contains who was erased since
         self.season = season
         self._athlete, self._names = athlete, dict(names or {})
         self._known, self._erased = season.athletes(), season.erased()
@@ -147,11 +149,21 @@ class Admission:
 
 
 def put_entry(season: Season, entry: Entry, files: Mapping[str, bytes]) -> Added:
-    """Store the files of a recording with their commit record."""
+    """Store the files of a recording with their commit record.
+
+    Raises:
+        DataError: the athlete was erased meanwhile.
+    """
     hashes = {name: hashlib.sha256(contents).hexdigest() for name, contents in files.items()}
     whole = replace(entry, files=hashes)
     folder = recording_folder(entry.recording)
     is_new = season.place.put_folder(folder, {**files, ENTRY_FILE: whole.toml()}, ENTRY_FILE)
+    # An erasure writes its tombstone before it looks for recordings: one of the two sees the other.
+    if is_new and season.is_erased_now(entry.athlete):
+        season.place.remove_folder(folder, ENTRY_FILE)
+        raise DataError(
+            f"{entry.athlete} was erased from this season meanwhile; {entry.recording} is not stored"
+        )
     return Added(whole if is_new else season.entry(entry.recording) or whole, is_new)
 
 

@@ -6,6 +6,7 @@ A pseudonym is random. Movements can identify a person, so data under a pseudony
 from __future__ import annotations
 
 import datetime
+import functools
 import hashlib
 import secrets
 from collections.abc import Mapping
@@ -82,6 +83,7 @@ def new_pseudonym(taken: Mapping[str, object]) -> str:
             return found
 
 
+@functools.cache
 def pseudonym_hash(season: str, pseudonym: str) -> str:
     """What a tombstone keeps of a pseudonym; a copy of the season has the same.
 

@@ -23,7 +23,7 @@ SEPARATOR = b"\x00\xff\x00"
 
 
 def parquet_parts(contents: bytes) -> Iterator[tuple[str, bytes]]:
-    """Where and what: the values of every column, the pages of columns of texts, the metadata, and what no column claims.
+    """Where and what: values of all columns, pages of columns of texts, metadata, and what no column claims.
 
     Raises:
         pa.ArrowException, OSError, ValueError: it cannot be decoded.
@@ -74,7 +74,10 @@ def _pages(metadata: Any, contents: bytes) -> Iterator[tuple[str, bytes]]:
     last = 0
     for first, end in sorted(claimed):
         if first > last:
-            yield from ((f"bytes {last} to {first}, which no column claims", part) for part in _gap(contents[last:first]))
+            yield from (
+                (f"bytes {last} to {first}, which no column claims", part)
+                for part in _gap(contents[last:first])
+            )
         last = max(last, end)
 
 
@@ -112,7 +115,7 @@ def pages(contents: bytes, codec: str | None) -> Iterator[bytes]:
 def _unpacked(body: bytes, codec: str | None, size: int) -> bytes:
     if not 0 <= size <= 2**31:
         raise ValueError("no size of a page")
-    return pa.Codec(codec).decompress(body, size).to_pybytes()
+    return bytes(pa.Codec(codec).decompress(body, size).to_pybytes())
 
 
 def _footer_length(contents: bytes) -> int:

@@ -22,7 +22,10 @@ _WORKER = "from oarlock.season.search import _worker; _worker()"
 
 
 def search(
-    place: Place, sought: Sought, names: Iterable[str] | None = None, told: Callable[[float], None] | None = None
+    place: Place,
+    sought: Sought,
+    names: Iterable[str] | None = None,
+    told: Callable[[float], None] | None = None,
 ) -> list[Trace]:
     """All traces in the files of a place.
 
@@ -53,7 +56,9 @@ def _on_disk(
         others = []
         for first in range(1, workers):
             process = stack.enter_context(
-                subprocess.Popen([sys.executable, "-c", _WORKER], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+                subprocess.Popen(
+                    [sys.executable, "-c", _WORKER], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+                )
             )
             assert process.stdin is not None
             pickle.dump((str(place.root), sought, files[first::workers]), process.stdin)
@@ -64,9 +69,12 @@ def _on_disk(
         for done, name in enumerate(own, start=1):
             found += _of_file(place, name, sought)
             tell(done / len(own))
-        for process in others:
+        for first, process in enumerate(others, start=1):
             assert process.stdout is not None
-            found += pickle.load(process.stdout)
+            try:
+                found += pickle.load(process.stdout)
+            except (EOFError, pickle.UnpicklingError):  # it ended early: its files are searched here
+                found += [one for name in files[first::workers] for one in _of_file(place, name, sought)]
     return found
 
 

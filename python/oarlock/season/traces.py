@@ -34,7 +34,16 @@ _PACKED: tuple[tuple[bytes, str, Callable[[bytes], bytes]], ...] = (
     (b"\x28\xb5\x2f\xfd", "zstd", lambda packed: _stream(packed, "zstd")),
     (b"\x04\x22\x4d\x18", "lz4", lambda packed: _stream(packed, "lz4")),
 )
-_UNREADABLE = (pa.ArrowException, OSError, ValueError, EOFError, IndexError, zlib.error, lzma.LZMAError, zipfile.BadZipFile)
+_UNREADABLE = (
+    pa.ArrowException,
+    OSError,
+    ValueError,
+    EOFError,
+    IndexError,
+    zlib.error,
+    lzma.LZMAError,
+    zipfile.BadZipFile,
+)
 
 
 @dataclass(frozen=True)
@@ -82,7 +91,9 @@ class Sought:
             frozenset(name.encode() for name in recordings),
             tuple(name for name in written if len(name) >= _SHORT),
             _hints(names),
-            re.compile(rb"(?<![a-z\x80-\xff])(?:" + b"|".join(short) + rb")(?![a-z\x80-\xff])") if short else None,
+            re.compile(rb"(?<![a-z\x80-\xff])(?:" + b"|".join(short) + rb")(?![a-z\x80-\xff])")
+            if short
+            else None,
         )
 
     def found(self, contents: bytes, is_text: bool = True) -> str:
@@ -95,7 +106,9 @@ class Sought:
             lower = contents.lower()
             if self.hints and not any(one in lower for one in self.hints):
                 return ""
-            if any(one in lower for one in self.names) or (is_text and self.short and self.short.search(lower)):
+            if any(one in lower for one in self.names) or (
+                is_text and self.short and self.short.search(lower)
+            ):
                 return "the person's name"
         return ""
 
@@ -154,15 +167,18 @@ def _parts(contents: bytes) -> Iterator[tuple[str, bytes]]:
         if contents.startswith(magic):
             yield f"member of {kind}", unpack(contents)
             return
-    if contents[:2] == b"PK" or (b"PK\x05\x06" in contents[-66_000:] and zipfile.is_zipfile(io.BytesIO(contents))):
+    if contents[:2] == b"PK" or (
+        b"PK\x05\x06" in contents[-66_000:] and zipfile.is_zipfile(io.BytesIO(contents))
+    ):
         with zipfile.ZipFile(io.BytesIO(contents)) as archive:
             for one in archive.infolist():
                 yield f"member {one.filename}", one.filename.encode() + b"\n" + archive.read(one)
         return
     if b"\\u" in contents:  # letters that JSON writes as numbers
         text = contents.decode("utf-8", "replace")
-        yield "escaped letters", re.sub(r"\\u([0-9a-fA-F]{4})", lambda one: chr(int(one[1], 16)), text).encode(
-            "utf-8", "replace"
+        yield (
+            "escaped letters",
+            re.sub(r"\\u([0-9a-fA-F]{4})", lambda one: chr(int(one[1], 16)), text).encode("utf-8", "replace"),
         )
 
 
