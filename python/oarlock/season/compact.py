@@ -129,7 +129,8 @@ def _compacted(season: Season, erased: frozenset[str]) -> Current:
     after = Current(SCHEMA, files, mark)
     if after != before:
         season.place.write(CURRENT_FILE, after.toml())
-    remove_unused(season, _UNUSED_S)
+    # Former tables have rows of those who were erased since.
+    remove_unused(season, _UNUSED_S if before.erased == mark else 0.0)
     return after
 
 

@@ -108,7 +108,11 @@ def erase(
     if dry_run:
         files = _files(season)
         mine = tuple(f"{folder}/" for folder, _ in folders(work.own))
-        others = [name for name in files if not name.startswith((*mine, *found.exports, "tables/", f"{ATHLETES}/{athlete}."))]
+        others = [
+            name
+            for name in files
+            if not name.startswith((*mine, *found.exports, "tables/", f"{ATHLETES}/{athlete}."))
+        ]
         traces = search(season.place, work.sought, others, told)
         return Erasure(athlete, True, work.removed, left=traces, files=len(files))
     write_toml(pending, {"recordings": known})

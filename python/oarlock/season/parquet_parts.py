@@ -32,9 +32,7 @@ def parquet_parts(contents: bytes) -> Iterator[tuple[str, bytes]]:
     schema = file.schema_arrow
     yield "metadata of the schema", schema.serialize().to_pybytes()
     texts = [field.name for field in schema if _is_text(field.type)]
-    if texts:
-        file = parquet.ParquetFile(pa.BufferReader(contents), read_dictionary=texts)
-    table = file.read(use_threads=False)
+    table = _table(file, contents, texts)
     numbers = []
     for name, column in zip(table.column_names, table.columns, strict=True):
         buffers = SEPARATOR.join(part for chunk in column.chunks for part in _buffers(chunk))
@@ -44,6 +42,17 @@ def parquet_parts(contents: bytes) -> Iterator[tuple[str, bytes]]:
             yield f"column {name}", buffers
     yield "columns of numbers", SEPARATOR.join(numbers)
     yield from _pages(file.metadata, contents)
+
+
+def _table(file: Any, contents: bytes, texts: list[str]) -> pa.Table:
+    """The table; columns of texts as dictionaries where their encoding allows, so that a word is searched once."""
+    if texts:
+        try:
+            read = parquet.ParquetFile(pa.BufferReader(contents), read_dictionary=texts)
+            return read.read(use_threads=False)
+        except (pa.ArrowException, OSError):
+            pass  # not every encoding can be read so
+    return file.read(use_threads=False)
 
 
 def _is_text(kind: pa.DataType) -> bool:

@@ -172,7 +172,8 @@ def _parts(contents: bytes) -> Iterator[tuple[str, bytes]]:
     ):
         with zipfile.ZipFile(io.BytesIO(contents)) as archive:
             for one in archive.infolist():
-                yield f"member {one.filename}", one.filename.encode() + b"\n" + archive.read(one)
+                yield "names of members", one.filename.encode()
+                yield f"member {one.filename}", archive.read(one)
         return
     if b"\\u" in contents:  # letters that JSON writes as numbers
         text = contents.decode("utf-8", "replace")
@@ -203,7 +204,7 @@ def _ways(name: str) -> Iterator[bytes]:
     for text in texts:
         for form in ("NFC", "NFD"):
             plain = unicodedata.normalize(form, text)
-            for cased in (plain.lower(), plain.upper()):
+            for cased in (plain, plain.lower(), plain.upper(), plain.title()):
                 yield cased.encode().lower()
                 yield cased.encode("utf-16-le").lower()
                 yield json.dumps(cased)[1:-1].encode().lower()
