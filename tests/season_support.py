@@ -79,16 +79,18 @@ def copied(season: Season, folder: str, out: Path) -> Path:
 _WRITER = """
 import sys, itertools
 from pathlib import Path
+from tempfile import mkdtemp
 sys.path.insert(0, {tests!r})
 import season_support as support
 from oarlock.season import open_season
 from oarlock.season.compact import compact
 season = open_season({season!r})
+scratch = Path(mkdtemp(dir={scratch!r}))
 for seed in itertools.count({first}):
     if "add" in {does!r}:
         name = support.add_noise(season, "AAAAAA", seed, support.day(seed % 300))
     if "result" in {does!r}:
-        support.add_strokes(season, name, Path({scratch!r}), seed)
+        support.add_strokes(season, name, scratch, seed)
     if "compact" in {does!r}:
         compact(season)
     print(seed, flush=True)
@@ -97,14 +99,18 @@ for seed in itertools.count({first}):
 
 @contextmanager
 def writer(
-    season: str | Path, first: int, does: str = "add", scratch: Path = Path()
+    season: str | Path, first: int, does: str = "add", scratch: Path | None = None
 ) -> Iterator[subprocess.Popen[str]]:
     """A process that stores recordings from a seed on, until the end of the block kills it; a line for each.
 
     It adds, stores results and compacts, as the words of `does` say.
     """
     code = _WRITER.format(
-        tests=str(Path(__file__).parent), season=str(season), first=first, does=does, scratch=str(scratch)
+        tests=str(Path(__file__).parent),
+        season=str(season),
+        first=first,
+        does=does,
+        scratch=None if scratch is None else str(scratch),
     )
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as process:
         try:

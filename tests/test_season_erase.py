@@ -194,6 +194,11 @@ def test_a_residue_is_found_wherever_it_is(kind: str) -> None:
     assert traces_in("x", contents, others) == []
 
 
+def test_empty_tables_are_searched() -> None:
+    for options in ({}, {"compression": "zstd"}, {"use_dictionary": False}):
+        assert traces_in("x", table([], **options), Sought.of(GONE)) == []
+
+
 def test_short_names_are_sought_as_words() -> None:
     sought = Sought.of(GONE, (), ["Li"])
     assert traces_in("x", b"rowed with Li today", sought)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from oarlock.cli.options import Json, example
-from oarlock.cli.season_options import SeasonAt, Tombstones, opened
+from oarlock.cli.season_options import CutGps, SeasonAt, Tombstones, opened
 from oarlock.cli.terminal import (
     EXIT_DATA,
     UsageError,
@@ -98,6 +98,7 @@ def add(
     boat: Annotated[str | None, typer.Option("--boat", metavar="TEXT", help="Boat.")] = None,
     seat: Annotated[str | None, typer.Option("--seat", metavar="TEXT", help="Seat in the boat.")] = None,
     rig: Annotated[str | None, typer.Option("--rig", metavar="TEXT", help="Rig or setting.")] = None,
+    cut_gps_m: CutGps = None,
     json_output: Json = False,
 ) -> None:
     """Store recordings and devices' exports; each once, named by its contents.
@@ -112,7 +113,8 @@ def add(
     told = {"date": date, "boat": boat, "seat": seat, "rig": rig}
     session = {key: text for key, text in told.items() if text is not None}
     season = opened(at)
-    admission = Admission(season, athlete, None if names is None else NamesFile.read(names).pseudonyms)
+    mapping = None if names is None else NamesFile.read(names).pseudonyms
+    admission = Admission(season, athlete, mapping, cut_gps_m)
     added: dict[str, Added] = {}
     refused: dict[str, str] = {}
     with progress("storing") as share:
@@ -268,6 +270,14 @@ def athlete(
     names: Annotated[
         Path | None, typer.Option("--names", metavar="FILE", help="File of names, outside the season.")
     ] = None,
+    keys: Annotated[
+        Path | None,
+        typer.Option(
+            "--encrypt",
+            metavar="DIR",
+            help="Seal this new athlete's files; their key is written into this folder, outside the season.",
+        ),
+    ] = None,
     json_output: Json = False,
 ) -> None:
     """Make a pseudonym for an athlete, or change attributes and consent.
@@ -282,7 +292,7 @@ def athlete(
         key: value for key, value in (("stature_m", stature_m), ("mass_kg", mass_kg)) if value is not None
     }
     one = changed_athlete(
-        season, pseudonym, known, consent or [], withdrawn=withdraw, guardian=guardian, on=on
+        season, pseudonym, known, consent or [], withdrawn=withdraw, guardian=guardian, on=on, keys=keys
     )
     if name is not None or names is not None:
         keep_name(season, one.pseudonym, name, names)

@@ -24,6 +24,11 @@ Tombstones = Annotated[
     ),
 ]
 
+CutGps = Annotated[
+    float | None,
+    typer.Option("--cut-gps-m", metavar="M", help="Cut tracks so near to their start and end, m."),
+]
+
 
 def opened(at: str) -> Season:
     """The season at an address."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from oarlock.cli.options import Json, example
-from oarlock.cli.season_options import SeasonAt, Tombstones, opened
+from oarlock.cli.season_options import CutGps, SeasonAt, Tombstones, opened
 from oarlock.cli.terminal import (
     EXIT_DATA,
     UsageError,
@@ -29,9 +29,6 @@ if TYPE_CHECKING:
     from oarlock.season.exports import Exported
 
 _MOST_SHOWN = 20
-KeyFile = Annotated[
-    Path | None, typer.Option("--key", metavar="FILE", help="Key of the athlete's sealed files.")
-]
 
 
 def add_to(group: typer.Typer) -> None:
@@ -66,11 +63,7 @@ def export(
             "--scope", metavar="SCOPE", help="Only who consents to this: coaching, research or sharing."
         ),
     ] = None,
-    cut_gps_m: Annotated[
-        float | None,
-        typer.Option("--cut-gps-m", metavar="M", help="Cut tracks so near to their start and end, m."),
-    ] = None,
-    key: KeyFile = None,
+    cut_gps_m: CutGps = None,
     json_output: Json = False,
 ) -> None:
     """Write everything of an athlete, as CSV and as stored, into a folder; or of all who consent to a use.
@@ -78,7 +71,6 @@ def export(
     The season keeps a note of the folder, so that `erase` finds it.
     """
     from oarlock.season.exports import export_athlete, may_share
-    from oarlock.season.sealed import Key
 
     if athlete is None and scope is None:
         raise UsageError("give --athlete PSEUDONYM, or --scope for all who consent to a use")
@@ -87,7 +79,6 @@ def export(
     if athlete is not None and athlete in others:
         raise UsageError(f"{athlete} does not consent to {scope}, or not any more; nothing was exported")
     chosen = [athlete] if athlete is not None else willing
-    opener = None if key is None else Key.read(key)
     done: list[Exported] = []
     with progress("exporting") as share:
         for number, one in enumerate(chosen):
@@ -97,7 +88,6 @@ def export(
                     one,
                     out,
                     cut_gps_m=cut_gps_m,
-                    key=opener,
                     told=lambda part, number=number: share((number + part) / len(chosen)),  # type: ignore[misc]
                 )
             )

@@ -15,8 +15,10 @@ from oarlock.recording.recording import Recording, load_recording
 from oarlock.recording.session_info import SESSION_KEY, checked_session, read_session, session_info
 from oarlock.season.entry import Entry
 from oarlock.season.erase_again import erase_again
+from oarlock.season.gps import GpsCut
 from oarlock.season.layout import ENTRY_FILE, STROKES_FILE, named_by, recording_folder
 from oarlock.season.run_record import RunRecord, Setup
+from oarlock.season.sealed import key_called
 from oarlock.season.store import Season
 from oarlock.storage.epoch import moment_of
 from oarlock.storage.errors import DataError
@@ -44,14 +46,20 @@ class Admission:
         season: where.
         athlete: the pseudonym of all of them; None takes each one's session.
         names: pseudonym by name: the explicit mapping by which names are replaced.
+        cut_gps_m: positions of exports that are so near to the start or the end of a track are not stored, m.
     """
 
     def __init__(
-        self, season: Season, athlete: str | None = None, names: Mapping[str, str] | None = None
+        self,
+        season: Season,
+        athlete: str | None = None,
+        names: Mapping[str, str] | None = None,
+        cut_gps_m: float | None = None,
     ) -> None:
         erase_again(season)  # a restored backup contains who was erased since
         self.season = season
         self._athlete, self._names = athlete, dict(names or {})
+        self._cut_gps_m = cut_gps_m
         self._known, self._erased = season.athletes(), season.erased()
 
     def add(self, path: Path, session: Mapping[str, str] | None = None) -> Added:
@@ -122,6 +130,9 @@ class Admission:
         info = {**read_session(file.parent), **session}
         info["athlete"] = self.pseudonym(info.get("athlete"), str(file))
         contents = self._without_names(read_bytes(file), file)
+        if self._cut_gps_m is not None:
+            cut = GpsCut(self._cut_gps_m, f"{self.season.id} {info['athlete']}".encode())
+            contents = cut.file(contents, str(file))
         start = start_of(self.season, None, 0.0, info)
         entry = Entry(named_by(contents), info["athlete"], "export", start, None, info)
         return put_entry(self.season, entry, {f"{EXPORT_STEM}{file.suffix.lower()}": contents})
@@ -151,9 +162,15 @@ class Admission:
 def put_entry(season: Season, entry: Entry, files: Mapping[str, bytes]) -> Added:
     """Store the files of a recording with their commit record.
 
+    Files of an athlete who has a key are sealed; their hashes are of what is stored.
+
     Raises:
-        DataError: the athlete was erased meanwhile.
+        DataError: the athlete was erased meanwhile, or has a key that is not here.
     """
+    one = season.athlete(entry.athlete)
+    if one is not None and one.key:
+        key = key_called(one.key, f"{entry.athlete}: every new recording")
+        files = {name: key.sealed(contents) for name, contents in files.items()}
     hashes = {name: hashlib.sha256(contents).hexdigest() for name, contents in files.items()}
     whole = replace(entry, files=hashes)
     folder = recording_folder(entry.recording)

@@ -21,7 +21,7 @@ from oarlock.season.belongings import belongings, folders
 from oarlock.season.gps import CUT_FILES, GpsCut
 from oarlock.season.layout import ATHLETES, EXPORTS, STROKES_FILE
 from oarlock.season.schema import joined, recording_rows, run_rows, stroke_rows
-from oarlock.season.sealed import Key, is_sealed
+from oarlock.season.sealed import opened
 from oarlock.season.store import Season
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
@@ -64,7 +64,6 @@ def export_athlete(
     out: Path,
     *,
     cut_gps_m: float | None = None,
-    key: Key | None = None,
     told: Callable[[float], None] = lambda share: None,
 ) -> Exported:
     """Write everything of an athlete into `out/PSEUDONYM`.
@@ -74,12 +73,11 @@ def export_athlete(
         athlete: the pseudonym.
         out: a folder outside the season.
         cut_gps_m: remove positions that are so near to the start or the end of a track, m; None removes none.
-        key: of this athlete's sealed files.
         told: called with the share done, 0 to 1.
 
     Raises:
         DataError: the athlete is unknown or was erased, the folder lies in the season or is there, a file is sealed
-            and the key is not given, or positions cannot be cut.
+            and its key is not here, or positions cannot be cut.
     """
     if season.is_erased_now(athlete):
         raise DataError(f"{athlete} was erased from this season; there is nothing to export")
@@ -96,7 +94,7 @@ def export_athlete(
     written: dict[str, int] = {}
     sources = [folder for folder, _ in folders(own)]
     for done, folder in enumerate(sources, start=1):
-        for name, contents in _folder_files(season, folder, _Reading(cut, key)):
+        for name, contents in _folder_files(season, folder, _Reading(cut)):
             write_file(target / name, contents)
             written[name] = len(contents)
         told(done / max(1, len(sources)))
@@ -154,14 +152,10 @@ class _Reading:
     """How files are read for an export."""
 
     cut: GpsCut | None
-    key: Key | None
 
     def opened(self, contents: bytes, where: str) -> bytes:
         """The contents, without the seal and with positions cut."""
-        if is_sealed(contents):
-            if self.key is None:
-                raise DataError(f"{where}: is sealed; give --key FILE")
-            contents = self.key.opened(contents, where)
+        contents = opened(contents, where)
         if self.cut is None or not where.lower().endswith(CUT_FILES):
             return contents
         return self.cut.file(contents, where)

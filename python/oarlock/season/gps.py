@@ -25,8 +25,9 @@ EARTH_RADIUS_M = 6_371_008.8
 """Mean radius (IUGG)."""
 CUT_FILES = (".parquet", ".csv", ".tsv", ".txt", ".tcx", ".gpx", ".xml", ".fit")
 """Files in which `GpsCut.file` looks for positions."""
-_LATITUDE = re.compile(r"^\W*(?:gps|start|end)?\W*lat(?:itude)?\b", re.IGNORECASE)
-_LONGITUDE = re.compile(r"^\W*(?:gps|start|end)?\W*(?:lon|lng|long)(?:gitude|itude)?\b", re.IGNORECASE)
+_PREFIX = r"^\W*(?:gps|start|end|position)?[\W_]*"
+_LATITUDE = re.compile(_PREFIX + r"lat(?:itude)?(?![a-z])", re.IGNORECASE)
+_LONGITUDE = re.compile(_PREFIX + r"(?:lng|lon|long|longitude)(?![a-z])", re.IGNORECASE)
 _POINT = re.compile(
     rb"<Position>\s*<LatitudeDegrees>([^<]*)</LatitudeDegrees>\s*<LongitudeDegrees>([^<]*)</LongitudeDegrees>\s*</Position>"
 )
@@ -98,8 +99,10 @@ class GpsCut:
             return self._xml(contents, where)
         return self._table(contents, where)
 
-    def _kept(self, cells: Sequence[tuple[str, str]]) -> NDArray[np.bool_]:
+    def _kept(self, cells: Sequence[tuple[str, str]], where: str) -> NDArray[np.bool_]:
         degrees = np.array([(_degrees(first), _degrees(second)) for first, second in cells]).reshape(-1, 2)
+        if (np.abs(degrees) > 360.0).any():
+            raise DataError(f"{where}: its positions are not in degrees, so they cannot be cut")
         return kept_positions(degrees[:, 0], degrees[:, 1], self.cut_m, self.secret)
 
     def _xml(self, contents: bytes, where: str) -> bytes:
@@ -111,12 +114,12 @@ class GpsCut:
         ]
         if len(points) != contents.count(b"<Position>"):
             raise DataError(f"{where}: has positions that cannot be read, so they cannot be cut")
-        kept = iter(self._kept(points))
+        kept = iter(self._kept(points, where))
         return _POINT.sub(lambda one: one[0] if next(kept) else b"", contents)
 
     def _parquet(self, contents: bytes) -> bytes:
         table = parquet.read_table(pa.BufferReader(contents))
-        pairs = list(_pairs([name.replace("_", " ") for name in table.column_names]))
+        pairs = list(_pairs(table.column_names))
         for pair in pairs:
             degrees = [table.column(k).cast(pa.float64()).to_numpy() for k in pair]
             kept = kept_positions(degrees[0], degrees[1], self.cut_m, self.secret)
@@ -140,7 +143,7 @@ class GpsCut:
         rows = [(k, next(csv.reader([lines[k]], delimiter=split), [])) for k in range(at + 1, len(lines))]
         for latitude, longitude in columns:
             shown = [(k, cells) for k, cells in rows if len(cells) > max(latitude, longitude)]
-            kept = self._kept([(cells[latitude], cells[longitude]) for _, cells in shown])
+            kept = self._kept([(cells[latitude], cells[longitude]) for _, cells in shown], where)
             for (k, cells), is_kept in zip(shown, kept, strict=True):
                 if not is_kept:
                     cells[latitude] = cells[longitude] = ""

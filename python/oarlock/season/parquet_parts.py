@@ -72,8 +72,11 @@ def _pages(metadata: Any, contents: bytes) -> Iterator[tuple[str, bytes]]:
     for group in range(metadata.num_row_groups):
         for number in range(metadata.num_columns):
             chunk = metadata.row_group(group).column(number)
-            first = chunk.dictionary_page_offset or chunk.data_page_offset
-            first = min(first, chunk.data_page_offset)
+            # An empty column has no page of data, or none at all.
+            starts = [at for at in (chunk.dictionary_page_offset, chunk.data_page_offset) if at]
+            if not starts:
+                continue
+            first = min(starts)
             end = first + chunk.total_compressed_size
             claimed.append((first, end))
             if chunk.physical_type in _TEXTS:

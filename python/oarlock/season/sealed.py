@@ -1,7 +1,7 @@
 """Files of one athlete under a key of its own: AES-GCM of whole files; without the key they are unreadable.
 
-A sealed file begins with `MAGIC` and the name of its key, which is made of the key. What stays readable: commit
-records, results and tables.
+A sealed file begins with `MAGIC` and the name of its key, which is made of the key. Hashes are of the sealed files, so
+`check` needs no key. What stays readable: commit records with their texts, results and tables.
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ from oarlock.storage.errors import DataError
 from oarlock.storage.toml import TomlTable, write_toml
 
 MAGIC = b"oarlock sealed 1\n"
+KEYS_VARIABLE = "OARLOCK_SEASON_KEYS"
+"""Names the folder of keys, which lies outside the season."""
 _NAME, _NONCE = 16, 12
 _FORMAT = 1
 
@@ -59,16 +61,16 @@ class Key:
         except (InvalidTag, ValueError):
             raise DataError(f"{where}: is sealed and has changed since; restore it from a backup") from None
 
-    def write(self, file: Path) -> None:
-        """Write the key, readable for its owner alone; a file that is there is kept.
+    def write(self, folder: Path) -> Path:
+        """Write the key into a folder, readable for its owner alone.
 
         Raises:
-            DataError: there is one, or it cannot be written.
+            DataError: it cannot be written.
         """
-        if file.exists():
-            raise DataError(f"{file}: is there already; choose another name for the key")
+        file = folder / f"{self.name}.toml"
         write_toml(file, {"format": _FORMAT, "key": self.secret.hex()})
         file.chmod(0o600)
+        return file
 
     @classmethod
     def read(cls, file: Path) -> Key:
@@ -96,6 +98,36 @@ def new_key() -> Key:
     """
     _aes(secret := os.urandom(32))
     return Key(secret)
+
+
+def keys_folder() -> Path | None:
+    """The folder of keys that the environment names; None without one."""
+    return Path(found) if (found := os.environ.get(KEYS_VARIABLE)) else None
+
+
+def key_called(name: str, where: str) -> Key:
+    """A key of the folder of keys.
+
+    Raises:
+        DataError: it is not there.
+    """
+    folder = keys_folder()
+    file = None if folder is None else folder / f"{name}.toml"
+    if file is None or not file.exists():
+        raise DataError(
+            f"{where}: is sealed under the key {name}, which is not here; set {KEYS_VARIABLE} to the folder that has "
+            f"{name}.toml. Without the key nobody can read it."
+        )
+    return Key.read(file)
+
+
+def opened(contents: bytes, where: str) -> bytes:
+    """The contents of a file of a recording, sealed or not; the key is in the folder that the environment names.
+
+    Raises:
+        DataError: the key is not there, or the file has changed.
+    """
+    return key_called(key_name(contents), where).opened(contents, where) if is_sealed(contents) else contents
 
 
 def key_name(contents: bytes) -> str:

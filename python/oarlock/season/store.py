@@ -172,6 +172,10 @@ class Season:
                 f"{athlete.pseudonym} was erased from this season; nothing of this athlete is stored again"
             )
 
+    def athlete(self, pseudonym: str) -> Athlete | None:
+        """One athlete; None if nobody has this pseudonym."""
+        return self._athlete(f"{pseudonym}.toml")
+
     def _athlete(self, file: str) -> Athlete | None:
         name = f"{ATHLETES}/{file}"
         try:
