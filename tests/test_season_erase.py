@@ -134,7 +134,7 @@ def unused_word() -> bytes:
     return out.getvalue()
 
 
-def orphan() -> bytes:
+def orphan(before: bytes = b"") -> bytes:
     """A Parquet file with pages that its footer does not name, between its start and its first column."""
     hidden = table([GONE, *FILLER] * 3, compression="zstd")
     column = parquet.ParquetFile(io.BytesIO(hidden)).metadata.row_group(0).column(1)
@@ -144,7 +144,7 @@ def orphan() -> bytes:
     out = io.BytesIO()
     with parquet.ParquetWriter(out, clean.schema) as writer:
         writer.write_table(clean)
-        out.write(planted)
+        out.write(before + planted)
     return out.getvalue()
 
 
@@ -167,6 +167,7 @@ PLANTED = {
     "metadata of the schema": metadata("schema"),
     "metadata of a field": metadata("field"),
     "pages that nothing names": orphan(),
+    "pages behind something else": orphan(b"something else"),
     "gzip": gzip.compress(f"by {GONE}".encode()),
     "zip in gzip": gzip.compress(zipped(GONE.encode())),
     "Parquet in zip": zipped(table(VALUES, compression="zstd")),

@@ -6,6 +6,7 @@ Layout and numbers of fields: Apache Parquet, `parquet.thrift`, and Thrift's com
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -19,6 +20,11 @@ _DATA_PAGE_V2 = 3
 _TYPE, _WHOLE, _PACKED, _V2 = 1, 2, 3, 8
 """Fields of a page header: kind of page, bytes before and after compression, and what pages of version 2 add."""
 _DEFINITIONS, _REPETITIONS, _IS_PACKED = 5, 6, 7
+_GZIP = b"\x1f\x8b\x08"
+_FRAME = re.compile(b"\x28\xb5\x2f\xfd|" + _GZIP)
+"""Beginnings of zstd and gzip."""
+_NO_PAGES = (ValueError, IndexError, pa.ArrowException, OSError, OverflowError, MemoryError)
+_PART_BYTES = 2**20
 SEPARATOR = b"\x00\xff\x00"
 
 
@@ -94,11 +100,19 @@ def _pages(metadata: Any, contents: bytes) -> Iterator[tuple[str, bytes]]:
 
 
 def _gap(contents: bytes) -> Iterator[bytes]:
-    """What pages in a part of the file would be if there are some, of each codec; indices are none."""
+    """What a part of the file that no column claims would be as pages of each codec, and frames that begin anywhere."""
     for codec in (None, *_CODECS.values()):
         try:
-            yield from list(pages(contents, codec))
-        except (ValueError, IndexError, pa.ArrowException, OSError, OverflowError, MemoryError):
+            yield from pages(contents, codec)
+        except _NO_PAGES:
+            continue
+    for frame in _FRAME.finditer(contents):
+        codec = "gzip" if frame.group() == _GZIP else "zstd"
+        try:
+            with pa.CompressedInputStream(pa.BufferReader(contents[frame.start() :]), codec) as stream:
+                while part := stream.read(_PART_BYTES):
+                    yield part
+        except _NO_PAGES:
             continue
 
 
