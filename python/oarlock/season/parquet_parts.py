@@ -21,10 +21,9 @@ _TYPE, _WHOLE, _PACKED, _V2 = 1, 2, 3, 8
 """Fields of a page header: kind of page, bytes before and after compression, and what pages of version 2 add."""
 _DEFINITIONS, _REPETITIONS, _IS_PACKED = 5, 6, 7
 _GZIP = b"\x1f\x8b\x08"
-_FRAME = re.compile(b"\x28\xb5\x2f\xfd|" + _GZIP)
+_FRAME = re.compile(re.escape(b"\x28\xb5\x2f\xfd") + b"|" + _GZIP)
 """Beginnings of zstd and gzip."""
 _NO_PAGES = (ValueError, IndexError, pa.ArrowException, OSError, OverflowError, MemoryError)
-_PART_BYTES = 2**20
 SEPARATOR = b"\x00\xff\x00"
 
 
@@ -108,12 +107,19 @@ def _gap(contents: bytes) -> Iterator[bytes]:
             continue
     for frame in _FRAME.finditer(contents):
         codec = "gzip" if frame.group() == _GZIP else "zstd"
-        try:
-            with pa.CompressedInputStream(pa.BufferReader(contents[frame.start() :]), codec) as stream:
-                while part := stream.read(_PART_BYTES):
-                    yield part
-        except _NO_PAGES:
-            continue
+        yield _frame(contents[frame.start() :], codec)
+
+
+def _frame(contents: bytes, codec: str) -> bytes:
+    """What can be decompressed until the frame ends; what follows it is an error to the stream."""
+    found = bytearray()
+    try:
+        with pa.CompressedInputStream(pa.BufferReader(contents), codec) as stream:
+            while byte := stream.read(1):
+                found += byte
+    except _NO_PAGES:
+        pass
+    return bytes(found)
 
 
 def pages(contents: bytes, codec: str | None) -> Iterator[bytes]:
