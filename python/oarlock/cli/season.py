@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from oarlock.cli import season_privacy
 from oarlock.cli.options import Json, example
 from oarlock.cli.season_options import CutGps, SeasonAt, Tombstones, opened
 from oarlock.cli.terminal import (
@@ -33,8 +34,6 @@ _MOST_SHOWN = 20
 
 def add_to(app: typer.Typer) -> None:
     """Registers the verbs."""
-    from oarlock.cli import season_privacy
-
     season_privacy.add_to(group)
     app.add_typer(group, name="season")
 

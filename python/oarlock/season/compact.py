@@ -113,7 +113,9 @@ def _compacted(season: Season, erased: frozenset[str]) -> Current:
     before = Current.read(season)
     old = _old(season, before)
     mark = named_by_document(sorted(erased)) if erased else ""
-    clean = {entry.athlete for entry in old.entries.values()} if before.erased == mark else set()
+    tabled = {entry.athlete for entry in old.entries.values()}
+    clean = tabled if before.erased == mark else set()
+    gone = _gone(season, tabled - clean, erased)
     known = _known(season, old, erased, clean)
     athletes = season.athletes()
     for one in _gone(season, set(athletes) - clean, erased):
@@ -130,7 +132,7 @@ def _compacted(season: Season, erased: frozenset[str]) -> Current:
     if after != before:
         season.place.write(CURRENT_FILE, after.toml())
     # Former tables have rows of those who were erased since.
-    remove_unused(season, _UNUSED_S if before.erased == mark else 0.0)
+    remove_unused(season, 0.0 if gone else _UNUSED_S)
     return after
 
 
