@@ -7,7 +7,7 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryDirectory, gettempdir
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from oarlock.season.store import Season
 from oarlock.storage.epoch import moment_of
 from oarlock.storage.errors import DataError
 from oarlock.storage.regular_file import read_bytes
+from oarlock.storage.write_file import unwritable
 
 EXPORT_STEM = "export"
 """An export's own file name may be a person's."""
@@ -95,9 +96,11 @@ class Admission:
             recording.duration_s,
             info,
         )
-        return put_entry(
-            self.season, entry, _saved(Recording(recording.streams, {**meta, SESSION_KEY: info}))
-        )
+        try:
+            files = _saved(Recording(recording.streams, {**meta, SESSION_KEY: info}))
+        except OSError as error:  # the disk of temporary files is full
+            raise unwritable(Path(gettempdir()), error) from error
+        return put_entry(self.season, entry, files)
 
     def pseudonym(self, given: str | None, where: str) -> str:
         """The pseudonym under which something is stored.
