@@ -304,6 +304,8 @@ def test_a_restored_backup_is_erased_again(season: Season, tmp_path: Path, state
     run("season", "erase", place, "--again", "--tombstones", list_, "--yes")
     assert check(season, tombstones=list_) == []
     assert len(kept(season)) == 1
+    next(state.rglob("*.toml")).write_text("damaged")
+    assert {one.what for one in check(restored())} == {"erased"}
 
 
 def test_an_add_that_began_before_the_erasure_does_not_win(

@@ -98,10 +98,10 @@ def kept(season: Season, file: Path | None = None) -> dict[str, Tombstone]:
     """Copies of tombstones outside the season, by hash.
 
     Raises:
-        DataError: a copy is damaged, or the file is not there.
+        DataError: the file is damaged or not there.
     """
     copies = sorted(folder.glob("*.toml")) if (folder := kept_folder(season)).is_dir() else []
-    found = [Tombstone.of(TomlTable.read(copy), str(copy)) for copy in copies]
+    found = [_copy(copy) for copy in copies]
     if file is not None:
         if not file.exists():
             raise DataError(f"{file}: there is no such file of tombstones")
@@ -132,6 +132,14 @@ def restore_tombstones(season: Season, file: Path | None = None) -> list[str]:
         write_file(kept_folder(season) / f"{name}.toml", contents)
         season.place.forget_copies()  # somebody was erased on another machine
     return lacking
+
+
+def _copy(file: Path) -> Tombstone:
+    """A copy; its name is enough if it is damaged."""
+    try:
+        return Tombstone.of(TomlTable.read(file), str(file))
+    except DataError:
+        return Tombstone(file.stem, datetime.date.today().isoformat())
 
 
 def _file_tables(file: Path) -> list[dict[str, object]]:
