@@ -254,7 +254,7 @@ def test_a_key_opens_what_it_sealed_and_nothing_else(tmp_path: Path) -> None:
     assert (file.stat().st_mode & 0o777, Key.read(file).opened(sealed, "x")) == (0o600, b"contents")
     with pytest.raises(DataError, match="is sealed under the key"):
         other.opened(sealed, "x")
-    for damaged in (sealed[:-1], sealed[:-20] + b"x" + sealed[-19:], sealed[:40]):
+    for damaged in (sealed[:-1], sealed[:-20] + bytes([sealed[-20] ^ 1]) + sealed[-19:], sealed[:40]):
         with pytest.raises(DataError, match="has changed since"):
             key.opened(damaged, "x")
     file.write_text('format = 1\nkey = "12"\n')
