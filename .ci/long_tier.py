@@ -53,6 +53,7 @@ USUAL_S = {
     "test_season_cluster": 60.0,
     "test_smoothing": 200.0,
     "test_soak": 80.0,
+    "test_season_killed": 60.0,
     "test_sessions_killed": 700.0,
     "test_sweep": 10.0,
     "test_technique": 15.0,

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import datetime
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -61,3 +65,62 @@ def add_strokes(
 def day(number: int) -> str:
     """A day of 2026, counted from its first."""
     return (datetime.date(2026, 1, 1) + datetime.timedelta(days=number)).isoformat()
+
+
+def copied(season: Season, folder: str, out: Path) -> Path:
+    """A folder of a season, as a folder on this disk."""
+    for name, _ in season.place.files(folder):
+        file = out / name.removeprefix(f"{folder}/")
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_bytes(season.place.read(name))
+    return out
+
+
+_WRITER = """
+import sys, itertools
+from pathlib import Path
+from tempfile import mkdtemp
+sys.path.insert(0, {tests!r})
+import season_support as support
+from oarlock.season import open_season
+from oarlock.season.compact import compact
+season = open_season({season!r})
+scratch = Path(mkdtemp(dir={scratch!r}))
+for seed in itertools.count({first}):
+    if "add" in {does!r}:
+        name = support.add_noise(season, "AAAAAA", seed, support.day(seed % 300))
+    if "result" in {does!r}:
+        support.add_strokes(season, name, scratch, seed)
+    if "compact" in {does!r}:
+        compact(season)
+    print(seed, flush=True)
+"""
+
+
+@contextmanager
+def writer(
+    season: str | Path, first: int, does: str = "add", scratch: Path | None = None
+) -> Iterator[subprocess.Popen[str]]:
+    """A process that stores recordings from a seed on, until the end of the block kills it; a line for each.
+
+    It adds, stores results and compacts, as the words of `does` say.
+    """
+    code = _WRITER.format(
+        tests=str(Path(__file__).parent),
+        season=str(season),
+        first=first,
+        does=does,
+        scratch=None if scratch is None else str(scratch),
+    )
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def wait_for(process: subprocess.Popen[str], lines: int) -> None:
+    """Wait until a writer has printed so many lines."""
+    assert process.stdout is not None
+    for _ in range(lines):
+        assert process.stdout.readline()

@@ -68,6 +68,8 @@ LEAF = {
     "season run": "test_season_run.test_typed",
     "season setup": "test_season_run.test_typed",
     "report": "test_cli.test_report_is_written_where_it_is_asked_for",
+    "season erase": "test_season_erase.test_the_command",
+    "season export": "test_season_privacy.test_an_export_has_everything_of_one_athlete_and_nothing_of_others",
     "reproduce": "test_reproduce.test_the_verb_writes_a_page_and_tables",
     "run": "test_run.test_from_files_to_a_report",
     "simulate": "test_cli.test_simulate_writes_recording_and_truth_and_keeps_what_is_there",

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from oarlock.cli import season_run
+from oarlock.cli import season_privacy, season_run
 from oarlock.cli.options import Json, example
-from oarlock.cli.season_options import SeasonAt, opened
+from oarlock.cli.season_options import CutGps, SeasonAt, Tombstones, opened
 from oarlock.cli.terminal import (
     EXIT_DATA,
     UsageError,
@@ -35,6 +35,7 @@ _MOST_SHOWN = 20
 def add_to(app: typer.Typer) -> None:
     """Registers the verbs."""
     season_run.add_to(group)
+    season_privacy.add_to(group)
     app.add_typer(group, name="season")
 
 
@@ -97,6 +98,7 @@ def add(
     boat: Annotated[str | None, typer.Option("--boat", metavar="TEXT", help="Boat.")] = None,
     seat: Annotated[str | None, typer.Option("--seat", metavar="TEXT", help="Seat in the boat.")] = None,
     rig: Annotated[str | None, typer.Option("--rig", metavar="TEXT", help="Rig or setting.")] = None,
+    cut_gps_m: CutGps = None,
     json_output: Json = False,
 ) -> None:
     """Store recordings and devices' exports; each once, named by its contents.
@@ -111,7 +113,8 @@ def add(
     told = {"date": date, "boat": boat, "seat": seat, "rig": rig}
     session = {key: text for key, text in told.items() if text is not None}
     season = opened(at)
-    admission = Admission(season, athlete, None if names is None else NamesFile.read(names).pseudonyms)
+    mapping = None if names is None else NamesFile.read(names).pseudonyms
+    admission = Admission(season, athlete, mapping, cut_gps_m)
     added: dict[str, Added] = {}
     refused: dict[str, str] = {}
     with progress("storing") as share:
@@ -186,6 +189,7 @@ def check(
     repair: Annotated[
         bool, typer.Option("--repair", help="Remove damaged results and tables; `run` makes them again.")
     ] = False,
+    tombstones: Tombstones = None,
     json_output: Json = False,
 ) -> None:
     """Compare every file with its hash; name what is damaged, unfinished, or came back after an erasure."""
@@ -194,7 +198,7 @@ def check(
 
     season = opened(at)
     with progress("checking") as share:
-        findings = findings_of(season, share)
+        findings = findings_of(season, share, tombstones)
     removed = repaired(season, findings) if repair else []
     if json_output:
         print_json({"findings": findings, "removed": removed})
@@ -266,6 +270,14 @@ def athlete(
     names: Annotated[
         Path | None, typer.Option("--names", metavar="FILE", help="File of names, outside the season.")
     ] = None,
+    keys: Annotated[
+        Path | None,
+        typer.Option(
+            "--encrypt",
+            metavar="DIR",
+            help="Seal this new athlete's files; their key is written into this folder, outside the season.",
+        ),
+    ] = None,
     json_output: Json = False,
 ) -> None:
     """Make a pseudonym for an athlete, or change attributes and consent.
@@ -280,7 +292,7 @@ def athlete(
         key: value for key, value in (("stature_m", stature_m), ("mass_kg", mass_kg)) if value is not None
     }
     one = changed_athlete(
-        season, pseudonym, known, consent or [], withdrawn=withdraw, guardian=guardian, on=on
+        season, pseudonym, known, consent or [], withdrawn=withdraw, guardian=guardian, on=on, keys=keys
     )
     if name is not None or names is not None:
         keep_name(season, one.pseudonym, name, names)

@@ -7,19 +7,23 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryDirectory, gettempdir
 
 import numpy as np
 
 from oarlock.recording.recording import Recording, load_recording
 from oarlock.recording.session_info import SESSION_KEY, checked_session, read_session, session_info
 from oarlock.season.entry import Entry
+from oarlock.season.erase_again import erase_again
+from oarlock.season.gps import GpsCut
 from oarlock.season.layout import ENTRY_FILE, STROKES_FILE, named_by, recording_folder
 from oarlock.season.run_record import RunRecord, Setup
+from oarlock.season.sealed import key_called
 from oarlock.season.store import Season
 from oarlock.storage.epoch import moment_of
 from oarlock.storage.errors import DataError
 from oarlock.storage.regular_file import read_bytes
+from oarlock.storage.write_file import unwritable
 
 EXPORT_STEM = "export"
 """An export's own file name may be a person's."""
@@ -43,13 +47,20 @@ class Admission:
         season: where.
         athlete: the pseudonym of all of them; None takes each one's session.
         names: pseudonym by name: the explicit mapping by which names are replaced.
+        cut_gps_m: positions of exports that are so near to the start or the end of a track are not stored, m.
     """
 
     def __init__(
-        self, season: Season, athlete: str | None = None, names: Mapping[str, str] | None = None
+        self,
+        season: Season,
+        athlete: str | None = None,
+        names: Mapping[str, str] | None = None,
+        cut_gps_m: float | None = None,
     ) -> None:
+        erase_again(season)  # a restored backup contains who was erased since
         self.season = season
         self._athlete, self._names = athlete, dict(names or {})
+        self._cut_gps_m = cut_gps_m
         self._known, self._erased = season.athletes(), season.erased()
 
     def add(self, path: Path, session: Mapping[str, str] | None = None) -> Added:
@@ -85,9 +96,11 @@ class Admission:
             recording.duration_s,
             info,
         )
-        return put_entry(
-            self.season, entry, _saved(Recording(recording.streams, {**meta, SESSION_KEY: info}))
-        )
+        try:
+            files = _saved(Recording(recording.streams, {**meta, SESSION_KEY: info}))
+        except OSError as error:  # the disk of temporary files is full
+            raise unwritable(Path(gettempdir()), error) from error
+        return put_entry(self.season, entry, files)
 
     def pseudonym(self, given: str | None, where: str) -> str:
         """The pseudonym under which something is stored.
@@ -120,6 +133,9 @@ class Admission:
         info = {**read_session(file.parent), **session}
         info["athlete"] = self.pseudonym(info.get("athlete"), str(file))
         contents = self._without_names(read_bytes(file), file)
+        if self._cut_gps_m is not None:
+            cut = GpsCut(self._cut_gps_m, f"{self.season.id} {info['athlete']}".encode())
+            contents = cut.file(contents, str(file))
         start = start_of(self.season, found.epoch or None, 0.0, info)
         entry = Entry(named_by(contents), info["athlete"], "export", start, found.duration_s, info)
         return put_entry(self.season, entry, {f"{EXPORT_STEM}{file.suffix.lower()}": contents})
@@ -147,11 +163,27 @@ class Admission:
 
 
 def put_entry(season: Season, entry: Entry, files: Mapping[str, bytes]) -> Added:
-    """Store the files of a recording with their commit record."""
+    """Store the files of a recording with their commit record.
+
+    Files of an athlete who has a key are sealed; their hashes are of what is stored.
+
+    Raises:
+        DataError: the athlete was erased meanwhile, or has a key that is not here.
+    """
+    one = season.athlete(entry.athlete)
+    if one is not None and one.key:
+        key = key_called(one.key, f"{entry.athlete}: every new recording")
+        files = {name: key.sealed(contents) for name, contents in files.items()}
     hashes = {name: hashlib.sha256(contents).hexdigest() for name, contents in files.items()}
     whole = replace(entry, files=hashes)
     folder = recording_folder(entry.recording)
     is_new = season.place.put_folder(folder, {**files, ENTRY_FILE: whole.toml()}, ENTRY_FILE)
+    # An erasure writes its tombstone before it looks for recordings: one of the two sees the other.
+    if is_new and season.is_erased_now(entry.athlete):
+        season.place.remove_folder(folder, ENTRY_FILE)
+        raise DataError(
+            f"{entry.athlete} was erased from this season meanwhile; {entry.recording} is not stored"
+        )
     return Added(whole if is_new else season.entry(entry.recording) or whole, is_new)
 
 

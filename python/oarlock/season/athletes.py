@@ -6,6 +6,7 @@ A pseudonym is random. Movements can identify a person, so data under a pseudony
 from __future__ import annotations
 
 import datetime
+import functools
 import hashlib
 import secrets
 from collections.abc import Mapping
@@ -37,6 +38,7 @@ class Athlete:
         consent: for each scope of `SCOPES` the day on which it was given, as ISO text.
         withdrawn: the day on which all consent was withdrawn; empty if it was not.
         guardian: whether a guardian gave the consent.
+        key: name of the key under which the files of recordings are sealed; empty if they are not.
     """
 
     pseudonym: str
@@ -44,6 +46,7 @@ class Athlete:
     consent: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     withdrawn: str = ""
     guardian: bool = False
+    key: str = ""
 
     def allows(self, scope: str) -> bool:
         """Whether the athlete consents to a use."""
@@ -52,7 +55,8 @@ class Athlete:
     def toml(self) -> bytes:
         """The contents of the athlete's file."""
         consent = {**self.consent, "withdrawn": self.withdrawn, "guardian": self.guardian}
-        return toml_text({**self.attributes, "consent": consent}).encode()
+        key = {"key": self.key} if self.key else {}
+        return toml_text({**self.attributes, **key, "consent": consent}).encode()
 
     @classmethod
     def parsed(cls, contents: bytes, pseudonym: str, where: str) -> Athlete:
@@ -62,7 +66,7 @@ class Athlete:
             DataError: it is damaged.
         """
         table = parsed_toml(contents, where)
-        table.check_keys((*_ATTRIBUTES, "consent"))
+        table.check_keys((*_ATTRIBUTES, "key", "consent"))
         consent = table.table("consent", {})
         consent.check_keys((*SCOPES, "withdrawn", "guardian"))
         return cls(
@@ -71,6 +75,7 @@ class Athlete:
             {key: checked_day(consent.string(key), where) for key in SCOPES if key in consent.values},
             consent.string("withdrawn", ""),
             consent.boolean("guardian", False),
+            table.string("key", ""),
         )
 
 
@@ -82,6 +87,7 @@ def new_pseudonym(taken: Mapping[str, object]) -> str:
             return found
 
 
+@functools.cache
 def pseudonym_hash(season: str, pseudonym: str) -> str:
     """What a tombstone keeps of a pseudonym; a copy of the season has the same.
 

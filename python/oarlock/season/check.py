@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal, TypeAlias
 
 import pyarrow as pa
@@ -13,8 +14,10 @@ from pyarrow import parquet
 
 from oarlock.season.compact import Current
 from oarlock.season.layout import (
+    ATHLETES,
     CURRENT_FILE,
     ENTRY_FILE,
+    ERASED,
     RESULTS,
     RUN_FILE,
     SETUPS,
@@ -24,6 +27,7 @@ from oarlock.season.layout import (
 )
 from oarlock.season.place import OWN_WORK
 from oarlock.season.store import Season
+from oarlock.season.tombstones import erased_hashes
 from oarlock.storage.errors import DataError
 
 What: TypeAlias = Literal["damaged", "missing", "unfinished", "erased", "unknown"]
@@ -52,15 +56,17 @@ class Finding:
         return self.what in ("damaged", "missing", "erased")
 
 
-def check(season: Season, told: Told = lambda share: None) -> list[Finding]:
+def check(season: Season, told: Told = lambda share: None, tombstones: Path | None = None) -> list[Finding]:
     """All findings of a season; empty if it is in order. Every file is read.
 
     Args:
         season: which.
         told: called with the share done, 0 to 1.
+        tombstones: a file outside the season that keeps copies of tombstones.
     """
     recordings, results = season.recordings(), season.results()
-    jobs = [lambda name=name: list(_recording(season, name)) for name in recordings]
+    erased = erased_hashes(season, tombstones)
+    jobs = [lambda name=name: list(_recording(season, name, erased)) for name in recordings]
     jobs += [lambda one=one: list(_result(season, one[0], one[1], set(recordings))) for one in results]
     found: list[Finding] = []
     with ThreadPoolExecutor(_READERS) as pool:
@@ -69,6 +75,7 @@ def check(season: Season, told: Told = lambda share: None) -> list[Finding]:
             told(done / len(jobs))
     found += _setups(season)
     found += _tables(season)
+    found += _came_back(season, erased)
     found += [
         Finding("unfinished", f"{OWN_WORK}/{name}", "left by a writer that was stopped, or is still at work")
         for name in season.place.children(OWN_WORK)
@@ -76,7 +83,7 @@ def check(season: Season, told: Told = lambda share: None) -> list[Finding]:
     return found
 
 
-def _recording(season: Season, name: str) -> Iterator[Finding]:
+def _recording(season: Season, name: str, erased: frozenset[str]) -> Iterator[Finding]:
     folder = recording_folder(name)
     try:
         entry = season.entry(name)
@@ -90,10 +97,8 @@ def _recording(season: Season, name: str) -> Iterator[Finding]:
         return
     if entry.recording != name:
         yield Finding("damaged", folder, f"is named otherwise than its {ENTRY_FILE} says, {entry.recording}")
-    if season.is_erased(entry.athlete, season.erased()):
-        yield Finding(
-            "erased", folder, f"belongs to {entry.athlete}, who was erased; `season erase` removes it again"
-        )
+    if season.is_erased(entry.athlete, erased):
+        yield Finding("erased", folder, _erased(entry.athlete))
     yield from _files(season, folder, entry.files, ENTRY_FILE)
 
 
@@ -126,6 +131,39 @@ def _files(season: Season, folder: str, files: Mapping[str, str], record: str) -
         own = full.removeprefix(f"{folder}/")
         if own != record and own not in files:
             yield Finding("unknown", full, f"is not in {record}")
+
+
+def _came_back(season: Season, erased: frozenset[str]) -> Iterator[Finding]:
+    """What should be gone, apart from recordings: tombstones that a backup lacks, athletes, rows of tables."""
+    for name in sorted(erased - season.erased()):
+        yield Finding(
+            "erased",
+            f"{ERASED}/{name}.toml",
+            "is missing, and its copy outside the season says that somebody was erased: a backup was restored. Run "
+            "`oarlock season erase SEASON --again --yes`.",
+        )
+    if not erased:
+        return
+    for file in season.place.children(ATHLETES):
+        if season.is_erased(athlete := file.removesuffix(".toml"), erased):
+            yield Finding("erased", f"{ATHLETES}/{file}", _erased(athlete))
+    for name, _ in season.place.files(TABLES):
+        for athlete in _athletes_in(season, name):
+            if season.is_erased(athlete, erased):
+                yield Finding("erased", name, f"contains rows of an athlete. {_erased(athlete)}")
+
+
+def _erased(athlete: str) -> str:
+    return f"{athlete} was erased and came back; `oarlock season erase SEASON --again --yes` removes it again"
+
+
+def _athletes_in(season: Season, name: str) -> list[str]:
+    """Athletes in a file of a table, whether the table counts or not."""
+    try:
+        contents = pa.BufferReader(season.place.read(name))
+        return list(parquet.read_table(contents, columns=["athlete"])["athlete"].unique().to_pylist())
+    except (FileNotFoundError, pa.ArrowException, OSError, KeyError):
+        return []  # no table, or none with athletes
 
 
 def _setups(season: Season) -> Iterator[Finding]:

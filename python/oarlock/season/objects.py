@@ -10,9 +10,10 @@ import datetime
 import hashlib
 import os
 import shutil
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 from oarlock.season.place import Place, checked_name
 from oarlock.storage.errors import DataError
@@ -23,6 +24,14 @@ if TYPE_CHECKING:
 
 Result = TypeVar("Result")
 _AT_ONCE = 500
+_CONNECT_S, _ANSWER_S, _RETRY_S = 5, 60, 20
+"""An endpoint that cannot be reached is an error within seconds; a large file may take the longer time."""
+_RETRIES = 4
+_OTHER_WRITER_S = 30.0
+"""Files without a commit record that are older are of a writer that was stopped, and are written over."""
+_POLL_S = 0.2
+_IN_MEMORY: dict[str, ObjectStore] = {}
+"""Stores of this process by address."""
 
 
 def open_objects(address: str) -> Place:
@@ -37,9 +46,19 @@ def open_objects(address: str) -> Place:
         raise DataError(
             f'{address}: object stores need one more package: pip install "oarlock[season]"'
         ) from None
-    plain = {"allow_http": True} if os.environ.get("AWS_ENDPOINT_URL", "").startswith("http://") else {}
+    if address.startswith("memory:"):
+        store = _IN_MEMORY.setdefault(address.rstrip("/"), from_url("memory:///"))
+        return Objects(address, store)
+    seconds = datetime.timedelta
+    client: Any = {
+        "connect_timeout": seconds(seconds=_CONNECT_S),
+        "timeout": seconds(seconds=_ANSWER_S),
+    }
+    if os.environ.get("AWS_ENDPOINT_URL", "").startswith("http://"):
+        client["allow_http"] = True
+    again: Any = {"max_retries": _RETRIES, "retry_timeout": seconds(seconds=_RETRY_S)}
     try:
-        return Objects(address, from_url(address, client_options=plain or None))  # type: ignore[arg-type]
+        return Objects(address, from_url(address, client_options=client, retry_config=again))
     except Exception as error:  # each store has errors of its own
         raise DataError(f"{address}: cannot be opened ({_first_line(error)})") from error
 
@@ -61,7 +80,10 @@ class Objects:
         """As `Place.write`."""
         import obstore
 
-        self._asked(lambda: obstore.put(self.store, checked_name(name), contents), name)
+        try:
+            self._asked(lambda: obstore.put(self.store, checked_name(name), contents), name)
+        except FileNotFoundError as error:
+            self._no_bucket(error)
 
     def exists(self, name: str) -> bool:
         """As `Place.exists`."""
@@ -79,7 +101,8 @@ class Objects:
         """As `Place.files`."""
         import obstore
 
-        for batch in obstore.list(self.store, folder or None):
+        batches = iter(obstore.list(self.store, folder.rstrip("/") or None))
+        while (batch := self._asked(lambda: next(batches, None), folder)) is not None:
             yield from ((one["path"], one["size"]) for one in batch)
 
     def age_s(self, name: str) -> float:
@@ -91,13 +114,55 @@ class Objects:
         return max(0.0, float((now - head["last_modified"]).total_seconds()))
 
     def put_folder(self, folder: str, files: Mapping[str, bytes | Path], record: str) -> bool:
-        """As `Place.put_folder`; two writers of one folder write equal contents, whose names contain their hash."""
+        """As `Place.put_folder`: each object is created only if it is not there, the commit record last.
+
+        Writers of one folder begin with the same file, so of two whose contents differ one creates the first file
+        that differs, and the other one waits for its commit record. If none comes, that writer was stopped, and its
+        files are written over.
+        """
         if self.exists(f"{folder}/{record}"):
             return False
-        for name in sorted(files, key=lambda name: (name == record, name)):
-            contents = files[name]
+        names = sorted(files, key=lambda name: (name == record, name))
+        wholes = ((f"{folder}/{name}", files[name]) for name in names)
+        for name, contents in wholes:
             whole = contents.read_bytes() if isinstance(contents, Path) else contents
-            self.write(f"{folder}/{name}", whole)
+            if self._create(name, whole):
+                continue
+            if name.endswith(f"/{record}"):
+                return False  # another writer of the same contents was first
+            if not self._is(name, whole):
+                if self._is_committed(folder, record, name):
+                    return False
+                self.write(name, whole)
+        return True
+
+    def _create(self, name: str, contents: bytes) -> bool:
+        """Write an object if there is none; False if there is one."""
+        import obstore
+        from obstore.exceptions import AlreadyExistsError, NotSupportedError
+
+        try:
+            obstore.put(self.store, checked_name(name), contents, mode="create")
+        except AlreadyExistsError:
+            return False
+        except NotSupportedError:  # a store without conditions
+            self.write(name, contents)
+        except Exception as error:
+            self._refused(error, name)
+        return True
+
+    def _is(self, name: str, contents: bytes) -> bool:
+        try:
+            return self.read(name) == contents
+        except FileNotFoundError:
+            return False
+
+    def _is_committed(self, folder: str, record: str, name: str) -> bool:
+        """Whether the writer of a file commits, or has stopped."""
+        while not self.exists(f"{folder}/{record}"):
+            if not self.exists(name) or self.age_s(name) > _OTHER_WRITER_S:
+                return False
+            time.sleep(_POLL_S)
         return True
 
     def remove(self, names: Sequence[str]) -> None:
@@ -108,8 +173,9 @@ class Objects:
             part = [checked_name(name) for name in names[first : first + _AT_ONCE]]
             try:
                 self._asked(lambda part=part: obstore.delete(self.store, part), part[0])  # type: ignore[misc]
-            except FileNotFoundError:
-                continue
+            except FileNotFoundError:  # of one of them; a store may stop there
+                for name in part if len(part) > 1 else ():
+                    self.remove([name])
 
     def remove_folder(self, folder: str, record: str = "") -> None:
         """As `Place.remove_folder`."""
@@ -152,9 +218,22 @@ class Objects:
         except FileNotFoundError:
             raise
         except Exception as error:
+            self._refused(error, name)
+
+    def _refused(self, error: Exception, name: str) -> NoReturn:
+        words = _first_line(error)
+        if "NoSuchBucket" in str(error):
+            self._no_bucket(error)
+        if "error sending request" in words or "onnect" in words:
             raise DataError(
-                f"{self.address}/{name}: the object store refuses ({_first_line(error)})"
+                f"{self.address}: the object store cannot be reached; look at the network and AWS_ENDPOINT_URL "
+                f"({words})"
             ) from error
+        raise DataError(f"{self.address}/{name}: the object store refuses ({words})") from error
+
+    def _no_bucket(self, error: Exception) -> NoReturn:
+        words = "there is no such bucket; make it with the store's own tools"
+        raise DataError(f"{self.address}: {words}") from error
 
 
 def _first_line(error: Exception) -> str:

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from oarlock.season.athletes import SCOPES, Athlete, NamesFile, checked_day, new_pseudonym
+from oarlock.season.sealed import new_key
 from oarlock.season.store import Season
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
@@ -24,6 +25,7 @@ def changed_athlete(
     withdrawn: bool = False,
     guardian: bool = False,
     on: str | None = None,
+    keys: Path | None = None,
 ) -> Athlete:
     """Store a new athlete, or what changed about one.
 
@@ -35,9 +37,12 @@ def changed_athlete(
         withdrawn: whether all consent is withdrawn.
         guardian: whether a guardian consents.
         on: day of the consent or of its withdrawal, such as 2026-05-01; None is today.
+        keys: a folder outside the season, for a new key under which the files of this new athlete's recordings are
+            sealed.
 
     Raises:
-        DataError: the pseudonym or a scope is unknown, a number is no person's, or the day is none.
+        DataError: the pseudonym or a scope is unknown, a number is no person's, the day is none, or the athlete has
+            recordings already and cannot be given a key.
     """
     known = season.athletes()
     if pseudonym is not None and pseudonym not in known:
@@ -60,6 +65,15 @@ def changed_athlete(
         withdrawn=day if withdrawn else "" if consent else one.withdrawn,
         guardian=one.guardian or guardian,
     )
+    if keys is not None:
+        if pseudonym is not None:
+            raise DataError(
+                f"{pseudonym} is there already; a key is made with a new athlete, whose recordings all have it"
+            )
+        _refuse_inside(season, keys, "keys stay outside")
+        sealing = new_key()
+        sealing.write(keys)
+        changed = replace(changed, key=sealing.name)
     season.put_athlete(changed)
     return changed
 
@@ -74,12 +88,14 @@ def keep_name(season: Season, pseudonym: str, name: str | None, file: Path | Non
         raise DataError(
             "give --name and --names together: the name, and the file outside the season that keeps it"
         )
-    inside = Path(season.place.address).resolve() if "://" not in season.place.address else None
-    if inside is not None and inside in file.resolve().parents:
-        raise DataError(
-            f"{file}: lies inside the season; names of people stay outside. Choose another place."
-        )
+    _refuse_inside(season, file, "names of people stay outside")
     names = NamesFile.read(file)
     if names.pseudonyms.get(name, pseudonym) != pseudonym:
         raise DataError(f"{file}: {name} is {names.pseudonyms[name]} already")
     names.with_name(name, pseudonym).write()
+
+
+def _refuse_inside(season: Season, file: Path, words: str) -> None:
+    inside = Path(season.place.address).resolve() if "://" not in season.place.address else None
+    if inside is not None and (inside == file.resolve() or inside in file.resolve().parents):
+        raise DataError(f"{file}: lies inside the season; {words}. Choose another place.")

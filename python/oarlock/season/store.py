@@ -112,10 +112,15 @@ class Season:
             yield from (one for one in pool.map(found, names) if one is not None)
 
     def put_result(self, record: RunRecord, files: Mapping[str, bytes], setup: Setup) -> bool:
-        """Store a result with its setup; False if it was there."""
+        """Store a result with its setup; False if it was there, or its recording was erased meanwhile."""
         self.put_setup(setup)
         folder = result_folder(record.recording, record.run)
-        return self.place.put_folder(folder, {**files, RUN_FILE: record.toml()}, RUN_FILE)
+        is_new = self.place.put_folder(folder, {**files, RUN_FILE: record.toml()}, RUN_FILE)
+        # An erasure removes the entry before it looks for results: one of the two sees the other.
+        if is_new and not self.place.exists(entry_place(recording_folder(record.recording))):
+            self.place.remove_folder(folder, RUN_FILE)
+            return False
+        return is_new
 
     # ---- setups
 
@@ -154,8 +159,22 @@ class Season:
             return {one.pseudonym: one for one in found if one is not None}
 
     def put_athlete(self, athlete: Athlete) -> None:
-        """Store an athlete, or what changed about one."""
-        self.place.write(f"{ATHLETES}/{athlete.pseudonym}.toml", athlete.toml())
+        """Store an athlete, or what changed about one.
+
+        Raises:
+            DataError: the athlete was erased.
+        """
+        file = f"{ATHLETES}/{athlete.pseudonym}.toml"
+        self.place.write(file, athlete.toml())
+        if self.is_erased_now(athlete.pseudonym):
+            self.place.remove([file])
+            raise DataError(
+                f"{athlete.pseudonym} was erased from this season; nothing of this athlete is stored again"
+            )
+
+    def athlete(self, pseudonym: str) -> Athlete | None:
+        """One athlete; None if nobody has this pseudonym."""
+        return self._athlete(f"{pseudonym}.toml")
 
     def _athlete(self, file: str) -> Athlete | None:
         name = f"{ATHLETES}/{file}"
@@ -171,6 +190,10 @@ class Season:
     def is_erased(self, pseudonym: str, erased: frozenset[str]) -> bool:
         """Whether this athlete is among the erased."""
         return pseudonym_hash(self.id, pseudonym) in erased
+
+    def is_erased_now(self, pseudonym: str) -> bool:
+        """Whether this athlete was erased until this moment; to be asked after something was stored."""
+        return self.place.exists(f"{ERASED}/{pseudonym_hash(self.id, pseudonym)}.toml")
 
     # ---- its own file
 
