@@ -251,7 +251,5 @@ def test_an_activity_of_wrong_columns_is_refused() -> None:
     assert_refused(lambda: Activity({"time_s": time_s, "lean_rad": time_s}), "it has time_s, lean_rad")
     assert_refused(lambda: Activity({"distance_m": time_s}), "needs time_s")
     assert_refused(lambda: Activity({"time_s": time_s, "power_w": time_s[:2]}), "differ in length")
-    none = Activity({"time_s": time_s}, source="watch", epoch="2026-05-01T07:30:00Z").strokes()
-    assert len(none) == 0 and none.notes == ("3 points in time, which contain no strokes",) and none.epoch
     made = replace(Activity({"time_s": time_s}), epoch="2026-05-01T07:30:00Z")
     assert made.epoch and made.duration_s == 2

@@ -18,7 +18,9 @@ from oarlock.rowing import Activity, StrokeTable, load_export, load_stroke_expor
 from oarlock.rowing.exports.starts import epoch_of_text
 from oarlock.rowing.strokes.table import running
 from oarlock.season import Admission, create_season
-from oarlock.season.compact import compact
+from oarlock.season.compact import compact, known_now
+from oarlock.season.run.compute import run_job
+from oarlock.season.run.plan import make_plan
 from refusals import assert_refused
 
 EXAMPLES = Path(__file__).parents[1] / "examples/strokes"
@@ -249,6 +251,24 @@ def test_a_season_knows_when_an_export_began_and_keeps_no_position(tmp_path: Pat
     assert not [name for name in table.column_names if "lat" in name or "lon" in name]
     stored = season.entry(entries[0].recording)
     assert stored == replace(entries[0], files=entries[0].files)
+
+
+def test_a_run_over_exports_finds_their_strokes_and_none_in_points_in_time(tmp_path: Path) -> None:
+    season = create_season(str(tmp_path / "season"), "club")
+    support.squad(season, "AAAAAA")
+    watch = tmp_path / "watch.fit"
+    watch.write_bytes(fit_bytes.fit_file(fit_bytes.watch(90)))
+    for file in (watch, saved(tmp_path, rowsandall())):
+        Admission(season, "AAAAAA").add(file)
+    assert [run_job(job).told for job in make_plan(season).jobs] == ["done", "done"]
+    records = known_now(season).current(season)
+    assert sorted(record.strokes for record in records.values()) == [0, 4]
+    (with_strokes,) = (record for record in records.values() if record.strokes)
+    name = f"results/{with_strokes.recording}.{with_strokes.run}/strokes.parquet"
+    table = pq.read_table(pa.BufferReader(season.place.read(name)))
+    assert table.schema.metadata[b"epoch"].decode() == START
+    assert not [column for column in table.column_names if "tude" in column]
+    compact(season)
 
 
 def test_a_season_refuses_an_export_that_cannot_be_read(tmp_path: Path) -> None:

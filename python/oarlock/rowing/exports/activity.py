@@ -9,7 +9,6 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.rowing.strokes.table import StrokeTable
 from oarlock.storage.errors import DataError
 
 Floats = NDArray[np.float64]
@@ -71,11 +70,6 @@ class Activity:
 
     def __contains__(self, name: object) -> bool:
         return name in self.columns
-
-    def strokes(self) -> StrokeTable:
-        """Its strokes: a table of none, for who wants a table of strokes of every export."""
-        notes = (*self.notes, f"{len(self)} points in time, which contain no strokes")
-        return StrokeTable({"time_s": np.zeros(0)}, source=self.source, notes=notes, epoch=self.epoch)
 
     @property
     def duration_s(self) -> float | None:

@@ -15,7 +15,7 @@ import numpy as np
 from oarlock import Calibration, Config, DivergedError, Model, Track, load_recording, smooth, track
 from oarlock.evaluation.consistency import sensor_scores
 from oarlock.evaluation.interval import Interval
-from oarlock.rowing import StrokeTable, load_stroke_export, save_strokes, technique
+from oarlock.rowing import StrokeTable, load_export, save_strokes, technique
 from oarlock.season.add import done_record
 from oarlock.season.entry import Entry, entry_place
 from oarlock.season.layout import RUN_FILE, STROKES_FILE, recording_folder, result_folder
@@ -92,7 +92,8 @@ def computed(entry: Entry, tools: Tools) -> Found:
         try:
             fetch(tools.season, entry, folder)
             if entry.kind == "export":
-                return Found(load_stroke_export(folder / next(iter(entry.files))), {})
+                found = load_export(folder / next(iter(entry.files)))
+                return Found(found if isinstance(found, StrokeTable) else None, {})
             return tracked(folder, tools)
         except (DataError, DivergedError) as error:
             raise DataError(_named(error, str(folder), recording_folder(entry.recording))) from error
@@ -103,8 +104,7 @@ def tracked(folder: Path, tools: Tools) -> Found:
     assert tools.model is not None
     found = smooth(track(tools.model, load_recording(folder), tools.calibration, tools.config))
     table = technique(found, calibration=tools.calibration).strokes
-    plain = StrokeTable(table.columns, table.stds, table.reasons, {}, table.source, table.notes)
-    return Found(plain, sensor_health(found))
+    return Found(replace(table, curves={}), sensor_health(found))
 
 
 def sensor_health(found: Track) -> dict[str, float]:
