@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -302,6 +304,44 @@ def test_a_process_that_cannot_start_or_write_says_so(
     monkeypatch.setattr(sys, "path", ["/nowhere"])
     with pytest.raises(DataError, match=r"could not start.*No module named"):
         Child(jobs.quick_task).ask(only.jobs[0])
+
+
+_KILLED = """
+import sys, threading
+import season_bad_jobs as jobs
+from oarlock.season import open_season
+from oarlock.season.run.child import Child
+from oarlock.season.run.plan import make_plan
+child = Child(jobs.quick_task)
+job = make_plan(open_season({season!r})).jobs[0]
+threading.Thread(target=child.ask, args=(job,), daemon=True).start()
+sys.stdin.readline()
+"""
+
+
+def test_a_killed_command_leaves_neither_processes_nor_copies(
+    season: Season, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(jobs.BAD, json.dumps(dict.fromkeys(season.recordings(), "hang")))
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(path for path in sys.path if path))
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
+    monkeypatch.setenv("TMPDIR", str(scratch))
+    code = _KILLED.format(season=season.place.address)
+    with subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE) as command:
+        until(lambda: jobs.begun(tmp_path / "count"))
+        assert list(scratch.iterdir()) != []
+        command.kill()
+    until(lambda: not list(scratch.iterdir()))
+    process = int((tmp_path / "count").read_text().split()[2])
+    until(lambda: not Path(f"/proc/{process}").exists() or sys.platform != "linux")
+
+
+def until(is_so: Callable[[], object]) -> None:
+    ends_s = time.monotonic() + LATE_S
+    while not is_so():
+        assert time.monotonic() < ends_s
+        time.sleep(0.01)
 
 
 def test_cancelled_processes_end_at_once(season: Season, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -103,7 +103,7 @@ class Child:
             if self._stopped:
                 raise DataError(_STOPPED)
             self._process = subprocess.Popen(
-                [sys.executable, "-c", _COMMAND],
+                [sys.executable, "-c", _COMMAND, str(self._scratch)],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=errors,
