@@ -198,11 +198,12 @@ def test_a_hanging_recording_is_blamed_at_once(season: Season) -> None:
 
 
 def test_what_no_recording_is_to_blame_for_ends_the_run_and_the_next_continues(season: Season) -> None:
-    first = make_plan(season).jobs[1].recording
+    plan = make_plan(season)
+    first = plan.jobs[1].recording
     full = Reply("refused", "no space left on device")
     here = Here(lambda job: full if job.recording == first else jobs.quick_task(job))
     with pytest.raises(DataError, match=r"no space left on device\. What was computed is stored"):
-        run_season(season, here, make_plan(season))
+        run_season(season, here, plan)
     assert here.is_cancelled
     assert done(season).computed == 3
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import random
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -23,7 +25,7 @@ class Plan:
     """What is to be computed.
 
     Args:
-        jobs: the longest first.
+        jobs: the longest first, within a factor of two.
         there: recordings that have the result.
         failed: reasons by recording, where the same run failed before; `again` makes jobs of them.
         without_setup: recordings for which no setup was chosen.
@@ -76,7 +78,8 @@ def make_plan(season: Season, again: bool = False, limit_s: float | None = None)
     # Tables do not say whether raw data are there.
     present = [entry for entry in season.entries([one.recording for one in wanted]) if entry.files]
     jobs = [_job(season, entry, runs, again, limit_s) for entry in present]
-    jobs.sort(key=lambda job: (-job.duration_s, job.recording))
+    # The longest first, by powers of two; by chance among them, so that two runs at once share the work.
+    jobs.sort(key=lambda job: (-math.frexp(job.duration_s)[1], random.random()))
     return Plan(jobs, there, failed, without_setup, len(wanted) - len(present))
 
 
