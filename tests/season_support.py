@@ -88,7 +88,7 @@ season = open_season({season!r})
 scratch = Path(mkdtemp(dir={scratch!r}))
 for seed in itertools.count({first}):
     if "add" in {does!r}:
-        name = support.add_noise(season, "AAAAAA", seed, support.day(seed % 300))
+        name = support.add_noise(season, {athlete!r}, seed, support.day(seed % 300))
     if "result" in {does!r}:
         support.add_strokes(season, name, scratch, seed)
     if "compact" in {does!r}:
@@ -99,7 +99,7 @@ for seed in itertools.count({first}):
 
 @contextmanager
 def writer(
-    season: str | Path, first: int, does: str = "add", scratch: Path | None = None
+    season: str | Path, first: int, does: str = "add", scratch: Path | None = None, athlete: str = "AAAAAA"
 ) -> Iterator[subprocess.Popen[str]]:
     """A process that stores recordings from a seed on, until the end of the block kills it; a line for each.
 
@@ -110,9 +110,12 @@ def writer(
         season=str(season),
         first=first,
         does=does,
+        athlete=athlete,
         scratch=None if scratch is None else str(scratch),
     )
-    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
         try:
             yield process
         finally:

@@ -12,6 +12,7 @@ import season_support as support
 from oarlock.season import create_season, season_summary
 from oarlock.season.check import check
 from oarlock.season.compact import compact
+from oarlock.season.erase import erase
 
 pytestmark = pytest.mark.long
 
@@ -31,6 +32,31 @@ def test_thirty_kills(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert counts["recordings"] >= 10
     assert counts["failed"] == 0
     assert counts["strokes"] == 5 * counts["with results"]
+
+
+def test_an_erasure_beside_two_writers_and_a_compaction(season_address: str, tmp_path: Path) -> None:
+    if season_address.startswith("memory"):
+        pytest.skip("no other process sees this memory")
+    season = create_season(season_address, "club")
+    for round_, gone in enumerate(("K7QMVA", "R9TWXB", "Z3HJKP")):
+        support.squad(season, gone)
+        first = 1000 * round_
+        with (
+            support.writer(season_address, first, "add result", tmp_path, gone) as one,
+            support.writer(season_address, first + 500, "add result", tmp_path, gone) as two,
+            support.writer(season_address, 0, "compact", tmp_path) as three,
+        ):
+            for process in (one, two, three):
+                support.wait_for(process, 4)
+            found = erase(season, gone, dry_run=False)
+            for process in (one, two):
+                # Its next recording is refused, whatever it was doing.
+                assert "erased from this season" in process.communicate()[1]
+            support.wait_for(three, 2)
+        assert found.removed["recordings"] >= 6
+        assert {one.what for one in check(season)} <= {"unfinished"}
+        assert erase(season, gone, dry_run=False).is_proven
+    assert season.recordings() == []
 
 
 @pytest.mark.parametrize("rounds", [3])

@@ -34,6 +34,7 @@ from oarlock.storage.errors import DataError
 from oarlock.storage.toml import toml_text
 
 _READERS = 8
+_ATTEMPTS = 20
 _UNUSED_S = 600.0
 """Files of tables that do not count are removed when they are older: another compaction may be about to name them."""
 
@@ -99,9 +100,17 @@ def compact(season: Season) -> Current:
     A recording whose result is damaged counts as failed. Tombstones that a restored season lacks are written again.
     """
     restore_tombstones(season)
+    disturbed = 0
     while True:
         erased = season.erased()
-        after = _compacted(season, erased)
+        try:
+            after = _compacted(season, erased)
+        except DataError as error:
+            # An erasure removes files of tables that do not count, also one that is being written.
+            disturbed += 1
+            if not isinstance(error.__cause__, FileNotFoundError) or disturbed == _ATTEMPTS:
+                raise
+            continue
         if season.erased() == erased and all(map(season.place.exists, after.files.values())):
             return after
         # Somebody was erased meanwhile: what was just written may contain rows of this athlete.

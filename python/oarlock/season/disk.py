@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import secrets
 import shutil
@@ -12,6 +13,8 @@ from pathlib import Path
 
 from oarlock.season.place import OWN_WORK, checked_name
 from oarlock.storage.write_file import sync_folder, unwritable, write_file
+
+_ATTEMPTS = 50
 
 
 class Disk:
@@ -114,8 +117,20 @@ class Disk:
         target = self._at(folder)
         if record:
             (target / record).unlink(missing_ok=True)
-        with suppress(FileNotFoundError):
-            shutil.rmtree(target)
+        for attempt in range(_ATTEMPTS):
+            try:
+                shutil.rmtree(target)
+            except OSError as error:  # another process removes it too, or still writes into it
+                if not target.exists():
+                    return
+                last = attempt == _ATTEMPTS - 1
+                if last or (
+                    not isinstance(error, FileNotFoundError | FileExistsError)
+                    and error.errno != errno.ENOTEMPTY
+                ):
+                    raise unwritable(target, error) from error
+            else:
+                return
 
     def on_disk(self, names: Sequence[str]) -> list[Path]:
         """As `Place.on_disk`: the files themselves."""

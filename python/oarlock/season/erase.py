@@ -10,10 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from pyarrow import parquet
-
 from oarlock.season.belongings import Belongings, belongings, folders
-from oarlock.season.compact import Current, compact, remove_unused
+from oarlock.season.compact import compact, known_now, remove_unused
 from oarlock.season.exports import remove_export
 from oarlock.season.layout import ATHLETES, RUN_FILE, SEASON_FILE, SETUPS
 from oarlock.season.remains import remove_remains
@@ -97,23 +95,24 @@ def erase(
     """
     pending = kept_folder(season).parent / "pending" / f"{new_tombstone(season, athlete).hash}.toml"
     versions = versions_of(season.place)
-    began = _read_pending(pending)
-    found = belongings(season, athlete, {*began, *versions.recordings_of(athlete)})
-    known = sorted({*began, *found.recordings, *versions.recordings_of(athlete)})
-    if found.is_empty and not known and not season.is_erased_now(athlete):
+    began = {*_read_pending(pending), *versions.recordings_of(athlete)}
+    is_known = bool(began) or season.is_erased_now(athlete) or season.athlete(athlete) is not None
+    if not is_known and belongings(season, athlete).is_empty:
         raise DataError(
             f'"{athlete}" is no athlete of this season. {did_you_mean(athlete, sorted(season.athletes()))}'
         )
-    work = _Work(season, replace(found, recordings=known), Sought.of(athlete, known, names), versions)
-    work.removed = _counts(found)
+    if not dry_run:
+        # Before anything is listed: what is stored later is removed by its writer, who looks for tombstones.
+        put_tombstone(season, _with_former(season, new_tombstone(season, athlete)), tombstones)
+    found = belongings(season, athlete, began)
+    known = sorted(began.union(found.recordings))
+    own = replace(found, recordings=known)
+    work = _Work(season, own, Sought.of(athlete, known, names), versions, _counts(found))
     if dry_run:
         files = _files(season)
-        mine = tuple(f"{folder}/" for folder, _ in folders(work.own))
-        others = [
-            name
-            for name in files
-            if not name.startswith((*mine, *found.exports, "tables/", f"{ATHLETES}/{athlete}."))
-        ]
+        mine = tuple(f"{folder}/" for folder, _ in folders(own))
+        aside = (*mine, *found.exports, "tables/", f"{ATHLETES}/{athlete}.")
+        others = [name for name in files if not name.startswith(aside)]
         traces = search(season.place, work.sought, others, told)
         return Erasure(athlete, True, work.removed, left=traces, files=len(files))
     write_toml(pending, {"recordings": known})
@@ -206,8 +205,7 @@ def _compact(work: _Work) -> None:
 def _remove_setups(work: _Work) -> None:
     """Remove setups that only this athlete's runs used: their calibration is the athlete's."""
     season = work.season
-    runs = season.place.on_disk([Current.read(season).files["runs"]])[0]
-    used = {*parquet.read_table(runs, columns=["setup"])["setup"].to_pylist(), *season.setup.values()}
+    used = {*(record.setup for record in known_now(season).records), *season.setup.values()}
     only = [name for name in work.own.setups if name not in used]
     for name in only:
         season.place.remove_folder(f"{SETUPS}/{name}")
@@ -232,7 +230,7 @@ def _proof(work: _Work, told: Told) -> tuple[list[Trace], int]:
         found = [one for one in left if not one.is_unsearched]
         if not found or round_ == _ROUNDS - 1:
             break
-        cleared, needs_tables = remove_remains(season, work.sought, work.own.recordings, found)
+        cleared, needs_tables = remove_remains(season, work.sought, work.own, found)
         if not cleared:
             break
         work.cleared += cleared

@@ -28,7 +28,9 @@ def came_back(season: Season, file: Path | None = None, thorough: bool = False) 
     if not erased:
         return {}
     where: dict[str, list[str]] = {
-        name.removesuffix(".toml"): [f"{ATHLETES}/{name}"] for name in season.place.children(ATHLETES)
+        name.removesuffix(".toml"): [f"{ATHLETES}/{name}"]
+        for name in season.place.children(ATHLETES)
+        if name.endswith(".toml")
     }
     if thorough:
         for entry in season.entries(season.recordings()):

@@ -9,7 +9,6 @@ from __future__ import annotations
 import datetime
 import hashlib
 import os
-import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -17,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 from oarlock.season.place import Place, checked_name
 from oarlock.storage.errors import DataError
-from oarlock.storage.write_file import write_file
+from oarlock.storage.write_file import TEMPORARY, write_file
 
 if TYPE_CHECKING:
     from obstore.store import ObjectStore
@@ -30,6 +29,7 @@ _RETRIES = 4
 _OTHER_WRITER_S = 30.0
 """Files without a commit record that are older are of a writer that was stopped, and are written over."""
 _POLL_S = 0.2
+_ATTEMPTS = 20
 _IN_MEMORY: dict[str, ObjectStore] = {}
 """Stores of this process by address."""
 
@@ -189,14 +189,28 @@ class Objects:
 
     def forget_copies(self) -> int:
         """As `Place.forget_copies`."""
-        found = sum(1 for file in self._cache().rglob("*") if file.is_file())
-        shutil.rmtree(self._cache(), ignore_errors=True)
+        found = 0
+        for file in list(self._cache().rglob("*")):
+            if file.is_file():  # folders stay, because another process may write into them
+                file.unlink(missing_ok=True)
+                found += not file.name.startswith(TEMPORARY)
         return found
 
     def _copy(self, name: str) -> Path:
         copy = self._cache() / checked_name(name)
-        if not copy.is_file():
-            write_file(copy, self.read(name))
+        if copy.is_file():
+            return copy
+        for attempt in range(_ATTEMPTS):
+            try:
+                write_file(copy, self.read(name))
+                break
+            except DataError as error:
+                # Another process has removed the copies of tables, this one too.
+                if not isinstance(error.__cause__, FileNotFoundError) or attempt == _ATTEMPTS - 1:
+                    raise
+        if not self.exists(name):  # removed meanwhile: its copy must not stay
+            copy.unlink(missing_ok=True)
+            raise FileNotFoundError(name)
         return copy
 
     def _cache(self) -> Path:

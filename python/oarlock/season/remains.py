@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 
+from oarlock.season.belongings import Belongings, is_of
 from oarlock.season.compact import Current
 from oarlock.season.layout import (
     ENTRY_FILE,
@@ -25,7 +27,7 @@ _TEXTS = (".toml", ".csv", ".txt", ".tsv", ".tcx", ".json", ".xml", ".jsonl", ".
 
 
 def remove_remains(
-    season: Season, sought: Sought, recordings: Collection[str], found: Sequence[Trace]
+    season: Season, sought: Sought, own: Belongings, found: Sequence[Trace]
 ) -> tuple[list[Trace], bool]:
     """Remove what can be removed without loss for others.
 
@@ -35,32 +37,35 @@ def remove_remains(
     Args:
         season: which.
         sought: what was searched for.
-        recordings: names of the athlete's recordings.
+        own: what was known to be the athlete's.
         found: the traces.
 
     Returns:
         The traces that were removed, and whether all tables have to be made anew.
     """
-    files = sorted({one.file for one in found})
     removed: set[str] = set()
     needs_tables = False
     current = set(Current.read(season).files.values())
-    by_recording: dict[str, list[str]] = {}
-    for file in files:
+    of_others: dict[str, list[str]] = {}
+    for file in sorted({one.file for one in found}):
         top, _, rest = file.partition("/")
         second = rest.partition("/")[0]
-        if top == RECORDINGS and second not in recordings:
-            by_recording.setdefault(second, []).append(file)
+        if top == RECORDINGS and second not in own.recordings and not is_of(season, second, own.athlete):
+            of_others.setdefault(second, []).append(file)
             continue
-        if _removed(season, sought, file, (top, second)):
-            removed.add(file)
-            needs_tables |= file in current
-    for recording, own in by_recording.items():
-        texts = [file for file in own if _is_text(season, file, sought)]
-        if texts:
-            _redact_recording(season, sought, recording, texts)
-            removed |= set(texts)
-            needs_tables = True  # the texts of a session are columns
+        with suppress(FileNotFoundError):  # another writer has removed it
+            if not _removed(season, sought, file, (top, second)):
+                continue
+        removed.add(file)
+        needs_tables |= file in current
+    for recording, files in of_others.items():
+        # One without an entry is not finished, and its writer looks for tombstones itself.
+        if season.place.exists(f"{RECORDINGS}/{recording}/{ENTRY_FILE}"):
+            with suppress(FileNotFoundError):
+                texts = [file for file in files if _is_text(season, file, sought)]
+                _redact_recording(season, sought, recording, texts)
+                removed |= set(texts)
+                needs_tables |= bool(texts)  # the texts of a session are columns
     return [one for one in found if one.file in removed], needs_tables
 
 

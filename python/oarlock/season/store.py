@@ -185,7 +185,8 @@ class Season:
 
     def erased(self) -> frozenset[str]:
         """Hashes of the pseudonyms that were erased."""
-        return frozenset(name.removesuffix(".toml") for name in self.place.children(ERASED))
+        names = self.place.children(ERASED)
+        return frozenset(name.removesuffix(".toml") for name in names if name.endswith(".toml"))
 
     def is_erased(self, pseudonym: str, erased: frozenset[str]) -> bool:
         """Whether this athlete is among the erased."""
