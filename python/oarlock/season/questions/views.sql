@@ -239,17 +239,22 @@ WITH crew AS (
     FROM recordings WHERE status = 'done' AND boat IS NOT NULL AND seat IS NOT NULL AND started IS NOT NULL
 ),
 k AS (
-    SELECT recording, outing, leads, rate, value AS catch_s, value + 0.5 AS until_s
+    SELECT recording, outing, leads, rate, value AS catch_s
     FROM stroke_values('catch_time_s') JOIN crew USING (recording) WHERE seats > 1 AND value IS NOT NULL
+),
+l AS ( -- catches of one rower are more than 1 s apart, so each finds at most one within 0.5 s, under one of two keys
+    SELECT outing * 1000000 + floor(catch_s + half)::BIGINT AS key, catch_s
+    FROM k, (VALUES (-0.5), (0.5)) AS halves(half) WHERE leads
 ),
 d AS (
     SELECT o.recording, o.rate, o.catch_s - l.catch_s AS late_s
-    FROM (FROM k WHERE NOT leads) o ASOF JOIN (FROM k WHERE leads) l ON o.outing = l.outing AND o.until_s >= l.catch_s
+    FROM k o JOIN l ON o.outing * 1000000 + floor(o.catch_s)::BIGINT = l.key
+    WHERE NOT o.leads AND o.catch_s - l.catch_s BETWEEN -0.5 AND 0.5
 ),
 g AS (
     SELECT recording, count(*) AS strokes, avg(late_s) AS late_s, stddev_samp(late_s) AS sd_s,
         stddev_samp(late_s) / sqrt(count(*)) AS se_s, avg(rate) AS rate
-    FROM d WHERE abs(late_s) < 0.5 GROUP BY recording HAVING count(*) >= 10
+    FROM d GROUP BY recording HAVING count(*) >= 10
 )
 SELECT r.boat, r.started, r.comparable, r.athlete, r.seat, r.month, g.strokes, late_s, sd_s, se_s, rate
 FROM g JOIN recordings r USING (recording);
