@@ -51,6 +51,7 @@ USUAL_S = {
     "test_strokes": 15.0,
     "test_suspects": 190.0,
     "test_season_cluster": 60.0,
+    "test_season_bands": 30.0,
     "test_smoothing": 200.0,
     "test_soak": 80.0,
     "test_season_killed": 60.0,

@@ -7,7 +7,7 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory, gettempdir
+from tempfile import gettempdir
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from oarlock.season.sealed import key_called
 from oarlock.season.store import Season
 from oarlock.storage.epoch import moment_of
 from oarlock.storage.errors import DataError
+from oarlock.storage.folder_writer import scratch_folder
 from oarlock.storage.regular_file import read_bytes
 from oarlock.storage.write_file import unwritable
 
@@ -248,8 +249,8 @@ def start_of(
 
 def _saved(recording: Recording) -> dict[str, bytes]:
     """The files of the recording's folder."""
-    with TemporaryDirectory() as scratch:
-        folder = Path(scratch) / "recording"
+    with scratch_folder() as scratch:
+        folder = scratch / "recording"
         recording.save(folder)
         names = (file.relative_to(folder).as_posix() for file in folder.rglob("*") if file.is_file())
         return {name: (folder / name).read_bytes() for name in sorted(names)}

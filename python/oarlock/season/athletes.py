@@ -19,9 +19,9 @@ from oarlock.storage.errors import DataError
 from oarlock.storage.names import check_name
 from oarlock.storage.toml import TomlTable, toml_text, write_toml
 
-_LETTERS = "ABCDEFGHJKMNPQRSTVWXYZ23456789"
+PSEUDONYM_LETTERS = "ABCDEFGHJKMNPQRSTVWXYZ23456789"
 """Without those that look alike."""
-_LENGTH = 6
+PSEUDONYM_LENGTH = 6
 SCOPES = ("coaching", "research", "sharing")
 """What an athlete may consent to."""
 _ATTRIBUTES = ("stature_m", "mass_kg")
@@ -82,7 +82,7 @@ class Athlete:
 def new_pseudonym(taken: Mapping[str, object]) -> str:
     """A random pseudonym that nobody has."""
     while True:
-        found = "".join(secrets.choice(_LETTERS) for _ in range(_LENGTH))
+        found = "".join(secrets.choice(PSEUDONYM_LETTERS) for _ in range(PSEUDONYM_LENGTH))
         if found not in taken and not found.isdigit():
             return found
 

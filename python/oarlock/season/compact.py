@@ -47,11 +47,13 @@ class Current:
         schema: version of their columns.
         files: by table: `recordings`, `runs`, `athletes`, and `strokes/month=2026-03` for each month.
         erased: stands for the tombstones of which nothing is in these files.
+        setup: stands for the current setups by which runs were chosen.
     """
 
     schema: int = SCHEMA
     files: Mapping[str, str] = field(default_factory=dict)
     erased: str = ""
+    setup: str = ""
 
     @classmethod
     def read(cls, season: Season) -> Current:
@@ -62,11 +64,11 @@ class Current:
             return cls()
         if table.integer("schema", 0) != SCHEMA:
             return cls()
-        return cls(SCHEMA, texts(table.table("files")), table.string("erased", ""))
+        return cls(SCHEMA, texts(table.table("files")), table.string("erased", ""), table.string("setup", ""))
 
     def toml(self) -> bytes:
         """The contents of `tables/current.toml`."""
-        head = {"schema": self.schema, "erased": self.erased}
+        head = {"schema": self.schema, "erased": self.erased, "setup": self.setup}
         return toml_text({**head, "files": dict(sorted(self.files.items()))}).encode()
 
 
@@ -120,8 +122,10 @@ def compact(season: Season) -> Current:
 
 def _compacted(season: Season, erased: frozenset[str]) -> Current:
     before = Current.read(season)
-    old = _old(season, before)
     mark = named_by_document(sorted(erased)) if erased else ""
+    if _are_up_to_date(season, before, erased, mark):
+        return before
+    old = _old(season, before)
     tabled = {entry.athlete for entry in old.entries.values()}
     clean = tabled if before.erased == mark else set()
     gone = _gone(season, tabled - clean, erased)
@@ -137,7 +141,7 @@ def _compacted(season: Season, erased: frozenset[str]) -> Current:
         "runs": _put(season, "runs", run_rows(known.records)),
         "athletes": _put(season, "athletes", athlete_rows(athletes)),
     }
-    after = Current(SCHEMA, files, mark)
+    after = Current(SCHEMA, files, mark, _setup_mark(season))
     if after != before:
         season.place.write(CURRENT_FILE, after.toml())
     # Former tables have rows of those who were erased since.
@@ -153,6 +157,41 @@ def _gone(season: Season, asked: Iterable[str], erased: frozenset[str]) -> set[s
 def known_now(season: Season) -> Known:
     """What is stored at this moment."""
     return _known(season, _old(season, Current.read(season)), season.erased())
+
+
+def _are_up_to_date(season: Season, current: Current, erased: frozenset[str], mark: str) -> bool:
+    """Whether the tables hold all that is stored; compares listings and reads nothing that is in them already."""
+    place, files = season.place, current.files
+    if (current.erased, current.setup) != (mark, _setup_mark(season)):
+        return False
+    if not {"recordings", "runs", "athletes"} <= set(files) or not all(map(place.exists, files.values())):
+        return False
+    try:
+        recordings, runs, people = (
+            place.on_disk([files[name]])[0] for name in ("recordings", "runs", "athletes")
+        )
+        held = set(parquet.read_table(recordings, columns=["recording"])["recording"].to_pylist())
+        made = _pairs(parquet.read_table(runs, columns=["recording", "run"]))
+        tabled = set(parquet.read_table(people, columns=["athlete"])["athlete"].to_pylist())
+    except (FileNotFoundError, OSError, pa.ArrowException):
+        return False
+    here, results = set(season.recordings()), set(season.results())
+    if not (held <= here and made <= results):
+        return False
+    # What is stored and in no table is unfinished, damaged or nobody's, or else it is new.
+    others = sorted(one for one in results - made if one[0] in held)
+    if any(True for _ in season.entries(sorted(here - held))) or any(
+        True for _ in season.run_records(others)
+    ):
+        return False
+    athletes = season.athletes()
+    for one in _gone(season, set(athletes) - tabled, erased):
+        del athletes[one]
+    return _file_of(season, "athletes", athlete_rows(athletes))[0] == files["athletes"]
+
+
+def _setup_mark(season: Season) -> str:
+    return named_by_document(dict(season.setup))
 
 
 def remove_unused(season: Season, older_s: float) -> None:
@@ -284,6 +323,7 @@ def _kept(season: Season, before: str | None, wanted: set[tuple[str, str]]) -> p
 
 
 def _pairs(table: pa.Table | None) -> set[tuple[str, str]]:
+    """Recording and run of each row."""
     if table is None:
         return set()
     found = table.group_by(["recording", "run"]).aggregate([])
@@ -306,9 +346,14 @@ def _strokes_of(
     return None
 
 
-def _put(season: Season, name: str, table: pa.Table) -> str:
+def _file_of(season: Season, name: str, table: pa.Table) -> tuple[str, bytes]:
+    """Name and contents of a table's file."""
     contents = parquet_bytes(table, {"schema": str(SCHEMA), "season": season.id})
-    file = f"{TABLES}/{name}-{named_by(contents)}.parquet"
+    return f"{TABLES}/{name}-{named_by(contents)}.parquet", contents
+
+
+def _put(season: Season, name: str, table: pa.Table) -> str:
+    file, contents = _file_of(season, name, table)
     if not season.place.exists(file):
         season.place.write(file, contents)
     return file

@@ -93,20 +93,18 @@ def run_rows(records: Sequence[RunRecord]) -> pa.Table:
 
 
 def stroke_rows(contents: bytes, entry: Entry, run: RunRecord, where: str) -> pa.Table:
-    """Rows of `strokes` of one result, with the names of today.
+    """Rows of `strokes` of one result, with the names of today; `joined` brings their numbers to float32.
 
     Raises:
         DataError: the file is damaged.
     """
     try:
-        found = parquet.read_table(pa.BufferReader(contents))
+        found = parquet.ParquetFile(pa.BufferReader(contents)).read(use_threads=False)
     except (pa.ArrowException, OSError) as error:
         raise DataError(
             f"{where}: cannot be read as Parquet ({error}); `oarlock season check` names all such"
         ) from None
-    numbers = {
-        RENAMED.get(name, name): found[name] for name in found.column_names if _is_number(found.schema, name)
-    }
+    names = [field.name for field in found.schema if _is_number(field.type)]
     keys = {
         **{key: getattr(run, key) for key in ("recording", "run", "comparable")},
         "athlete": entry.athlete,
@@ -116,14 +114,22 @@ def stroke_rows(contents: bytes, entry: Entry, run: RunRecord, where: str) -> pa
     columns = [pa.repeat(pa.scalar(keys[f.name], f.type), count) for f in KEYS if f.name != "stroke"]
     columns.append(pa.array(range(1, count + 1), pa.int32()))
     return pa.Table.from_arrays(
-        [*columns, *(_known(column) for column in numbers.values())], [*KEYS.names, *numbers]
+        [*columns, *(found[name] for name in names)],
+        [*KEYS.names, *(RENAMED.get(name, name) for name in names)],
     )
 
 
 def joined(tables: Sequence[pa.Table]) -> pa.Table:
     """Rows of all tables, whose columns may differ, by athlete, recording and stroke."""
-    whole = pa.concat_tables(tables, promote_options="default") if tables else KEYS.empty_table()
-    return whole.sort_by([(key, "ascending") for key in ("athlete", "started", "recording", "stroke")])
+    if not tables:
+        return KEYS.empty_table()
+    whole = pa.concat_tables(tables, promote_options="permissive")
+    columns = [
+        column if name in KEYS.names else _known(column)
+        for name, column in zip(whole.column_names, whole.columns, strict=True)
+    ]
+    order = [(key, "ascending") for key in ("athlete", "started", "recording", "stroke")]
+    return pa.table(columns, whole.column_names).sort_by(order)
 
 
 def parquet_bytes(table: pa.Table, about: Mapping[str, str]) -> bytes:
@@ -147,8 +153,7 @@ def utc(moment: datetime.datetime | None) -> datetime.datetime | None:
     return None if moment is None else moment.astimezone(datetime.UTC)
 
 
-def _is_number(schema: pa.Schema, name: str) -> bool:
-    kind = schema.field(name).type
+def _is_number(kind: pa.DataType) -> bool:
     return bool(pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from os import PathLike
 from pathlib import Path
@@ -35,8 +36,15 @@ def save_strokes(table: StrokeTable, folder: str | PathLike[str], force: bool = 
     """
     with replaced_folder(folder, KIND, force) as place:
         table.to_csv(place / CSV_NAME)
-        pq.write_table(_arrow(table), place / PARQUET_NAME)
+        (place / PARQUET_NAME).write_bytes(strokes_parquet(table))
     return Path(folder) / CSV_NAME, Path(folder) / PARQUET_NAME
+
+
+def strokes_parquet(table: StrokeTable) -> bytes:
+    """The contents of `strokes.parquet`."""
+    out = io.BytesIO()
+    pq.write_table(_arrow(table), out)
+    return out.getvalue()
 
 
 def _arrow(table: StrokeTable) -> pa.Table:
