@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import json
 import time
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pytest
 from pyarrow import parquet
 
 import season_support as support
+from command_line import run
 from oarlock import DataError, Recording
 from oarlock.season import Admission, Season, Setup, create_season, open_season, season_summary
 from oarlock.season.check import check, repair
@@ -263,3 +265,30 @@ def test_two_writers_of_the_same_recordings_store_each_once(disk_season: Season,
     assert len(names) >= 20
     assert sorted(names) == sorted(expected)
     assert sum(1 for _ in disk_season.entries(names)) == len(names)
+
+
+def test_the_verbs_answer(tmp_path: Path) -> None:
+    at, names = tmp_path / "club", tmp_path / "names.toml"
+    assert (
+        "Began the season Club"
+        in run("season", "init", at, "--name", "Club", "--time-zone", "Europe/Berlin").stdout
+    )
+    who = ("--name", "Anna Muster", "--names", names, "--stature-m", 1.8, "--consent", "coaching")
+    pseudonym = run("season", "athlete", at, *who).stdout.strip()
+    support.noise(1).save(tmp_path / "trial")
+    (tmp_path / "trial/session.toml").write_text('athlete = "Anna Muster"\n')
+    refused = run("season", "add", at, tmp_path / "trial", status=1)
+    assert "is no pseudonym of this season" in " ".join(refused.stdout.split())
+    added = run("season", "add", at, tmp_path / "trial", "--names", names, "--boat", "1x")
+    assert (pseudonym in added.stdout, "Stored 1" in added.stdout) == (True, True)
+    listed = json.loads(run("season", "list", at, "--json").stdout)
+    assert (listed["counts"]["recordings"], listed["athletes"][0]["athlete"]) == (1, pseudonym)
+    assert "In order." in run("season", "check", at).stdout
+    assert "Would remove 0 folders" in run("season", "prune", at, "--dry-run").stdout
+    trunk = next((at / "recordings").glob("*/trunk.parquet"))
+    trunk.write_bytes(trunk.read_bytes()[:-1])
+    assert f"damaged: {trunk.relative_to(at).as_posix()}" in run("season", "check", at, status=1).stdout
+    assert (
+        "such as Europe/Berlin"
+        in run("season", "init", tmp_path / "x", "--time-zone", "Mars", status=1).output
+    )

@@ -22,6 +22,7 @@ from oarlock.season.layout import RUN_FILE, STROKES_FILE, recording_folder, resu
 from oarlock.season.run.job import Job, Reply, versions
 from oarlock.season.run.setups import opened_setup
 from oarlock.season.run_record import RunRecord, Setup
+from oarlock.season.sealed import opened
 from oarlock.season.store import Season, open_season
 from oarlock.storage.errors import DataError
 
@@ -140,7 +141,7 @@ def fetch(season: Season, entry: Entry, folder: Path) -> None:
         if hashlib.sha256(contents).hexdigest() != expected:
             raise DataError(f"{full}: is damaged, because its hash is another; {advice}")
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(contents)
+        (folder / name).write_bytes(opened(contents, full))
 
 
 def commit(season: Season, record: RunRecord, files: dict[str, bytes], setup: Setup, again: bool) -> bool:
