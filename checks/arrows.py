@@ -28,6 +28,7 @@ LAYERS = (
     "live",
     "movement",
     "rowing",
+    "season",
     "lab",
     "cli",
     "__main__",

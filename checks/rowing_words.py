@@ -8,7 +8,7 @@ from checks.engine_arrows import ENGINE, UNIT_TESTS
 from checks.project_files import ROOT, name_of, text_of
 
 BINDING = ROOT / "crates/oarlock-py/src"
-MAY_SPEAK_OF_ROWING = {"cli", "lab", "report", "rowing"}
+MAY_SPEAK_OF_ROWING = {"cli", "lab", "report", "rowing", "season"}
 ROWING_WORD = re.compile(
     r"(?<![a-z])(?:boats?|coxswain|oars?|rigger|row(?:er|ers|ing)|scull(?:er|ers|ing|s)?|strokes?)(?![a-z])",
     re.I,

@@ -1,5 +1,6 @@
 """Settings of all tests and what several files use: made once by each worker of a parallel run."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ from hypothesis import settings
 
 import exact_recording
 import oarlock
+import season_places
 from oarlock.rowing import SIMULATORS
 
 # A deadline would fail on a busy machine.
@@ -63,3 +65,17 @@ def pendulum_motion(pendulum: oarlock.Model, tmp_path_factory: pytest.TempPathFa
     folder = tmp_path_factory.mktemp("motion")
     oarlock.simulate(pendulum, oarlock.Motion.from_joints(time_s, joints))[0].save(folder)
     return folder
+
+
+@pytest.fixture(scope="session", autouse=True)
+def own_state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Copies of tombstones lie in the state folder of a user."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
+        yield
+
+
+@pytest.fixture(params=season_places.KINDS)
+def season_address(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Address of an empty place for a season: on disk, in memory, on a server that speaks S3."""
+    return season_places.new_address(request.param, tmp_path, monkeypatch)

@@ -6,7 +6,7 @@ import time
 import pytest
 
 from oarlock.cli import terminal
-from oarlock.cli.terminal import progress
+from oarlock.cli.terminal import progress, progress_words
 
 HANGS_S = 60.0
 
@@ -53,3 +53,16 @@ def test_lines_end_with_what_they_are_about(capsys, monkeypatch):
         until(said, "smoothing: ", capsys)
         raise ValueError("no samples")
     assert said[0].count("smoothing") == 1
+
+
+@pytest.mark.parametrize(
+    ("share", "elapsed_s", "words"),
+    [
+        (0.0, 600.0, "600 s"),
+        (0.124, 30.0, "12 %, 30 s"),
+        (0.25, 100.0, "25 %, 100 s, about 5 min left"),
+        (1.0, 100.0, "100 %, 100 s"),
+    ],
+)
+def test_after_a_minute_they_say_what_is_left(share, elapsed_s, words):
+    assert progress_words(share, elapsed_s) == words

@@ -309,7 +309,7 @@ ERGDATA = "Stroke Number,Time (seconds),Distance (meters),Pace (seconds per 500m
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("<?xml?>\n<TrainingCenterDatabase>", "points of a GPS track and no strokes"),
+        ("<?xml?>\n<TrainingCenterDatabase>", "is no whole XML"),
         ("=====\tCrew Info\na\tb\n", "Peach PowerLine"),
         (
             "Interval,Type,Distance(m),Time,Stroke,Rate,Split(sec)\n1,D,20,1,3,12,4\n",

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from oarlock.cli.options import Force, Json, example
-from oarlock.cli.terminal import UsageError, heading, number, output_folder, print_json, say, table, verb
+from oarlock.cli.options import Json, example
+from oarlock.cli.strokes_files import Wanted, given_epoch, show_activity, write_strokes
+from oarlock.cli.terminal import UsageError, heading, number, print_json, say, table, verb
 
 if TYPE_CHECKING:
-    from oarlock.rowing import StrokeTable
+    from oarlock.rowing import Activity, StrokeTable
 
 # Columns of the table of single strokes: the first of these that a source has, as many as fit.
 _MOST_SHOWN = 8
@@ -41,6 +43,7 @@ def add_to(app: typer.Typer) -> None:
             "oarlock strokes out",
             "oarlock strokes rp3.csv --each",
             "oarlock strokes speedcoach.csv --out strokes",
+            "oarlock strokes out --fit piece.fit --start 2026-05-01T07:30:00Z",
         ),
     )(strokes)
 
@@ -49,55 +52,77 @@ def add_to(app: typer.Typer) -> None:
 def strokes(
     source: Annotated[
         Path,
-        typer.Argument(metavar="TRACK|FILE", help="Folder of a track or recording, or a device's export."),
+        typer.Argument(
+            metavar="TRACK|FILE",
+            help="Folder of a track or recording, a device's export, or strokes.parquet.",
+        ),
     ],
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", metavar="FOLDER", help="Folder for strokes.csv and strokes.parquet."),
     ] = None,
+    fit: Annotated[
+        Path | None,
+        typer.Option("--fit", metavar="FILE", help="FIT file to write, for other sites and apps."),
+    ] = None,
+    rowingdata: Annotated[
+        Path | None, typer.Option("--rowingdata", metavar="FILE", help="RowingData CSV to write.")
+    ] = None,
+    start: Annotated[
+        str | None,
+        typer.Option("--start", metavar="MOMENT", help="Moment of 0 s, such as 2026-05-01T07:30:00Z."),
+    ] = None,
     format: Annotated[
         str | None,
         typer.Option(
-            "--format", metavar="NAME", help="Kind of export, such as rp3; default: found from the columns."
+            "--format", metavar="NAME", help="Kind of export, such as rp3; default: found from the contents."
         ),
     ] = None,
     each: Annotated[bool, typer.Option("--each", help="Also print every stroke.")] = False,
-    force: Force = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Write into a folder with other files; replace files.")
+    ] = False,
     json_output: Json = False,
 ) -> None:
-    """Show strokes of a track, or of an export of Quiske, RP3, NK SpeedCoach, Concept2 apps and others.
+    """Show strokes of a track, or of an export of Quiske, RP3, NK SpeedCoach, Concept2, rowsandall and others.
 
-    Angles are shown in degrees, catch negative, finish positive. Files contain radians.
+    Angles are shown in degrees, catch negative, finish positive. Files contain radians. TCX files, and most FIT files,
+    contain points in time and no strokes: then their course is shown.
     """
-    from oarlock.rowing import save_strokes
+    from oarlock.rowing import Activity
 
     found = _loaded(source, format)
-    files: tuple[Path, ...] = ()
-    if out is not None:
-        with output_folder(out, "strokes", force) as stage:
-            files = tuple(out / file.name for file in save_strokes(found, stage))
+    if start is not None:
+        found = replace(found, epoch=given_epoch(start))
+    wanted = Wanted(out, fit, rowingdata, force)
+    if isinstance(found, Activity):
+        show_activity(found, wanted, json_output)
+        return
+    files, notes = write_strokes(found, wanted)
     if json_output:
-        print_json(_document(found, files))
+        print_json(_document(found, files) | ({"left_out": notes} if notes else {}))
         return
     say(f"{found.source}: {len(found)} strokes", style="bold")
     _write_summary(found)
     if each:
         _write_each(found)
-    if found.notes:
+    if found.notes or notes:
         heading("Notes")
-        for note in found.notes:
+        for note in (*found.notes, *notes):
             say(f"- {note}", indent=2)
     for file in files:
         say(f"Wrote {file}")
 
 
-def _loaded(source: Path, format: str | None) -> StrokeTable:
-    from oarlock.rowing import EXPORT_FORMATS, load_stroke_export
+def _loaded(source: Path, format: str | None) -> StrokeTable | Activity:
+    from oarlock.rowing import EXPORT_FORMATS, load_export, load_strokes
 
-    if format is not None and format not in EXPORT_FORMATS:
-        raise UsageError(f"--format {format}: is not known; known are {', '.join(EXPORT_FORMATS)}")
+    known = (*EXPORT_FORMATS, "fit", "tcx")
+    if format is not None and format not in known:
+        raise UsageError(f"--format {format}: is not known; known are {', '.join(known)}")
     if not source.is_dir():
-        return load_stroke_export(source, format)
+        is_own = source.suffix == ".parquet" and format is None
+        return load_strokes(source) if is_own else load_export(source, format)
     if format is not None:
         raise UsageError(f"--format needs a file; {source} is a folder")
     from oarlock import load_recording, load_track

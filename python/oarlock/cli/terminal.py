@@ -33,6 +33,7 @@ EXIT_STOPPED: Final = 130
 EXIT_PIPE: Final = 141
 TRACEBACK_VARIABLE: Final = "OARLOCK_TRACEBACK"
 
+_ESTIMATED_AFTER_S = 60.0
 FIRST_LINE_S, LINES_S = 5.0, 10.0
 """Without a terminal progress is a line after so long, and then each so long."""
 
@@ -201,20 +202,20 @@ def progress(text: str) -> Iterator[Told]:
 @contextmanager
 def _progress_lines(text: str) -> Iterator[Told]:
     """Prints lines from a thread, because computations call rarely."""
-    done = ""
+    share_done = 0.0
     ended, out, began_s = threading.Event(), sys.stderr, time.monotonic()
 
     def lines() -> None:
         pause_s = FIRST_LINE_S
         while not ended.wait(pause_s):
             with suppress(OSError, ValueError):  # nobody reads it any more
-                out.write(f"{text}: {done}{time.monotonic() - began_s:.0f} s\n")
+                out.write(f"{text}: {progress_words(share_done, time.monotonic() - began_s)}\n")
                 out.flush()
             pause_s = LINES_S
 
     def told(share: float) -> None:
-        nonlocal done
-        done = f"{100.0 * share:.0f} %, "
+        nonlocal share_done
+        share_done = share
 
     writer = threading.Thread(target=lines, name="progress", daemon=True)
     writer.start()
@@ -223,6 +224,15 @@ def _progress_lines(text: str) -> Iterator[Told]:
     finally:
         ended.set()
         writer.join()
+
+
+def progress_words(share: float, elapsed_s: float) -> str:
+    """Such as "12 %, 90 s, about 11 min left"; what is left only after a minute, when it can be estimated."""
+    words = f"{100.0 * share:.0f} %, " if share > 0.0 else ""
+    words += f"{elapsed_s:.0f} s"
+    if elapsed_s < _ESTIMATED_AFTER_S or not 0.0 < share < 1.0:
+        return words
+    return f"{words}, about {math.ceil(elapsed_s * (1.0 - share) / share / 60.0)} min left"
 
 
 # --- errors -------------------------------------------------------------------------------------------

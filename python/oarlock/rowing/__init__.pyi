@@ -6,7 +6,8 @@ from .analysis.stroke_means import FeatureMean, PhaseCurve
 from .analysis.stroke_summary import SummaryRow, summarise_strokes
 from .analysis.targets import TARGET_CLASSES, Target, load_targets
 from .analysis.technique import Technique, technique
-from .exports.load import EXPORT_FORMATS, ExportFormat, load_stroke_export
+from .exports.activity import Activity
+from .exports.load import EXPORT_FORMATS, ExportFormat, load_export, load_stroke_export
 from .field.effects import FieldEffects
 from .field.trial import FieldTrial, simulate_field
 from .figure.shapes import LiveLook, live_look, rowing_look, stroke_marks
@@ -26,9 +27,11 @@ from .simulation.stretcher import adjusted_stretcher
 from .simulation.stroke_shape import StrokeShape
 from .simulation.sweep import SweepShape, sweep_piece, sweeping
 from .simulation.timing import StrokeTiming
-from .strokes.files import save_strokes
+from .strokes.files import load_strokes, save_strokes
 from .strokes.find_strokes import find_strokes
+from .strokes.fit_file import save_fit
 from .strokes.live_strokes import LiveStrokes, StrokeEvent
+from .strokes.rowingdata_file import save_rowingdata
 from .strokes.strokes import Strokes
 from .strokes.table import StrokeTable
 
@@ -39,6 +42,7 @@ __all__ = [
     "SIMULATORS",
     "TABLE_4_NOISE",
     "TARGET_CLASSES",
+    "Activity",
     "Boat",
     "ErgometerShape",
     "ExportFormat",
@@ -79,13 +83,17 @@ __all__ = [
     "hull_pitch",
     "live_look",
     "live_stroke",
+    "load_export",
     "load_stroke_export",
+    "load_strokes",
     "load_targets",
     "on_hull",
     "on_unknown_rail",
     "row_piece",
     "rowing_devices",
     "rowing_look",
+    "save_fit",
+    "save_rowingdata",
     "save_strokes",
     "sculling",
     "session_skin",

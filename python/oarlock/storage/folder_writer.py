@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from os import PathLike
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from oarlock.storage.errors import DataError
 from oarlock.storage.folder_lock import TREE, WORK, FolderLock, is_staged
@@ -152,6 +153,15 @@ def replaced_folder(folder: str | PathLike[str], kind: str, force: bool = False)
         raise
     finally:
         writer.abandon()
+
+
+@contextmanager
+def scratch_folder() -> Iterator[Path]:
+    """Context that gives a temporary folder, in which nothing is synced to the disk: its files are read and gone."""
+    with TemporaryDirectory() as scratch:
+        folder = Path(scratch, WORK, "new", TREE)
+        folder.mkdir(parents=True)
+        yield folder
 
 
 def read_manifest(folder: Path) -> Manifest | None:

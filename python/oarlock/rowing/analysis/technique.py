@@ -256,6 +256,7 @@ def _table(track: Track, found: Strokes, values: Values, stds: Values) -> tuple[
         normal,
         source=plain.source,
         notes=plain.notes,
+        epoch=plain.epoch,
     )
     return table, tuple(curves)
 

@@ -18,7 +18,7 @@ POUND_FORCE_N = 4.4482216152605
 MOST = 1e12
 """No number of a stroke is larger in size, in whatever unit."""
 
-_MISSING = {"", "-", "--", "---", "nan", "null", "none", "n/a"}
+_MISSING = {"", "-", "--", "---", "nan", "inf", "-inf", "null", "none", "n/a"}
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d{1,3})?")
 _DURATION = re.compile(r"(\d{1,6}:){0,2}\d{1,9}(\.\d{0,9})?")
 

@@ -150,6 +150,19 @@ LOGS: Mapping[str, Log] = MappingProxyType(
             ),
             pace=Pace("Pace (seconds per 500m", 500.0),
         ),
+        "concept2-logbook": Log(
+            "Concept2 logbook, strokes of a workout (CSV)",
+            ("Number", "Time (seconds)", "Pace (seconds)", "Stroke Rate"),
+            (
+                Wanted("time_s", ("Time (seconds)",)),
+                Wanted("stroke_number", ("Number",)),
+                Wanted("distance_m", ("Distance (meters)", "Distance (metres)")),
+                Wanted("rate_per_min", ("Stroke Rate",), zero_is_missing=True),
+                Wanted("heart_rate_per_min", ("Heart Rate",), zero_is_missing=True),
+                Wanted("power_w", ("Watts",), zero_is_missing=True),
+            ),
+            pace=Pace("Pace (seconds)", 500.0),
+        ),
         "painsled": Log(
             "Painsled, strokes (CSV)",
             ("ElapsedTime (sec)", "Cadence (strokes/min)", "StrokeCount", "DriveLength (meters)"),

@@ -116,7 +116,7 @@ def text_of(file: Path) -> str:
 
 
 def _without_zeros(file: Path, text: str) -> str:
-    if "\x00" in text and ".FIT" not in text[:16]:
+    if "\x00" in text:
         raise DataError(f"{file}: contains zero bytes, so it is not text; export the strokes as CSV")
     return text
 

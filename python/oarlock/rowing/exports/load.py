@@ -1,24 +1,28 @@
-"""`load_stroke_export`: recognises and reads exports of Quiske, RP3, NK and common ergometer logs."""
+"""`load_export`, `load_stroke_export`: recognise and read what rowing devices, watches and apps export."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
 
-from oarlock.rowing.exports import ergometers, nk_logbook, nk_speedcoach, quiske, rp3
+from oarlock.rowing.exports import ergometers, nk_logbook, nk_speedcoach, quiske, rowingdata, rp3
+from oarlock.rowing.exports.activity import Activity
+from oarlock.rowing.exports.fit import is_fit, read_fit
 from oarlock.rowing.exports.grid import Grid, grids, text_of
 from oarlock.rowing.exports.refused import what_it_is
+from oarlock.rowing.exports.starts import epoch_of_export
+from oarlock.rowing.exports.tcx import ROOT, read_tcx
 from oarlock.rowing.strokes.table import StrokeTable
 from oarlock.storage.errors import DataError
 
 
 @dataclass(frozen=True)
 class ExportFormat:
-    """A kind of file that is read.
+    """A kind of file of text in cells that is read.
 
     Attributes:
         name: as `load_stroke_export` and the command line take it.
@@ -30,13 +34,14 @@ class ExportFormat:
     name: str
     title: str
     marks: tuple[str, ...]
-    read: Callable[[Grid, int], StrokeTable]
+    read: Callable[[Grid, int], StrokeTable | Activity]
 
 
 def _formats() -> Mapping[str, ExportFormat]:
     own = [
         ExportFormat("quiske", quiske.TITLE, quiske.MARKS, quiske.read),
         ExportFormat("rp3", rp3.TITLE, rp3.MARKS, rp3.read),
+        ExportFormat("rowingdata", rowingdata.TITLE, rowingdata.MARKS, rowingdata.read),
         ExportFormat("nk-logbook", nk_logbook.TITLE, nk_logbook.MARKS, nk_logbook.read),
     ]
     own += [
@@ -49,37 +54,68 @@ def _formats() -> Mapping[str, ExportFormat]:
 
 
 EXPORT_FORMATS: Mapping[str, ExportFormat] = _formats()
-"""The kinds of files that `load_stroke_export` reads, by name."""
+"""The kinds of CSV files that `load_export` reads, by name. FIT and TCX files are known by their contents."""
+FILE_KINDS = ("fit", "tcx")
+_HEAD = 4000
 
 
-def load_stroke_export(path: str | PathLike[str], format: str | None = None) -> StrokeTable:
-    """Read the strokes that a rowing device or an app has exported.
+def load_export(path: str | PathLike[str], format: str | None = None) -> StrokeTable | Activity:
+    """Read what a rowing device, a watch or an app has exported: strokes, or points in time where it has none.
 
     Numbers are the device's own, in SI and radians, oar angles with the catch negative and the finish positive. What is
     computed here says so in its name or definition, see docs/stroke-exports.md. No row of a stroke is left out: what
-    is missing is NaN with the reason. Positions (GPS) and names of people are not read.
+    is missing is NaN with the reason. No strokes are made from cadence. Names of people are not read, and positions
+    (GPS) only into an activity.
 
     Args:
         path: of the file.
-        format: one of `EXPORT_FORMATS`; None recognises it by the names of its columns.
+        format: one of `EXPORT_FORMATS`, or ``fit`` or ``tcx``; None recognises it by its contents.
 
     Returns:
-        One row a stroke; curves, where the file has them, in `curves`; what is odd about the file in `notes`.
+        A `StrokeTable` with one row a stroke, or an `Activity`. Both have `epoch`, the moment of their 0 s if the file
+        says it, `duration_s`, and what is odd about the file in `notes`.
 
     Raises:
         DataError: the file cannot be read, is of another kind, or has a cell that is no number; file, line, column.
     """
     file = Path(path)
-    text = text_of(file)
+    if format is not None and format not in (*EXPORT_FORMATS, *FILE_KINDS):
+        known = ", ".join((*EXPORT_FORMATS, *FILE_KINDS))
+        raise DataError(f'the format "{format}" is not known; known are {known}')
+    if format == "fit" or (format is None and _begins_as_fit(file)):
+        return read_fit(file)
+    text = "" if format == "tcx" else text_of(file)
+    if format == "tcx" or (format is None and ROOT in text[:_HEAD]):
+        return read_tcx(file)
     found = grids(file, text)
-    if format is not None and format not in EXPORT_FORMATS:
-        raise DataError(f'the format "{format}" is not known; known are {", ".join(EXPORT_FORMATS)}')
     for one in EXPORT_FORMATS.values() if format is None else (EXPORT_FORMATS[format],):
         for grid in found:
             header = grid.header(one.marks)
             if header is not None:
-                return one.read(grid, header)
+                return replace(one.read(grid, header), epoch=epoch_of_export(one.name, grid, header))
     raise DataError(_unknown(file, text, found, format))
+
+
+def load_stroke_export(path: str | PathLike[str], format: str | None = None) -> StrokeTable:
+    """As `load_export`, for files with strokes.
+
+    Raises:
+        DataError: as `load_export`; or the file has points in time and no strokes.
+    """
+    found = load_export(path, format)
+    if isinstance(found, Activity):
+        raise DataError(
+            f"{path}: contains {len(found)} points in time and no strokes. Export the strokes as CSV, or read the "
+            "points with load_export."
+        )
+    return found
+
+
+def _begins_as_fit(file: Path) -> bool:
+    try:
+        return is_fit(file)
+    except OSError as error:
+        raise DataError(f"{file}: cannot be read ({error.strerror})") from error
 
 
 def _unknown(file: Path, text: str, found: Sequence[Grid], format: str | None) -> str:

@@ -7,10 +7,6 @@ from collections.abc import Sequence
 from oarlock.rowing.exports.grid import Grid
 
 _BY_BEGIN = (
-    (
-        "<TrainingCenterDatabase",
-        "a Training Center file (TCX): it contains points of a GPS track and no strokes",
-    ),
     ("=====\tCrew Info", "a text export of Peach PowerLine, which is not read yet"),
     ("=====\tFile Info", "a text export of Peach PowerLine, which is not read yet"),
 )
@@ -20,18 +16,16 @@ _BY_HEADER = (
         "a SpeedCoach export with a row every few metres, not a row a stroke",
     ),
     (
-        ("Date", "Description", "Work Time (Formatted)", "Stroke Rate/Cadence"),
-        "a season's list of workouts of the Concept2 logbook, with a row a workout",
+        ("Date", "Description", "Work Time (Formatted)"),
+        "a season's list of workouts of the Concept2 logbook: a row is a workout, not a stroke. In the logbook, open a "
+        "workout and export its CSV",
     ),
 )
 _BEGIN = 4000
-_FIT_PLACE = slice(8, 12)
 
 
 def what_it_is(text: str, grids: Sequence[Grid]) -> str:
     """What a file is that no format reads; "" where it is not known."""
-    if text[_FIT_PLACE] == ".FIT":
-        return "a FIT file: NK leaves the oarlock's numbers out of it"
     found = [what for begin, what in _BY_BEGIN if begin in text[:_BEGIN]]
     found += [what for marks, what in _BY_HEADER for grid in grids if grid.header(marks) is not None]
     return found[0] if found else ""

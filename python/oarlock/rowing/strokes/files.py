@@ -1,7 +1,8 @@
-"""Writes a table of strokes as CSV for people and as Parquet, with reasons and curves, for programs."""
+"""Writes a table of strokes as CSV for people and as Parquet, with reasons and curves, and reads the Parquet file."""
 
 from __future__ import annotations
 
+import io
 import json
 from os import PathLike
 from pathlib import Path
@@ -12,7 +13,9 @@ import pyarrow.parquet as pq
 
 from oarlock.rowing.analysis.features import FEATURES
 from oarlock.rowing.strokes.table import StrokeTable
+from oarlock.storage.errors import DataError
 from oarlock.storage.folder_writer import replaced_folder
+from oarlock.storage.regular_file import read_bytes
 
 CSV_NAME = "strokes.csv"
 PARQUET_NAME = "strokes.parquet"
@@ -26,15 +29,22 @@ def save_strokes(table: StrokeTable, folder: str | PathLike[str], force: bool = 
 
     The Parquet file holds each column and its `NAME_std`, as `NAME_reason` why a number is missing, and of each curve
     `NAME_curve` (K values a stroke) and, where the curve tells, `NAME_curve_at` (the time or place of each). Its
-    metadata hold `source`, `notes` and, of each field, what it means.
+    metadata hold `source`, `notes`, `epoch` if it is known and, of each field, what it means.
 
     Returns:
         The two files.
     """
     with replaced_folder(folder, KIND, force) as place:
         table.to_csv(place / CSV_NAME)
-        pq.write_table(_arrow(table), place / PARQUET_NAME)
+        (place / PARQUET_NAME).write_bytes(strokes_parquet(table))
     return Path(folder) / CSV_NAME, Path(folder) / PARQUET_NAME
+
+
+def strokes_parquet(table: StrokeTable) -> bytes:
+    """The contents of `strokes.parquet`."""
+    out = io.BytesIO()
+    pq.write_table(_arrow(table), out)
+    return out.getvalue()
 
 
 def _arrow(table: StrokeTable) -> pa.Table:
@@ -54,7 +64,51 @@ def _arrow(table: StrokeTable) -> pa.Table:
             )
     fields = [pa.field(name, array.type, metadata=_meaning(name)) for name, array in columns.items()]
     about = {"source": table.source, "notes": json.dumps(list(table.notes), ensure_ascii=False)}
+    if table.epoch:
+        about["epoch"] = table.epoch
     return pa.Table.from_arrays(list(columns.values()), schema=pa.schema(fields, metadata=about))
+
+
+def load_strokes(path: str | PathLike[str]) -> StrokeTable:
+    """The strokes of a `strokes.parquet` that `save_strokes` wrote, without their curves.
+
+    Args:
+        path: the file, or its folder.
+
+    Raises:
+        DataError: it cannot be read, or is no such file.
+    """
+    given = Path(path)
+    file = given / PARQUET_NAME if given.is_dir() else given
+    try:
+        found = pq.read_table(pa.BufferReader(read_bytes(file)))
+    except OSError as error:
+        raise DataError(f"{file}: cannot be read ({error})") from error
+    except pa.ArrowException as error:
+        raise DataError(f"{file}: cannot be read as Parquet ({error})") from error
+    about = {key.decode(): text.decode() for key, text in (found.schema.metadata or {}).items()}
+    numbers = {
+        field.name: np.asarray(found[field.name].to_numpy(), dtype=np.float64)
+        for field in found.schema
+        if pa.types.is_floating(field.type)
+    }
+    stds = {name: numbers.pop(f"{name}_std") for name in list(numbers) if f"{name}_std" in numbers}
+    words = {name: found[f"{name}_reason"] for name in numbers if f"{name}_reason" in found.column_names}
+    return StrokeTable(
+        numbers,
+        stds,
+        {name: tuple(text or "" for text in texts.to_pylist()) for name, texts in words.items()},
+        source=about.get("source", file.name),
+        notes=_notes(about.get("notes", "[]")),
+        epoch=about.get("epoch", ""),
+    )
+
+
+def _notes(text: str) -> tuple[str, ...]:
+    try:
+        return tuple(str(note) for note in json.loads(text))
+    except (ValueError, TypeError):
+        return ()
 
 
 _LIST = pa.list_(pa.float64())

@@ -58,6 +58,7 @@ def find_strokes(
         stretches=stretches(strokes, told, start_s, end_s),
         zero_std=zero_std,
         notes=tuple(_notes(signals, strokes, still)),
+        epoch=data.epoch or "",
     )
 
 

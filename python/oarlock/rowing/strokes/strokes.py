@@ -31,6 +31,7 @@ class Strokes:
         stretches: strokes of one kind in a row, and pauses.
         zero_std: standard deviation of the encoders' zeros, rad or m: it is in the angles' deviations.
         notes: plain sentences.
+        epoch: the moment of 0 s, as `Recording.epoch`; "" if it is not known.
     """
 
     source: str
@@ -41,6 +42,7 @@ class Strokes:
     stretches: tuple[Stretch, ...]
     zero_std: float = ZERO_STD
     notes: tuple[str, ...] = ()
+    epoch: str = ""
 
     def __len__(self) -> int:
         return len(self.strokes)
@@ -108,6 +110,7 @@ def _table(strokes: Strokes) -> StrokeTable:
         {name: rows for name, rows in reasons.items() if any(rows)},
         source=f"strokes from {strokes.source}",
         notes=strokes.notes,
+        epoch=strokes.epoch,
     )
 
 

@@ -32,6 +32,7 @@ class StrokeTable:
         curves: by name, an array (K,) or (K, 2) a stroke, whose lengths may differ.
         source: what the strokes come from, for people.
         notes: plain sentences on what was missing or odd.
+        epoch: the moment of 0 s of its times, as `Recording.epoch`; "" if it is not known.
 
     Raises:
         DataError: columns of different lengths, or deviations, reasons or curves that belong to none.
@@ -43,6 +44,7 @@ class StrokeTable:
     curves: Mapping[str, tuple[Floats, ...]] = field(default_factory=dict)
     source: str = ""
     notes: tuple[str, ...] = ()
+    epoch: str = ""
 
     def __post_init__(self) -> None:
         for name in ("columns", "stds"):
@@ -79,6 +81,29 @@ class StrokeTable:
 
     def __contains__(self, name: object) -> bool:
         return name in self.columns
+
+    @property
+    def end_of_stroke_s(self) -> Floats:
+        """When each stroke ended (N,), s: the next catch, else the finish, else the logger's time."""
+        found = np.full(len(self), np.nan)
+        for name in ("end_time_s", "finish_time_s", "time_s"):
+            if name in self:
+                found = np.where(np.isnan(found), self[name], found)
+        return found
+
+    @property
+    def clock_s(self) -> Floats:
+        """As `end_of_stroke_s`, (N,), on one clock: where a logger's restarts, times go on from the last.
+
+        The pause between is not known.
+        """
+        return running(self.end_of_stroke_s)
+
+    @property
+    def duration_s(self) -> float | None:
+        """From 0 s of its times to the end of the last stroke; None without times."""
+        clock_s = self.clock_s
+        return float(np.nanmax(clock_s)) if np.isfinite(clock_s).any() else None
 
     def std(self, name: str) -> Floats:
         """Standard deviations (N,) of a column; NaN where they are not known."""
@@ -137,6 +162,18 @@ def _column(kind: str, name: str, values: object) -> Floats:
         )
     array.flags.writeable = False
     return array
+
+
+def running(time_s: Floats) -> Floats:
+    """Times (N,) of a clock that restarts, as those of one that does not; a single one that is too small is NaN."""
+    known = np.flatnonzero(np.isfinite(time_s))
+    kept = time_s[known]
+    dips = np.flatnonzero((kept[1:-1] < kept[:-2]) & (kept[2:] >= kept[:-2])) + 1
+    known, kept = np.delete(known, dips), np.delete(kept, dips)
+    before = np.append(0.0, kept[:-1])
+    run: Floats = np.full(len(time_s), np.nan)
+    run[known] = kept + np.cumsum(np.where(kept < before, before, 0.0))
+    return run
 
 
 def _cell(value: np.float64) -> str:

@@ -1,0 +1,37 @@
+"""Arguments and options that several verbs of `oarlock season` have."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from oarlock.season import Season
+
+SeasonAt = Annotated[
+    str,
+    typer.Argument(metavar="SEASON", help="Folder of the season, or its address, such as s3://club/season."),
+]
+
+Tombstones = Annotated[
+    Path | None,
+    typer.Option(
+        "--tombstones",
+        metavar="FILE",
+        help="File outside the season that keeps copies of tombstones, for backups that are restored.",
+    ),
+]
+
+CutGps = Annotated[
+    float | None,
+    typer.Option("--cut-gps-m", metavar="M", help="Cut tracks so near to their start and end, m."),
+]
+
+
+def opened(at: str) -> Season:
+    """The season at an address."""
+    from oarlock.season import open_season
+
+    return open_season(at)

@@ -1,0 +1,54 @@
+"""`oarlock season synthetic`: a season made from a seed."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from oarlock.cli.options import Jobs, Json, example
+from oarlock.cli.season_options import SeasonAt
+from oarlock.cli.terminal import print_json, progress, say, steps, verb
+
+
+def add_to(group: typer.Typer) -> None:
+    """Registers the verb."""
+    group.command(
+        "synthetic",
+        epilog=example(
+            "oarlock season synthetic season",
+            "oarlock season synthetic season --recordings 10000 --athletes 60 --seed 1",
+        ),
+    )(synthetic)
+
+
+@verb
+def synthetic(
+    at: SeasonAt,
+    recordings: Annotated[
+        int, typer.Option("--recordings", metavar="N", min=1, help="Recordings of 2 s, 300 strokes each.")
+    ] = 1000,
+    athletes: Annotated[int, typer.Option("--athletes", metavar="N", min=1, help="Athletes.")] = 60,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Seed of all numbers.")] = 1,
+    classes: Annotated[
+        int,
+        typer.Option(
+            "--classes", metavar="N", min=1, max=2, help="2: later results cannot be compared with earlier."
+        ),
+    ] = 1,
+    jobs: Jobs = None,
+    json_output: Json = False,
+) -> None:
+    """Make a season from a seed, to try questions on it and to measure.
+
+    The same options make the same season. A command that was stopped goes on where it was.
+    """
+    from oarlock.season.synthetic.make import Synthetic, make_synthetic
+
+    what = Synthetic(recordings, athletes, seed, classes)
+    with progress("making recordings") as share:
+        season = make_synthetic(at, what, jobs, share)
+    if json_output:
+        return print_json({"season": at, "id": season.id, "recordings": recordings, "athletes": athletes})
+    say(f"Made {recordings} recordings of {athletes} athletes in {at}")
+    steps(f"oarlock season list {at}", f"oarlock season questions {at}")

@@ -1,0 +1,256 @@
+"""`add`: brings recordings and devices' exports into a season, under pseudonyms and named by their contents."""
+
+from __future__ import annotations
+
+import datetime
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import gettempdir
+
+import numpy as np
+
+from oarlock.recording.recording import Recording, load_recording
+from oarlock.recording.session_info import SESSION_KEY, checked_session, read_session, session_info
+from oarlock.season.entry import Entry
+from oarlock.season.erase_again import erase_again
+from oarlock.season.gps import GpsCut
+from oarlock.season.layout import ENTRY_FILE, STROKES_FILE, named_by, recording_folder
+from oarlock.season.run_record import RunRecord, Setup
+from oarlock.season.sealed import key_called
+from oarlock.season.store import Season
+from oarlock.storage.epoch import moment_of
+from oarlock.storage.errors import DataError
+from oarlock.storage.folder_writer import scratch_folder
+from oarlock.storage.regular_file import read_bytes
+from oarlock.storage.write_file import unwritable
+
+EXPORT_STEM = "export"
+"""An export's own file name may be a person's."""
+_UTC = datetime.UTC
+_TEXTS = (".csv", ".txt", ".tsv", ".tcx", ".json", ".toml", ".xml")
+"""Exports that are text, in which a name can be replaced."""
+
+
+@dataclass(frozen=True)
+class Added:
+    """What became of one recording: its entry, and whether it is new here."""
+
+    entry: Entry
+    is_new: bool
+
+
+class Admission:
+    """Brings recordings into a season, one after the other.
+
+    Args:
+        season: where.
+        athlete: the pseudonym of all of them; None takes each one's session.
+        names: pseudonym by name: the explicit mapping by which names are replaced.
+        cut_gps_m: positions of exports that are so near to the start or the end of a track are not stored, m.
+    """
+
+    def __init__(
+        self,
+        season: Season,
+        athlete: str | None = None,
+        names: Mapping[str, str] | None = None,
+        cut_gps_m: float | None = None,
+    ) -> None:
+        erase_again(season)  # a restored backup contains who was erased since
+        self.season = season
+        self._athlete, self._names = athlete, dict(names or {})
+        self._cut_gps_m = cut_gps_m
+        self._known, self._erased = season.athletes(), season.erased()
+
+    def add(self, path: Path, session: Mapping[str, str] | None = None) -> Added:
+        """Store a recording's folder or a device's export.
+
+        Args:
+            path: the folder, or the file.
+            session: further texts, such as ``date``, ``boat``, ``seat`` and ``rig``; they replace those of the source.
+
+        Raises:
+            DataError: it cannot be read, is nobody's, names a person without a mapping, or belongs to an athlete who
+                was erased.
+        """
+        told = checked_session(session or {}, "session")
+        if path.is_dir() or path.name == "recording.toml":
+            folder = path if path.is_dir() else path.parent
+            return self.add_recording(load_recording(path), {**read_session(folder), **told}, str(path))
+        return self._add_export(path, told)
+
+    def add_recording(
+        self, recording: Recording, session: Mapping[str, str], where: str = "recording"
+    ) -> Added:
+        """Store a recording with the texts of its session; errors begin with `where`."""
+        info = {**session_info(recording.meta), **session}
+        info["athlete"] = self.pseudonym(info.get("athlete"), where)
+        meta = {key: value for key, value in recording.meta.items() if key not in (SESSION_KEY, "athlete")}
+        self._refuse_names(meta, where)
+        entry = Entry(
+            content_name(recording),
+            info["athlete"],
+            "recording",
+            start_of(self.season, recording.epoch, recording.start_s, info),
+            recording.duration_s,
+            info,
+        )
+        try:
+            files = _saved(Recording(recording.streams, {**meta, SESSION_KEY: info}))
+        except OSError as error:  # the disk of temporary files is full
+            raise unwritable(Path(gettempdir()), error) from error
+        return put_entry(self.season, entry, files)
+
+    def pseudonym(self, given: str | None, where: str) -> str:
+        """The pseudonym under which something is stored.
+
+        Raises:
+            DataError: nobody is named, the name is no pseudonym and has no mapping, or the athlete was erased.
+        """
+        asked = self._athlete if self._athlete is not None else given
+        if asked is None:
+            raise DataError(f"{where}: says nothing of who was recorded; give --athlete with a pseudonym")
+        found = asked if asked in self._known else self._names.get(asked, asked)
+        if self.season.is_erased(found, self._erased):
+            raise DataError(
+                f"{where}: {found} was erased from this season; nothing of this athlete is stored again"
+            )
+        if found in self._known:
+            return found
+        if found != asked:
+            raise DataError(f"{where}: {found}, the pseudonym in the file of names, is none of this season")
+        raise DataError(
+            f'{where}: the athlete is "{asked}", which is no pseudonym of this season. Names of people are not '
+            "stored: give --names FILE, which maps names to pseudonyms, or --athlete PSEUDONYM. "
+            "`oarlock season athlete` makes a pseudonym."
+        )
+
+    def _add_export(self, file: Path, session: Mapping[str, str]) -> Added:
+        from oarlock.rowing import load_export
+
+        found = load_export(file)  # nothing is stored that cannot be read
+        info = {**read_session(file.parent), **session}
+        info["athlete"] = self.pseudonym(info.get("athlete"), str(file))
+        contents = self._without_names(read_bytes(file), file)
+        if self._cut_gps_m is not None:
+            cut = GpsCut(self._cut_gps_m, f"{self.season.id} {info['athlete']}".encode())
+            contents = cut.file(contents, str(file))
+        start = start_of(self.season, found.epoch or None, 0.0, info)
+        entry = Entry(named_by(contents), info["athlete"], "export", start, found.duration_s, info)
+        return put_entry(self.season, entry, {f"{EXPORT_STEM}{file.suffix.lower()}": contents})
+
+    def _refuse_names(self, meta: Mapping[str, object], where: str) -> None:
+        text = repr(meta).casefold()
+        for name in self._names:
+            if name.casefold() in text:
+                raise DataError(
+                    f'{where}: its recording.toml contains the name "{name}"; take it out there first'
+                )
+
+    def _without_names(self, contents: bytes, file: Path) -> bytes:
+        """The contents with every name of the mapping replaced by its pseudonym, in files that are text."""
+        for name, stands_for in self._names.items():
+            if name.encode() not in contents:
+                continue
+            if file.suffix.lower() not in _TEXTS:
+                raise DataError(
+                    f'{file}: contains the name "{name}", which cannot be replaced in a {file.suffix} file. Export '
+                    "it again without the name, or as text."
+                )
+            contents = contents.replace(name.encode(), stands_for.encode())
+        return contents
+
+
+def put_entry(season: Season, entry: Entry, files: Mapping[str, bytes]) -> Added:
+    """Store the files of a recording with their commit record.
+
+    Files of an athlete who has a key are sealed; their hashes are of what is stored.
+
+    Raises:
+        DataError: the athlete was erased meanwhile, or has a key that is not here.
+    """
+    one = season.athlete(entry.athlete)
+    if one is not None and one.key:
+        key = key_called(one.key, f"{entry.athlete}: every new recording")
+        files = {name: key.sealed(contents) for name, contents in files.items()}
+    hashes = {name: hashlib.sha256(contents).hexdigest() for name, contents in files.items()}
+    whole = replace(entry, files=hashes)
+    folder = recording_folder(entry.recording)
+    is_new = season.place.put_folder(folder, {**files, ENTRY_FILE: whole.toml()}, ENTRY_FILE)
+    # An erasure writes its tombstone before it looks for recordings: one of the two sees the other.
+    if is_new and season.is_erased_now(entry.athlete):
+        season.place.remove_folder(folder, ENTRY_FILE)
+        raise DataError(
+            f"{entry.athlete} was erased from this season meanwhile; {entry.recording} is not stored"
+        )
+    return Added(whole if is_new else season.entry(entry.recording) or whole, is_new)
+
+
+def done_record(
+    recording: str, setup: Setup, engine: str, strokes: bytes, count: int, health: Mapping[str, float]
+) -> RunRecord:
+    """The record of a run that found strokes.
+
+    Args:
+        recording: name of the recording.
+        setup: what made them.
+        engine: version of Oarlock that made them.
+        strokes: the file of strokes, as `save_strokes` writes it.
+        count: how many strokes.
+        health: numbers about the sensors, by name.
+    """
+    return RunRecord(
+        recording,
+        setup.run(engine),
+        engine,
+        setup.name,
+        setup.comparable(engine),
+        "done",
+        strokes=count,
+        files={STROKES_FILE: hashlib.sha256(strokes).hexdigest()},
+        health=health,
+    )
+
+
+def content_name(recording: Recording) -> str:
+    """The name of a recording, made of its measured numbers and the moment of its time stamps, whatever the file."""
+    parts = [(recording.epoch or "").encode()]
+    for stream in sorted(recording.streams, key=lambda stream: stream.name):
+        arrays = {"time_s": stream.time_s, **stream.values}
+        for name, values in arrays.items():
+            plain = np.ascontiguousarray(values, dtype="<f8")
+            where_missing = np.where(np.isnan(plain), np.nan, plain)
+            parts += [f"{stream.kind} {stream.name} {name} {plain.shape}".encode(), where_missing.tobytes()]
+    return named_by(*parts)
+
+
+def start_of(
+    season: Season, epoch: str | None, at_s: float, session: Mapping[str, str]
+) -> datetime.datetime | None:
+    """The moment of a recording's first sample in UTC: of its clock, or else of the session's date."""
+    moment = moment_of(epoch, at_s)
+    if moment is not None and moment.kind != "clock":
+        zone = _UTC if moment.kind == "utc" else season.zone()
+        plain = datetime.datetime(1970, 1, 1) + datetime.timedelta(seconds=moment.seconds)
+        return plain.replace(tzinfo=zone).astimezone(_UTC)
+    if "date" not in session:
+        return None
+    day = datetime.datetime.fromisoformat(session["date"])
+    if moment is not None:  # a time of day; the session has the day
+        day = datetime.datetime.combine(day.date(), datetime.time()) + datetime.timedelta(
+            seconds=moment.seconds
+        )
+    elif day.time() == datetime.time():
+        day = day.replace(hour=12)  # a day only: its noon is on this day in UTC too
+    return (day if day.tzinfo else day.replace(tzinfo=season.zone())).astimezone(_UTC)
+
+
+def _saved(recording: Recording) -> dict[str, bytes]:
+    """The files of the recording's folder."""
+    with scratch_folder() as scratch:
+        folder = scratch / "recording"
+        recording.save(folder)
+        names = (file.relative_to(folder).as_posix() for file in folder.rglob("*") if file.is_file())
+        return {name: (folder / name).read_bytes() for name in sorted(names)}

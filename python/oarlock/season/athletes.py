@@ -1,0 +1,150 @@
+"""`Athlete`: a pseudonym with attributes and consent. Names stay in a file outside the season.
+
+A pseudonym is random. Movements can identify a person, so data under a pseudonym are still personal data.
+"""
+
+from __future__ import annotations
+
+import datetime
+import functools
+import hashlib
+import secrets
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+
+from oarlock.season.entry import parsed_toml
+from oarlock.storage.errors import DataError
+from oarlock.storage.names import check_name
+from oarlock.storage.toml import TomlTable, toml_text, write_toml
+
+PSEUDONYM_LETTERS = "ABCDEFGHJKMNPQRSTVWXYZ23456789"
+"""Without those that look alike."""
+PSEUDONYM_LENGTH = 6
+SCOPES = ("coaching", "research", "sharing")
+"""What an athlete may consent to."""
+_ATTRIBUTES = ("stature_m", "mass_kg")
+_NAMES_FORMAT = 1
+
+
+@dataclass(frozen=True)
+class Athlete:
+    """One athlete.
+
+    Args:
+        pseudonym: random, the only name in the season.
+        attributes: numbers by name: ``stature_m``, ``mass_kg``.
+        consent: for each scope of `SCOPES` the day on which it was given, as ISO text.
+        withdrawn: the day on which all consent was withdrawn; empty if it was not.
+        guardian: whether a guardian gave the consent.
+        key: name of the key under which the files of recordings are sealed; empty if they are not.
+    """
+
+    pseudonym: str
+    attributes: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    consent: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    withdrawn: str = ""
+    guardian: bool = False
+    key: str = ""
+
+    def allows(self, scope: str) -> bool:
+        """Whether the athlete consents to a use."""
+        return scope in self.consent and not self.withdrawn
+
+    def toml(self) -> bytes:
+        """The contents of the athlete's file."""
+        consent = {**self.consent, "withdrawn": self.withdrawn, "guardian": self.guardian}
+        key = {"key": self.key} if self.key else {}
+        return toml_text({**self.attributes, **key, "consent": consent}).encode()
+
+    @classmethod
+    def parsed(cls, contents: bytes, pseudonym: str, where: str) -> Athlete:
+        """The athlete of a file.
+
+        Raises:
+            DataError: it is damaged.
+        """
+        table = parsed_toml(contents, where)
+        table.check_keys((*_ATTRIBUTES, "key", "consent"))
+        consent = table.table("consent", {})
+        consent.check_keys((*SCOPES, "withdrawn", "guardian"))
+        return cls(
+            pseudonym,
+            {key: table.number(key, 0.0) for key in _ATTRIBUTES if key in table.values},
+            {key: checked_day(consent.string(key), where) for key in SCOPES if key in consent.values},
+            consent.string("withdrawn", ""),
+            consent.boolean("guardian", False),
+            table.string("key", ""),
+        )
+
+
+def new_pseudonym(taken: Mapping[str, object]) -> str:
+    """A random pseudonym that nobody has."""
+    while True:
+        found = "".join(secrets.choice(PSEUDONYM_LETTERS) for _ in range(PSEUDONYM_LENGTH))
+        if found not in taken and not found.isdigit():
+            return found
+
+
+@functools.cache
+def pseudonym_hash(season: str, pseudonym: str) -> str:
+    """What a tombstone keeps of a pseudonym; a copy of the season has the same.
+
+    A pseudonym has 30 bits of chance, so the hash can be searched; it hides nothing but what stood there.
+    """
+    return hashlib.scrypt(pseudonym.encode(), salt=season.encode(), n=2**12, r=8, p=1, dklen=16).hex()
+
+
+def checked_day(text: str, where: str) -> str:
+    """A day as ISO text.
+
+    Raises:
+        DataError: it is none.
+    """
+    try:
+        return datetime.date.fromisoformat(text).isoformat()
+    except ValueError:
+        raise DataError(f'{where}: "{text}" is no day; expected one such as 2026-05-01') from None
+
+
+@dataclass(frozen=True)
+class NamesFile:
+    """Who stands behind a pseudonym: a file that people keep outside the season.
+
+    Args:
+        path: of the file.
+        pseudonyms: by name.
+    """
+
+    path: Path
+    pseudonyms: Mapping[str, str]
+
+    @classmethod
+    def read(cls, path: Path) -> NamesFile:
+        """The file; empty if it is not there.
+
+        Raises:
+            DataError: it is damaged.
+        """
+        if not path.exists():
+            return cls(path, {})
+        table = TomlTable.read(path)
+        table.check_keys(("format", "pseudonyms"))
+        table.check_format(_NAMES_FORMAT)
+        names = table.table("pseudonyms", {})
+        return cls(path, {name: names.string(name) for name in names.values})
+
+    def with_name(self, name: str, pseudonym: str) -> NamesFile:
+        """The same with one more name."""
+        check_name(name, "athlete")
+        return NamesFile(self.path, {**self.pseudonyms, name: pseudonym})
+
+    def without(self, pseudonym: str) -> NamesFile:
+        """The same without whoever has this pseudonym."""
+        return NamesFile(self.path, {n: p for n, p in self.pseudonyms.items() if p != pseudonym})
+
+    def write(self) -> None:
+        """Write the file, readable for its owner alone."""
+        write_toml(self.path, {"format": _NAMES_FORMAT, "pseudonyms": dict(self.pseudonyms)})
+        self.path.chmod(0o600)

@@ -1,0 +1,211 @@
+"""`check`: compares every file of a season with its hash and names what is damaged, unfinished, or should be gone."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+import pyarrow as pa
+from pyarrow import parquet
+
+from oarlock.season.compact import Current
+from oarlock.season.layout import (
+    ATHLETES,
+    CURRENT_FILE,
+    ENTRY_FILE,
+    ERASED,
+    RESULTS,
+    RUN_FILE,
+    SETUPS,
+    TABLES,
+    recording_folder,
+    result_folder,
+)
+from oarlock.season.place import OWN_WORK
+from oarlock.season.store import Season
+from oarlock.season.tombstones import erased_hashes
+from oarlock.storage.errors import DataError
+
+What: TypeAlias = Literal["damaged", "missing", "unfinished", "erased", "unknown"]
+Told: TypeAlias = Callable[[float], None]
+_READERS = 8
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something that is not as it should be.
+
+    Args:
+        what: damaged or missing files lose data; unfinished ones are left of a writer that was stopped, and cost space
+            only; erased ones came back from a backup.
+        name: of the file or folder.
+        words: a sentence.
+    """
+
+    what: What
+    name: str
+    words: str
+
+    @property
+    def is_damage(self) -> bool:
+        """Whether data are lost, or are there that must not be."""
+        return self.what in ("damaged", "missing", "erased")
+
+
+def check(season: Season, told: Told = lambda share: None, tombstones: Path | None = None) -> list[Finding]:
+    """All findings of a season; empty if it is in order. Every file is read.
+
+    Args:
+        season: which.
+        told: called with the share done, 0 to 1.
+        tombstones: a file outside the season that keeps copies of tombstones.
+    """
+    recordings, results = season.recordings(), season.results()
+    erased = erased_hashes(season, tombstones)
+    jobs = [lambda name=name: list(_recording(season, name, erased)) for name in recordings]
+    jobs += [lambda one=one: list(_result(season, one[0], one[1], set(recordings))) for one in results]
+    found: list[Finding] = []
+    with ThreadPoolExecutor(_READERS) as pool:
+        for done, own in enumerate(pool.map(lambda job: job(), jobs), start=1):
+            found += own
+            told(done / len(jobs))
+    found += _setups(season)
+    found += _tables(season)
+    found += _came_back(season, erased)
+    found += [
+        Finding("unfinished", f"{OWN_WORK}/{name}", "left by a writer that was stopped, or is still at work")
+        for name in season.place.children(OWN_WORK)
+    ]
+    return found
+
+
+def _recording(season: Season, name: str, erased: frozenset[str]) -> Iterator[Finding]:
+    folder = recording_folder(name)
+    try:
+        entry = season.entry(name)
+    except DataError as error:
+        yield Finding("damaged", f"{folder}/{ENTRY_FILE}", str(error))
+        return
+    if entry is None:
+        yield Finding(
+            "unfinished", folder, f"has no {ENTRY_FILE}: its writer was stopped, or is still at work"
+        )
+        return
+    if entry.recording != name:
+        yield Finding("damaged", folder, f"is named otherwise than its {ENTRY_FILE} says, {entry.recording}")
+    if season.is_erased(entry.athlete, erased):
+        yield Finding("erased", folder, _erased(entry.athlete))
+    yield from _files(season, folder, entry.files, ENTRY_FILE)
+
+
+def _result(season: Season, recording: str, run: str, recordings: set[str]) -> Iterator[Finding]:
+    folder = result_folder(recording, run)
+    try:
+        record = season.run_record(recording, run)
+    except DataError as error:
+        yield Finding("damaged", f"{folder}/{RUN_FILE}", str(error))
+        return
+    if record is None:
+        yield Finding("unfinished", folder, f"has no {RUN_FILE}: its writer was stopped, or is still at work")
+        return
+    if recording not in recordings:
+        yield Finding("unknown", folder, "belongs to a recording that is not here; `season prune` removes it")
+    yield from _files(season, folder, record.files, RUN_FILE)
+
+
+def _files(season: Season, folder: str, files: Mapping[str, str], record: str) -> Iterator[Finding]:
+    for name, expected in files.items():
+        full = f"{folder}/{name}"
+        try:
+            found = hashlib.sha256(season.place.read(full)).hexdigest()
+        except FileNotFoundError:
+            yield Finding("missing", full, "is missing; add or compute it again, or restore it from a backup")
+            continue
+        if found != expected:
+            yield Finding("damaged", full, f"has the hash {found[:12]}, expected {expected[:12]}")
+    for full, _ in season.place.files(f"{folder}/".rstrip("/")):
+        own = full.removeprefix(f"{folder}/")
+        if own != record and own not in files:
+            yield Finding("unknown", full, f"is not in {record}")
+
+
+def _came_back(season: Season, erased: frozenset[str]) -> Iterator[Finding]:
+    """What should be gone, apart from recordings: tombstones that a backup lacks, athletes, rows of tables."""
+    for name in sorted(erased - season.erased()):
+        yield Finding(
+            "erased",
+            f"{ERASED}/{name}.toml",
+            "is missing, and its copy outside the season says that somebody was erased: a backup was restored. Run "
+            "`oarlock season erase SEASON --again --yes`.",
+        )
+    if not erased:
+        return
+    for file in season.place.children(ATHLETES):
+        if season.is_erased(athlete := file.removesuffix(".toml"), erased):
+            yield Finding("erased", f"{ATHLETES}/{file}", _erased(athlete))
+    for name, _ in season.place.files(TABLES):
+        for athlete in _athletes_in(season, name):
+            if season.is_erased(athlete, erased):
+                yield Finding("erased", name, f"contains rows of an athlete. {_erased(athlete)}")
+
+
+def _erased(athlete: str) -> str:
+    return f"{athlete} was erased and came back; `oarlock season erase SEASON --again --yes` removes it again"
+
+
+def _athletes_in(season: Season, name: str) -> list[str]:
+    """Athletes in a file of a table, whether the table counts or not."""
+    try:
+        contents = pa.BufferReader(season.place.read(name))
+        return list(parquet.read_table(contents, columns=["athlete"])["athlete"].unique().to_pylist())
+    except (FileNotFoundError, pa.ArrowException, OSError, KeyError):
+        return []  # no table, or none with athletes
+
+
+def _setups(season: Season) -> Iterator[Finding]:
+    for name in season.place.children(SETUPS):
+        try:
+            season.load_setup(name)
+        except DataError as error:
+            yield Finding("damaged", f"{SETUPS}/{name}", str(error))
+
+
+def _tables(season: Season) -> Iterator[Finding]:
+    try:
+        current = Current.read(season)
+    except DataError as error:
+        yield Finding(
+            "damaged", "tables/current.toml", f"{error}; remove it, the next question makes it again"
+        )
+        return
+    for name in current.files.values():
+        try:
+            parquet.read_table(pa.BufferReader(season.place.read(name)))
+        except FileNotFoundError:
+            yield Finding("missing", name, "is missing; the next compaction makes it again")
+        except (pa.ArrowException, OSError) as error:
+            yield Finding("damaged", name, f"cannot be read as Parquet ({error}); `--repair` makes it again")
+
+
+def repair(season: Season, findings: Sequence[Finding]) -> list[str]:
+    """Remove damaged results and tables, which can be computed again; recordings are never touched.
+
+    Returns:
+        Names of what was removed.
+    """
+    removed = set()
+    for finding in findings:
+        if finding.what not in ("damaged", "missing"):
+            continue
+        top, _, rest = finding.name.partition("/")
+        if top == RESULTS:
+            season.place.remove_folder(folder := f"{RESULTS}/{rest.partition('/')[0]}", RUN_FILE)
+            removed.add(folder)
+        elif top == TABLES:
+            season.place.remove([CURRENT_FILE])
+            removed.add(CURRENT_FILE)
+    return sorted(removed)

@@ -1,0 +1,144 @@
+"""A season in a folder, on this disk or on a share: a folder is written beside and renamed."""
+
+from __future__ import annotations
+
+import errno
+import os
+import secrets
+import shutil
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from oarlock.season.place import OWN_WORK, checked_name
+from oarlock.storage.write_file import sync_folder, unwritable, write_file
+
+_ATTEMPTS = 50
+
+
+class Disk:
+    """The season of one folder."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root.absolute()
+        self.address = str(root)
+
+    def read(self, name: str) -> bytes:
+        """As `Place.read`."""
+        try:
+            return self._at(name).read_bytes()
+        except NotADirectoryError as error:
+            raise FileNotFoundError(name) from error
+
+    def write(self, name: str, contents: bytes) -> None:
+        """As `Place.write`."""
+        write_file(self._at(name), contents)
+
+    def exists(self, name: str) -> bool:
+        """As `Place.exists`."""
+        return self._at(name).is_file()
+
+    def children(self, folder: str) -> list[str]:
+        """As `Place.children`."""
+        try:
+            return sorted(entry.name for entry in os.scandir(self._at(folder) if folder else self.root))
+        except FileNotFoundError:
+            return []
+
+    def files(self, folder: str = "") -> Iterator[tuple[str, int]]:
+        """As `Place.files`."""
+        top = self._at(folder) if folder else self.root
+        for place, folders, names in os.walk(top):
+            folders.sort()
+            for name in sorted(names):
+                file = Path(place, name)
+                with suppress(FileNotFoundError):  # gone meanwhile
+                    yield file.relative_to(self.root).as_posix(), file.lstat().st_size
+
+    def age_s(self, name: str) -> float:
+        """As `Place.age_s`."""
+        try:
+            return max(0.0, time.time() - self._at(name).stat().st_mtime)
+        except FileNotFoundError:
+            return 0.0
+
+    def put_folder(self, folder: str, files: Mapping[str, bytes | Path], record: str) -> bool:
+        """As `Place.put_folder`; the rename is the commit."""
+        target = self._at(folder)
+        if (target / record).is_file():
+            return False
+        stage = self.root / OWN_WORK / secrets.token_hex(12)
+        try:
+            self._fill(stage, files)
+            return self._commit(stage, target, record)
+        except OSError as error:
+            raise unwritable(target, error) from error
+        finally:
+            shutil.rmtree(stage, ignore_errors=True)
+
+    def _fill(self, stage: Path, files: Mapping[str, bytes | Path]) -> None:
+        stage.mkdir(parents=True)
+        for name, contents in files.items():
+            file = stage / checked_name(name)
+            file.parent.mkdir(parents=True, exist_ok=True)
+            with file.open("xb") as stream:
+                if isinstance(contents, Path):
+                    with contents.open("rb") as source:
+                        shutil.copyfileobj(source, stream)
+                else:
+                    stream.write(contents)
+                stream.flush()
+                os.fsync(stream.fileno())
+        sync_folder(stage)
+
+    def _commit(self, stage: Path, target: Path, record: str) -> bool:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            os.rename(stage, target)
+        except OSError:
+            if (target / record).is_file():
+                return False  # another writer was first
+            if not target.is_dir():
+                raise
+            # What is left of a folder of which the removal was interrupted.
+            shutil.rmtree(target)
+            os.rename(stage, target)
+        sync_folder(target.parent)
+        return True
+
+    def remove(self, names: Sequence[str]) -> None:
+        """As `Place.remove`."""
+        for name in names:
+            self._at(name).unlink(missing_ok=True)
+
+    def remove_folder(self, folder: str, record: str = "") -> None:
+        """As `Place.remove_folder`."""
+        target = self._at(folder)
+        if record:
+            (target / record).unlink(missing_ok=True)
+        for attempt in range(_ATTEMPTS):
+            try:
+                shutil.rmtree(target)
+            except OSError as error:  # another process removes it too, or still writes into it
+                if not target.exists():
+                    return
+                last = attempt == _ATTEMPTS - 1
+                if last or (
+                    not isinstance(error, FileNotFoundError | FileExistsError)
+                    and error.errno != errno.ENOTEMPTY
+                ):
+                    raise unwritable(target, error) from error
+            else:
+                return
+
+    def on_disk(self, names: Sequence[str]) -> list[Path]:
+        """As `Place.on_disk`: the files themselves."""
+        return [self._at(name) for name in names]
+
+    def forget_copies(self) -> int:
+        """As `Place.forget_copies`: none are made."""
+        return 0
+
+    def _at(self, name: str) -> Path:
+        return self.root / checked_name(name)

@@ -1,0 +1,194 @@
+"""`ask` and `trend`: the ready questions from Python, with a check that all runs asked are comparable."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from oarlock.season.questions.catalogue import QUESTIONS, Question
+from oarlock.season.questions.database import Database
+from oarlock.season.questions.selection import Rates, Selection
+from oarlock.season.store import Season
+from oarlock.storage.errors import DataError
+from oarlock.storage.suggest import did_you_mean
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+MONTHS_FOR_CHANGE = 4
+
+
+@dataclass(frozen=True)
+class Change:
+    """How a metric changed over months, in its own unit.
+
+    Args:
+        per_month: change a month of 30.4 days.
+        low: lower end of its 95 % band.
+        high: upper end.
+        change: from the first month to the last.
+        changed: whether the 99.9 % band is beside zero. Of 1,000 athletes without a change about one is said to have
+            changed.
+    """
+
+    per_month: float
+    low: float
+    high: float
+    change: float
+    changed: bool
+
+
+@dataclass(frozen=True)
+class Trend:
+    """A metric of one athlete over the months.
+
+    Args:
+        athlete: the pseudonym.
+        metric: the column; `oarlock.rowing.FEATURES` explains it.
+        comparable: class of all runs that were used.
+        months: one row a month: `month`, `sessions`, `strokes`, `rate`, `mean`, `low` and `high` (95 % band), `se`.
+        change: None with fewer than 4 months.
+        notes: sentences on what else differs between the recordings.
+    """
+
+    athlete: str
+    metric: str
+    comparable: str
+    months: pa.Table
+    change: Change | None
+    notes: Sequence[str]
+
+
+def ask(
+    season: Season,
+    question: str,
+    metric: str | None = None,
+    rates: str | None = None,
+    selection: Selection | None = None,
+) -> pa.Table:
+    """Ask a ready question.
+
+    Args:
+        season: which.
+        question: name of one of `QUESTIONS`.
+        metric: its name, with or without its unit: `catch_angle`.
+        rates: stroke rates, 1/min, such as "20-24"; None takes all.
+        selection: of whom, of which days and of which class of runs.
+
+    Returns:
+        The rows; SI and radians.
+
+    Raises:
+        DataError: there is no such question, metric, athlete or class, or the runs are of several classes.
+    """
+    with Database(season, selection) as database:
+        return answer(database, question, metric, rates)
+
+
+def answer(
+    database: Database, question: str, metric: str | None = None, rates: str | None = None
+) -> pa.Table:
+    """As `ask`, of a database that is open."""
+    asked = question_named(question)
+    if asked.of_metric and metric is None:
+        raise DataError(f"{asked.name} is asked of a metric, such as catch_angle")
+    column = database.metric(metric) if asked.of_metric and metric is not None else None
+    limits = Rates.parsed(rates)
+    if asked.compares:
+        one_class(database)
+    return database.table(asked.sql(column, limits.low, limits.high))
+
+
+def trend(
+    season: Season,
+    athlete: str,
+    metric: str,
+    rates: str | None = None,
+    selection: Selection | None = None,
+) -> Trend:
+    """How a metric of one athlete went over the months.
+
+    Strokes are weighted by their uncertainty, sessions by theirs and by how much sessions differ. All are brought to
+    the athlete's usual stroke rate.
+
+    Args:
+        season: which.
+        athlete: the pseudonym.
+        metric: its name, with or without its unit: `catch_angle`.
+        rates: stroke rates, 1/min, such as "20-24"; None takes all.
+        selection: of which days, boat and class of runs.
+
+    Raises:
+        DataError: there is no such athlete or metric, no stroke of it, or the runs are of several classes.
+    """
+    with Database(season, replace(selection or Selection(), athlete=athlete)) as database:
+        column = database.metric(metric)
+        comparable = one_class(database)
+        months = answer(database, "trend", column, rates)
+        if not months.num_rows:
+            raise DataError(f"{database.selection}: has no session with 10 strokes of {column} or more")
+        row = answer(database, "changes", column, rates).to_pylist()[:1]
+        return Trend(athlete, column, comparable, months, _change(row), _notes(database, months.num_rows))
+
+
+def question_named(name: str) -> Question:
+    """A ready question.
+
+    Raises:
+        DataError: there is none of this name.
+    """
+    for one in QUESTIONS:
+        if one.name == name.replace("-", "_"):
+            return one
+    raise DataError(f'"{name}" is no ready question. {did_you_mean(name, (one.name for one in QUESTIONS))}')
+
+
+def one_class(database: Database) -> str:
+    """The class of all runs asked.
+
+    Raises:
+        DataError: there is no run, or there are several classes.
+    """
+    found = database.classes()
+    if not found:
+        raise DataError(f"{database.selection}: has no results; `oarlock season run` makes them")
+    if len(found) > 1:
+        each = "; ".join(
+            f"{name} (oarlock {engine}, {count} recordings)" for name, (engine, count) in found.items()
+        )
+        raise DataError(
+            f"{database.selection}: results of {len(found)} classes, which engine, model, settings or calibration "
+            f"keep apart, must not be compared: {each}. Choose one with --class {next(iter(found))}, or make them "
+            f"alike with `oarlock season run {database.season.place.address}`."
+        )
+    return next(iter(found))
+
+
+def _change(rows: Sequence[Mapping[str, Any]]) -> Change | None:
+    if not rows or rows[0]["low"] is None or rows[0]["months"] < MONTHS_FOR_CHANGE:
+        return None
+    row = rows[0]
+    return Change(row["per_month"], row["low"], row["high"], row["change"], bool(row["changed"]))
+
+
+def _notes(database: Database, months: int) -> list[str]:
+    notes = []
+    if months < MONTHS_FOR_CHANGE:
+        notes.append(f"A change is stated from {MONTHS_FOR_CHANGE} months on; here are {months}.")
+    done = "FROM recordings WHERE status = 'done'"
+    boats = database.table(f"SELECT DISTINCT boat {done} AND boat IS NOT NULL ORDER BY boat")[
+        "boat"
+    ].to_pylist()
+    if len(boats) > 1:
+        notes.append(f"Rowed in several boats: {', '.join(boats)}. Choose one with --boat.")
+    rigs = database.table(
+        f"SELECT boat, rig, strftime(min(started), '%Y-%m-%d') AS day {done} AND rig IS NOT NULL "
+        "GROUP BY boat, rig QUALIFY row_number() OVER (PARTITION BY boat ORDER BY min(started)) > 1 ORDER BY day"
+    ).to_pylist()
+    for row in rigs:
+        notes.append(
+            f"The rig of {row['boat'] or 'the boat'} changed to {row['rig']} on {row['day']}, which may explain a "
+            "change. The question `rig` compares before and after."
+        )
+    return notes

@@ -1,0 +1,297 @@
+-- Questions to a season, as table macros of DuckDB. `database.py` has made the views `strokes`, `recordings`, `runs` and
+-- `athletes` before, and the macros `stroke_values`, `t95` and `t999` from what is stored. Nothing here brings runs of two
+-- classes (`comparable`) together.
+--
+-- Uncertainty. A stroke counts by 1 / (own variance of the session's strokes + its measured variance). A session counts by
+-- 1 / (its variance + the variance between sessions): a model of random effects (DerSimonian and Laird 1986; Hedges' moments).
+-- So a band covers what differs from session to session, errors of a calibration too, if they differ from session to session.
+
+CREATE MACRO weight(variance) AS 1.0 / greatest(variance, 1e-24);
+
+-- Each stroke with its weight inside its session.
+CREATE MACRO weighted_values(metric, rate_from := NULL, rate_to := NULL) AS TABLE
+WITH v AS (SELECT * FROM stroke_values(metric, rate_from := rate_from, rate_to := rate_to) WHERE value IS NOT NULL),
+spread AS (
+    SELECT recording, max(stroke) AS last_stroke, coalesce(avg(std * std), 0.0) AS noise2,
+        greatest(coalesce(var_samp(value), 0.0) - coalesce(avg(std * std), 0.0), 0.0) AS own2
+    FROM v GROUP BY recording
+)
+SELECT v.*, last_stroke, weight(own2 + coalesce(std * std, noise2)) AS w FROM v JOIN spread USING (recording);
+
+-- One row a recording: weighted mean with its standard error, scatter of strokes, and how the number goes with the rate.
+CREATE MACRO sessions(metric, rate_from := NULL, rate_to := NULL) AS TABLE
+WITH g AS (
+    SELECT recording, count(*) AS n, sum(w) AS w1, sum(w * w) AS w2, sum(w * value) AS wx, sum(w * w * value) AS wwx,
+        sum(w * w * value * value) AS wwxx, sum(value) AS x, sum(value * value) AS xx, sum(std * std) AS ss,
+        count(std) AS stds, count(rate) AS rates, sum(rate) AS r, sum(rate * rate) AS rr, sum(rate * value) AS rx,
+        sum(value) FILTER (rate IS NOT NULL) AS x_with_rate
+    FROM weighted_values(metric, rate_from := rate_from, rate_to := rate_to) GROUP BY recording HAVING count(*) >= 10
+)
+SELECT recording, comparable, athlete, boat, rig, started, month, n AS strokes, wx / w1 AS mean,
+    sqrt(greatest(wwxx * w1 * w1 - 2.0 * wx * w1 * wwx + wx * wx * w2, 0.0) * n / (n - 1)) / (w1 * w1) AS se,
+    sqrt(greatest(xx - x * x / n, 0.0) / (n - 1)) AS sd, sqrt(ss / nullif(stds, 0)) AS noise, r / nullif(rates, 0) AS rate, rx - r * x_with_rate / nullif(rates, 0) AS with_rate, rr - r * r / nullif(rates, 0) AS rate_spread
+FROM g JOIN recordings USING (recording);
+
+-- The same with `level`: the mean as it would be at the athlete's usual rate, by the slope inside of sessions.
+CREATE MACRO levels(metric, rate_from := NULL, rate_to := NULL) AS TABLE
+WITH s AS (FROM sessions(metric, rate_from := rate_from, rate_to := rate_to))
+SELECT *, mean - coalesce(per_rate * (rate - usual_rate), 0.0) AS level FROM (
+    SELECT *, sum(with_rate) OVER one / nullif(sum(rate_spread) OVER one, 0.0) AS per_rate,
+        sum(strokes * rate) OVER one / sum(strokes) OVER one AS usual_rate
+    FROM s WINDOW one AS (PARTITION BY athlete, comparable)
+);
+
+-- One row a month of an athlete. The variance between sessions is that inside of months, of all months together.
+CREATE MACRO trend(metric, rate_from := NULL, rate_to := NULL) AS TABLE
+WITH l AS (
+    SELECT *, level - avg(level) OVER (PARTITION BY athlete, comparable, month) AS off
+    FROM levels(metric, rate_from := rate_from, rate_to := rate_to)
+),
+between_sessions AS (
+    SELECT athlete, comparable, count(*) - count(DISTINCT month) AS df,
+        greatest(sum(off * off) / nullif(count(*) - count(DISTINCT month), 0) - avg(se * se), 0.0) AS tau2
+    FROM l GROUP BY athlete, comparable
+),
+m AS (
+    SELECT athlete, comparable, month, count(*) AS sessions, sum(strokes)::BIGINT AS strokes, avg(rate) AS rate,
+        sum(epoch(started) * weight(tau2 + se * se)) / sum(weight(tau2 + se * se)) AS at_s,
+        sum(level * weight(tau2 + se * se)) / sum(weight(tau2 + se * se)) AS mean,
+        1.0 / sqrt(sum(weight(tau2 + se * se))) AS se, any_value(df) AS df
+    FROM l JOIN between_sessions USING (athlete, comparable) GROUP BY athlete, comparable, month
+)
+SELECT athlete, comparable, month, sessions, strokes, rate, mean, mean - t95(df) * se AS low, mean + t95(df) * se AS high,
+    se, at_s
+FROM m ORDER BY athlete, comparable, month;
+
+-- One row an athlete: change a month over the time asked for. Its unit is the month: what sessions of a month have in common
+-- counts once. `changed`: the 99.9 % band is beside zero, so that among 60 athletes a false one is rare; from 4 months on.
+CREATE MACRO changes(metric, rate_from := NULL, rate_to := NULL) AS TABLE
+WITH m AS (
+    SELECT *, at_s / 2629800.0 AS x FROM trend(metric, rate_from := rate_from, rate_to := rate_to)
+    WHERE se > 0.0 AND at_s IS NOT NULL
+),
+plain AS (
+    SELECT athlete, comparable, greatest(
+        (regr_syy(mean, x) - regr_sxy(mean, x) * regr_sxy(mean, x) / nullif(regr_sxx(mean, x), 0.0))
+        / nullif(count(*) - 2, 0) - avg(se * se), 0.0) AS theta2
+    FROM m GROUP BY athlete, comparable
+),
+c AS (
+    SELECT *, x - sum(w * x) OVER one / sum(w) OVER one AS dx, mean - sum(w * mean) OVER one / sum(w) OVER one AS dy
+    FROM (SELECT *, weight(se * se + coalesce(theta2, 0.0)) AS w FROM m JOIN plain USING (athlete, comparable))
+    WINDOW one AS (PARTITION BY athlete, comparable)
+),
+line AS (
+    SELECT athlete, comparable, count(*) AS months, sum(sessions)::BIGINT AS sessions, sum(strokes)::BIGINT AS strokes,
+        min(month) AS first_month, max(month) AS last_month, max(x) - min(x) AS span,
+        sum(w * dx * dy) / nullif(sum(w * dx * dx), 0.0) AS per_month, sum(w * dx * dx) AS sxx,
+        sum(w * dy * dy) - sum(w * dx * dy) * sum(w * dx * dy) / nullif(sum(w * dx * dx), 0.0) AS rss, count(*) - 2 AS df
+    FROM c GROUP BY athlete, comparable
+),
+e AS (SELECT *, CASE WHEN df >= 2 THEN sqrt(greatest(rss, 0.0) / df / sxx) END AS se FROM line)
+SELECT athlete, comparable, months, sessions, strokes, first_month, last_month, per_month, per_month - t95(df) * se AS low,
+    per_month + t95(df) * se AS high, se, per_month * span AS change, abs(per_month) > t999(df) * se AS changed
+FROM e ORDER BY changed DESC NULLS LAST, abs(per_month) / se DESC NULLS LAST, athlete;
+
+-- One row a recording: mean of the last third of its strokes minus that of the first, at equal rate.
+CREATE MACRO session_drifts(metric, rate_from := NULL, rate_to := NULL) AS TABLE
+WITH v AS (
+    SELECT *, (stroke - 1) * 3 // last_stroke AS third
+    FROM weighted_values(metric, rate_from := rate_from, rate_to := rate_to)
+),
+t AS (
+    SELECT recording, third, count(*) AS n, sum(w * value) / sum(w) AS mean, sqrt(1.0 / sum(w)) AS se, avg(rate) AS rate,
+        sum(rate * value) - sum(rate) * avg(value) FILTER (rate IS NOT NULL) AS with_rate,
+        sum(rate * rate) - sum(rate) * avg(rate) AS rate_spread
+    FROM v GROUP BY recording, third
+),
+r AS (
+    SELECT athlete, comparable, sum(with_rate) / nullif(sum(rate_spread), 0.0) AS per_rate
+    FROM t JOIN recordings USING (recording) GROUP BY athlete, comparable
+)
+SELECT b.recording, k.comparable, k.athlete, k.started, a.n + b.n AS strokes, a.mean AS first, b.mean AS last,
+    b.mean - a.mean - coalesce(per_rate * (b.rate - a.rate), 0.0) AS drift, sqrt(a.se * a.se + b.se * b.se) AS se
+FROM t b JOIN t a ON a.recording = b.recording AND a.third = 0 AND b.third = 2 AND least(a.n, b.n) >= 10
+JOIN recordings k ON k.recording = b.recording
+JOIN r ON r.athlete = k.athlete AND r.comparable = k.comparable;
+
+-- One row an athlete: drift within a session, mean of its sessions.
+CREATE MACRO drift(metric, rate_from := NULL, rate_to := NULL) AS TABLE
+WITH d AS (
+    SELECT *, greatest(coalesce(var_samp(drift) OVER one - avg(se * se) OVER one, 0.0), 0.0) + se * se AS v
+    FROM session_drifts(metric, rate_from := rate_from, rate_to := rate_to)
+    WINDOW one AS (PARTITION BY athlete, comparable)
+),
+p AS (
+    SELECT athlete, comparable, count(*) AS sessions, sum(strokes)::BIGINT AS strokes,
+        sum(weight(v) * drift) / sum(weight(v)) AS mean, 1.0 / sqrt(sum(weight(v))) AS se
+    FROM d GROUP BY athlete, comparable
+)
+SELECT athlete, comparable, sessions, strokes, mean, mean - t95(sessions - 1) * se AS low,
+    mean + t95(sessions - 1) * se AS high, se, abs(mean) > t999(sessions - 1) * se AS changed
+FROM p ORDER BY changed DESC NULLS LAST, abs(mean) / se DESC NULLS LAST, athlete;
+
+-- One row an athlete and class of rate, its middle +- 1/min: standard deviation of strokes within a piece (10 strokes or more at that
+-- rate in one session); the band is of its geometric mean. `noise` is what the measurement adds to it.
+CREATE MACRO consistency(metric, rate_from := NULL, rate_to := NULL) AS TABLE
+WITH p AS (
+    SELECT recording, round(rate / 2.0) * 2.0 AS rate_class, count(*) AS strokes, stddev_samp(value) AS sd,
+        avg(std * std) AS noise2
+    FROM stroke_values(metric, rate_from := rate_from, rate_to := rate_to) WHERE value IS NOT NULL AND rate IS NOT NULL
+    GROUP BY ALL HAVING count(*) >= 10 AND stddev_samp(value) > 0.0
+),
+g AS (
+    SELECT athlete, comparable, rate_class, count(*) AS pieces, sum(p.strokes)::BIGINT AS strokes, avg(ln(sd)) AS mean,
+        stddev_samp(ln(sd)) / sqrt(count(*)) AS se, sqrt(avg(noise2)) AS noise
+    FROM p JOIN recordings USING (recording) GROUP BY athlete, comparable, rate_class
+)
+SELECT athlete, comparable, rate_class, pieces, strokes, exp(mean) AS sd,
+    exp(mean - t95(pieces - 1) * se) AS low, exp(mean + t95(pieces - 1) * se) AS high, noise
+FROM g ORDER BY athlete, comparable, rate_class;
+
+-- One row an athlete and class of rate, its middle +- 1/min: to compare athletes, or one athlete at several rates.
+CREATE MACRO same_rate(metric, rate_from := NULL, rate_to := NULL) AS TABLE
+WITH p AS (
+    SELECT recording, round(rate / 2.0) * 2.0 AS rate_class, count(*) AS strokes, sum(w * value) / sum(w) AS mean,
+        sqrt(1.0 / sum(w)) AS se
+    FROM weighted_values(metric, rate_from := rate_from, rate_to := rate_to) WHERE rate IS NOT NULL
+    GROUP BY ALL HAVING count(*) >= 10
+),
+d AS (
+    SELECT *, greatest(coalesce(var_samp(mean) OVER one - avg(se * se) OVER one, 0.0), 0.0) + se * se AS v
+    FROM (SELECT p.*, athlete, comparable FROM p JOIN recordings USING (recording))
+    WINDOW one AS (PARTITION BY athlete, comparable, rate_class)
+),
+g AS (
+    SELECT athlete, comparable, rate_class, count(*) AS pieces, sum(strokes)::BIGINT AS strokes,
+        sum(weight(v) * mean) / sum(weight(v)) AS mean, 1.0 / sqrt(sum(weight(v))) AS se
+    FROM d GROUP BY athlete, comparable, rate_class
+)
+SELECT athlete, comparable, rate_class, pieces, strokes, mean,
+    mean - t95(pieces - 1) * se AS low, mean + t95(pieces - 1) * se AS high, se
+FROM g ORDER BY comparable, rate_class, athlete;
+
+-- One row an athlete: right minus left.
+CREATE MACRO sides(metric, rate_from := NULL, rate_to := NULL) AS TABLE
+WITH d AS (
+    SELECT *, greatest(coalesce(var_samp(mean) OVER one - avg(se * se) OVER one, 0.0), 0.0) + se * se AS v
+    FROM sessions(metric || ' right minus left', rate_from := rate_from, rate_to := rate_to)
+    WINDOW one AS (PARTITION BY athlete, comparable)
+),
+p AS (
+    SELECT athlete, comparable, count(*) AS sessions, sum(strokes)::BIGINT AS strokes,
+        sum(weight(v) * mean) / sum(weight(v)) AS mean, 1.0 / sqrt(sum(weight(v))) AS se
+    FROM d GROUP BY athlete, comparable
+)
+SELECT athlete, comparable, sessions, strokes, mean, mean - t95(sessions - 1) * se AS low,
+    mean + t95(sessions - 1) * se AS high, se, abs(mean) > t999(sessions - 1) * se AS different
+FROM p ORDER BY abs(mean) DESC, athlete;
+
+-- One row an athlete and change of rig of the boat: mean of the sessions after it minus mean before, at equal rate, inside of
+-- `days` before and after.
+CREATE MACRO rig(metric, rate_from := NULL, rate_to := NULL, days := 60) AS TABLE
+WITH l AS (
+    SELECT * FROM levels(metric, rate_from := rate_from, rate_to := rate_to)
+    WHERE rig IS NOT NULL AND boat IS NOT NULL AND started IS NOT NULL
+),
+stretch AS (
+    SELECT *, sum(new) OVER (PARTITION BY athlete, boat, comparable ORDER BY started, recording) AS number FROM (
+        SELECT *, CASE WHEN rig IS DISTINCT FROM lag(rig) OVER (PARTITION BY athlete, boat, comparable
+            ORDER BY started, recording) THEN 1 ELSE 0 END AS new FROM l)
+),
+change AS (
+    SELECT athlete, boat, comparable, number, min(started) AS changed_on FROM stretch WHERE number > 1 GROUP BY ALL
+),
+side AS (
+    SELECT s.*, c.number AS change, c.changed_on, s.number = c.number AS after
+    FROM stretch s JOIN change c ON s.athlete = c.athlete AND s.boat = c.boat AND s.comparable = c.comparable
+        AND s.number IN (c.number, c.number - 1)
+    WHERE abs(epoch(s.started) - epoch(c.changed_on)) <= days * 86400.0
+),
+v AS (
+    SELECT *, greatest(coalesce(var_samp(level) OVER one - avg(se * se) OVER one, 0.0), 0.0) + se * se AS v FROM side
+    WINDOW one AS (PARTITION BY athlete, boat, comparable, change, after)
+),
+g AS (
+    SELECT athlete, boat, comparable, change, after, any_value(rig) AS rig, any_value(changed_on) AS changed_on,
+        count(*) AS sessions, sum(weight(v) * level) / sum(weight(v)) AS mean, 1.0 / sum(weight(v)) AS se2
+    FROM v GROUP BY athlete, boat, comparable, change, after
+),
+b AS (
+    SELECT p.athlete, p.boat, p.comparable, strftime(p.changed_on, '%Y-%m-%d') AS day, a.rig AS before,
+        p.rig AS after, a.sessions AS n_before, p.sessions AS n_after, a.mean AS mean_before,
+        p.mean AS mean_after, p.mean - a.mean AS change, sqrt(a.se2 + p.se2) AS se,
+        least(a.sessions, p.sessions) - 1 AS df
+    FROM g p JOIN g a ON p.athlete = a.athlete AND p.boat = a.boat AND p.comparable = a.comparable
+        AND p.change = a.change AND p.after AND NOT a.after
+    WHERE a.sessions > 1 AND p.sessions > 1
+)
+SELECT * EXCLUDE (se, df), change - t95(df) * se AS low, change + t95(df) * se AS high, se,
+    abs(change) > t999(df) * se AS changed
+FROM b ORDER BY athlete, boat, day;
+
+-- One row an outing and seat: catch relative to the stroke seat, the highest number in the boat, s; positive is later.
+CREATE MACRO outings() AS TABLE
+WITH crew AS (
+    SELECT recording, dense_rank() OVER (ORDER BY boat, started, comparable) AS outing,
+        seat = max(seat) OVER (PARTITION BY boat, started, comparable) AS leads,
+        count(*) OVER (PARTITION BY boat, started, comparable) AS seats
+    FROM recordings WHERE status = 'done' AND boat IS NOT NULL AND seat IS NOT NULL AND started IS NOT NULL
+),
+k AS (
+    SELECT recording, outing, leads, rate, value AS catch_s
+    FROM stroke_values('catch_time_s') JOIN crew USING (recording) WHERE seats > 1 AND value IS NOT NULL
+),
+l AS ( -- catches of one rower are more than 1 s apart, so each finds at most one within 0.5 s, under one of two keys
+    SELECT outing * 1000000 + floor(catch_s + half)::BIGINT AS key, catch_s
+    FROM k, (VALUES (-0.5), (0.5)) AS halves(half) WHERE leads
+),
+d AS (
+    SELECT o.recording, o.rate, o.catch_s - l.catch_s AS late_s
+    FROM k o JOIN l ON o.outing * 1000000 + floor(o.catch_s)::BIGINT = l.key
+    WHERE NOT o.leads AND o.catch_s - l.catch_s BETWEEN -0.5 AND 0.5
+),
+g AS (
+    SELECT recording, count(*) AS strokes, avg(late_s) AS late_s, stddev_samp(late_s) AS sd_s,
+        stddev_samp(late_s) / sqrt(count(*)) AS se_s, avg(rate) AS rate
+    FROM d GROUP BY recording HAVING count(*) >= 10
+)
+SELECT r.boat, r.started, r.comparable, r.athlete, r.seat, r.month, g.strokes, late_s, sd_s, se_s, rate
+FROM g JOIN recordings r USING (recording);
+
+-- One row a boat, seat and month: catch relative to the stroke seat. The recordings of a boat must have the same start, as one
+-- logger or synchronised clocks give it: an offset of clocks would be in `late_s`; `sd_s`, the scatter, is free of it.
+CREATE MACRO crew() AS TABLE
+WITH d AS (
+    SELECT *, greatest(coalesce(var_samp(late_s) OVER one - avg(se_s * se_s) OVER one, 0.0), 0.0) + se_s * se_s AS v
+    FROM outings() WINDOW one AS (PARTITION BY boat, athlete, seat, comparable, month)
+),
+g AS (
+    SELECT boat, seat, athlete, comparable, month, count(*) AS outings, sum(strokes)::BIGINT AS strokes,
+        sum(weight(v) * late_s) / sum(weight(v)) AS late_s, 1.0 / sqrt(sum(weight(v))) AS se_s,
+        sqrt(avg(sd_s * sd_s)) AS sd_s
+    FROM d GROUP BY boat, seat, athlete, comparable, month
+)
+SELECT boat, seat, athlete, comparable, month, outings, strokes, late_s, late_s - t95(outings - 1) * se_s AS low_s,
+    late_s + t95(outings - 1) * se_s AS high_s, sd_s
+FROM g ORDER BY boat, seat, comparable, month;
+
+-- One row an athlete, number about the sensors and month, of runs that count.
+CREATE VIEW sensor_health AS
+WITH h AS (
+    SELECT r.athlete, r.month, unnest(map_entries(u.health)) AS entry, r.recording
+    FROM recordings r JOIN runs u USING (recording, run)
+)
+SELECT athlete, entry.key AS number, month, count(*) AS recordings, avg(entry.value) AS mean, max(entry.value) AS worst,
+    arg_max(recording, entry.value) AS worst_recording
+FROM h GROUP BY ALL ORDER BY athlete, number, month;
+
+-- One row a recording of which the run that counts has failed.
+CREATE VIEW failed AS
+SELECT recording, athlete, boat, started, run, fault FROM recordings WHERE status = 'failed' ORDER BY started, recording;
+
+-- One row a class of runs: only numbers of one class are compared.
+CREATE VIEW classes AS
+SELECT comparable, string_agg(DISTINCT engine, ', ') AS engine, count(*) AS recordings, min(started) AS first,
+    max(started) AS last
+FROM recordings WHERE status = 'done' GROUP BY comparable ORDER BY recordings DESC, comparable;

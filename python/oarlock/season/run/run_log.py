@@ -1,0 +1,59 @@
+"""`RunLog`: a file of JSON lines for each `season run`: which recording was computed when, where and for how long.
+
+Results hold none of this, so that they are the same bytes wherever they were computed.
+"""
+
+from __future__ import annotations
+
+import datetime
+import json
+import os
+import secrets
+import socket
+import time
+
+from oarlock.season.layout import LOGS
+from oarlock.season.run.job import Ended, Loss
+from oarlock.season.store import Season
+
+_WRITTEN_EVERY_S = 5.0
+
+
+class RunLog:
+    """The log of one run. It is written every few seconds as a whole, because an object store cannot append.
+
+    Args:
+        season: where.
+    """
+
+    def __init__(self, season: Season) -> None:
+        self._place = season.place
+        now = datetime.datetime.now(datetime.UTC)
+        self.name = f"{LOGS}/run-{now:%Y%m%dT%H%M%SZ}-{secrets.token_hex(4)}.jsonl"
+        self._lines: list[str] = []
+        self._written_s = -_WRITTEN_EVERY_S
+
+    def say(self, event: str, **about: object) -> None:
+        """Add a line: what happened, with the time, this host and the id of this process."""
+        self._add(event, {"host": socket.gethostname(), "process": os.getpid(), **about})
+
+    def ended(self, ended: Ended) -> None:
+        """Add the line of a job."""
+        reply = ended.reply
+        about: dict[str, object] = {"recording": ended.job.recording, "run": ended.job.run}
+        about |= {"host": ended.host, "process": ended.process, "seconds": round(ended.seconds, 3)}
+        if isinstance(reply, Loss):
+            self._add("lost", {**about, "words": reply.words, "detail": reply.detail})
+        else:
+            self._add(reply.told, {**about, "computed_s": round(reply.computed_s, 3), "words": reply.words})
+
+    def write(self) -> None:
+        """Write what was not written yet."""
+        self._place.write(self.name, "".join(self._lines).encode())
+        self._written_s = time.monotonic()
+
+    def _add(self, event: str, about: dict[str, object]) -> None:
+        at = datetime.datetime.now(datetime.UTC).isoformat(timespec="milliseconds")
+        self._lines.append(json.dumps({"at": at, "event": event, **about}, ensure_ascii=False) + "\n")
+        if time.monotonic() - self._written_s > _WRITTEN_EVERY_S:
+            self.write()

@@ -1,0 +1,101 @@
+"""Changes of an athlete's attributes and consent, and of the file of names beside the season."""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from oarlock.season.athletes import SCOPES, Athlete, NamesFile, checked_day, new_pseudonym
+from oarlock.season.sealed import new_key
+from oarlock.season.store import Season
+from oarlock.storage.errors import DataError
+from oarlock.storage.suggest import did_you_mean
+
+_RANGES = {"stature_m": (0.5, 2.5), "mass_kg": (10.0, 250.0)}
+
+
+def changed_athlete(
+    season: Season,
+    pseudonym: str | None,
+    attributes: Mapping[str, float],
+    consent: Sequence[str] = (),
+    *,
+    withdrawn: bool = False,
+    guardian: bool = False,
+    on: str | None = None,
+    keys: Path | None = None,
+) -> Athlete:
+    """Store a new athlete, or what changed about one.
+
+    Args:
+        season: where.
+        pseudonym: of the athlete who changes; None makes one.
+        attributes: ``stature_m`` and ``mass_kg``.
+        consent: scopes to which the athlete consents now.
+        withdrawn: whether all consent is withdrawn.
+        guardian: whether a guardian consents.
+        on: day of the consent or of its withdrawal, such as 2026-05-01; None is today.
+        keys: a folder outside the season, for a new key under which the files of this new athlete's recordings are
+            sealed.
+
+    Raises:
+        DataError: the pseudonym or a scope is unknown, a number is no person's, the day is none, or the athlete has
+            recordings already and cannot be given a key.
+    """
+    known = season.athletes()
+    if pseudonym is not None and pseudonym not in known:
+        raise DataError(
+            f'"{pseudonym}" is no athlete of this season. {did_you_mean(pseudonym, sorted(known))}'
+        )
+    day = datetime.date.today().isoformat() if on is None else checked_day(on, "--on")
+    one = Athlete(new_pseudonym(known)) if pseudonym is None else known[pseudonym]
+    for scope in consent:
+        if scope not in SCOPES:
+            raise DataError(f'"{scope}" is no scope of consent; known are {", ".join(SCOPES)}')
+    for key, value in attributes.items():
+        low, high = _RANGES[key]
+        if not low <= value <= high:
+            raise DataError(f"{key} is {value:g}; expected {low:g} to {high:g}. Is the unit right?")
+    changed = replace(
+        one,
+        attributes={**one.attributes, **attributes},
+        consent={**one.consent, **dict.fromkeys(consent, day)},
+        withdrawn=day if withdrawn else "" if consent else one.withdrawn,
+        guardian=one.guardian or guardian,
+    )
+    if keys is not None:
+        if pseudonym is not None:
+            raise DataError(
+                f"{pseudonym} is there already; a key is made with a new athlete, whose recordings all have it"
+            )
+        _refuse_inside(season, keys, "keys stay outside")
+        sealing = new_key()
+        sealing.write(keys)
+        changed = replace(changed, key=sealing.name)
+    season.put_athlete(changed)
+    return changed
+
+
+def keep_name(season: Season, pseudonym: str, name: str | None, file: Path | None) -> None:
+    """Write who stands behind a pseudonym into the file of names.
+
+    Raises:
+        DataError: a name without a file or the reverse, a file inside the season, or a name that is there.
+    """
+    if name is None or file is None:
+        raise DataError(
+            "give --name and --names together: the name, and the file outside the season that keeps it"
+        )
+    _refuse_inside(season, file, "names of people stay outside")
+    names = NamesFile.read(file)
+    if names.pseudonyms.get(name, pseudonym) != pseudonym:
+        raise DataError(f"{file}: {name} is {names.pseudonyms[name]} already")
+    names.with_name(name, pseudonym).write()
+
+
+def _refuse_inside(season: Season, file: Path, words: str) -> None:
+    inside = Path(season.place.address).resolve() if "://" not in season.place.address else None
+    if inside is not None and (inside == file.resolve() or inside in file.resolve().parents):
+        raise DataError(f"{file}: lies inside the season; {words}. Choose another place.")

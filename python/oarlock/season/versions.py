@@ -1,0 +1,197 @@
+"""Former versions of objects: a bucket with versions keeps what was removed until its versions are removed too."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from oarlock.season.layout import ENTRY_FILE, EXPORTS, LOGS, RECORDINGS, SEASON_FILE, TABLES
+from oarlock.season.place import Place
+from oarlock.season.traces import Sought, Trace, traces_in
+
+_AT_ONCE = 1000
+_READERS = 16
+_REWRITTEN = (f"{TABLES}/", f"{LOGS}/", f"{EXPORTS}/", SEASON_FILE)
+"""What an erasure writes anew: its former versions may have the athlete."""
+
+
+class Versions(Protocol):
+    """Former versions of the files of a season."""
+
+    def recordings_of(self, athlete: str) -> list[str]:
+        """Names of recordings of an athlete of which only former versions are there."""
+
+    def remove(self, athlete: str, recordings: Collection[str]) -> int:
+        """Remove all versions of the athlete's files and former ones of what was written anew; returns how many."""
+
+    def search(self, sought: Sought) -> list[Trace]:
+        """Traces in former versions; a reason if they cannot be seen."""
+
+
+class NoVersions:
+    """A place that keeps none, or of which nobody can see them.
+
+    Args:
+        where: address of the place.
+        unseen: why they cannot be seen; empty if there are none.
+    """
+
+    def __init__(self, where: str = "", unseen: str = "") -> None:
+        self.where, self.unseen = where, unseen
+
+    def recordings_of(self, athlete: str) -> list[str]:
+        """As `Versions.recordings_of`."""
+        return []
+
+    def remove(self, athlete: str, recordings: Collection[str]) -> int:
+        """As `Versions.remove`."""
+        return 0
+
+    def search(self, sought: Sought) -> list[Trace]:
+        """As `Versions.search`."""
+        return [Trace(self.where, "former versions", self.unseen, is_unsearched=True)] if self.unseen else []
+
+
+def versions_of(place: Place) -> Versions:
+    """The former versions at a place."""
+    address = place.address
+    if "://" not in address or address.startswith("memory:"):
+        return NoVersions()
+    if not address.startswith(("s3://", "s3a://")):
+        why = (
+            "cannot be seen in this kind of store; look with its own tools whether the bucket keeps versions"
+        )
+        return NoVersions(address, why)
+    try:
+        import boto3  # type: ignore[import-untyped]
+    except ImportError:
+        return NoVersions(
+            address, 'cannot be seen without boto3: pip install "oarlock[s3]", then erase again'
+        )
+    bucket, _, prefix = address.partition("://")[2].partition("/")
+    region = os.environ.get("AWS_REGION") or os.environ.get("AWS_DEFAULT_REGION")
+    return S3Versions(boto3.client("s3", region_name=region), bucket, prefix.strip("/"), address)
+
+
+@dataclass(frozen=True)
+class _Version:
+    """One version of an object; `name` is that in the season."""
+
+    name: str
+    key: str
+    version: str
+    is_latest: bool
+    is_marker: bool
+
+
+class S3Versions:
+    """The versions of the objects of a season on S3.
+
+    Args:
+        client: of boto3.
+        bucket: name of the bucket.
+        prefix: of the season in it, without a slash at its end.
+        address: of the season.
+    """
+
+    def __init__(self, client: Any, bucket: str, prefix: str, address: str) -> None:
+        self.client, self.bucket, self.address = client, bucket, address
+        self.prefix = f"{prefix}/" if prefix else ""
+
+    def recordings_of(self, athlete: str) -> list[str]:
+        """As `Versions.recordings_of`."""
+        line = re.compile(rb'^athlete = "' + re.escape(athlete.encode()) + rb'"\r?$', re.MULTILINE)
+        listed, _ = self._listed(f"{RECORDINGS}/")
+        entries = [one for one in listed if one.name.endswith(f"/{ENTRY_FILE}") and not one.is_marker]
+        found = [one for one in entries if not one.is_latest and line.search(self._read(one))]
+        return sorted({one.name.split("/")[1] for one in found})
+
+    def remove(self, athlete: str, recordings: Collection[str]) -> int:
+        """As `Versions.remove`."""
+        own = set(recordings)
+        listed, _ = self._listed()
+        gone = [one for one in listed if self._is_to_go(one, athlete, own)]
+        for first in range(0, len(gone), _AT_ONCE):
+            part = [{"Key": one.key, "VersionId": one.version} for one in gone[first : first + _AT_ONCE]]
+            try:
+                self.client.delete_objects(Bucket=self.bucket, Delete={"Objects": part, "Quiet": True})
+            except _errors():
+                return first  # what is left is found by the search
+        self._abort_uploads()
+        return len(gone)
+
+    def search(self, sought: Sought) -> list[Trace]:
+        """As `Versions.search`."""
+        listed, why = self._listed()
+        former = [one for one in listed if not one.is_latest or one.is_marker]
+        if why:
+            return [Trace(self.address, "former versions", why, is_unsearched=True)]
+        with ThreadPoolExecutor(_READERS) as pool:
+            return [trace for own in pool.map(lambda one: self._traces(one, sought), former) for trace in own]
+
+    def _is_to_go(self, one: _Version, athlete: str, own: set[str]) -> bool:
+        top, _, rest = one.name.partition("/")
+        second = re.split(r"[/.]", rest, maxsplit=1)[0]
+        if top in ("recordings", "results") and second in own:
+            return True
+        if second == athlete:
+            return True
+        return one.name.startswith(_REWRITTEN) and (not one.is_latest or one.is_marker)
+
+    def _traces(self, one: _Version, sought: Sought) -> Iterator[Trace]:
+        where = f"version {one.version}: "
+        try:
+            contents = b"" if one.is_marker else self._read(one)
+        except _errors() as error:
+            return iter([Trace(one.name, where.strip(": "), f"cannot be read ({error})", is_unsearched=True)])
+        found = traces_in(one.name, contents, sought)
+        return iter(
+            [Trace(trace.file, where + trace.where, trace.what, trace.is_unsearched) for trace in found]
+        )
+
+    def _read(self, one: _Version) -> bytes:
+        answer = self.client.get_object(Bucket=self.bucket, Key=one.key, VersionId=one.version)
+        return bytes(answer["Body"].read())
+
+    def _listed(self, below: str = "") -> tuple[list[_Version], str]:
+        """All versions and delete markers below a folder, and why they cannot be seen."""
+        found: list[_Version] = []
+        try:
+            pages = self.client.get_paginator("list_object_versions")
+            for page in pages.paginate(Bucket=self.bucket, Prefix=f"{self.prefix}{below}"):
+                found += [self._version(one, False) for one in page.get("Versions", ())]
+                found += [self._version(one, True) for one in page.get("DeleteMarkers", ())]
+        except _errors() as error:
+            return [], f"cannot be seen ({error}); erase again with rights to list, read and remove versions"
+        return found, ""
+
+    def _version(self, one: Mapping[str, Any], is_marker: bool) -> _Version:
+        key = str(one["Key"])
+        return _Version(
+            key.removeprefix(self.prefix), key, str(one["VersionId"]), bool(one["IsLatest"]), is_marker
+        )
+
+    def _abort_uploads(self) -> None:
+        """End uploads in parts that a stopped writer left; their parts are in no listing of objects."""
+        try:
+            listed = self.client.list_multipart_uploads(Bucket=self.bucket, Prefix=self.prefix)
+            uploads: Sequence[Mapping[str, Any]] = listed.get("Uploads", ())
+            for one in uploads:
+                self.client.abort_multipart_upload(
+                    Bucket=self.bucket, Key=one["Key"], UploadId=one["UploadId"]
+                )
+        except _errors():
+            return
+
+
+def _errors() -> tuple[type[Exception], ...]:
+    from botocore.exceptions import (  # type: ignore[import-untyped]
+        BotoCoreError,
+        ClientError,
+    )
+
+    return BotoCoreError, ClientError

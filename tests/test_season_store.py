@@ -1,0 +1,294 @@
+"""A season's store: what is in it is there as a whole, once, under a pseudonym; tables follow what is stored."""
+
+from __future__ import annotations
+
+import datetime
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pyarrow import parquet
+
+import season_support as support
+from command_line import run
+from oarlock import DataError, Recording
+from oarlock.season import Admission, Season, Setup, create_season, open_season, season_summary
+from oarlock.season.check import check, repair
+from oarlock.season.compact import Current, compact
+from oarlock.season.disk import Disk
+from oarlock.season.layout import CURRENT_FILE
+from oarlock.season.prune import prune
+
+
+@pytest.fixture
+def season(season_address: str) -> Season:
+    season = create_season(season_address, "club", "Europe/Berlin")
+    support.squad(season, "AAAAAA", "BBBBBB")
+    return season
+
+
+@pytest.fixture
+def disk_season(tmp_path: Path) -> Season:
+    season = create_season(str(tmp_path / "season"), "club", "Europe/Berlin")
+    support.squad(season, "AAAAAA", "BBBBBB")
+    return season
+
+
+def table(season: Season, name: str) -> list[dict[str, object]]:
+    """Rows of a compacted table."""
+    file = season.place.on_disk([Current.read(season).files[name]])[0]
+    return parquet.read_table(file).to_pylist()
+
+
+def test_a_recording_is_stored_once_and_opens_like_any_other(season: Season, tmp_path: Path) -> None:
+    support.noise(1).save(tmp_path / "trial")
+    first = Admission(season, "AAAAAA").add(tmp_path / "trial", {"seat": "2"})
+    assert first.is_new
+    again = Admission(season, "BBBBBB").add(tmp_path / "trial")
+    assert (again.is_new, again.entry.athlete) == (False, "AAAAAA")
+    stored = support.copied(season, f"recordings/{first.entry.recording}", tmp_path / "copy")
+    from oarlock import load_recording
+
+    np.testing.assert_array_equal(
+        load_recording(stored)["trunk"].gyro_rad_s, support.noise(1)["trunk"].gyro_rad_s
+    )
+    assert load_recording(stored).meta["session"] == {"athlete": "AAAAAA", "seat": "2"}
+    assert first.entry.start == datetime.datetime(2026, 3, 4, 10, tzinfo=datetime.UTC)
+    assert check(open_season(season.place.address)) == []
+
+
+def test_its_name_follows_from_the_numbers_and_the_moment_alone(season: Season) -> None:
+    from oarlock.season.add import content_name
+
+    one = support.noise(1)
+    assert content_name(one) == content_name(Recording(one.streams, {**one.meta, "note": "x"}))
+    assert content_name(one) != content_name(support.noise(2))
+    assert content_name(one) != content_name(support.noise(1, "2026-03-05"))
+
+
+@pytest.mark.parametrize(
+    ("epoch", "session", "start"),
+    [
+        ("2026-03-04T10:00:00Z", {}, "2026-03-04T10:00:00+00:00"),
+        ("2026-03-04T10:00:00", {}, "2026-03-04T09:00:00+00:00"),
+        ("10:30:00", {"date": "2026-07-04"}, "2026-07-04T08:30:00+00:00"),
+        (None, {"date": "2026-07-01"}, "2026-07-01T10:00:00+00:00"),
+        ("10:30:00", {}, None),
+        (None, {}, None),
+    ],
+)
+def test_the_start_is_in_utc(
+    season: Season, epoch: str | None, session: dict[str, str], start: str | None
+) -> None:
+    from oarlock.season.add import start_of
+
+    found = start_of(season, epoch, 0.0, session)
+    assert (None if found is None else found.isoformat()) == start
+
+
+def test_names_of_people_are_refused_unless_a_mapping_replaces_them(season: Season) -> None:
+    one = support.noise(1)
+    with pytest.raises(DataError, match=r'the athlete is "Anna Muster", which is no pseudonym.*--names FILE'):
+        Admission(season).add_recording(one, {"athlete": "Anna Muster"})
+    with pytest.raises(DataError, match="says nothing of who was recorded"):
+        Admission(season).add_recording(one, {})
+    with pytest.raises(DataError, match="ZZZZZZ, the pseudonym in the file of names, is none of this season"):
+        Admission(season, names={"Anna Muster": "ZZZZZZ"}).add_recording(one, {"athlete": "Anna Muster"})
+    mapped = Admission(season, names={"Anna Muster": "BBBBBB"})
+    with pytest.raises(DataError, match=r"recording\.toml contains the name"):
+        mapped.add_recording(Recording(one.streams, {"by": "anna muster"}), {"athlete": "Anna Muster"})
+    assert season.recordings() == []
+    found = mapped.add_recording(Recording(one.streams, {**one.meta, "athlete": "Anna Muster"}), {})
+    assert found.entry.athlete == "BBBBBB"
+    assert not any(b"Anna" in season.place.read(name) for name, _ in season.place.files())
+
+
+def test_an_export_keeps_no_name_of_its_own_or_of_people(season: Season, tmp_path: Path) -> None:
+    source = Path(__file__).parents[1] / "examples/strokes/rp3.csv"
+    export = tmp_path / "Anna Muster.csv"
+    export.write_bytes(source.read_bytes())
+    added = Admission(season, "AAAAAA").add(export, {"date": "2026-05-01"})
+    assert (added.entry.kind, list(added.entry.files)) == ("export", ["export.csv"])
+    assert not any("Anna" in name for name, _ in season.place.files())
+    text = tmp_path / "not.csv"
+    text.write_text("a,b\n1,2\n")
+    with pytest.raises(DataError):
+        Admission(season, "AAAAAA").add(text)
+    assert len(season.recordings()) == 1
+
+
+def test_tables_follow_what_is_stored_month_by_month(season: Season, tmp_path: Path) -> None:
+    march, april = (support.add_noise(season, "AAAAAA", k, f"2026-0{k + 3}-04") for k in range(2))
+    support.add_strokes(season, march, tmp_path, 1)
+    before = compact(season)
+    rows = table(season, "strokes/month=2026-03")
+    assert [row["stroke"] for row in rows] == [1, 2, 3, 4, 5]
+    assert rows[4]["rate_per_min"] is None
+    assert rows[2]["catch_angle_rad"] == pytest.approx(-1.012, abs=1e-7)  # float32
+    assert rows[2]["catch_angle_rad_std"] == pytest.approx(0.01, abs=1e-8)
+    assert {row["recording"]: row["status"] for row in table(season, "recordings")} == {
+        march: "done",
+        april: "waiting",
+    }
+    assert compact(season) == before
+    support.add_strokes(season, april, tmp_path, 2)
+    after = compact(season)
+    assert after.files["strokes/month=2026-03"] == before.files["strokes/month=2026-03"]
+    assert len(table(season, "strokes/month=2026-04")) == 5
+
+
+def test_the_current_run_is_of_the_newest_engine_or_of_the_seasons_setup(
+    season: Season, tmp_path: Path
+) -> None:
+    one = support.add_noise(season, "AAAAAA", 1)
+    old = support.add_strokes(season, one, tmp_path, 1, "0.9.0")
+    new = support.add_strokes(season, one, tmp_path, 2, "0.10.0")
+    other = support.add_strokes(season, one, tmp_path, 3, "0.1.0", Setup(model=b"another"))
+    compact(season)
+    assert {row["run"] for row in table(season, "strokes/month=2026-03")} == {new}
+    pinned = Season(**{**vars(season), "setup": {"": Setup(model=b"another").name}})
+    compact(pinned)
+    assert {row["run"] for row in table(season, "strokes/month=2026-03")} == {other}
+    would = prune(pinned, datetime.date(2026, 4, 1))
+    assert sorted(name.folder.rpartition(".")[2] for name in would) == sorted([old, new])
+    assert len(season.results()) == 3
+    prune(pinned, datetime.date(2026, 4, 1), dry_run=False)
+    assert season.results() == [(one, other)]
+
+
+def test_retention_removes_raw_data_and_keeps_strokes(season: Season, tmp_path: Path) -> None:
+    old = support.add_noise(season, "AAAAAA", 1, "2025-01-31")
+    kept = support.add_noise(season, "AAAAAA", 2, "2026-03-01")
+    support.add_strokes(season, old, tmp_path, 1)
+    short = Season(**{**vars(season), "retention": {"raw": 12}})
+    prune(short, datetime.date(2026, 3, 4), dry_run=False)
+    assert [one.what for one in check(short)] == []
+    assert len(table(short, "strokes/month=2025-01")) == 5
+    files = {name.split("/")[1] for name, _ in season.place.files("recordings") if name.endswith(".parquet")}
+    assert files == {kept}
+    assert prune(short, datetime.date(2026, 3, 4)) == []
+
+
+def test_a_damaged_result_is_a_row_and_check_names_every_damage(season: Season, tmp_path: Path) -> None:
+    one, two = (support.add_noise(season, "AAAAAA", k) for k in range(2))
+    runs = [support.add_strokes(season, name, tmp_path, k) for k, name in enumerate((one, two))]
+    damaged = f"results/{one}.{runs[0]}/strokes.parquet"
+    season.place.write(damaged, season.place.read(damaged)[:-9])
+    season.place.write(f"recordings/{two}/trunk.parquet", b"PAR1")
+    compact(season)
+    compact(season)
+    rows = {row["recording"]: row for row in table(season, "recordings")}
+    assert rows[one]["status"] == "failed"
+    assert "strokes.parquet: cannot be read as Parquet" in str(rows[one]["fault"])
+    assert rows[two]["status"] == "done"
+    found = check(season)
+    assert {(one.what, one.name) for one in found} == {
+        ("damaged", f"results/{one}.{runs[0]}/strokes.parquet"),
+        ("damaged", f"recordings/{two}/trunk.parquet"),
+    }
+    assert repair(season, found) == [f"results/{one}.{runs[0]}"]
+    assert [one.name for one in check(season)] == [f"recordings/{two}/trunk.parquet"]
+    assert season_summary(season).counts["waiting for `oarlock season run`"] == 1
+
+
+def test_tables_of_another_schema_are_made_anew(
+    season: Season, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from oarlock.season import compact as module
+    from oarlock.season import schema
+
+    one = support.add_noise(season, "AAAAAA", 1)
+    support.add_strokes(season, one, tmp_path, 1)
+    compact(season)
+    monkeypatch.setattr(schema, "RENAMED", {"catch_angle_rad": "catch_rad"})
+    monkeypatch.setattr(module, "SCHEMA", 2)
+    compact(season)
+    rows = table(season, "strokes/month=2026-03")
+    assert "catch_angle_rad" not in rows[0]
+    assert rows[0]["catch_rad"] == pytest.approx(-1.01)
+
+
+def test_lost_tables_are_made_again(season: Season, tmp_path: Path) -> None:
+    one = support.add_noise(season, "AAAAAA", 1)
+    support.add_strokes(season, one, tmp_path, 1)
+    before = compact(season)
+    for name in before.files.values():
+        season.place.remove([name])
+    assert {found.what for found in check(season)} == {"missing"}
+    assert compact(season) == before
+    season.place.remove([CURRENT_FILE])
+    assert compact(season) == before
+    assert check(season) == []
+
+
+def test_a_season_begins_only_in_an_empty_place(tmp_path: Path) -> None:
+    (tmp_path / "x").write_text("")
+    with pytest.raises(DataError, match="holds other files, such as x"):
+        create_season(str(tmp_path), "club")
+    with pytest.raises(DataError, match=r"is no season; `oarlock season init"):
+        open_season(str(tmp_path))
+    with pytest.raises(DataError, match='"Mars/One" is no time zone'):
+        create_season(str(tmp_path / "y"), "club", "Mars/One")
+    create_season(str(tmp_path / "y"), "club")
+    with pytest.raises(DataError, match="is a season already"):
+        create_season(str(tmp_path / "y"), "club")
+
+
+def test_no_name_leads_out_of_the_season(tmp_path: Path) -> None:
+    for name in ("../x", "/etc/passwd", "a//b", "a/./b", "a\\b"):
+        with pytest.raises(DataError, match="no name inside a season"):
+            Disk(tmp_path).read(name)
+
+
+def test_a_writer_killed_at_any_moment_leaves_a_season_in_order(disk_season: Season, tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    for round_ in range(4):
+        with support.writer(tmp_path / "season", 1000 * round_) as one:
+            support.wait_for(one, int(rng.integers(1, 5)))
+            time.sleep(rng.uniform(0.0, 0.02))
+        assert {one.what for one in check(disk_season)} <= {"unfinished"}
+    assert len(disk_season.recordings()) >= 4
+    assert compact(disk_season).files["recordings"]
+
+
+def test_two_writers_of_the_same_recordings_store_each_once(disk_season: Season, tmp_path: Path) -> None:
+    with support.writer(tmp_path / "season", 0) as one, support.writer(tmp_path / "season", 0) as two:
+        support.wait_for(one, 20)
+        support.wait_for(two, 20)
+    assert {one.what for one in check(disk_season)} <= {"unfinished"}
+    names = disk_season.recordings()
+    from oarlock.season.add import content_name
+
+    expected = [content_name(support.noise(k, support.day(k % 300))) for k in range(len(names))]
+    assert len(names) >= 20
+    assert sorted(names) == sorted(expected)
+    assert sum(1 for _ in disk_season.entries(names)) == len(names)
+
+
+def test_the_verbs_answer(tmp_path: Path) -> None:
+    at, names = tmp_path / "club", tmp_path / "names.toml"
+    assert (
+        "Began the season Club"
+        in run("season", "init", at, "--name", "Club", "--time-zone", "Europe/Berlin").stdout
+    )
+    who = ("--name", "Anna Muster", "--names", names, "--stature-m", 1.8, "--consent", "coaching")
+    pseudonym = run("season", "athlete", at, *who).stdout.strip()
+    support.noise(1).save(tmp_path / "trial")
+    (tmp_path / "trial/session.toml").write_text('athlete = "Anna Muster"\n')
+    refused = run("season", "add", at, tmp_path / "trial", status=1)
+    assert "is no pseudonym of this season" in " ".join(refused.stdout.split())
+    added = run("season", "add", at, tmp_path / "trial", "--names", names, "--boat", "1x")
+    assert (pseudonym in added.stdout, "Stored 1" in added.stdout) == (True, True)
+    listed = json.loads(run("season", "list", at, "--json").stdout)
+    assert (listed["counts"]["recordings"], listed["athletes"][0]["athlete"]) == (1, pseudonym)
+    assert "In order." in run("season", "check", at).stdout
+    assert "Would remove 0 folders" in run("season", "prune", at, "--dry-run").stdout
+    trunk = next((at / "recordings").glob("*/trunk.parquet"))
+    trunk.write_bytes(trunk.read_bytes()[:-1])
+    assert f"damaged: {trunk.relative_to(at).as_posix()}" in run("season", "check", at, status=1).stdout
+    assert (
+        "such as Europe/Berlin"
+        in run("season", "init", tmp_path / "x", "--time-zone", "Mars", status=1).output
+    )
