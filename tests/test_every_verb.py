@@ -72,6 +72,7 @@ LEAF = {
     "season export": "test_season_privacy.test_an_export_has_everything_of_one_athlete_and_nothing_of_others",
     "reproduce": "test_reproduce.test_the_verb_writes_a_page_and_tables",
     "run": "test_run.test_from_files_to_a_report",
+    "season page": "test_season_page.test_the_command",
     "season query": "test_season_questions.test_the_verbs_answer",
     "season questions": "test_season_questions.test_the_verbs_answer",
     "season synthetic": "test_season_questions.test_the_verbs_answer",
