@@ -15,7 +15,7 @@ from oarlock.season.questions.shown import shown_metric
 SIZE = (345.0, 190.0)
 PLACE = (40.0, 8.0, 297.0, 128.0)
 MOST_LABELS = 14
-_MONTHS = "Jan Feb Mar Apr May Jun Jul Aug Sep Oct Nov Dec".split()
+_MONTHS = ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"]
 
 
 def trend_chart(key: str, athlete: str, metric: str, rows: Sequence[Row], fact: str = "") -> str:
@@ -30,7 +30,9 @@ def trend_chart(key: str, athlete: str, metric: str, rows: Sequence[Row], fact: 
     panel = Panel(*PLACE, span, plot.padded([mean, low, high], least=1e-6))
     content = _grid(panel) + _month_names(panel, x, [row["sessions"] for row in rows])
     content += _bars(panel, x, low, high) + plot.line(panel, x, mean, "series s0")
-    content += "".join(_dot(panel, *values, shown.unit) for values in zip(x, mean, low, high, rows, strict=True))
+    content += "".join(
+        _dot(panel, *values, shown.unit) for values in zip(x, mean, low, high, rows, strict=True)
+    )
     drawn = plot.drawing(
         key, SIZE, f"{athlete}: {shown.label}", f"Mean of each month with 95 % band, {shown.unit}", content
     )
@@ -51,7 +53,9 @@ def _month_names(panel: Panel, x: Floats, sessions: Sequence[int]) -> str:
     parts = [plot.label(panel.left - 5, bottom + 33, "n", anchor="end")]
     for k in range(0, len(x), every):
         at, month = float(panel.x(x[k])), int(x[k])
-        parts.append(plot.label(at, bottom + 17, _MONTHS[month % 12][: 3 if len(x) <= 9 else 1], "", "middle"))
+        parts.append(
+            plot.label(at, bottom + 17, _MONTHS[month % 12][: 3 if len(x) <= 9 else 1], "", "middle")
+        )
         parts.append(plot.label(at, bottom + 33, str(sessions[k]), "", "middle"))
     first, last = (f"{_MONTHS[int(one) % 12]} {int(one) // 12}" for one in (x[0], x[-1]))
     parts.append(plot.label(panel.left, bottom + 49, first))

@@ -15,7 +15,7 @@ from oarlock.season.page.findings import Comparison
 from oarlock.season.page.gather import Gathered, Row
 from oarlock.season.questions.shown import shown_metric
 
-OPEN_ROWS, DRAWN = 12, 4
+OPEN_ROWS, DRAWN = 12, 3
 """Changes in the open list, and those that are drawn; the others are folded."""
 
 
@@ -23,7 +23,7 @@ def changes_section(found: Gathered) -> str:
     """Changes beyond chance, largest against their band first."""
     if not found.changes:
         return f"<p>No change is beyond chance among {plural(len(found.compared), 'comparison')}.</p>"
-    content = _explained(found) + _changes_table("changes", found.changes[:OPEN_ROWS])
+    content = _explained(found) + _changes_table("changes", found.changes[:OPEN_ROWS], _counted(found))
     drawn = [
         trend_chart(f"changed-{k}", one.athlete, one.metric, rows)
         for k, one in enumerate(_drawn(found))
@@ -32,7 +32,7 @@ def changes_section(found: Gathered) -> str:
     if rest := found.changes[OPEN_ROWS:]:
         content += (
             f"<details><summary>{plural(len(rest), 'smaller change')}</summary>"
-            f"{_changes_table('more-changes', rest)}</details>"
+            f"{_changes_table('more-changes', rest, 'The others, in the same order.')}</details>"
         )
     return content + grid(drawn)
 
@@ -60,8 +60,10 @@ def health_section(found: Gathered) -> str:
     if not found.health:
         return "<p>The results contain no numbers about the sensors.</p>"
     ordered = sorted(found.health, key=lambda row: str(row["number"]))
-    rows = [_health_row(name, list(group)) for name, group in groupby(ordered, key=lambda row: str(row["number"]))]
-    caption = "All recordings with a result. A large worst value names the recording to look at first."
+    rows = [
+        _health_row(name, list(group)) for name, group in groupby(ordered, key=lambda row: str(row["number"]))
+    ]
+    caption = "A large worst value names the recording to look at first."
     heads = ("Number", Column("Recordings"), Column("Mean"), Column("Worst"), "Athlete", "Month", "Recording")
     return table("sensors", caption, heads, rows)
 
@@ -90,7 +92,12 @@ def _explained(found: Gathered) -> str:
     )
 
 
-def _changes_table(key: str, changes: Sequence[Comparison]) -> str:
+def _counted(found: Gathered) -> str:
+    count = len(found.changes)
+    return plural(count, "change") if count <= OPEN_ROWS else f"The largest {OPEN_ROWS} of {count} changes."
+
+
+def _changes_table(key: str, changes: Sequence[Comparison], caption: str) -> str:
     heads = (
         Column("Athlete"),
         Column("Metric"),
@@ -100,7 +107,6 @@ def _changes_table(key: str, changes: Sequence[Comparison]) -> str:
         Column("n", meaning="Sessions"),
         Column("From, to"),
     )
-    caption = f"{plural(len(changes), 'change')} beyond chance."
     return table(key, caption, heads, [_change_row(one) for one in changes], style="sortable changes")
 
 

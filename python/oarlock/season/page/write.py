@@ -88,7 +88,11 @@ def _rowed(found: Gathered) -> str:
     ordered = count.most_common()
     (most, many), (least, few) = ordered[0], ordered[-1]
     middle = ordered[len(ordered) // 2][1]
-    each = f"Each rowed {few}." if few == many else f"Most: {most} ({many}). Fewest: {least} ({few}). Median: {middle}."
+    each = (
+        f"Each rowed {few}."
+        if few == many
+        else f"Most: {most} ({many}). Fewest: {least} ({few}). Median: {middle}."
+    )
     return f"{plural(len(count), 'athlete')} rowed {plural(len(found.recordings), 'session')}{when}. {each}"
 
 
@@ -109,16 +113,20 @@ def _changed(found: Gathered) -> str:
 
 def _believed(found: Gathered) -> str:
     failed, all_ = len(found.failed), len(found.recordings)
-    texts = [f"{failed} of {plural(all_, 'recording')} failed ({100 * failed / all_:.1f} %)." if failed else "No recording failed."]
+    texts = [
+        f"{failed} of {plural(all_, 'recording')} failed ({100 * failed / all_:.1f} %)."
+        if failed
+        else "No recording failed."
+    ]
     if waiting := sum(row["status"] not in ("done", "failed") for row in found.recordings):
-        texts.append(f"{plural(waiting, 'recording')} have no result yet: run `oarlock season run`.")
+        texts.append(f"{plural(waiting, 'recording')} have no result yet: compute with oarlock season run.")
     if len(found.classes) > 1:
         others = sum(row["recordings"] for row in found.classes if row["comparable"] != found.comparable)
         used = next(row for row in found.classes if row["comparable"] == found.comparable)
         texts.append(
             f"Results of {len(found.classes)} classes, which engine, model, settings or calibration keep apart, must not be "
             f"compared. Trends and changes use class {found.comparable} ({plural(used['recordings'], 'recording')}); "
-            f"{plural(others, 'recording')} of other classes are left out. `oarlock season run` makes them alike."
+            f"{plural(others, 'recording')} of other classes are left out. To make them alike: oarlock season run."
         )
     elif found.classes:
         texts.append("All results are comparable: same engine, model, settings and kind of calibration.")
@@ -133,7 +141,11 @@ def _figures(found: Gathered) -> list[KeyFigure]:
         KeyFigure("Sessions", f"{len(found.recordings):,}", plural(len(found.athletes), "athlete")),
         KeyFigure("Strokes", f"{strokes:,}", f"in {duration(time_s)} of recordings"),
         KeyFigure("Changes beyond chance", str(len(found.changes)), f"in {plural(chart, 'metric')}"),
-        KeyFigure("Failed recordings", str(len(found.failed)), f"{100 * len(found.failed) / len(found.recordings):.1f} %"),
+        KeyFigure(
+            "Failed recordings",
+            str(len(found.failed)),
+            f"{100 * len(found.failed) / len(found.recordings):.1f} %",
+        ),
     ]
 
 
@@ -142,9 +154,11 @@ def _basis(found: Gathered) -> list[str]:
         "A stroke counts by its measured uncertainty, a session by its own and by how much sessions differ. Means are "
         "brought to the athlete's usual stroke rate.",
         "The bands do not contain an error that all sessions share, such as a wrong length. It cancels in changes.",
-        "A table cannot say why something changed: a change of rig and the training of those weeks may both be the cause.",
-        "Metrics: " + ", ".join(shown_metric(name).label for name in found.metrics) + ". Choose others with --metric.",
-        "Athletes appear by their pseudonyms. This file is a copy outside the season: after `oarlock season erase`, "
+        "A table cannot say why something changed: a change of rig or the training of those weeks may be the cause.",
+        "Metrics: "
+        + ", ".join(shown_metric(name).label for name in found.metrics)
+        + ". Choose others with --metric.",
+        "Athletes appear by their pseudonyms. This file is a copy outside the season: after oarlock season erase, "
         "delete it and write it again.",
     ]
 
