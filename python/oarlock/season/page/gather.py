@@ -67,8 +67,8 @@ def gathered(
     """
     recordings = database.table(
         "SELECT athlete, started, strftime(started, '%Y-%m-%d') AS day, "
-        "strftime(date_trunc('week', started), '%Y-%m-%d') AS week, duration_s, status, coalesce(strokes, 0) AS strokes, "
-        "comparable FROM recordings ORDER BY athlete, started"
+        "strftime(date_trunc('week', started), '%Y-%m-%d') AS week, duration_s, status, "
+        "coalesce(strokes, 0) AS strokes, comparable FROM recordings ORDER BY athlete, started"
     ).to_pylist()
     if not recordings:
         raise DataError(f"{database.selection}: has no recordings to show; `oarlock season add` adds them")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from html import escape
 from itertools import groupby
 from math import floor, log10
@@ -85,8 +85,8 @@ def failed_section(found: Gathered) -> str:
 
 def _explained(found: Gathered) -> str:
     return (
-        '<p class="hint">Each athlete is compared with itself: months over the season, and 60 days after a change of rig '
-        f"with 60 days before. {plural(len(found.compared), 'comparison')} were made, so some would be beyond their "
+        '<p class="hint">Each athlete is compared with itself: months over the season, and 60 days after a change of '
+        f"rig with 60 days before. {plural(len(found.compared), 'comparison')} were made, so some would be beyond their "
         "95 % band by chance alone. The list is corrected for that (Benjamini and Hochberg 1995): of the changes "
         "listed, about 1 in 20 is expected to be false. The largest against its band comes first.</p>"
     )
@@ -140,13 +140,8 @@ def _health_row(name: str, rows: Sequence[Row]) -> list[str]:
     share = name.endswith("_share")
     values = [f"{100 * value:.2f} %" if share else number(value) for value in (mean, worst["worst"])]
     label = name.removesuffix("_share").replace("_", " ") if share else name
-    return [escape(label), f"{recordings:,}", *values, *_escaped(worst, ("athlete", "month"))] + [
-        escape(worst["worst_recording"][:8])
-    ]
-
-
-def _escaped(row: Row, names: Iterable[str]) -> list[str]:
-    return [escape(str(row[name] or DASH)) for name in names]
+    where = [escape(str(worst[name] or DASH)) for name in ("athlete", "month")]
+    return [escape(label), f"{recordings:,}", *values, *where, escape(worst["worst_recording"][:8])]
 
 
 def _date(row: Row) -> str:
