@@ -35,7 +35,9 @@ def heat_map(found: Gathered) -> str:
         Column("Strokes"),
         Column("Changes", meaning="Changes that are listed below"),
     ]
-    caption = "One cell is a week; its colour is stronger with more sessions. Hover a cell for its numbers. A heading sorts."
+    caption = (
+        "One cell is a week, stronger with more sessions. Hover a cell for its numbers. A heading sorts."
+    )
     return legend(swatches, BAR_SWATCH) + table("heat", caption, heads, rows, style="sortable heat")
 
 

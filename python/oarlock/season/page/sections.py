@@ -86,8 +86,8 @@ def failed_section(found: Gathered) -> str:
 def _explained(found: Gathered) -> str:
     return (
         '<p class="hint">Each athlete is compared with itself: months over the season, and 60 days after a change of '
-        f"rig with 60 days before. {plural(len(found.compared), 'comparison')} were made, so some would be beyond their "
-        "95 % band by chance alone. The list is corrected for that (Benjamini and Hochberg 1995): of the changes "
+        f"rig with 60 days before. {plural(len(found.compared), 'comparison')} were made, so some would be beyond "
+        "their 95 % band by chance alone. The list is corrected for that (Benjamini and Hochberg 1995): of the changes "
         "listed, about 1 in 20 is expected to be false. The largest against its band comes first.</p>"
     )
 

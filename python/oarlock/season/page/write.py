@@ -124,8 +124,9 @@ def _believed(found: Gathered) -> str:
         others = sum(row["recordings"] for row in found.classes if row["comparable"] != found.comparable)
         used = next(row for row in found.classes if row["comparable"] == found.comparable)
         texts.append(
-            f"Results of {len(found.classes)} classes, which engine, model, settings or calibration keep apart, must not "
-            f"be compared. Trends and changes use class {found.comparable} ({plural(used['recordings'], 'recording')}); "
+            f"Results of {len(found.classes)} classes, which engine, model, settings or calibration keep apart, must "
+            f"not be compared. Trends and changes use class {found.comparable} "
+            f"({plural(used['recordings'], 'recording')}); "
             f"{plural(others, 'recording')} of other classes are left out. To make them alike: oarlock season run."
         )
     elif found.classes:
