@@ -78,6 +78,7 @@ LEAF = {
     "season init": "test_season_store.test_the_verbs_answer",
     "season list": "test_season_store.test_the_verbs_answer",
     "season prune": "test_season_store.test_the_verbs_answer",
+    "season page": "test_season_page.test_the_command",
     "season query": "test_season_questions.test_the_verbs_answer",
     "season questions": "test_season_questions.test_the_verbs_answer",
     "season synthetic": "test_season_questions.test_the_verbs_answer",

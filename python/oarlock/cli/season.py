@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from oarlock.cli import season_privacy, season_questions, season_run, season_synthetic
+from oarlock.cli import season_page, season_privacy, season_questions, season_run, season_synthetic
 from oarlock.cli.options import Json, example
 from oarlock.cli.season_options import CutGps, SeasonAt, Tombstones, opened
 from oarlock.cli.terminal import (
@@ -35,6 +35,7 @@ _MOST_SHOWN = 20
 def add_to(app: typer.Typer) -> None:
     """Registers the verbs."""
     season_run.add_to(group)
+    season_page.add_to(group)
     season_privacy.add_to(group)
     season_questions.add_to(group)
     season_synthetic.add_to(group)

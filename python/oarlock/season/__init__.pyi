@@ -3,6 +3,7 @@
 from .add import Added, Admission
 from .athletes import Athlete, NamesFile
 from .entry import Entry
+from .page.write import write_season_page
 from .questions.ask import Change, Trend, ask, trend
 from .questions.catalogue import QUESTIONS, Question
 from .questions.database import Database
@@ -34,4 +35,5 @@ __all__ = [
     "open_season",
     "season_summary",
     "trend",
+    "write_season_page",
 ]
