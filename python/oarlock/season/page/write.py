@@ -119,7 +119,9 @@ def _believed(found: Gathered) -> str:
         else "No recording failed."
     ]
     if waiting := sum(row["status"] not in ("done", "failed") for row in found.recordings):
-        texts.append(f"Without a result yet: {plural(waiting, 'recording')}. Compute with oarlock season run.")
+        texts.append(
+            f"Without a result yet: {plural(waiting, 'recording')}. Compute with oarlock season run."
+        )
     if len(found.classes) > 1:
         others = sum(row["recordings"] for row in found.classes if row["comparable"] != found.comparable)
         used = next(row for row in found.classes if row["comparable"] == found.comparable)
