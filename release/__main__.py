@@ -6,7 +6,8 @@ from pathlib import Path
 
 from release import build, check, javascript, trial
 from release.archive import listing, read
-from release.project import ROOT
+from release.deny import deny
+from release.project import ROOT, version
 
 
 def main() -> int:
@@ -18,7 +19,9 @@ def main() -> int:
         verb.add_argument("--out", type=Path, default=ROOT / "dist", help="folder to write")
         if name == "wheel":
             verb.add_argument("--target", help="target triple of Rust; this machine's own if it is not given")
+    verbs.add_parser("version", help="print the version that Cargo.toml states")
     verbs.add_parser("bill", help="write the bill of materials of the JavaScript")
+    verbs.add_parser("deny", help="check licences and sources of the Rust dependencies with cargo-deny")
     for name, text in (
         ("check", "list and check contents"),
         ("try", "install into an empty environment and run"),
@@ -35,8 +38,13 @@ def _run(given: argparse.Namespace) -> int:
         build.build_source(given.out)
     elif given.verb == "bill":
         javascript.BILL.write_text(javascript.text(), encoding="utf-8")
+    elif given.verb == "version":
+        print(version())
+    elif given.verb == "deny":
+        return int(deny() is False)
     elif given.verb == "check":
-        return int(any([_check(file) for file in given.files]))
+        wrong = [file for file in given.files if _check(file)]
+        return int(bool(wrong))
     else:
         for file in given.files:
             print(trial.report(file, trial.try_out(file)), flush=True)
