@@ -4,9 +4,11 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 from release.project import ROOT
+from release.scrub import scrub
 
 # Rust's standard library supports glibc 2.17 (manylinux2014) and musl 1.2; older Linux systems have no Python 3.11.
 GLIBC, MUSL = "manylinux_2_17", "musllinux_1_2"
@@ -22,12 +24,16 @@ def build_wheel(target: str | None, out: Path) -> None:
     """
     target = target or host()
     linux = ["--zig", "--compatibility", MUSL if "musl" in target else GLIBC] if "linux" in target else []
+    begun_s = time.time()
     subprocess.run(
         [_maturin(), "build", "--release", "--target", target, *linux, "--out", str(out)],
         cwd=ROOT,
         env=os.environ | environment(),
         check=True,
     )
+    for wheel in out.glob("*.whl"):
+        if wheel.stat().st_mtime >= begun_s:
+            scrub(wheel)
 
 
 def build_source(out: Path) -> None:

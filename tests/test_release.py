@@ -1,5 +1,7 @@
 """What is published is checked: each fault of a wheel or a source distribution is found, and versions agree."""
 
+import base64
+import hashlib
 import json
 import tarfile
 import tomllib
@@ -7,7 +9,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from release import archive, check, deny, javascript, project, trial
+from release import archive, check, deny, javascript, project, scrub, trial
 
 VERSION = project.version()
 TAG = "manylinux_2_17_x86_64"
@@ -73,6 +75,20 @@ def test_a_path_of_the_machine_is_found_in_compiled_code(folder, tmp_path):
     compiled = b"\x7fELF\0" + b"/" + folder.encode() + b"/src/lib.rs\0/rustc/59807616/library/core.rs\0"
     found = check.findings(wheel(tmp_path, right() | {"oarlock/_core.abi3.so": compiled}))
     assert len(found) == 1 and "contains the path /" + "/".join(folder.split("/")[:2]) in found[0]
+
+
+def test_the_folder_of_the_build_is_taken_out_of_the_bill(tmp_path):
+    name = INFORMATION + "sboms/oarlock-py.cyclonedx.json"
+    text = json.dumps({"components": [{"bom-ref": f"path+{project.ROOT.as_uri()}/crates/oarlock#{VERSION}"}]})
+    record = f"{name},sha256=old,1\noarlock/py.typed,sha256=kept,1\n"
+    whole = wheel(tmp_path, right() | {name: text.encode(), INFORMATION + "RECORD": record.encode()})
+    scrub.scrub(whole.path)
+    members = archive.read(whole.path).members
+    assert json.loads(members[name])["components"] == [{"bom-ref": f"path+crates/oarlock#{VERSION}"}]
+    listed = dict(line.split(",", 1) for line in members[INFORMATION + "RECORD"].decode().splitlines())
+    digest = base64.urlsafe_b64encode(hashlib.sha256(members[name]).digest()).rstrip(b"=").decode()
+    assert listed == {name: f"sha256={digest},{len(members[name])}", "oarlock/py.typed": "sha256=kept,1"}
+    assert {key for key in members if members[key] != whole.members[key]} == {name, INFORMATION + "RECORD"}
 
 
 @pytest.mark.parametrize("tag", ["cp311-cp311-" + TAG, "cp312-abi3-" + TAG, "cp311-abi3-linux_x86_64"])
