@@ -6,7 +6,6 @@ from pathlib import Path
 
 from release import build, check, javascript, trial
 from release.archive import listing, read
-from release.deny import deny
 from release.project import ROOT, version
 
 
@@ -21,7 +20,6 @@ def main() -> int:
             verb.add_argument("--target", help="target triple of Rust; this machine's own if it is not given")
     verbs.add_parser("version", help="print the version that Cargo.toml states")
     verbs.add_parser("bill", help="write the bill of materials of the JavaScript")
-    verbs.add_parser("deny", help="check licences and sources of the Rust dependencies with cargo-deny")
     for name, text in (
         ("check", "list and check contents"),
         ("try", "install into an empty environment and run"),
@@ -40,8 +38,6 @@ def _run(given: argparse.Namespace) -> int:
         javascript.BILL.write_text(javascript.text(), encoding="utf-8")
     elif given.verb == "version":
         print(version())
-    elif given.verb == "deny":
-        return int(deny() is False)
     elif given.verb == "check":
         wrong = [file for file in given.files if _check(file)]
         return int(bool(wrong))

@@ -3,13 +3,14 @@
 import base64
 import hashlib
 import json
+import re
 import tarfile
 import tomllib
 import zipfile
 from pathlib import Path
 
 import pytest
-from release import archive, check, deny, javascript, project, scrub, trial
+from release import archive, check, javascript, project, scrub, trial
 
 VERSION = project.version()
 TAG = "manylinux_2_17_x86_64"
@@ -169,10 +170,12 @@ def test_workflows_may_do_nothing_by_default_and_pin_their_actions():
         assert used and all(len(action.partition("@")[2]) == 40 for action in used)
 
 
-def test_a_missing_cargo_deny_is_said(monkeypatch, capsys):
-    monkeypatch.setattr(deny.shutil, "which", lambda name: None)
-    assert deny.deny() is None
-    assert "SKIPPED" in capsys.readouterr().out
+def test_make_and_workflow_run_the_same_cargo_deny():
+    said = [
+        re.findall(r"cargo-deny@[\d.]+", (project.ROOT / name).read_text(encoding="utf-8"))
+        for name in ("Makefile", ".github/workflows/advisories.yml")
+    ]
+    assert len(said[0]) == 1 and said[0] == said[1]
 
 
 def test_a_trial_says_which_step_failed(tmp_path):
