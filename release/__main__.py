@@ -4,7 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from release import build, check, javascript, trial
+from release import build, check, crate_licences, javascript, trial
 from release.archive import listing, read
 from release.project import ROOT, version
 
@@ -19,7 +19,7 @@ def main() -> int:
         if name == "wheel":
             verb.add_argument("--target", help="target triple of Rust; this machine's own if it is not given")
     verbs.add_parser("version", help="print the version that Cargo.toml states")
-    verbs.add_parser("bill", help="write the bill of materials of the JavaScript")
+    verbs.add_parser("bill", help="write THIRDPARTY.txt and the bill of materials of the JavaScript")
     for name, text in (
         ("check", "list and check contents"),
         ("try", "install into an empty environment and run"),
@@ -36,6 +36,7 @@ def _run(given: argparse.Namespace) -> int:
         build.build_source(given.out)
     elif given.verb == "bill":
         javascript.BILL.write_text(javascript.text(), encoding="utf-8")
+        crate_licences.FILE.write_text(crate_licences.text(), encoding="utf-8")
     elif given.verb == "version":
         print(version())
     elif given.verb == "check":

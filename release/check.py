@@ -17,13 +17,14 @@ NEEDED_IN_SOURCE = {
     "Cargo.lock",
     "LICENSE",
     "NOTICE",
+    "THIRDPARTY.txt",
     "README.md",
     "crates/oarlock-py/build.rs",
     "viewer/package-lock.json",
     "viewer/src/main.js",
     "release/javascript.cdx.json",
 }
-LICENCES = {"licenses/LICENSE", "licenses/NOTICE"}
+LICENCES = {"licenses/LICENSE", "licenses/NOTICE", "licenses/THIRDPARTY.txt"}
 BILLS = {"sboms/oarlock-py.cyclonedx.json", "sboms/javascript.cdx.json"}
 
 

@@ -10,7 +10,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from release import archive, check, javascript, project, scrub, trial
+from release import archive, check, crate_licences, javascript, project, scrub, trial
 
 VERSION = project.version()
 TAG = "manylinux_2_17_x86_64"
@@ -135,6 +135,16 @@ def test_other_files_are_refused(tmp_path):
 
 def test_the_bill_of_the_javascript_is_up_to_date():
     assert javascript.BILL.read_text(encoding="utf-8") == javascript.text(), "run python -m release bill"
+
+
+def test_the_licences_of_the_crates_are_up_to_date():
+    written = crate_licences.FILE.read_text(encoding="utf-8")
+    assert written == crate_licences.text(), "run python -m release bill"
+    assert (
+        written.count("Permission is hereby granted") > 10
+        and "pyo3 " in written
+        and "proptest" not in written
+    )
 
 
 def test_the_bill_lists_what_the_licences_in_the_bundles_name():
