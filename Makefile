@@ -107,13 +107,14 @@ validation: $(VENV)/.package $(VENV)/.validation ## track public recordings with
 
 # TARGET is a target triple of Rust, such as aarch64-unknown-linux-musl; its standard library has to be installed.
 TARGET ?=
+DIST ?= dist
 wheel: $(VENV)/.release ## build a wheel into dist/ and check its contents
-	$(RELEASE) wheel $(if $(TARGET),--target $(TARGET)) --out dist
-	$(RELEASE) check dist/*.whl
+	$(RELEASE) wheel $(if $(TARGET),--target $(TARGET)) --out $(DIST)
+	$(RELEASE) check $(DIST)/*.whl
 
 sdist: $(VENV)/.release ## build the source distribution into dist/ and check its contents
-	$(RELEASE) sdist --out dist
-	$(RELEASE) check dist/*.tar.gz
+	$(RELEASE) sdist --out $(DIST)
+	$(RELEASE) check $(DIST)/*.tar.gz
 
 release-checks: $(VENV)/.release $(VENV)/.deny ## check workflows and citation, and licences and sources of the Rust dependencies
 	$(VENV)/release/bin/zizmor --offline --no-progress --pedantic .github/workflows

@@ -18,11 +18,9 @@ def done(*command: str) -> str:
 
 
 @pytest.mark.parametrize(("kind", "ending"), [("wheel", "whl"), ("sdist", "tar.gz")])
-def test_what_is_built_is_whole_and_runs(kind, ending):
-    for old in (ROOT / "dist").glob(f"*.{ending}"):
-        old.unlink()
-    assert "nothing wrong" in done("make", kind)
-    (file,) = (ROOT / "dist").glob(f"*.{ending}")
+def test_what_is_built_is_whole_and_runs(kind, ending, tmp_path):
+    assert "nothing wrong" in done("make", kind, f"DIST={tmp_path}")
+    (file,) = tmp_path.glob(f"*.{ending}")
     assert "import_s" in done(sys.executable, "-m", "release", "try", str(file))
 
 
