@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Literal, TypeAlias, TypeVar, overload
+from typing import Any, Literal, TypeAlias, TypeVar, overload
 
 from oarlock import _core
 from oarlock._core import Config, Model, Run
@@ -159,12 +159,10 @@ def _checked(model: object, recordings: object, threads: object, on_error: objec
     return list(recordings)
 
 
-def _one_each(
-    given: _Part | Sequence[_Part | None] | None, kind: type[_Part], name: str, count: int
-) -> list[_Part | None]:
+def _one_each(given: object, kind: type[_Part], name: str, count: int) -> list[_Part | None]:
     if given is None or isinstance(given, kind):
         return [given] * count
-    each: list[_Part | None] = list(given) if isinstance(given, Sequence) else [given]
+    each: list[Any] = list(given) if isinstance(given, Sequence) else [given]
     for index, one in enumerate(each):
         if one is not None and not isinstance(one, kind):
             raise DataError(
