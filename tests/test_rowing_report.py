@@ -20,9 +20,9 @@ from oarlock.evaluation.suspects.text import SUSPECT_NOTE
 from oarlock.rowing import FEATURES, TARGET_CLASSES
 from oarlock.rowing.analysis.stroke_means import FeatureMean
 from oarlock.rowing.analysis.technique import Technique, technique
+from oarlock.rowing.findings.find import ARM, findings
 from oarlock.rowing.report.averages import Average, beyond, difference, feature_of
 from oarlock.rowing.report.piece import Piece
-from oarlock.rowing.report.standing_out import ARM, findings
 from oarlock.rowing.report.words import summary
 from oarlock.rowing.report.write import is_of_rower, rowing_sections, write_rowing_report
 from oarlock.rowing.simulation.experiment import simulate_sweep
@@ -243,11 +243,12 @@ def test_an_odd_stroke_and_a_drift_are_found(track, found):
     arc = found.strokes["arc_rad"]
     odd = arc.copy()
     odd[7] -= np.radians(15.0)
-    told = [finding.text for finding in findings(changed(track, found, arc_rad=odd))]
+    told = [finding.sentence for finding in findings(changed(track, found, arc_rad=odd))]
     assert any(text.startswith("Stroke 8 ") and "arc" in text for text in told)
     drift = arc + np.linspace(0.0, np.radians(12.0), len(arc))
-    told = [finding.text for finding in findings(changed(track, found, arc_rad=drift))]
+    told = [finding.sentence for finding in findings(changed(track, found, arc_rad=drift))]
     assert any(text.startswith("Arc went from") for text in told)
     assert not any(
-        text.startswith(("Arc went", "Stroke")) for text in (f.text for f in findings(changed(track, found)))
+        text.startswith(("Arc went", "Stroke"))
+        for text in (f.sentence for f in findings(changed(track, found)))
     )

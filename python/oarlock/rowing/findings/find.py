@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from oarlock.rowing.analysis.features import Feature
+from oarlock.rowing.findings.finding import Finding
 from oarlock.rowing.report.averages import feature_of
 from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.report.shown import with_unit
@@ -35,14 +35,6 @@ ARM = ("arm_plane", "elbow", "forearm", "shoulder")
 """Joints of the arm, which depend on oar, seat and trunk and are least certain: they are reported last."""
 
 
-class Finding(NamedTuple):
-    """A sentence (plain text), its feature, and its size relative to the smallest reported difference."""
-
-    weight: float
-    text: str
-    name: str
-
-
 @dataclass(frozen=True)
 class _Column:
     feature: Feature
@@ -51,7 +43,7 @@ class _Column:
     numbers: Floats
 
 
-def findings(piece: Piece) -> list[Finding]:
+def findings(piece: Piece, last: Piece | None = None, best: Piece | None = None) -> list[Finding]:
     """Findings, the largest first and joints of the arm last; empty if there are none."""
     own = [name for name in piece.averages if not name.startswith(SIDED)]
     columns = [_column(piece, name) for name in own if feature_of(name).shown_unit in LEAST]
@@ -88,7 +80,10 @@ def _sides(piece: Piece) -> list[Finding]:
         label = apart.feature.label.rpartition(",")[0]
         right, left = (piece.averages[f"{side}_{name}"] for side in "rl")
         shown_right, shown_left = (with_unit(one.feature, one.over.mean) for one in (right, left))
-        found.append(Finding(weight, f"{_capital(label)}: right {shown_right}, left {shown_left}.", name))
+        sentence = f"{_capital(label)}: right {shown_right}, left {shown_left}."
+        found.append(
+            _finding(apart.feature, name, "sides", sentence, apart.over.mean, apart.uncertainty, weight)
+        )
     return found
 
 
@@ -104,8 +99,9 @@ def _drifts(columns: list[_Column]) -> list[Finding]:
         if weight > 1.0 and abs(change) > 3.0 * scatter:
             began, ended = (with_unit(column.feature, float(part.mean())) for part in (first, last))
             label = _capital(column.feature.label)
+            sentence = f"{label} went from {began} to {ended} over the piece."
             found.append(
-                Finding(weight, f"{label} went from {began} to {ended} over the piece.", column.feature.name)
+                _finding(column.feature, column.feature.name, "drift", sentence, change, scatter, weight)
             )
     return found
 
@@ -120,7 +116,16 @@ def _odd_strokes(columns: list[_Column]) -> list[Finding]:
         for k in np.flatnonzero((off > ODD_SIGMAS * robust) & (off > least(column.feature))):
             weight, number = float(off[k]) / least(column.feature), float(column.numbers[k])
             if number not in worst or weight > worst[number].weight:
-                worst[number] = Finding(weight, _odd(column, int(k), middle), column.feature.name)
+                sentence = _odd(column, int(k), middle)
+                worst[number] = _finding(
+                    column.feature,
+                    column.feature.name,
+                    "odd stroke",
+                    sentence,
+                    float(column.values[k] - middle),
+                    robust,
+                    weight,
+                )
     return list(worst.values())
 
 
@@ -130,6 +135,13 @@ def _odd(column: _Column, k: int, middle: float) -> str:
         f"Stroke {column.numbers[k]:.0f} (at {column.time_s[k]:.1f} s) is unusual: {column.feature.label} "
         f"{value}; the median of all strokes is {usual}."
     )
+
+
+def _finding(
+    feature: Feature, name: str, kind: str, sentence: str, size: float, size_1sd: float, weight: float
+) -> Finding:
+    scale = feature.shown_scale
+    return Finding(name, kind, sentence, size * scale, size_1sd * scale, feature.shown_unit, weight=weight)
 
 
 def _capital(text: str) -> str:
