@@ -4,7 +4,7 @@
 
 b and c have normal priors about 0, so that a small change of rate does not make d uncertain, and a ramp, which the
 rate explains as well as the time does, leaves d uncertain. Outliers get Huber's weights (1964). Neighbouring strokes
-are alike, so the variance is widened by (1 + q) / (1 - q), q the correlation of neighbours.
+are alike, so their variance is widened by (1 + q) / (1 - q), q the correlation of neighbours.
 """
 
 from __future__ import annotations
@@ -32,15 +32,17 @@ class Change:
 
     Attributes:
         size: d.
-        sd: its standard deviation, from the scatter of strokes and the doubt about the rate's effect.
-        freedom: degrees of freedom of the scatter.
+        scatter_sd: its standard deviation from the scatter of strokes.
+        freedom: degrees of freedom of that.
+        rate_sd: its standard deviation from the doubt about the rate's effect.
         residuals: of all strokes, (N,).
         scatter: robust standard deviation of the residuals.
     """
 
     size: float
-    sd: float
+    scatter_sd: float
     freedom: float
+    rate_sd: float
     residuals: Floats
     scatter: float
 
@@ -65,11 +67,25 @@ def change(values: Floats, rate: Floats, later: NDArray[np.bool_], slope_sd: flo
         residuals = values - columns @ found
         scatter = _robust_sd(residuals, columns.shape[1])
         weights = np.minimum(1.0, _HUBER * scatter / np.maximum(np.abs(residuals), 1e-300))
-    variance = scatter**2 * np.linalg.inv(normal)
+    of_values, of_prior = _variances(normal, precision, scatter)
     alike = _alike(residuals, scatter)
-    sd = float(np.sqrt(variance[-1, -1] * (1.0 + alike) / (1.0 - alike)))
-    freedom = max(len(values) * (1.0 - alike) / (1.0 + alike) - 2.0, 2.0)
-    return Change(float(found[-1]), sd, freedom, residuals, scatter)
+    widened = (1.0 + alike) / (1.0 - alike)
+    freedom = max(len(values) / widened - 2.0, 2.0)
+    return Change(
+        float(found[-1]),
+        float(np.sqrt(of_values * widened)),
+        freedom,
+        float(np.sqrt(of_prior)),
+        residuals,
+        scatter,
+    )
+
+
+def _variances(normal: Floats, precision: Floats, scatter: float) -> tuple[float, float]:
+    """Variance of the last coefficient from the values and from the priors."""
+    last = np.linalg.inv(normal)[-1]
+    of_prior = float(last @ (precision * last))
+    return scatter**2 * max(float(last[-1]) - of_prior, 0.0), scatter**2 * of_prior
 
 
 def _robust_sd(residuals: Floats, fitted: int) -> float:

@@ -70,12 +70,9 @@ def within(rowed: Rowed) -> Iterator[Candidate]:
         values = scale * rowed.columns[watched.name][good]
         found = change(values, rowed.columns["rate_per_min"][good], later, watched.per_rate * watched.least)
         wander = _WANDER * scale * rowed.shared_std(watched.name)
-        sd = float(np.hypot(found.sd, wander))
-        now = float(values[later].mean())
         ramp = bool(np.ptp(rowed.columns["rate_per_min"][good]) > 2.0)
-        yield Candidate(
-            watched, "drift", found.size, sd, chance(found.size / sd, found.freedom), now, like_rate=ramp
-        )
+        now = float(values[later].mean())
+        yield _of_change(watched, "drift", found, wander, now, ramp)
         yield from _odd(watched, found, wander, values, rowed.numbers[good])
 
 
@@ -113,17 +110,18 @@ def against(rowed: Rowed, other: Rowed, kind: str) -> Iterator[Candidate]:
         later = np.repeat([False, True], [int(pair[2].sum()) for pair in both])
         found = change(scale * values, rate, later, watched.per_rate * watched.least)
         shared = scale * np.hypot(rowed.shared_std(watched.name), other.shared_std(watched.name))
-        sd = float(np.hypot(found.sd, shared))
         now = float(scale * both[1][0][both[1][2]].mean())
-        yield Candidate(
-            watched,
-            kind,
-            found.size,
-            sd,
-            chance(found.size / sd, found.freedom),
-            now,
-            like_rate=bool(abs(apart) > 0.5),
-        )
+        yield _of_change(watched, kind, found, float(shared), now, bool(abs(apart) > 0.5))
+
+
+def _of_change(
+    watched: Watched, kind: str, found: Change, shared: float, now: float, like_rate: bool
+) -> Candidate:
+    sd = float(np.hypot(np.hypot(found.scatter_sd, found.rate_sd), shared))
+    # Welch and Satterthwaite: only the scatter is estimated from few strokes.
+    freedom = found.freedom * (sd / found.scatter_sd) ** 4
+    likely = chance(found.size / sd, freedom)
+    return Candidate(watched, kind, found.size, sd, likely, now, like_rate=like_rate)
 
 
 def against_usual(rowed: Rowed) -> Iterator[Candidate]:

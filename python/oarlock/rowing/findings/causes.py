@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from oarlock.rowing.findings.candidate import Candidate
 
 _COMPARED = ("against last", "against best")
-_EXPLAINED = 0.5
+_EXPLAINED = 0.65
 """A difference is explained if this share of it follows from its cause, or all but the smallest size."""
 
 
@@ -20,15 +20,17 @@ class Cause:
         lead: the one that is named.
         followed: those whose size follows from it.
         others: those that go with it by no fixed amount.
+        beside: those that may be a reason of it, named with it.
     """
 
     lead: Candidate
     followed: tuple[Candidate, ...]
     others: tuple[Candidate, ...]
+    beside: tuple[Candidate, ...]
 
     @property
     def weight(self) -> float:
-        """Sum of what is explained."""
+        """Sum of what is explained; reasons are not."""
         return sum(one.weight for one in (self.lead, *self.followed, *self.others))
 
 
@@ -38,7 +40,7 @@ def by_cause(candidates: Sequence[Candidate]) -> list[Cause]:
     while left:
         cause = max((_cause(lead, left) for lead in left), key=lambda one: (one.weight, one.lead.weight))
         found.append(cause)
-        taken = (cause.lead, *cause.followed, *cause.others)
+        taken = (cause.lead, *cause.followed, *cause.others, *cause.beside)
         left = [one for one in left if one not in taken]
     return found
 
@@ -47,7 +49,12 @@ def _cause(lead: Candidate, candidates: Sequence[Candidate]) -> Cause:
     rest = [one for one in candidates if one is not lead and _same_matter(lead, one)]
     followed = tuple(one for one in rest if one.kind == lead.kind and _follows(lead, one))
     others = tuple(one for one in rest if one not in followed and _goes_with(lead, one))
-    return Cause(lead, followed, others)
+    beside = tuple(
+        one
+        for one in rest
+        if one.kind == lead.kind and one not in followed and one.watched.name in lead.watched.beside
+    )
+    return Cause(lead, followed, others, beside)
 
 
 def _same_matter(lead: Candidate, one: Candidate) -> bool:

@@ -1,4 +1,4 @@
-"""`findings`: what stands out in a piece, for reports: sides, the last third, odd strokes, against usual, last, best."""
+"""`findings`: what stands out in a piece, by itself and against last time, own best and usual values, for reports."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from oarlock.rowing.findings.sentences import finding
 from oarlock.rowing.findings.watched import LEAST
 from oarlock.rowing.report.piece import Piece
 
-FALSE_SHARE = 0.01
+FALSE_SHARE = 0.02
 """Probability that anything is named in a piece in which nothing differs, by chance alone."""
 
 

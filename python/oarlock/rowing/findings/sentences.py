@@ -57,7 +57,7 @@ def sentence(cause: Cause) -> str:
 
 
 def _followed(cause: Cause) -> str:
-    largest = sorted(cause.followed, key=lambda one: -one.weight)[:_MOST_FOLLOWED]
+    largest = sorted((*cause.followed, *cause.beside), key=lambda one: -one.weight)[:_MOST_FOLLOWED]
     told = " and ".join(_changed(one) for one in largest)
     return f" With it {told}." if told else ""
 

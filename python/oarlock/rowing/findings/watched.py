@@ -55,6 +55,7 @@ class Watched:
         kinds: boat kinds to which it applies; empty for all.
         causes: gain by column: a change of this number changes that one by so much.
         goes_with: columns that change with it by no fixed amount.
+        beside: columns that may be a reason of this change; they are named with it.
         usual: in words by boat kind, "" for all.
         usual_source: of it.
         why: why it matters.
@@ -68,13 +69,14 @@ class Watched:
     flipped: bool = False
     sides: str = ""
     own_least: float = 0.0
-    per_rate: float = 0.25
+    per_rate: float = 0.2
     low: float = float("-inf")
     high: float = float("inf")
     limit_words: str = ""
     kinds: tuple[str, ...] = ()
     causes: Mapping[str, float] = field(default_factory=dict)
     goes_with: tuple[str, ...] = ()
+    beside: tuple[str, ...] = ()
     usual: Mapping[str, str] = field(default_factory=dict)
     usual_source: str = ""
     why: Told = Told()
@@ -113,6 +115,7 @@ def _read() -> Iterator[Watched]:
             tries={"grew": told["try_grew"], "fell": told["try_fell"], "either": told["advice"]},
             kinds=tuple(row.pop("kinds", ())),
             goes_with=tuple(row.pop("goes_with", ())),
+            beside=tuple(row.pop("beside", ())),
             **row,
         )
 
