@@ -1,5 +1,6 @@
 """Stroke tables of simulated rowers straight from the simulator's curves: no filter, no analysis in between."""
 
+from functools import cache
 from math import radians
 
 import numpy as np
@@ -8,7 +9,7 @@ from oarlock.rowing.findings.rowed import Rowed
 from oarlock.rowing.simulation.stroke_shape import StrokeShape, body_and_oars
 from oarlock.rowing.simulation.timing import stroke_timing
 
-STEP_S = 0.002
+STEP_S = 0.004
 STD_RAD = 0.005
 """Of an encoder's zero, as `find_strokes` claims it."""
 
@@ -27,7 +28,8 @@ TIRED = {"last_third": StrokeShape(phi_rad=ends(-57, 40), lean_rad=ends(-22, 26)
 """What is planted, as arguments of `row_piece`: one change each, with what the body must do for it."""
 
 
-def drawn(rate_spm, seed, shape=None, last_third=None, duration_s=60.0):
+@cache
+def drawn(rate_spm, seed, shape=None, last_third=None, duration_s=50.0):
     """The strokes of a piece; shape and last third are those of `row_piece`."""
     time_s = np.arange(0.0, duration_s, STEP_S)
     streams = np.random.default_rng(seed).spawn(3)

@@ -12,7 +12,9 @@ from oarlock.rowing.findings.rowed import FEWEST_STROKES, Rowed
 from oarlock.rowing.findings.watched import WATCHED, Watched
 
 _WANDER = 0.25
-"""Share of a stroke's standard deviation that may wander within a piece; the rest is the same in all strokes."""
+"""Share of a stroke's standard deviation by which the last third may be off against the strokes before it. The rest is
+the same in all strokes. Measured on ten tracks of the field simulator (seeds 201 to 205, wild and careful, nothing
+calibrated): root mean square 0.05 to 0.12 for lean, seat and oars, 0.3 for elbows."""
 _ALIKE = 2.3
 """Variance of a mean of strokes of which neighbours correlate by 0.4, relative to independent ones."""
 _RATES_APART = 6.0
@@ -94,7 +96,7 @@ def sides(rowed: Rowed) -> Iterator[Candidate]:
 
 def against(rowed: Rowed, other: Rowed, kind: str) -> Iterator[Candidate]:
     """This piece against another one at like rate; nothing if they are not comparable."""
-    apart = np.nanmedian(rowed.columns["rate_per_min"]) - np.nanmedian(other.columns["rate_per_min"])
+    apart = rowed.rate_per_min - other.rate_per_min
     if not rowed.comparable(other) or not abs(apart) <= _RATES_APART:
         return
     enough = {watched.name for watched in _columns(other)}
@@ -132,8 +134,7 @@ def against_usual(rowed: Rowed) -> Iterator[Candidate]:
         low, high, source = watched.low, watched.high, watched.why.source
         target = rowed.targets.get(watched.name)
         if target is not None:
-            racing = float(np.median(rowed.columns["rate_per_min"][good])) >= RACE_RATE
-            if "race rate" in target.source and not racing:
+            if "race rate" in target.source and rowed.rate_per_min < RACE_RATE:
                 continue
             low, high, source = scale * target.low, scale * target.high, target.source
         mean = float(np.mean(values))

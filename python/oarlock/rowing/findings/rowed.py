@@ -55,6 +55,12 @@ class Rowed:
         known = np.isfinite(self.columns["rate_per_min"])
         return known & np.isfinite(self.columns[name]) if name in self.columns else np.zeros_like(known)
 
+    @property
+    def rate_per_min(self) -> float:
+        """Usual stroke rate; NaN if unknown."""
+        rates = self.columns["rate_per_min"][self.good("rate_per_min")]
+        return float(np.median(rates)) if len(rates) else float("nan")
+
     def shared_std(self, name: str) -> float:
         """Uncertainty that all strokes share, which averaging does not reduce; 0 if unknown."""
         stds = self.stds[name][self.good(name)]
