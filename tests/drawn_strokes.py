@@ -19,9 +19,9 @@ def ends(catch_deg, finish_deg):
 
 
 LATE_RIGHT = {"shape": StrokeShape(late_catch_s=(0.06, 0.0))}
-LATE_LEFT = {"shape": StrokeShape(late_catch_s=(0.0, 0.07))}
+LATE_LEFT = {"shape": StrokeShape(late_catch_s=(0.0, 0.06))}
 LESS_LEAN_SHORT = {"shape": StrokeShape(lean_rad=ends(-21, 28), phi_rad=ends(-57.5, 42))}
-LESS_LEAN_SLIDE = {"shape": StrokeShape(lean_rad=ends(-21, 28), seat_m=(0.65, 0.01))}
+LESS_LEAN_SLIDE = {"shape": StrokeShape(lean_rad=ends(-21, 28), seat_m=(0.65, 0.01), phi_rad=ends(-59, 42))}
 EARLY_BACK = {"shape": StrokeShape(early_back=0.1)}
 SHORT = {"shape": StrokeShape(phi_rad=ends(-57, 40), seat_m=(0.58, 0.01))}
 TIRED = {"last_third": StrokeShape(phi_rad=ends(-57, 40), lean_rad=ends(-22, 26), seat_m=(0.61, 0.01))}

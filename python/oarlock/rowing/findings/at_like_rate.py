@@ -22,6 +22,8 @@ _MOST_ALIKE = 0.8
 _USUAL_ALIKE = 0.4
 """Correlation of neighbours where 20 strokes or fewer do not show it well; it is mixed in as if from 10 strokes."""
 _MIXED_STROKES = 10.0
+FITTED = 4
+"""Coefficients of the regression."""
 _BEND_OF_SLOPE = 0.08
 """Prior of c, relative to that of b, per stroke per minute."""
 
@@ -36,7 +38,6 @@ class Change:
         freedom: degrees of freedom of that.
         rate_sd: its standard deviation from the doubt about the rate's effect.
         residuals: of all strokes, (N,).
-        scatter: robust standard deviation of the residuals.
     """
 
     size: float
@@ -44,7 +45,6 @@ class Change:
     freedom: float
     rate_sd: float
     residuals: Floats
-    scatter: float
 
 
 def change(values: Floats, rate: Floats, later: NDArray[np.bool_], slope_sd: float) -> Change:
@@ -54,18 +54,17 @@ def change(values: Floats, rate: Floats, later: NDArray[np.bool_], slope_sd: flo
     """
     r = rate - np.median(rate)
     columns = np.stack([np.ones_like(r), r, r**2, later.astype(np.float64)], axis=1)
-    if not later.any():
-        columns = columns[:, :3]
-    prior = np.zeros(columns.shape[1])
+    prior = np.zeros(FITTED)
     prior[1:3] = slope_sd, slope_sd * _BEND_OF_SLOPE
     weights = np.ones(len(values))
     scatter = max(float(np.std(values)), 1e-12)
     for _ in range(_ROUNDS):
-        precision = np.divide(scatter**2, prior**2, out=np.zeros_like(prior), where=prior > 0.0)
+        precision = np.zeros_like(prior)
+        precision[prior > 0.0] = scatter**2 / prior[prior > 0.0] ** 2
         normal = columns.T @ (weights[:, None] * columns) + np.diag(precision)
         found = np.linalg.solve(normal, columns.T @ (weights * values))
         residuals = values - columns @ found
-        scatter = _robust_sd(residuals, columns.shape[1])
+        scatter = robust_sd(residuals, FITTED)
         weights = np.minimum(1.0, _HUBER * scatter / np.maximum(np.abs(residuals), 1e-300))
     of_values, of_prior = _variances(normal, precision, scatter)
     alike = _alike(residuals, scatter)
@@ -77,7 +76,6 @@ def change(values: Floats, rate: Floats, later: NDArray[np.bool_], slope_sd: flo
         freedom,
         float(np.sqrt(of_prior)),
         residuals,
-        scatter,
     )
 
 
@@ -88,8 +86,11 @@ def _variances(normal: Floats, precision: Floats, scatter: float) -> tuple[float
     return scatter**2 * max(float(last[-1]) - of_prior, 0.0), scatter**2 * of_prior
 
 
-def _robust_sd(residuals: Floats, fitted: int) -> float:
-    """From the median of the absolute values; not below two thirds of the ordinary one."""
+def robust_sd(residuals: Floats, fitted: int) -> float:
+    """Scatter of residuals (N,) of a fit of so many coefficients, from the median of their absolute values.
+
+    Not below two thirds of the ordinary one.
+    """
     count = len(residuals)
     widened = np.sqrt(count / max(count - fitted, 1))
     robust = 1.4826 * float(np.median(np.abs(residuals)))
@@ -98,7 +99,7 @@ def _robust_sd(residuals: Floats, fitted: int) -> float:
 
 def _alike(residuals: Floats, scatter: float) -> float:
     bounded = np.clip(residuals, -2.0 * scatter, 2.0 * scatter)
-    own = float(bounded[1:] @ bounded[:-1] / max(bounded @ bounded, 1e-300))
+    own = float(bounded[1:] @ bounded[:-1]) / max(float(bounded @ bounded), 1e-300)
     count = len(residuals)
     mixed = (count * max(own, 0.0) + _MIXED_STROKES * _USUAL_ALIKE) / (count + _MIXED_STROKES)
     return min(mixed, _MOST_ALIKE)

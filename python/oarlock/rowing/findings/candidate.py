@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from oarlock.rowing.findings.at_like_rate import Change, change
+from oarlock.rowing.findings.at_like_rate import FITTED, Change, change, robust_sd
 from oarlock.rowing.findings.rowed import FEWEST_STROKES, Rowed
 from oarlock.rowing.findings.watched import WATCHED, Watched
 
@@ -182,17 +182,16 @@ def _columns(rowed: Rowed) -> list[Watched]:
 def _odd(
     watched: Watched, found: Change, wander: float, values: np.ndarray, numbers: np.ndarray
 ) -> Iterator[Candidate]:
-    """The odd strokes, and one place-holder for the many that were looked at."""
-    sd = float(np.hypot(found.scatter, wander))
-    ratios = found.residuals / sd
-    count, freedom = len(values), max(len(values) - 5.0, 3.0)
-    k = int(np.argmax(np.abs(ratios)))
+    """The stroke that is farthest from what the rate and the other strokes suggest."""
+    k = int(np.argmax(np.abs(found.residuals)))
+    sd = float(np.hypot(robust_sd(np.delete(found.residuals, k), FITTED), wander))
+    ratio, count = float(found.residuals[k]) / sd, len(values)
     yield Candidate(
         watched,
         "odd stroke",
         float(found.residuals[k]),
         sd,
-        chance(float(ratios[k]), freedom) * count,
+        chance(ratio, max(count - 5.0, 3.0)) * count,
         float(values[k]),
         stroke=int(numbers[k]),
     )

@@ -39,6 +39,8 @@ _FEATHERED = PeriodicCurve.through(
 _SEAT_SD_M = 0.0015
 _HIP_TO_SHOULDERS_M = 0.5
 """Of a rower of 1.8 m: the seat waits for a trunk that opens early by this length."""
+_IN_DRIVE = 0.2
+"""Sharpness with which the body begins to wait for the later hand."""
 _LAST_THIRD = (0.62, 0.72)
 """Shares of the piece between which the rower passes to the shape of the last third."""
 _SD_RAD = {"lean": radians(0.7), "phi": radians(0.6), "alpha": radians(0.15)}
@@ -59,8 +61,8 @@ class StrokeShape:
         alpha_rad: vertical oar angle, rad, (recovery, drive); positive lifts the handle.
         feather_rad: turn of the oar about its axis in the recovery, rad; negative turns the top of the
             handle toward the rower, which lays the blade flat with its face up.
-        late_catch_s: how much later the (right, left) hand turns at the catch, s; seat and trunk go with the later
-            one. At the finish both turn together again.
+        late_catch_s: how much later the (right, left) hand turns at the catch, s; seat and trunk wait for
+            the later one in the drive. At the finish both turn together again.
         early_back: how much earlier the trunk opens, as a share of the drive (0.1: a tenth of it); the seat waits so
             long that the shoulders go as before.
         asymmetry: 1 = the slight left/right differences of a good sculler (left hand higher and a moment
@@ -149,7 +151,7 @@ def seat_and_trunk(
 ) -> dict[str, Array]:
     """Joints ``seat``, m, and ``trunk``, rad, (K,)."""
     ends = shape.toward(last_third, timing)
-    phase = _late(timing, max(shape.late_catch_s))
+    phase = _late(timing, max(shape.late_catch_s), _IN_DRIVE)
     seat = between(ends.seat_m, _LEGS_DOWN(phase), vary, variation * _SEAT_SD_M)
     opened = _lean(0.0)(phase)
     trunk = between(ends.lean_rad, opened, vary, variation * _SD_RAD["lean"])
@@ -167,11 +169,13 @@ def _lean(early_back: float) -> PeriodicCurve:
     return PeriodicCurve.through([*opening, *_LEAN_POINTS[3:]], smoothing=0.045).normalised()
 
 
-def _late(timing: StrokeTiming, late_s: float) -> Array:
-    """Phase (K,) of a hand that is late at the catch and on time at the finish."""
+def _late(timing: StrokeTiming, late_s: float, in_drive: float = 0.0) -> Array:
+    """Phase (K,) of what is late at the catch and on time at the finish; with `in_drive` in the drive alone."""
     if late_s == 0.0:
         return timing.phase
     near_catch = 0.5 + 0.5 * np.cos(2.0 * pi * timing.phase)
+    if in_drive:
+        near_catch = near_catch / (1.0 + np.exp(-np.sin(2.0 * pi * timing.phase) / in_drive))
     return np.asarray(timing.phase - late_s * near_catch * np.gradient(timing.phase, timing.time_s))
 
 
