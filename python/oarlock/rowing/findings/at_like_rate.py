@@ -22,6 +22,7 @@ _MOST_ALIKE = 0.8
 _USUAL_ALIKE = 0.4
 """Correlation of neighbours where 20 strokes or fewer do not show it well; it is mixed in as if from 10 strokes."""
 _MIXED_STROKES = 10.0
+_NO_SCATTER = 1e-12
 FITTED = 4
 """Coefficients of the regression."""
 _BEND_OF_SLOPE = 0.08
@@ -57,7 +58,7 @@ def change(values: Floats, rate: Floats, later: NDArray[np.bool_], slope_sd: flo
     prior = np.zeros(FITTED)
     prior[1:3] = slope_sd, slope_sd * _BEND_OF_SLOPE
     weights = np.ones(len(values))
-    scatter = max(float(np.std(values)), 1e-12)
+    scatter = max(float(np.std(values)), _NO_SCATTER)
     for _ in range(_ROUNDS):
         precision = np.zeros_like(prior)
         precision[prior > 0.0] = scatter**2 / prior[prior > 0.0] ** 2
@@ -72,7 +73,7 @@ def change(values: Floats, rate: Floats, later: NDArray[np.bool_], slope_sd: flo
     freedom = max(len(values) / widened - 2.0, 2.0)
     return Change(
         float(found[-1]),
-        float(np.sqrt(of_values * widened)),
+        max(float(np.sqrt(of_values * widened)), _NO_SCATTER),
         freedom,
         float(np.sqrt(of_prior)),
         residuals,
@@ -94,7 +95,7 @@ def robust_sd(residuals: Floats, fitted: int) -> float:
     count = len(residuals)
     widened = np.sqrt(count / max(count - fitted, 1))
     robust = 1.4826 * float(np.median(np.abs(residuals)))
-    return max(robust, 0.67 * float(np.sqrt(np.mean(residuals**2))), 1e-12) * float(widened)
+    return max(robust, 0.67 * float(np.sqrt(np.mean(residuals**2))), _NO_SCATTER) * float(widened)
 
 
 def _alike(residuals: Floats, scatter: float) -> float:

@@ -21,6 +21,8 @@ _RATES_APART = 6.0
 """Pieces whose usual rates differ by more strokes a minute are not compared."""
 _SINGLE_STROKE = 2.0
 """A single stroke must differ by so many times the smallest size; it counts that much less, too."""
+_MANY = 1e6
+_NO_SCATTER = 1e-9
 RACE_RATE = 28.0
 """Usual values of race rate do not apply below."""
 
@@ -91,7 +93,7 @@ def sides(rowed: Rowed) -> Iterator[Candidate]:
         mean, count = float(np.median(values)), len(values)
         shared = scale * rowed.shared_std(watched.name)
         sd = float(np.hypot(values.std(ddof=1) * np.sqrt(_ALIKE / count), shared))
-        yield Candidate(watched, "sides", mean, sd, chance(mean / sd, max(count / _ALIKE, 2.0)), mean)
+        yield Candidate(watched, "sides", mean, sd, chance(mean, sd, max(count / _ALIKE, 2.0)), mean)
 
 
 def against(rowed: Rowed, other: Rowed, kind: str) -> Iterator[Candidate]:
@@ -122,7 +124,7 @@ def _of_change(
     sd = float(np.hypot(np.hypot(found.scatter_sd, found.rate_sd), shared))
     # Welch and Satterthwaite: only the scatter is estimated from few strokes.
     freedom = found.freedom * (sd / found.scatter_sd) ** 4
-    likely = chance(found.size / sd, freedom)
+    likely = chance(found.size, sd, freedom)
     return Candidate(watched, kind, found.size, sd, likely, now, like_rate=like_rate)
 
 
@@ -143,17 +145,19 @@ def against_usual(rowed: Rowed) -> Iterator[Candidate]:
             continue
         scatter = values.std(ddof=1) * np.sqrt(_ALIKE / len(values))
         sd = float(np.hypot(scatter, scale * rowed.shared_std(watched.name)))
-        likely = chance((mean - limit) / sd, max(len(values) / _ALIKE, 2.0))
+        likely = chance(mean - limit, sd, max(len(values) / _ALIKE, 2.0))
         yield Candidate(
             watched, "against usual", mean - limit, sd, likely, mean, limit=limit, limit_source=source
         )
 
 
-def chance(ratio: float, freedom: float) -> float:
-    """Two-sided probability of a ratio of size and standard deviation; Student's distribution."""
+def chance(size: float, sd: float, freedom: float) -> float:
+    """Two-sided probability of a size of this standard deviation by chance; Student's distribution."""
     from scipy.special import stdtr
 
-    return float(2.0 * stdtr(freedom, -abs(ratio))) if np.isfinite(ratio) else 1.0
+    if not (np.isfinite(size) and np.isfinite(sd)):
+        return 1.0
+    return float(2.0 * stdtr(min(freedom, _MANY), -abs(size) / max(sd, _NO_SCATTER)))
 
 
 def beyond_chance(candidates: Sequence[Candidate], false_share: float) -> list[Candidate]:
@@ -185,13 +189,16 @@ def _odd(
     """The stroke that is farthest from what the rate and the other strokes suggest."""
     k = int(np.argmax(np.abs(found.residuals)))
     sd = float(np.hypot(robust_sd(np.delete(found.residuals, k), FITTED), wander))
-    ratio, count = float(found.residuals[k]) / sd, len(values)
+    count = len(values)
+    beside = found.residuals[[j for j in (k - 1, k + 1) if 0 <= j < count]].mean()
+    if abs(beside) > 0.5 * abs(found.residuals[k]):
+        return  # several strokes in a row are a change that the regression does not know, not an odd stroke
     yield Candidate(
         watched,
         "odd stroke",
         float(found.residuals[k]),
         sd,
-        chance(ratio, max(count - 5.0, 3.0)) * count,
+        chance(float(found.residuals[k]), sd, max(count - 5.0, 3.0)) * count,
         float(values[k]),
         stroke=int(numbers[k]),
     )

@@ -69,10 +69,9 @@ def _follows(lead: Candidate, one: Candidate) -> bool:
     gain = lead.watched.causes.get(one.watched.name)
     if gain is None:
         return False
-    rest = abs(one.size - gain * lead.size)
-    return (
-        rest < max(one.watched.least, (1.0 - _EXPLAINED) * abs(one.size)) and one.size * gain * lead.size > 0
-    )
+    share = gain * lead.size / one.size
+    # More than the whole: the rest is made up for elsewhere.
+    return share > _EXPLAINED or (share > 0.0 and abs(one.size - gain * lead.size) < one.watched.least)
 
 
 def _goes_with(lead: Candidate, one: Candidate) -> bool:
