@@ -56,9 +56,11 @@ def sentence(cause: Cause) -> str:
 
 
 def _followed(cause: Cause) -> str:
-    largest = sorted((*cause.followed, *cause.beside), key=lambda one: -one.weight)[:_MOST_FOLLOWED]
-    told = " and ".join(_changed(one) for one in largest)
-    return f" With it {told}." if told else ""
+    for start, ones in ((" With it", cause.followed), (" Besides,", cause.beside)):
+        largest = sorted(ones, key=lambda one: -one.weight)[:_MOST_FOLLOWED]
+        if largest:
+            return f"{start} {' and '.join(_changed(one) for one in largest)}."
+    return ""
 
 
 def _changed(one: Candidate) -> str:
