@@ -40,7 +40,9 @@ def side_camera(width_px: int = WIDTH_PX, height_px: int = HEIGHT_PX) -> Camera:
 class Motion:
     """Places of a sculler's frames at any time, by a course of the stroke's own time."""
 
-    def __init__(self, seconds: float = 40.0, rate_spm: float | tuple[float, float] = 24.0, seed: int = 0) -> None:
+    def __init__(
+        self, seconds: float = 40.0, rate_spm: float | tuple[float, float] = 24.0, seed: int = 0
+    ) -> None:
         model = oarlock.load_model("sculler")
         truth = simulate_sculling(model, "S-NB", seconds, rate_spm, seed=seed)[0]
         self.track = truth
@@ -54,10 +56,14 @@ class Motion:
     def at(self, own_s: Floats) -> Floats:
         """Places (T, F, 3) at times of the simulation."""
         flat = self.places_m.reshape(len(self.own_s), -1)
-        return np.column_stack([np.interp(own_s, self.own_s, column) for column in flat.T]).reshape(len(own_s), -1, 3)
+        return np.column_stack([np.interp(own_s, self.own_s, column) for column in flat.T]).reshape(
+            len(own_s), -1, 3
+        )
 
 
-def draw(pixels: Floats, bones: Sequence[tuple[int, int]], ground: Floats, grid: tuple[Floats, Floats]) -> Floats:
+def draw(
+    pixels: Floats, bones: Sequence[tuple[int, int]], ground: Floats, grid: tuple[Floats, Floats]
+) -> Floats:
     """A picture (H, W) of limbs between pixels (F, 2) over a ground."""
     picture = ground.copy()
     x, y = grid
@@ -131,7 +137,9 @@ def write_video(
             pixels = seen.pixels(places[k]) - np.rint([dx, dy])
             picture = draw(pixels, motion.bones, ground, grid) + noise * rng.standard_normal(ground.shape)
             grey = np.clip(picture, 0, 255).astype(np.uint8)
-            frame = av.VideoFrame.from_ndarray(np.full((seen.height_px * 3 // 2, seen.width_px), 128, np.uint8), "yuv420p")
+            frame = av.VideoFrame.from_ndarray(
+                np.full((seen.height_px * 3 // 2, seen.width_px), 128, np.uint8), "yuv420p"
+            )
             frame.planes[0].update(np.ascontiguousarray(_padded(grey, frame.planes[0].line_size)))
             frame.pts, frame.time_base = round(90_000 * stamp_s), Fraction(1, 90_000)
             container.mux(stream.encode(frame))

@@ -8,18 +8,24 @@ from __future__ import annotations
 from oarlock.movement.video.alignment import Alignment, Candidate, align
 from oarlock.movement.video.body_motion import body_motion, motion_of_places
 from oarlock.movement.video.camera import Camera, load_camera
+from oarlock.movement.video.clap import ClapOffset, clap_offset
+from oarlock.movement.video.drift import with_drift
 from oarlock.movement.video.picture_motion import picture_motion
-from oarlock.movement.video.reading import VideoInfo, video_info
+from oarlock.movement.video.reading import VideoInfo, sound_of, video_info
 
 __all__ = [
     "Alignment",
     "Camera",
     "Candidate",
+    "ClapOffset",
     "VideoInfo",
     "align",
     "body_motion",
+    "clap_offset",
     "load_camera",
     "motion_of_places",
     "picture_motion",
+    "sound_of",
     "video_info",
+    "with_drift",
 ]

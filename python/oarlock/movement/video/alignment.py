@@ -90,7 +90,7 @@ class _Fit:
     independent_hz: float = 2.0 * HIGHEST_HZ
 
     def offset_s(self, lag: float) -> float:
-        return self.body.start_s + STEP_S * lag - self.picture.start_s
+        return float(self.body.start_s + STEP_S * lag - self.picture.start_s)
 
 
 def align(
@@ -130,7 +130,9 @@ def align(
     at = int(np.flatnonzero(lags == best)[0])
     _require_likeness(fit, score[at], float(count[at]), correlation, int(allowed.sum()))
     offset_s, std_s = _refined(fit, best, score[at - 1 : at + 2], float(count[at]))
-    rivals = [(lag, worse) for lag in lags[peaks] if lag != best and (worse := _worse_by(fit, best, lag)) < MARGIN]
+    rivals = [
+        (lag, worse) for lag in lags[peaks] if lag != best and (worse := _worse_by(fit, best, lag)) < MARGIN
+    ]
     rivals.sort(key=lambda one: one[1])
     overlap_s = STEP_S * float(count[at])
     return Alignment(
@@ -141,7 +143,9 @@ def align(
         drift_std_ppm=float("nan"),
         correlation=correlation,
         overlap_s=overlap_s,
-        candidates=tuple(Candidate(fit.offset_s(lag), max(0.0, worse)) for lag, worse in rivals[:MOST_CANDIDATES]),
+        candidates=tuple(
+            Candidate(fit.offset_s(lag), max(0.0, worse)) for lag, worse in rivals[:MOST_CANDIDATES]
+        ),
     )
 
 
@@ -247,7 +251,9 @@ def _independence(fit: _Fit, lag: int) -> tuple[float, float]:
     rows = _common(fit, (lag,))
     p, b = _scaled(fit.picture)[rows], _scaled(fit.body)[rows + lag]
     p, b = p - p.mean(axis=0), b - b.mean(axis=0)
-    white_p, white_b = (x @ np.linalg.inv(np.linalg.cholesky(x.T @ x / len(x) + RIDGE * np.eye(x.shape[1]))).T for x in (p, b))
+    white_p, white_b = (
+        x @ np.linalg.inv(np.linalg.cholesky(x.T @ x / len(x) + RIDGE * np.eye(x.shape[1]))).T for x in (p, b)
+    )
     left, sizes, right = np.linalg.svd(white_p.T @ white_b / len(rows))
     correlation = float(min(sizes[0], 1.0))
     residual = white_b @ right[0] - correlation * (white_p @ left[:, 0])

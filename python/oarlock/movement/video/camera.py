@@ -66,7 +66,8 @@ class Camera:
         right = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x**2)
         down = y * radial + p1 * (r2 + 2.0 * y**2) + 2.0 * p2 * x * y
         return np.stack(
-            [self.focal_px[0] * right + self.centre_px[0], self.focal_px[1] * down + self.centre_px[1]], axis=-1
+            [self.focal_px[0] * right + self.centre_px[0], self.focal_px[1] * down + self.centre_px[1]],
+            axis=-1,
         )
 
     def described(self) -> dict[str, Any]:
@@ -92,14 +93,18 @@ def load_camera(file: Path) -> Camera:
         text = file.read_text(encoding="utf-8")
         read = json.loads(text) if file.suffix.lower() == ".json" else tomllib.loads(text)
     except OSError as error:
-        raise DataError(f"{file}: cannot be read ({error.strerror}); a camera file is needed, TOML or JSON") from None
+        raise DataError(
+            f"{file}: cannot be read ({error.strerror}); a camera file is needed, TOML or JSON"
+        ) from None
     except ValueError as error:
         raise DataError(f"{file}: {error}; a camera file looks like this:\n{EXAMPLE}") from None
     if not isinstance(read, dict):
         raise DataError(f"{file}: the keys of a camera are needed; it looks like this:\n{EXAMPLE}")
     width, height, fx, fy, cx, cy = (_numbers(file, read, key, 1)[0] for key in KEYS)
     if min(width, height, fx, fy) <= 0.0:
-        raise DataError(f"{file}: width_px {width:g}, height_px {height:g}, fx {fx:g}, fy {fy:g} must be above 0 (px)")
+        raise DataError(
+            f"{file}: width_px {width:g}, height_px {height:g}, fx {fx:g}, fy {fy:g} must be above 0 (px)"
+        )
     k1, k2, p1, p2, k3 = _numbers(file, read, "distortion", 5) if "distortion" in read else (0.0,) * 5
     return Camera(
         width_px=round(width),
@@ -118,7 +123,9 @@ def _numbers(file: Path, read: Mapping[str, Any], key: str, count: int) -> list[
     numeric = all(isinstance(one, int | float) and not isinstance(one, bool) for one in values)
     if len(values) != count or not numeric or not np.isfinite(values).all():
         wanted = "a number" if count == 1 else f"a list of {count} numbers"
-        raise DataError(f"{file}: {key} is {value!r}; give {wanted}. A camera file looks like this:\n{EXAMPLE}")
+        raise DataError(
+            f"{file}: {key} is {value!r}; give {wanted}. A camera file looks like this:\n{EXAMPLE}"
+        )
     return [float(one) for one in values]
 
 

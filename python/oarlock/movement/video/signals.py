@@ -43,17 +43,7 @@ class Signals:
         """Rows from `first_s` to `last_s`."""
         first = max(0, int(np.ceil((first_s - self.start_s) / STEP_S)))
         last = max(first, int(np.floor((last_s - self.start_s) / STEP_S)) + 1)
-        return Signals(
-            self.start_s + STEP_S * first, self.values[first:last], self.valid[first:last]
-        )
-
-    def stretched(self, factor: float) -> Signals:
-        """The same course in a clock that runs `factor` times as fast, from this clock's zero on."""
-        times = factor * self.times_s()
-        count = int((times[-1] - times[0]) / STEP_S) + 1
-        even = times[0] + STEP_S * np.arange(count)
-        values = np.column_stack([np.interp(even, times, column) for column in self.values.T])
-        return Signals(float(times[0]), values, np.interp(even, times, self.valid.astype(float)) > 0.99)
+        return Signals(self.start_s + STEP_S * first, self.values[first:last], self.valid[first:last])
 
 
 def even_signals(time_s: Floats, values: Floats, what: str) -> Signals:
@@ -64,12 +54,16 @@ def even_signals(time_s: Floats, values: Floats, what: str) -> Signals:
     """
     if len(time_s) < 8 or time_s[-1] - time_s[0] < SHORTEST_S:
         length = float(time_s[-1] - time_s[0]) if len(time_s) else 0.0
-        raise DataError(f"{what} is {length:.1f} s long; at least {SHORTEST_S:g} s are needed to align by motion")
+        raise DataError(
+            f"{what} is {length:.1f} s long; at least {SHORTEST_S:g} s are needed to align by motion"
+        )
     even = np.arange(time_s[0], time_s[-1], STEP_S)
     behind = np.clip(np.searchsorted(time_s, even, side="right"), 1, len(time_s) - 1)
     valid = time_s[behind] - time_s[behind - 1] <= LONGEST_GAP_S
     if not valid.any():
-        raise DataError(f"{what} has fewer than {1 / LONGEST_GAP_S:g} samples in a second; that is too few to align")
+        raise DataError(
+            f"{what} has fewer than {1 / LONGEST_GAP_S:g} samples in a second; that is too few to align"
+        )
     columns = np.column_stack([np.interp(even, time_s, column) for column in values.T])
     slow = sosfiltfilt(butter(2, HIGHEST_HZ, fs=1.0 / STEP_S, output="sos"), columns, axis=0)
     return Signals(float(even[0]), np.where(valid[:, None], slow, 0.0), valid)
