@@ -203,7 +203,8 @@ def _peaks(evidence: Floats) -> NDArray[np.int64]:
     if not found.size:
         raise DataError("video: no offset fits better than its neighbours; search a wider range")
     order = found[np.argsort(-evidence[found])]
-    return order[evidence[order] >= evidence[order[0]] / 3.0]
+    high: NDArray[np.int64] = order[evidence[order] >= evidence[order[0]] / 3.0]
+    return high
 
 
 def _common(fit: _Fit, lags: tuple[int, ...]) -> NDArray[np.int64]:

@@ -120,13 +120,13 @@ def load_camera(file: Path) -> Camera:
 def _numbers(file: Path, read: Mapping[str, Any], key: str, count: int) -> list[float]:
     value = read.get(key)
     values = value if isinstance(value, list) else [value]
-    numeric = all(isinstance(one, int | float) and not isinstance(one, bool) for one in values)
-    if len(values) != count or not numeric or not np.isfinite(values).all():
+    numbers = [float(one) for one in values if isinstance(one, int | float) and not isinstance(one, bool)]
+    if not len(values) == len(numbers) == count or not np.isfinite(numbers).all():
         wanted = "a number" if count == 1 else f"a list of {count} numbers"
         raise DataError(
             f"{file}: {key} is {value!r}; give {wanted}. A camera file looks like this:\n{EXAMPLE}"
         )
-    return [float(one) for one in values]
+    return numbers
 
 
 def _rotation(file: Path, read: Mapping[str, Any]) -> Floats:

@@ -5,10 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from oarlock.movement.video.alignment import Alignment, align
 from oarlock.movement.video.signals import Signals
 from oarlock.storage.errors import DataError
+
+Floats = NDArray[np.float64]
 
 WINDOW_S = 60.0
 LEAST_WINDOWS = 3
@@ -57,7 +60,7 @@ def _both_s(picture: Signals, body: Signals, found: Alignment) -> tuple[float, f
     return max(float(seen[0]), float(moved[0])), min(float(seen[-1]), float(moved[-1]))
 
 
-def _line(middles: np.ndarray, offsets: np.ndarray) -> tuple[float, float, float]:  # type: ignore[type-arg]
+def _line(middles: Floats, offsets: Floats) -> tuple[float, float, float]:
     """Slope, its standard deviation from the scatter, and the offset at video time 0 (Theil 1950, Sen 1968).
 
     The slope is the median of all pairs', so that one minute that went wrong does no harm.

@@ -62,7 +62,7 @@ def video_info(file: Path) -> VideoInfo:
             raise DataError(f"{file}: fewer than two pictures can be decoded; convert it again")
         if abs(frames[0].rotation) % 180 == 90:
             width, height = height, width
-        steps = np.diff([frame.time for frame in frames if frame.time is not None])
+        steps = np.diff([frame.time for frame in frames])
         length = 1e-6 * container.duration if container.duration else 0.0
         return VideoInfo(
             width_px=width,
@@ -120,7 +120,7 @@ def _mixed(container: InputContainer, file: Path) -> tuple[Floats, Floats]:
     start_s: float | None = None
     for frame in container.decode(container.streams.audio[0]):
         if start_s is None:
-            start_s = frame.time or 0.0
+            start_s = frame.time
         parts += [piece.to_ndarray()[0] for piece in resampler.resample(frame)]
     parts += [piece.to_ndarray()[0] for piece in resampler.resample(None)]
     if not parts or start_s is None:

@@ -37,7 +37,8 @@ class Signals:
 
     def times_s(self) -> Floats:
         """Times (N,) of the rows, s."""
-        return self.start_s + STEP_S * np.arange(len(self.values))
+        times: Floats = self.start_s + STEP_S * np.arange(len(self.values))
+        return times
 
     def part(self, first_s: float, last_s: float) -> Signals:
         """Rows from `first_s` to `last_s`."""
