@@ -132,7 +132,7 @@ def write_video(
         ears = container.add_stream("libopus", rate=48_000) if sound is not None else None
         for k, stamp_s in enumerate(stamps_s):
             dx, dy = shift[k]
-            r, c = 100 + int(round(dy)), 100 + int(round(dx))
+            r, c = 100 + round(float(dy)), 100 + round(float(dx))
             ground = pattern[r : r + seen.height_px, c : c + seen.width_px]
             pixels = seen.pixels(places[k]) - np.rint([dx, dy])
             picture = draw(pixels, motion.bones, ground, grid) + noise * rng.standard_normal(ground.shape)

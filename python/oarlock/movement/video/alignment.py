@@ -2,9 +2,9 @@
 
 track time = offset_s + (1 + 1e-6 drift_ppm) * video time.
 
-At each offset the courses of picture and body are compared by their canonical correlations r (Hotelling 1936), because neither
-the camera's place nor its direction is known: -sum(log(1 - r^2)) is twice their mutual information if both are Gaussian. Times
-the number of independent samples it is a logarithm of a likelihood ratio, by which offsets are compared.
+At each offset the courses of picture and body are compared by their canonical correlations r (Hotelling 1936), because
+neither the camera's place nor its direction is known: -sum(log(1 - r^2)) is twice their mutual information if both are
+Gaussian. Times the number of independent samples it is a logarithm of a likelihood ratio, by which offsets are compared.
 """
 
 from __future__ import annotations
@@ -121,7 +121,8 @@ def align(
     if not allowed.any():
         where = "" if near_s is None else f" at an offset of {near_s:g} +- {within_s:g} s"
         raise DataError(
-            f"video: picture and track have less than {LEAST_OVERLAP_S:g} s in common{where}; check that they belong together"
+            f"video: picture and track have less than {LEAST_OVERLAP_S:g} s in common{where}; "
+            "check that they belong together"
         )
     peaks = _peaks(np.where(allowed, score * count, -np.inf))
     best = _champion(fit, lags[peaks])
@@ -225,7 +226,7 @@ def _score_of(fit: _Fit, rows: NDArray[np.int64], lag: int) -> float:
 
 
 def _worse_by(fit: _Fit, best: int, other: int) -> float:
-    """2 log of the likelihood ratio of two lags, by the pictures that have a partner at both; negative if `other` is better.
+    """2 log of the likelihood ratio of two lags, by pictures with a partner at both; negative if `other` is better.
 
     Offsets with too little in common are both judged by all of their own pictures.
     """

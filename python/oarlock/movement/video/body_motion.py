@@ -38,7 +38,7 @@ def motion_of_places(time_s: Floats, places_m: Floats) -> Signals:
     Raises:
         DataError: too short, or nothing moves.
     """
-    known: NDArray[np.bool_] = np.isfinite(places_m).all(axis=2)
+    known = np.asarray(np.isfinite(places_m).all(axis=2))
     kept = known.mean(axis=0) >= LEAST_KNOWN
     rows = known[:, kept].all(axis=1)
     if not kept.any() or rows.sum() < 8:

@@ -1,4 +1,4 @@
-"""A calibrated camera: its file, and where it sees a place of the track. The viewer draws the skeleton over a video with it.
+"""A calibrated camera: its file, and where it sees a place of the track. The viewer draws the skeleton with it.
 
 Pinhole and lens as in OpenCV (Brown 1971): camera axes are x right, y down, z into the picture.
 """

@@ -1,4 +1,4 @@
-"""Aligns a video by a clap: a peak of its sound against a jolt of an inertial unit, such as a hand that strikes the unit."""
+"""Aligns a video by a clap: a peak of its sound against a jolt of an inertial unit that was struck."""
 
 from __future__ import annotations
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +35,7 @@ def with_drift(picture: Signals, body: Signals, found: Alignment, frame_s: float
     count = int((last - first) / WINDOW_S)
     edges = np.linspace(first, last, count + 1)
     middles, offsets = [], []
-    for start, end in zip(edges[:-1], edges[1:], strict=True):
+    for start, end in pairwise(edges):
         try:
             part = align(
                 picture.part(float(start), float(end)),

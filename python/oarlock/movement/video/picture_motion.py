@@ -1,4 +1,4 @@
-"""How the picture of a video moves: the flow of its cells over time (Lucas and Kanade 1981), reduced to a few courses."""
+"""How the picture of a video moves: the flow of its cells (Lucas and Kanade 1981), reduced to a few courses."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def cell_flow(first: Grey, second: Grey) -> Floats:
 
 
 def whole_shift(first: Grey, second: Grey) -> tuple[int, int]:
-    """Displacement of the whole picture, whole px right and down, by the phase of its spectrum (Kuglin and Hines 1975)."""
+    """Displacement of the whole picture, whole px right and down, by the phase (Kuglin and Hines 1975)."""
     cross = np.fft.rfft2(second) * np.conj(np.fft.rfft2(first))
     peak = np.fft.irfft2(cross / (np.abs(cross) + 1e-3 * np.abs(cross).mean() + 1e-9), s=first.shape)
     row, column = np.unravel_index(int(np.argmax(peak)), peak.shape)

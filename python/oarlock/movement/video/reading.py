@@ -93,7 +93,7 @@ def grey_pictures(file: Path, width_px: int, least_step_s: float = 0.0) -> Itera
         before = -np.inf
         for frame in container.decode(stream):
             time_s = frame.time
-            if time_s is None or time_s <= before or time_s - before < least_step_s:
+            if time_s <= before or time_s - before < least_step_s:
                 continue
             before = time_s
             small = frame.reformat(width=width_px, height=height_px, format="gray", interpolation="AREA")

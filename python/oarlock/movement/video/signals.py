@@ -37,8 +37,7 @@ class Signals:
 
     def times_s(self) -> Floats:
         """Times (N,) of the rows, s."""
-        times: Floats = self.start_s + STEP_S * np.arange(len(self.values))
-        return times
+        return np.asarray(self.start_s + STEP_S * np.arange(len(self.values)), dtype=np.float64)
 
     def part(self, first_s: float, last_s: float) -> Signals:
         """Rows from `first_s` to `last_s`."""
