@@ -161,12 +161,20 @@ export class Film {
     pen.scale((ratio * clientWidth) / camera.width_px, (ratio * clientHeight) / camera.height_px);
     const thick = (2.5 * camera.width_px) / clientWidth;
     const seen = this.pixelsAt(time_s);
-    for (const { width, colour } of [{ width: 2.2 * thick, colour: () => "#000a" }, { width: thick, colour: (bone) => coloured(LIT, bone.side) }]) {
-      for (const bone of this.figure.scene.bones) {
-        const [a, b] = bone.ends.map((k) => seen[k]);
-        if (a && b) stroke(pen, a, b, width, colour(bone));
+    const lines = this.lines();
+    for (const edge of [true, false]) {
+      for (const { ends, width, colour } of lines) {
+        const [one, other] = ends.map((k) => seen[k]);
+        if (one && other) line(pen, one, other, (edge ? 2.2 : 1) * width * thick, edge ? "#000a" : colour);
       }
     }
+  }
+
+  /** What is measured in full width, what is only drawn, such as a rower's legs, in half of it. */
+  lines() {
+    const { bones, strands } = this.figure.scene;
+    const drawn = strands.flatMap(({ points }) => points.slice(1).map((end, k) => ({ ends: [points[k], end], width: 0.5, colour: LIT.body })));
+    return [...drawn, ...bones.map(({ ends, side }) => ({ ends, width: 1, colour: coloured(LIT, side) }))];
   }
 
   /** Pixels of the points of the figure in the calibrated picture; null behind the camera or where not known. */
@@ -179,7 +187,7 @@ export class Film {
 /** Bright on any picture; the dark palette's sides. */
 const LIT = { right: "#56b4e9", left: "#f0884a", body: "#f4f6f8" };
 
-function stroke(pen, a, b, width, colour) {
+function line(pen, a, b, width, colour) {
   Object.assign(pen, { lineWidth: width, strokeStyle: colour, lineCap: "round" });
   pen.beginPath();
   pen.moveTo(...a);

@@ -4,7 +4,7 @@ track time = offset_s + (1 + 1e-6 drift_ppm) * video time.
 
 At each offset the courses of picture and body are compared by their canonical correlations r (Hotelling 1936), because
 neither the camera's place nor its direction is known: -sum(log(1 - r^2)) is twice their mutual information if both are
-Gaussian. Times the number of independent samples it is a logarithm of a likelihood ratio, by which offsets are compared.
+Gaussian. Times the number of independent samples it is the log of a likelihood ratio, by which offsets are compared.
 """
 
 from __future__ import annotations
@@ -275,7 +275,8 @@ def _require_likeness(fit: _Fit, score: float, count: float, correlation: float,
     chance = freedom + 2.0 * np.sqrt(2.0 * freedom * np.log(offsets)) + 2.0 * np.log(offsets)
     if correlation < LEAST_CORRELATION or evidence < chance:
         raise DataError(
-            f"video: the picture does not move like the track at any offset (best correlation {correlation:.2f}); check "
+            f"video: the picture does not move like the track at any offset (best correlation {correlation:.2f}); "
+            "check "
             "that they belong together, cut the video to where the person fills the picture, or give --offset-s"
         )
 

@@ -70,7 +70,8 @@ def clap_offset(sound: tuple[Floats, Floats], unit: ImuStream, *, distance_m: fl
         listed = ", ".join(f"{one:.2f}" for one in distinct)
         raise DataError(
             f"clap: {len(heard)} in the sound (at {_listed(heard)} s of the video), {len(felt)} in {unit.name} (at "
-            f"{_listed(felt)} s): the offsets {listed} s fit equally well. Look which one is right and give it as --offset-s"
+            f"{_listed(felt)} s): the offsets {listed} s fit equally well. "
+            "Look which one is right and give it as --offset-s"
         )
     step_s = float(np.median(np.diff(unit.time_s)))
     return ClapOffset(
@@ -98,7 +99,8 @@ def claps_heard(time_s: Floats, sound: Floats) -> Floats:
     peaks = _impulses(times, np.where(ratio >= LOUD, np.sqrt(energy), 0.0))
     if not peaks.size:
         raise DataError(
-            f"clap: no sudden sound of {LOUD:g} times the background's energy in the video; clap closer to the microphone, "
+            f"clap: no sudden sound of {LOUD:g} times the background's energy in the video; "
+            "clap closer to the microphone, "
             "or align by motion with `oarlock video align`"
         )
     return times[peaks] + 0.5 * WINDOW_S
@@ -124,7 +126,8 @@ def jolts_felt(unit: ImuStream) -> Floats:
     peaks = _impulses(times, np.where(jolt >= JOLT_M_S2, jolt, 0.0))
     if not peaks.size:
         raise DataError(
-            f"clap: {unit.name} felt no jolt of {JOLT_M_S2:g} m/s2 (the largest is {float(jolt.max()):.1f}); name the unit "
+            f"clap: {unit.name} felt no jolt of {JOLT_M_S2:g} m/s2 (the largest is {float(jolt.max()):.1f}); "
+            "name the unit "
             "that was struck with --unit"
         )
     return np.asarray(times[peaks])

@@ -40,7 +40,8 @@ def shown_video(
     """
     if not math.isfinite(offset_s) or not abs(drift_ppm) < LARGEST_DRIFT_PPM:
         raise DataError(
-            f"video: offset {offset_s} s, drift {drift_ppm} ppm; give a finite offset and a drift below {LARGEST_DRIFT_PPM:g} ppm"
+            f"video: offset {offset_s} s, drift {drift_ppm} ppm; "
+            f"give a finite offset and a drift below {LARGEST_DRIFT_PPM:g} ppm"
         )
     if camera is not None:
         _require_shape(camera, info)
@@ -67,6 +68,7 @@ def _require_shape(camera: Camera, info: VideoInfo) -> None:
     own, theirs = camera.width_px / camera.height_px, info.width_px / info.height_px
     if abs(own / theirs - 1.0) > SAME_SHAPE:
         raise DataError(
-            f"video: the camera was calibrated for {camera.width_px} x {camera.height_px} px, the video shows {info.width_px} "
-            f"x {info.height_px} px; a picture of another shape was cropped. Calibrate with the same setting of the camera"
+            f"video: the camera was calibrated for {camera.width_px} x {camera.height_px} px, the video shows "
+            f"{info.width_px} x {info.height_px} px; a picture of another shape was cropped. "
+            "Calibrate with the same setting of the camera"
         )
