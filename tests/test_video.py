@@ -1,4 +1,4 @@
-"""A video finds its place in a track's time: by motion, by a clap; a camera sees what OpenCV's would; wrong input is refused."""
+"""A video finds its place in a track's time, by motion or by a clap; a camera sees what that of OpenCV sees."""
 
 import json
 from dataclasses import replace
@@ -140,7 +140,7 @@ def test_equal_cycles_are_said_to_be_ambiguous(motion):
     offsets = [found.offset_s, *(one.offset_s for one in found.candidates)]
     off = [(one - 11.2 + 0.5 * period_s) % period_s - 0.5 * period_s for one in offsets]
     assert min(np.abs(off)) < FRAME_S
-    assert_refused(DataError, found.require_one, "fit equally well", "--offset-s")
+    assert_refused(found.require_one, "fit equally well", "--offset-s")
     near = align(seen(motion, again(stamps_s + 11.2), stamps_s), body, near_s=11.0, within_s=1.0)
     assert not near.ambiguous and abs(near.offset_s - 11.2) < FRAME_S
 
@@ -149,20 +149,21 @@ def test_what_moves_otherwise_is_refused(motion):
     rng = np.random.default_rng(4)
     stamps_s = np.arange(0.0, 20.0, FRAME_S)
     other = courses_of(stamps_s, rng.standard_normal((len(stamps_s), 12, 2)), "video")
-    assert_refused(DataError, lambda: align(other, body_motion(motion.track)), "does not move like the track")
-    assert_refused(DataError, lambda: align(other, body_motion(motion.track), near_s=900.0), "in common")
+    assert_refused(lambda: align(other, body_motion(motion.track)), "does not move like the track")
+    assert_refused(lambda: align(other, body_motion(motion.track), near_s=900.0), "in common")
 
 
 def test_clocks_that_drift_are_fitted():
     motion = Motion(60.0, (20.0, 32.0), seed=5)
     track_s = np.arange(0.0, 240.0, 0.02)
-    # to and fro through a minute of rising and falling rates
-    own = lambda t: 59.0 * (0.5 - 0.5 * np.cos(2.0 * np.pi * t / 300.0))  # noqa: E731
+    # to and fro through a minute of rising rates
+    own = lambda t: np.abs(np.mod(t, 118.0) - 59.0)  # noqa: E731
     body = motion_of_places(track_s, motion.at(own(track_s)))
     stamps_s = np.arange(0.0, 225.0, FRAME_S)
     picture = seen(motion, own(3.0 + (1.0 + 300e-6) * stamps_s), stamps_s)
     found = with_drift(picture, body, align(picture, body, frame_s=FRAME_S), FRAME_S)
-    assert abs(found.drift_ppm - 300.0) < 60.0
+    assert 0.0 < found.drift_std_ppm < 60.0
+    assert abs(found.drift_ppm - 300.0) < 3.0 * found.drift_std_ppm
     ends = [found.offset_s + found.drift_ppm * 1e-6 * t - 3.0 - 300e-6 * t for t in (0.0, 225.0)]
     assert np.abs(ends).max() < 0.5 * FRAME_S
 
@@ -217,9 +218,9 @@ def test_claps_align(heard_s):
 
 def test_claps_that_do_not_decide_are_refused():
     sound = clapped((3.0, 5.0), 16_000.0)
-    assert_refused(DataError, lambda: clap_offset(sound, struck((9.0,))), "fit equally well", "--offset-s")
-    assert_refused(DataError, lambda: clap_offset(sound, struck(())), "felt no jolt")
-    assert_refused(DataError, lambda: clap_offset(clapped((), 16_000.0), struck((9.0,))), "no sudden sound")
+    assert_refused(lambda: clap_offset(sound, struck((9.0,))), "fit equally well", "--offset-s")
+    assert_refused(lambda: clap_offset(sound, struck(())), "felt no jolt")
+    assert_refused(lambda: clap_offset(clapped((), 16_000.0), struck((9.0,))), "no sudden sound")
 
 
 def test_the_verb_aligns_by_a_clap(motion, tmp_path):
@@ -269,14 +270,13 @@ def test_a_camera_sees_what_that_of_opencv_sees(tmp_path):
 )
 def test_a_wrong_camera_file_is_refused(tmp_path, was, becomes, words):
     (tmp_path / "camera.toml").write_text(CAMERA_FILE.replace(was, becomes))
-    assert_refused(DataError, lambda: load_camera(tmp_path / "camera.toml"), words)
+    assert_refused(lambda: load_camera(tmp_path / "camera.toml"), words)
 
 
 def test_an_offset_that_is_no_number_is_refused(drawn):
     info = video_info(drawn / "piece.webm")
     assert info.width_px == 160 and info.frame_s == pytest.approx(FRAME_S, abs=1e-3)
     assert_refused(
-        DataError,
         lambda: shown_video(drawn / "piece.webm", drawn, info, offset_s=float("nan")),
         "finite offset",
     )

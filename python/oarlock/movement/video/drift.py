@@ -1,4 +1,4 @@
-"""Refines the alignment of a long video: the offset of each minute, and a straight line through them."""
+"""Refines the alignment of a long video: the offset of each half minute, and a straight line through them."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from oarlock.storage.errors import DataError
 
 Floats = NDArray[np.float64]
 
-WINDOW_S = 60.0
-LEAST_WINDOWS = 3
+WINDOW_S = 30.0
+LEAST_WINDOWS = 6
 NEAR_S = 0.6
-"""Within this of the common offset each minute is searched: less than half a cycle, so that no minute slips by one."""
+"""Within this of the common offset each minute is searched: less than half a cycle, so that none slips by one."""
 
 
 def with_drift(picture: Signals, body: Signals, found: Alignment, frame_s: float) -> Alignment:
@@ -34,7 +34,7 @@ def with_drift(picture: Signals, body: Signals, found: Alignment, frame_s: float
     first, last = _both_s(picture, body, found)
     count = int((last - first) / WINDOW_S)
     edges = np.linspace(first, last, count + 1)
-    middles, offsets = [], []
+    middles, offsets, variances = [], [], []
     for start, end in pairwise(edges):
         try:
             part = align(
@@ -44,13 +44,15 @@ def with_drift(picture: Signals, body: Signals, found: Alignment, frame_s: float
                 within_s=NEAR_S,
                 frame_s=frame_s,
             )
-        except DataError:  # a minute at rest or without picture says nothing
+        except DataError:  # half a minute at rest or without picture says nothing
             continue
         middles.append(0.5 * (start + end))
         offsets.append(part.offset_s)
+        # the time within a picture is common to all windows
+        variances.append(max(part.std_s**2 - frame_s**2 / 12.0, 0.0))
     if len(middles) < LEAST_WINDOWS:
         return found
-    slope, std, offset_s = _line(np.array(middles), np.array(offsets))
+    slope, std, offset_s = _line(np.array(middles), np.array(offsets), float(np.mean(variances)))
     if abs(slope) <= 3.0 * std or abs(slope) * (last - first) < 0.25 * frame_s:
         return replace(found, drift_std_ppm=1e6 * std)
     return replace(found, offset_s=offset_s, drift_ppm=1e6 * slope, drift_std_ppm=1e6 * std)
@@ -61,14 +63,14 @@ def _both_s(picture: Signals, body: Signals, found: Alignment) -> tuple[float, f
     return max(float(seen[0]), float(moved[0])), min(float(seen[-1]), float(moved[-1]))
 
 
-def _line(middles: Floats, offsets: Floats) -> tuple[float, float, float]:
-    """Slope, its standard deviation from the scatter, and the offset at video time 0 (Theil 1950, Sen 1968).
+def _line(middles: Floats, offsets: Floats, variance: float) -> tuple[float, float, float]:
+    """Slope, its standard deviation from fits and scatter, and the offset at video time 0 (Theil 1950, Sen 1968).
 
-    The slope is the median of all pairs', so that one minute that went wrong does no harm.
+    The slope is the median of all pairs', so that a window that went wrong does no harm.
     """
     i, j = np.triu_indices(len(middles), 1)
     slope = float(np.median((offsets[j] - offsets[i]) / (middles[j] - middles[i])))
     rest = offsets - slope * middles
     offset_s = float(np.median(rest))
-    scatter = 1.4826 * float(np.median(np.abs(rest - offset_s)))
+    scatter = float(np.hypot(1.4826 * np.median(np.abs(rest - offset_s)), np.sqrt(variance)))
     return slope, scatter / float(np.sqrt(np.sum((middles - middles.mean()) ** 2))), offset_s
