@@ -1,4 +1,4 @@
-"""A video in the player: it follows the slider and leads while it plays, the skeleton lies on it, and nothing is fetched."""
+"""A video in the player: it follows the slider, leads while it plays, carries the skeleton; nothing is fetched."""
 
 from pathlib import Path
 from typing import Any
@@ -49,11 +49,11 @@ def browser():
 
 @pytest.fixture
 def opened(browser):
-    with quiet_tabs(browser, ("GPU stall",)) as open_:
+    with quiet_tabs(browser, ("GPU stall", "willReadFrequently")) as open_:
 
         def open_ready(file: Path, *size: int) -> Any:
             tab = open_(file, *size)
-            tab.wait_for_function("window.oarlock?.players?.[0]?.film.video.readyState >= 2")
+            tab.wait_for_function("() => window.oarlock?.players?.[0]?.film.video.readyState >= 2")
             return tab
 
         yield open_ready
@@ -97,14 +97,14 @@ def test_outside_of_the_video_the_page_says_so_and_time_goes_on(opened, shown):
     tab.get_by_role("slider", name="Time").fill("0.5")
     tab.get_by_text("The video has no picture at this time.").wait_for()
     tab.get_by_role("button", name="Play").first.click()
-    tab.wait_for_function("oarlock.players[0].time_s > 3.0")
+    tab.wait_for_function("() => oarlock.players[0].time_s > 3.0")
     # the video leads now: the page's time is that of its clock
     assert not tab.evaluate("oarlock.players[0].film.video.paused")
     off_s = tab.evaluate(
         "(() => { const p = oarlock.players[0]; return p.time_s - p.film.trackTime(p.film.video.currentTime); })()"
     )
     assert abs(off_s) < 0.25
-    tab.wait_for_function("oarlock.players[0].time_s > 9.0")
+    tab.wait_for_function("() => oarlock.players[0].time_s > 9.0")
 
 
 def test_the_offset_can_be_moved_and_another_file_chosen(opened, shown):
@@ -112,7 +112,7 @@ def test_the_offset_can_be_moved_and_another_file_chosen(opened, shown):
     tab.get_by_role("button", name="Video one picture earlier").click()
     assert float(tab.get_by_label("Offset, s").input_value()) == pytest.approx(OFFSET_S + FRAME_S, abs=1e-3)
     tab.get_by_label("Other file").set_input_files(shown.parent / "a piece.webm")
-    tab.wait_for_function("oarlock.players[0].film.video.src.startsWith('blob:')")
-    tab.wait_for_function("oarlock.players[0].film.video.readyState >= 2")
+    tab.wait_for_function("() => oarlock.players[0].film.video.src.startsWith('blob:')")
+    tab.wait_for_function("() => oarlock.players[0].film.video.readyState >= 2")
     tab.get_by_label("Other file").set_input_files(shown)
     tab.get_by_text("The browser cannot show this file").wait_for()
