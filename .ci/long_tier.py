@@ -68,6 +68,8 @@ USUAL_S = {
     "test_swapped_units": 220.0,
     "test_units_apart": 15.0,
     "test_unobserved": 25.0,
+    "test_video": 120.0,
+    "test_video_browser": 30.0,
     "test_viewer_browser": 70.0,
     # Estimates from a run of all tests on two cores.
     "engine": 90.0,

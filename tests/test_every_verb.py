@@ -87,6 +87,8 @@ LEAF = {
     "strokes": "test_stroke_exports.test_command_shows_and_writes",
     "study": "test_study.test_the_verb_writes_tables_and_a_page_that_needs_nothing",
     "track": "test_cli.test_track_json_is_one_document",
+    "video align": "test_video.test_the_verb_finds_a_drawn_video_within_a_frame",
+    "video clap": "test_video.test_the_verb_aligns_by_a_clap",
     "view": "test_viewer_cli.test_it_opens_nothing_when_told_so",
 }
 # In these the words of a verb stand in the page or the fixture that the test reads, or a file stands for PATH.

@@ -15,6 +15,8 @@ export class Clock {
     this.playing = false;
     this.told = told;
     this.before = null;
+    /** What gives the next time while it plays, such as a video: (time_s, speed) -> s, or null. */
+    this.leader = () => null;
   }
 
   get range() {
@@ -42,7 +44,8 @@ export class Clock {
       if (!this.playing) return;
       const step = this.before === null ? 0 : (now - this.before) / 1000;
       this.before = now;
-      this.advance(Math.min(step, 0.25) * this.speed);
+      const led = this.leader(this.time_s, this.speed);
+      this.advance(led === null ? Math.min(step, 0.25) * this.speed : led - this.time_s);
       requestAnimationFrame(frame);
     };
     requestAnimationFrame(frame);

@@ -5,6 +5,7 @@ import { Clock } from "./clock.js";
 import { Controls } from "./controls.js";
 import { element } from "./dom.js";
 import { Figure } from "./figure.js";
+import { Film } from "./film.js";
 import { Labels } from "./labels.js";
 import { orbit } from "./orbit.js";
 import { palette } from "./palette.js";
@@ -38,6 +39,8 @@ export class Player {
     this.labels = new Labels(this.figure);
     this.panels = scene.panels.map((panel) => new Panel(panel, this.figure.time_s, (time_s) => this.seek(time_s)));
     this.controls = new Controls(this);
+    this.film = scene.video ? new Film(scene.video, this.figure, this) : null;
+    if (this.film) this.clock.leader = (time_s, speed) => this.film.lead(time_s, speed);
     this.visible = true;
     this.layOut();
     this.setStage();
@@ -80,8 +83,9 @@ export class Player {
     this.curvesBox.hidden = this.panels.length === 0;
     const title = this.scene.title ? element("p", { class: "op-title", text: this.scene.title }) : null;
     const notes = this.scene.notes.length ? element("p", { class: "op-drawn", text: `Drawn, not measured: ${this.scene.notes.join("; ")}.` }) : null;
-    const left = element("div", { class: "op-left" }, this.stageBox, this.note, this.controls.bar, this.controls.tools, notes);
-    this.root.replaceChildren(...[title, element("div", { class: `op-columns${this.panels.length ? "" : " op-alone"}` }, left, this.curvesBox)].filter(Boolean));
+    const pictures = this.film ? element("div", { class: "op-pictures" }, this.film.root, this.stageBox) : this.stageBox;
+    const left = element("div", { class: "op-left" }, pictures, this.note, this.controls.bar, this.controls.tools, notes);
+    this.root.replaceChildren(...[title, element("div", { class: `op-columns${this.panels.length && !this.film ? "" : " op-alone"}` }, left, this.curvesBox)].filter(Boolean));
     this.root.setAttribute("role", "group");
     this.root.setAttribute("aria-label", `Player of ${this.scene.title || this.scene.model}`);
   }
@@ -163,6 +167,7 @@ export class Player {
     const { clientWidth, clientHeight } = this.canvasPlace;
     if (!clientWidth) return;
     this.stage.draw(this.time_s, this.ghost_s, this.magnified);
+    this.film?.showAt(this.time_s);
     this.labels.draw(this.camera.projection(clientWidth, clientHeight), this.time_s, clientWidth, clientHeight);
     for (const panel of this.panels) panel.showAt(this.time_s);
     this.controls.showAt();

@@ -24,6 +24,7 @@ VERBS = {
     "report": "Write a track's report.html.",
     "export": "Write a track as CSV, Parquet and OpenSim files.",
     "view": "Show a track as a moving figure with its curves.",
+    "video": "Align a video with a track, by motion or by a clap.",
     "reproduce": "Repeat the paper's tables and figures and compare the values.",
     "strokes": "Show strokes of a track, or of another device's export.",
     "season": "A squad's season: stored once, asked anything.",

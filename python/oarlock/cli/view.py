@@ -29,6 +29,8 @@ def add_to(app: typer.Typer) -> None:
             "oarlock view out",
             "oarlock view out --ghost before",
             "oarlock view out --start 60 --end 90 --to piece.html --no-open",
+            "oarlock view out --video piece.mp4",
+            "oarlock view out --video piece.mp4 --offset-s 7.32 --camera camera.toml",
         ),
     )(view)
 
@@ -52,6 +54,29 @@ def view(
     to: Annotated[
         Path | None, typer.Option("--to", metavar="FILE", help="File to write; default TRACK/view.html.")
     ] = None,
+    video: Annotated[
+        Path | None,
+        typer.Option(
+            "--video", metavar="FILE", help="A video to play beside the figure; it stays where it is."
+        ),
+    ] = None,
+    offset_s: Annotated[
+        float | None,
+        typer.Option(
+            "--offset-s",
+            metavar="S",
+            help="Time of the track at the beginning of the video, s; default: found from its motion.",
+        ),
+    ] = None,
+    drift_ppm: Annotated[
+        float, typer.Option("--drift-ppm", metavar="PPM", help="By how much the track's clock runs faster.")
+    ] = 0.0,
+    camera: Annotated[
+        Path | None,
+        typer.Option(
+            "--camera", metavar="FILE", help="Calibration of a camera that stands still: draws the skeleton."
+        ),
+    ] = None,
     no_open: Annotated[
         bool, typer.Option("--no-open", help="Write the file without opening a browser.")
     ] = False,
@@ -68,20 +93,31 @@ def view(
     from oarlock.storage.added_files import added_files
     from oarlock.storage.write_file import write_file
 
+    _check_video_options(video, offset_s, drift_ppm, camera)
     track = load_track(out)
     other = load_track(ghost) if ghost is not None else None
     shown_s, cut = _stretch(track, start_s, end_s)
     target = to or out / "view.html"
     free_file(target, force)
+    film = None if video is None else _film(track, video, offset_s, drift_ppm, camera, target)
     with progress("drawing"), added_files(target.parent, force) as stage:
         drawn = _scene(track, other, shown_s, every_s, str(ghost or ""))
+        drawn["video"] = film
         text = page(drawn, f"{drawn['model']}: {drawn['title'] or out.resolve().name}")
         write_file(stage / target.name, text)
     opened = not (no_open or json_output) and webbrowser.open(target.resolve().as_uri())
     if json_output:
         samples = drawn["places_m"]["rows"]
         print_json(
-            {"view": target, "bytes": len(text.encode()), "shown_s": shown_s, "samples": samples, "cut": cut}
+            {
+                "view": target,
+                "bytes": len(text.encode()),
+                "shown_s": shown_s,
+                "samples": samples,
+                "cut": cut,
+                "video": film
+                and {"file": video, "offset_s": film["offset_s"], "drift_ppm": film["drift_ppm"]},
+            }
         )
         return
     say(f"Wrote {target}")
@@ -89,8 +125,42 @@ def view(
         say(
             f"It shows {shown_s[0]:.0f} to {shown_s[1]:.0f} s of a longer track; change this with --start and --end."
         )
+    if film is not None:
+        say(
+            f"The video begins at {film['offset_s']:.3f} s of the track; the page plays it from {film['src']}."
+        )
     if not opened and not no_open:
         say("No browser could be started; open the file in one.")
+
+
+def _check_video_options(
+    video: Path | None, offset_s: float | None, drift_ppm: float, camera: Path | None
+) -> None:
+    given = {
+        "--offset-s": offset_s is not None,
+        "--drift-ppm": drift_ppm != 0.0,
+        "--camera": camera is not None,
+    }
+    if video is None and any(given.values()):
+        flag = next(flag for flag, there in given.items() if there)
+        raise UsageError(f"view: {flag} needs --video FILE")
+
+
+def _film(
+    track: Track, video: Path, offset_s: float | None, drift_ppm: float, camera: Path | None, target: Path
+) -> dict[str, Any]:
+    """Return what the page needs to know of the video; its offset is found if it is not given."""
+    from oarlock.cli.video import aligned
+    from oarlock.movement.video import load_camera, video_info
+    from oarlock.movement.video.shown import shown_video
+
+    info = video_info(video)
+    seen = None if camera is None else load_camera(camera)
+    if offset_s is None:
+        found = aligned(track, video, None)
+        found.require_one()
+        offset_s, drift_ppm = found.offset_s, found.drift_ppm
+    return shown_video(video, target.parent, info, offset_s=offset_s, drift_ppm=drift_ppm, camera=seen)
 
 
 def _stretch(track: Track, start_s: float | None, end_s: float | None) -> tuple[tuple[float, float], bool]:

@@ -13,11 +13,14 @@ from oarlock.storage.errors import DataError
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data: blob:"
 """Content-Security-Policy of the page: a browser loads nothing from outside."""
+VIDEO_POLICY = f"{POLICY}; media-src 'self' file: blob:"
+"""The same for a page with a video, a file beside it or one that the reader chooses."""
 
 
 def page(scene: Mapping[str, Any], title: str) -> str:
     """The HTML page with player and data."""
-    return rendered("player", heading=title, policy=POLICY, player=embed(scene, "player"))
+    policy = VIDEO_POLICY if scene.get("video") else POLICY
+    return rendered("player", heading=title, policy=policy, player=embed(scene, "player"))
 
 
 def embed(scene: Mapping[str, Any], element_id: str, *, with_player: bool = True) -> str:
