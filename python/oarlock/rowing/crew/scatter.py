@@ -13,6 +13,7 @@ Floats = NDArray[np.float64]
 FEWEST = 5
 """Strokes that a mean needs."""
 _OUTLIER_SIGMAS = 5.0
+_MOST_ALIKE = 0.9
 
 
 class Mean(NamedTuple):
@@ -53,7 +54,7 @@ def mean_of(values: Floats, stds: Floats) -> Mean:
     left out: a catch that was no catch.
     """
     good = np.isfinite(values) & np.isfinite(stds)
-    good &= _near(values, good)
+    good &= _near(values, stds, good)
     x, noise2 = values[good], stds[good] ** 2
     if len(x) < FEWEST:
         return Mean(np.nan, np.nan, 1.0, np.nan, np.nan, len(x))
@@ -73,21 +74,24 @@ def mean_of(values: Floats, stds: Floats) -> Mean:
 def inflation(off: Floats) -> float:
     """How much larger the variance of a mean is because neighbours resemble each other; at least 1.
 
-    Bartlett's weights over the first lags (Newey and West 1987).
+    The larger of two estimates: Bartlett's weights over the first lags (Newey and West 1987), and a first-order
+    autoregression whose coefficient is corrected for the short series (Kendall 1954). The first is too small for short
+    series, the second for slow swings.
     """
     n = len(off)
-    lags = min(int(2.0 * n ** (1.0 / 3.0)), n // 3)
     power = float(off @ off)
-    if power == 0.0:
+    lags = min(int(2.0 * n ** (1.0 / 3.0)), n // 3)
+    if power == 0.0 or lags < 1:
         return 1.0
-    alike = [float(off[k:] @ off[:-k]) / power for k in range(1, lags + 1)]
-    total = 1.0 + 2.0 * sum((1.0 - k / (lags + 1)) * (one + 1.0 / n) for k, one in enumerate(alike, 1))
-    return max(total, 1.0)
+    alike = np.array([float(off[k:] @ off[:-k]) / power for k in range(1, lags + 1)]) + 1.0 / n
+    bartlett = 1.0 + 2.0 * float(alike @ (1.0 - np.arange(1, lags + 1) / (lags + 1)))
+    first = min(float(alike[0]) + 3.0 * max(float(alike[0]), 0.0) / n, _MOST_ALIKE)
+    return max(bartlett, (1.0 + first) / (1.0 - first), 1.0)
 
 
-def _near(values: Floats, good: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _near(values: Floats, stds: Floats, good: NDArray[np.bool_]) -> NDArray[np.bool_]:
     if not good.any():
         return good
     centre = float(np.median(values[good]))
-    spread = max(1.4826 * float(np.median(np.abs(values[good] - centre))), 1e-3)
+    spread = max(1.4826 * float(np.median(np.abs(values[good] - centre))), float(np.median(stds[good])), 1e-3)
     return np.abs(np.where(good, values, centre) - centre) <= _OUTLIER_SIGMAS * spread
