@@ -26,6 +26,7 @@ VERBS = {
     "view": "Show a track as a moving figure with its curves.",
     "reproduce": "Repeat the paper's tables and figures and compare the values.",
     "strokes": "Show strokes of a track, or of another device's export.",
+    "crew": "Timing between the seats of one boat.",
     "season": "A squad's season: stored once, asked anything.",
     "study": "Sweep sensors, noise, mounts, rates or settings over seeds.",
     "bench": "Measure speed and latency on this machine.",
