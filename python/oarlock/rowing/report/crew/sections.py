@@ -88,13 +88,14 @@ def timing_chart(timing: CrewTiming) -> str:
         mean, half = (1e3 * np.array([getattr(one, key) for one in own]) for key in ("mean_s", "half_width_s"))
         series.append(Series(_NAMES[event], at, mean, mean - half, mean + half))
     seats = f"seat: 1 is bow, {len(place)} is {label(timing.seats[-1].name)}"
-    return row_chart(
+    drawn = row_chart(
         "timing-chart",
         "Later or earlier" if timing.clocks.known else "Longer or shorter drive",
         series,
         Axis(seats, "", (0.5, len(place) + 0.5)),
         Axis("later" if timing.clocks.known else "longer", "ms", least=20.0),
     )
+    return grid([drawn])
 
 
 def strokes_charts(timing: CrewTiming) -> str:
@@ -147,7 +148,7 @@ def overlay_charts(timing: CrewTiming, overlays: Sequence[Overlay]) -> str:
                     f"overlay-{one.quantity}-{k}",
                     name,
                     series,
-                    Axis(f"of {label(timing.seats[timing.leader].name)}'s stroke", "%", (0.0, 100.0)),
+                    Axis(f"from the catch of {label(timing.seats[timing.leader].name)} to the next", "%", (0.0, 100.0)),
                     Axis("", unit),
                     marks,
                 )

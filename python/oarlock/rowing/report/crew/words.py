@@ -30,6 +30,12 @@ def ms(seconds: float) -> str:
     return f"{value:.0f}" if abs(value) >= 9.95 else f"{value:.1f}"
 
 
+def ms_band(low_s: float, high_s: float) -> str:
+    """"8 to 20 ms": both ends alike, whole numbers if the upper end is 10 ms or more."""
+    digits = 0 if 1e3 * max(abs(low_s), abs(high_s)) >= 9.95 else 1
+    return f"{1e3 * low_s:.{digits}f} to {1e3 * high_s:.{digits}f} ms"
+
+
 def label(name: str) -> str:
     """"seat 3", "stroke", "bow"."""
     return f"seat {name}" if name.isdigit() else name
@@ -72,10 +78,10 @@ def finding(one: CrewFinding, against: str) -> str:
     if one.kind == "scatter":
         return (
             f"{whom}: catches less evenly than the others. From stroke to stroke they scatter by {ms(one.size_s)} ms "
-            f"(SD; 95 %: {ms(one.low_s)} to {ms(one.high_s)} ms), those of the other seats by {ms(one.others_s)} ms."
+            f"(SD; 95 %: {ms_band(one.low_s, one.high_s)}), those of the other seats by {ms(one.others_s)} ms."
         )
     low, high = sorted((abs(one.low_s), abs(one.high_s)))
-    band = f"95 %: {ms(low)} to {ms(high)} ms"
+    band = f"95 %: {ms_band(low, high)}"
     than = label(against) if against != "crew mean" else "the mean of the crew"
     plural = len(one.seats) > 1
     if one.kind == "drive":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from importlib.resources import files
 from os import PathLike
 from pathlib import Path
 
@@ -69,7 +70,12 @@ def crew_page(timing: CrewTiming, title: str, csv_name: str) -> str:
     ]
     folded = ["basis"] + (["each"] if len(timing.seats) - 1 > _MOST_UNFOLDED else [])
     lead = f'<div class="lead">{_lead(timing)}</div>{tiles(_figures(timing))}'
-    return shell(title, lead, [one for one in sections if one[2]], style=STYLE, folded=folded)
+    return shell(title, lead, [one for one in sections if one[2]], style=_style(), folded=folded)
+
+
+def _style() -> str:
+    """That of a rower's report, whose charts these are, and of this page."""
+    return files("oarlock.rowing.report").joinpath("style.css").read_text("utf-8") + STYLE
 
 
 def _lead(timing: CrewTiming) -> str:
