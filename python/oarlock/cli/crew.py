@@ -96,7 +96,9 @@ def _recordings(folders: list[Path] | None, count: int) -> list[Recording | None
     if not folders:
         return None
     if len(folders) != count:
-        raise UsageError(f"--recording: {len(folders)} are given for {count} seats; give one a seat, in their order")
+        raise UsageError(
+            f"--recording: {len(folders)} are given for {count} seats; give one a seat, in their order"
+        )
     return [load_recording(folder) for folder in folders]
 
 
@@ -116,7 +118,7 @@ def _document(timing: CrewTiming, files: tuple[Path, ...]) -> dict[str, object]:
                 "low_s": one.low_s,
                 "high_s": one.high_s,
                 "sd_s": one.strokes.own_sd,
-                "strokes": one.strokes.count,
+                "strokes": one.strokes.strokes,
             }
             for one in timing.delays
         ],

@@ -88,7 +88,9 @@ def crew_clocks(seats: Sequence[CrewSeat], leader: int, std_s: float | None = No
     if std_s == 0.0 or (std_s is None and _one_logger(seats)):
         return CrewClocks("one", _apart(starts, 0.0), "One logger recorded all seats: clocks add no error.")
     if std_s is not None:
-        text = f"The loggers were synchronised to {1e3 * std_s:.3g} ms (SD), as stated; the bands contain this."
+        text = (
+            f"The loggers were synchronised to {1e3 * std_s:.3g} ms (SD), as stated; the bands contain this."
+        )
         return CrewClocks("given", _apart(starts, std_s, leader), text)
     return _measured(seats, leader, starts)
 
@@ -102,7 +104,8 @@ def _starts(seats: Sequence[CrewSeat], leader: int) -> list[float]:
     if any(one is None for one in found):
         without = ", ".join(seat.label for seat, one in zip(seats, found, strict=True) if one is None)
         raise DataError(
-            f"crew: the moment of 0 s is known of some seats and not of {without} (or in another time zone). Export all "
+            f"crew: the moment of 0 s is known of some seats and not of {without} (or in another time zone). "
+            f"Export all "
             "seats with or all without the time of day"
         )
     return [float(one) for one in found if one is not None]
@@ -139,14 +142,17 @@ def _measured(seats: Sequence[CrewSeat], leader: int, starts: Sequence[float]) -
             reasons.append(f"{seat.label}: {error}")
     if not reasons:
         worst = 1e3 * max(clock.std_s for clock in clocks)
-        text = f"The loggers differ; the boat's own unit on each aligns them to {worst:.2g} ms (SD). The bands contain this."
+        text = (
+            f"The boat's own unit on each logger aligns them to {worst:.2g} ms (SD); the bands contain this."
+        )
         return CrewClocks("hull", tuple(clocks), text)
     shifted = [
         SeatClock() if k == leader else _by_strokes(seats[leader], seat, starts[k])
         for k, seat in enumerate(seats)
     ]
     text = (
-        "How well the loggers' clocks agree is not known, so who is early and who is late cannot be told from an error of "
+        "How well the loggers' clocks agree is not known, so who is early and who is late cannot be told from "
+        "an error of "
         "the clocks. How evenly each seat follows can."
     )
     return CrewClocks("unknown", tuple(shifted), text, "; ".join(reasons))
@@ -163,6 +169,3 @@ def _by_hull(leader: CrewSeat, seat: CrewSeat, start_s: float) -> SeatClock:
 def _by_strokes(leader: CrewSeat, seat: CrewSeat, start_s: float) -> SeatClock:
     shift = aligning_shift(leader.catch_s, seat.catch_s + start_s)
     return SeatClock(-(start_s + shift), 0.0, float("nan"))
-
-
-

@@ -1,7 +1,7 @@
 """Offset and drift between two loggers from a unit that each has on the hull. Used by `crew_clocks`.
 
-Both units are on one stiff boat, so their accelerations along it are one signal. The rowers' own units would not do: what they
-measure of the boat is mixed with the rower's movement, whose timing is what is asked.
+Both units are on one stiff boat, so their accelerations along it are one signal. The rowers' own units would
+not do: what they measure of the boat is mixed with the rower's movement, whose timing is what is asked.
 """
 
 from __future__ import annotations
@@ -38,7 +38,8 @@ def common_motion(
     """Offset in s, drift, and the offset's standard deviation in s, of `own` relative to `leader`.
 
     Args:
-        leader, own: recordings that each have a unit named as in `HULL_NAMES`.
+        leader: with a unit named as in `HULL_NAMES`.
+        own: as `leader`, of the other logger.
         offset_s: where to search.
         search_s: how far from there; None searches everywhere.
 
@@ -71,7 +72,9 @@ def _along(recording: Recording) -> tuple[Floats, Floats]:
     readings -= readings.mean(axis=0)
     axis = np.linalg.svd(readings.T @ readings)[0][:, 0]
     width = int(_SMOOTH_S * _RATE_HZ) | 1
-    return even, np.convolve(readings @ axis, np.hanning(width + 2)[1:-1] / np.hanning(width + 2).sum(), "same")
+    return even, np.convolve(
+        readings @ axis, np.hanning(width + 2)[1:-1] / np.hanning(width + 2).sum(), "same"
+    )
 
 
 def _coarse(
@@ -103,7 +106,9 @@ def _windows(
     for start in np.arange(begin + _NEAR_S, end - _WINDOW_S - _NEAR_S, _WINDOW_S):
         at = np.arange(start, start + _WINDOW_S, 1.0 / _RATE_HZ)
         here = np.interp(at, time_s, theirs)
-        score = np.array([abs(np.corrcoef(here, np.interp(at + one, own_time_s, ours))[0, 1]) for one in tried])
+        score = np.array(
+            [abs(np.corrcoef(here, np.interp(at + one, own_time_s, ours))[0, 1]) for one in tried]
+        )
         best = int(np.argmax(score))
         if score[best] >= _LEAST_CORRELATION and 0 < best < len(tried) - 1:
             before, peak, after = score[best - 1 : best + 2]

@@ -25,7 +25,8 @@ class CrewFinding:
     """One thing that stands out.
 
     Attributes:
-        kind: ``catch``, ``finish``, ``drive`` (a difference of means) or ``scatter`` (less even catches than the others').
+        kind: ``catch``, ``finish``, ``drive`` (a difference of means) or ``scatter`` (less even catches than
+            the others').
         seats: whom it concerns; several where all follow the reference in the same way.
         size_s, low_s, high_s: difference to the reference with its 95 % band, s; of ``scatter`` the standard deviation.
         others_s: of ``scatter``: the standard deviation of the other seats, s; else NaN.

@@ -82,4 +82,4 @@ def _reach(catch_s: Floats) -> Floats:
     """How far from each catch its partner may be, s: by the shorter of the strokes before and after."""
     gaps = np.diff(catch_s)
     before, after = np.append(np.inf, gaps), np.append(gaps, np.inf)
-    return np.minimum(NEAR_SHARE * np.minimum(before, after), FURTHEST_S)
+    return np.asarray(np.minimum(NEAR_SHARE * np.minimum(before, after), FURTHEST_S))

@@ -71,9 +71,7 @@ def _strokes(timing: CrewTiming, place: int, time_s: Floats, value: Floats) -> F
     return np.asarray(np.interp(own[good], time_s, value))
 
 
-def _course(
-    data: Track | Recording, choices: tuple[tuple[str, ...], ...]
-) -> tuple[Floats, Floats] | None:
+def _course(data: Track | Recording, choices: tuple[tuple[str, ...], ...]) -> tuple[Floats, Floats] | None:
     for names in choices:
         parts = [part for name in names if (part := _one(data, name)) is not None]
         if parts:
@@ -89,8 +87,7 @@ def _one(data: Track | Recording, name: str) -> tuple[Floats, Floats] | None:
         column = data.coordinate_names.index(name)
         time_s, value = data.time_s, data.q[:, column]
     else:
-        stream = data[name] if name in data else None
-        if not isinstance(stream, ScalarStream):
+        if name not in data or not isinstance(stream := data[name], ScalarStream):
             return None
         time_s, value = stream.time_s, stream.value
     good = np.isfinite(value)

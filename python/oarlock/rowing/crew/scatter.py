@@ -1,4 +1,4 @@
-"""Mean of numbers that follow each other, with a standard error that allows for what neighbours share. For `crew_timing`."""
+"""Mean of numbers in order of time, with a standard error that allows for like neighbours. For `crew_timing`."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Mean(NamedTuple):
         df: degrees of freedom of the standard error.
         sd: standard deviation of a stroke, measurement included.
         noise: what the measurement contributes to it, root mean square.
-        count: strokes that count.
+        strokes: strokes that count.
     """
 
     mean: float
@@ -32,7 +32,7 @@ class Mean(NamedTuple):
     df: float
     sd: float
     noise: float
-    count: int
+    strokes: int
 
     @property
     def own_sd(self) -> float:
@@ -42,7 +42,7 @@ class Mean(NamedTuple):
     def half_width(self, share: float, systematic: float) -> float:
         """Half of the band that contains the truth with probability `share`, with an error that all strokes share."""
         tail = 0.5 + 0.5 * share
-        if not np.isfinite(systematic) or self.count < FEWEST:
+        if not np.isfinite(systematic) or self.strokes < FEWEST:
             return float("nan")
         return float(np.hypot(stdtrit(self.df, tail) * self.standard_error, ndtri(tail) * systematic))
 

@@ -136,7 +136,9 @@ def _shown(place: float) -> str:
 
 
 def _one_boat(sessions: Sequence[Mapping[str, str]], names: Sequence[str]) -> None:
-    boats = {session["boat"]: name for session, name in zip(sessions, names, strict=True) if "boat" in session}
+    boats = {
+        session["boat"]: name for session, name in zip(sessions, names, strict=True) if "boat" in session
+    }
     if len(boats) > 1:
         each = ", ".join(f'"{boat}" ({name})' for boat, name in boats.items())
         raise DataError(f"the pieces are of different boats: {each}. Give the seats of one boat")

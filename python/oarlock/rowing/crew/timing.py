@@ -72,12 +72,13 @@ class CrewTiming:
         against: what `late_s` refers to: the name of a seat, or ``crew mean``.
         clocks: of the loggers.
         catch_s, end_s: (N,) s of the leader's clock: its catches, and its next ones (NaN after the last).
-        late_s: by event, (N, seats) s later than the reference; NaN where a seat has no such stroke. If the clocks are not
+        late_s: by event, (N, seats) s later than the reference; NaN where a seat has no such stroke. If the
+            clocks are not
             known, catch and finish are relative to the seat's own mean, without drift.
         late_std_s: standard deviations of the measurement, (N, seats) s.
         delays: of each seat but the reference, and event.
         first_share: (seats,) share of the strokes in which the seat catches first, of those that all seats have.
-        left_out: strokes of any seat without a partner.
+        left_out: strokes of the leader that not all seats have.
     """
 
     seats: tuple[CrewSeat, ...]
@@ -159,7 +160,7 @@ def crew_timing(
         MappingProxyType(std),
         tuple(delays),
         first,
-        sum(len(seat.catch_s) for seat in seats) - int(np.isfinite(late["catch"]).sum()),
+        len(seats[leader].catch_s) - int(np.isfinite(late["catch"]).all(axis=1).sum()),
     )
 
 

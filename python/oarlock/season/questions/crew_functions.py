@@ -30,7 +30,8 @@ def _delays(leader_s: list[float], own_s: list[float], after_s: float) -> list[f
     """How much later than the leader's each catch is, s; None without a partner.
 
     Args:
-        leader_s, own_s: increasing times, each from the start of its recording.
+        leader_s: increasing times from the start of its recording.
+        own_s: as `leader_s`, of the other recording.
         after_s: how much later than the leader's the own recording starts.
     """
     late = delays(np.asarray(leader_s), np.asarray(own_s) + after_s)

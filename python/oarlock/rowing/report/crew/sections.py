@@ -39,7 +39,7 @@ def who_table(timing: CrewTiming) -> str:
                 fixed(math.degrees(_median(arc[good])), 1),
             ]
         )
-    heads = [
+    heads: list[str | Column] = [
         "seat",
         "athlete",
         "strokes",
@@ -62,10 +62,12 @@ def timing_table(timing: CrewTiming) -> str:
         rows.append([capital(label(seat.name)), *cells, ms(sd), share])
     than = "the mean of the crew" if timing.against == "crew mean" else label(timing.against)
     caption = (
-        f"Later than {than} (minus: earlier), ms; ±: 95 % band of the mean. Scatter: standard deviation of the difference at the "
-        "catch from stroke to stroke, without the measurement's. First: share of strokes in which the seat is first at the catch."
+        f"Later than {than} (minus: earlier), ms; ±: 95 % band of the mean. Scatter: standard deviation of the "
+        f"difference at the "
+        "catch from stroke to stroke, without the measurement's. First: share of strokes in which the seat is "
+        "first at the catch."
     )
-    heads = [
+    heads: list[str | Column] = [
         "seat",
         Column("catch", "ms"),
         Column("finish", "ms"),
@@ -84,8 +86,12 @@ def timing_chart(timing: CrewTiming) -> str:
     for j, event in enumerate(events):
         own = [one for one in timing.delays if one.event == event]
         # side by side, so that neither hides the other
-        at = np.array([float(place[one.seat]) for one in own]) + (0.16 * (j - 0.5) if len(events) > 1 else 0.0)
-        mean, half = (1e3 * np.array([getattr(one, key) for one in own]) for key in ("mean_s", "half_width_s"))
+        at = np.array([float(place[one.seat]) for one in own]) + (
+            0.16 * (j - 0.5) if len(events) > 1 else 0.0
+        )
+        mean, half = (
+            1e3 * np.array([getattr(one, key) for one in own]) for key in ("mean_s", "half_width_s")
+        )
         series.append(Series(_NAMES[event], at, mean, mean - half, mean + half))
     seats = f"seat: 1 is bow, {len(place)} is {label(timing.seats[-1].name)}"
     drawn = row_chart(
@@ -148,7 +154,11 @@ def overlay_charts(timing: CrewTiming, overlays: Sequence[Overlay]) -> str:
                     f"overlay-{one.quantity}-{k}",
                     name,
                     series,
-                    Axis(f"from the catch of {label(timing.seats[timing.leader].name)} to the next", "%", (0.0, 100.0)),
+                    Axis(
+                        f"from the catch of {label(timing.seats[timing.leader].name)} to the next",
+                        "%",
+                        (0.0, 100.0),
+                    ),
                     Axis("", unit),
                     marks,
                 )

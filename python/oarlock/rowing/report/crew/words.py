@@ -31,13 +31,13 @@ def ms(seconds: float) -> str:
 
 
 def ms_band(low_s: float, high_s: float) -> str:
-    """"8 to 20 ms": both ends alike, whole numbers if the upper end is 10 ms or more."""
+    """A band such as "8 to 20 ms": both ends alike, whole numbers if the upper end is 10 ms or more."""
     digits = 0 if 1e3 * max(abs(low_s), abs(high_s)) >= 9.95 else 1
     return f"{1e3 * low_s:.{digits}f} to {1e3 * high_s:.{digits}f} ms"
 
 
 def label(name: str) -> str:
-    """"seat 3", "stroke", "bow"."""
+    """For people: "seat 3", "stroke", "bow"."""
     return f"seat {name}" if name.isdigit() else name
 
 
@@ -47,7 +47,7 @@ def capital(text: str) -> str:
 
 
 def named(names: Sequence[str]) -> str:
-    """"bow, seat 2 and seat 3"."""
+    """A list: "bow, seat 2 and seat 3"."""
     shown = [label(name) for name in names]
     return " and ".join([", ".join(shown[:-1]), shown[-1]] if len(shown) > 1 else shown)
 
@@ -121,11 +121,13 @@ def believed(timing: CrewTiming) -> str:
     if timing.clocks.why:
         parts.append(f"Why: {timing.clocks.why}.")
         parts.append(
-            "With a unit named hull on each logger, or --clock-ms if you know how well the clocks agree, timing can be told."
+            "With a unit named hull on each logger, or --clock-ms if you know how well the clocks agree, timing "
+            "can be told."
         )
     if timing.source not in ("oars", "handle"):
         parts.append(
-            f"The {name}s are compared, because not all seats measured an oar: blades may differ by up to 50 ms from this."
+            f"The {name}s are compared, because not all seats measured an oar: blades may differ by up to 50 ms "
+            f"from this."
         )
     style = "good" if good else "bad"
     return f'<span class="verdict {style}">{mark}.</span> {escape(" ".join(parts))}'
@@ -135,16 +137,23 @@ def basis(timing: CrewTiming) -> list[str]:
     """How it was measured, for the folded section."""
     name, catch, finish = MOVEMENTS[timing.source]
     return [
-        f"The movement compared is that of the {name} ({KINDS[timing.source].words}). Catch: {catch}. Finish: {finish}. It is "
+        f"The movement compared is that of the {name} ({KINDS[timing.source].words}). Catch: {catch}. Finish: "
+        f"{finish}. It is "
         "the reversal of the movement, not the moment at which the blade is covered.",
-        "Strokes of two seats belong together if each catch is the nearest of the other, less than a quarter of a stroke "
-        f"and 0.5 s apart. {timing.left_out} strokes of single seats have no partner and are left out.",
-        "Bands contain the scatter from stroke to stroke (neighbouring strokes resemble each other), the measurement of each "
+        "Strokes of two seats belong together if each catch is the nearest of the other, less than a quarter of "
+        "a stroke "
+        f"and 0.5 s apart. {timing.left_out} strokes of {label(timing.seats[timing.leader].name)} are missing "
+        f"in at least one "
+        "other seat; each seat is compared on the strokes that it has.",
+        "Bands contain the scatter from stroke to stroke (neighbouring strokes resemble each other), the "
+        "measurement of each "
         "reversal, 1 ms for sensors, and the clocks.",
         "A difference is named only if chance explains it in fewer than 3 % of crews without any difference, over all "
         f"comparisons of this page together, and if it is at least {ms(LEAST_S)} ms (our choice).",
-        "We found no published usual value for the difference between seats in ms, so none is shown. BioRow (newsletter on "
-        "seat synchronisation, 2024) reports that a lack of synchronisation adds inertial losses and that rowers who start "
+        "We found no published usual value for the difference between seats in ms, so none is shown. BioRow "
+        "(newsletter on "
+        "seat synchronisation, 2024) reports that a lack of synchronisation adds inertial losses and that "
+        "rowers who start "
         "later feel a lighter handle.",
         timing.clocks.sentence,
     ]

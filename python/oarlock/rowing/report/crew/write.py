@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from html import escape
 from importlib.resources import files
 from os import PathLike
 from pathlib import Path
@@ -25,7 +26,9 @@ from oarlock.rowing.report.crew.sections import (
 from oarlock.storage.write_file import write_file
 
 _MOST_UNFOLDED = 3
-STYLE = ".crew-findings { padding-left: 1.3rem; margin: .2rem 0 .7rem; } .crew-findings li { margin: .3rem 0; }"
+STYLE = (
+    ".crew-findings { padding-left: 1.3rem; margin: .2rem 0 .7rem; } .crew-findings li { margin: .3rem 0; }"
+)
 
 
 def write_crew_report(
@@ -53,12 +56,20 @@ def write_crew_report(
 def crew_page(timing: CrewTiming, title: str, csv_name: str) -> str:
     """The page as text."""
     than = "the mean of the crew" if timing.against == "crew mean" else words.label(timing.against)
-    shown = "" if timing.clocks.known else " The clocks are not known: only changes from stroke to stroke mean something."
-    each = (
-        f'<p class="hint">Later than {than}, stroke by stroke. Bars: 95 % interval of the measurement.{shown} All numbers '
-        f"are in <code>{csv_name}</code> beside this page.</p>"
+    shown = (
+        ""
+        if timing.clocks.known
+        else " The clocks are not known: only changes from stroke to stroke mean something."
     )
-    shifted = "" if timing.clocks.known else " Each seat is shifted so that the mean catches agree, because clocks are not known."
+    each = (
+        f'<p class="hint">Later than {than}, stroke by stroke. Bars: 95 % interval of the measurement.{shown} '
+        f"All numbers are in <code>{escape(csv_name)}</code> beside this page.</p>"
+    )
+    shifted = (
+        ""
+        if timing.clocks.known
+        else " Each seat is shifted so that the mean catches agree, because clocks are not known."
+    )
     over = f'<p class="hint">Means over the strokes that belong together.{shifted}</p>'
     overlays = crew_overlays(timing)
     sections = [
@@ -93,14 +104,26 @@ def _figures(timing: CrewTiming) -> list[KeyFigure]:
             means.append(0.0)
         if np.isfinite(means).all():
             figures.append(
-                KeyFigure(f"First to last at the {event}", f"{1e3 * np.ptp(means):.0f} ms", "difference of means")
+                KeyFigure(
+                    f"First to last at the {event}", f"{1e3 * np.ptp(means):.0f} ms", "difference of means"
+                )
             )
     scatter = [one.strokes.own_sd for one in timing.delays if one.event == "catch"]
     if np.isfinite(scatter).any():
-        figures.append(KeyFigure("Scatter at the catch", f"{1e3 * np.nanmedian(scatter):.0f} ms", "SD of a stroke, median of seats"))
+        figures.append(
+            KeyFigure(
+                "Scatter at the catch",
+                f"{1e3 * np.nanmedian(scatter):.0f} ms",
+                "SD of a stroke, median of seats",
+            )
+        )
     worst = timing.clocks.worst_std_s
     told = "not known" if not timing.clocks.known else "0 ms" if worst == 0.0 else f"{words.ms(worst)} ms"
-    figures.append(KeyFigure("Clocks", told, {"one": "one logger", "unknown": "of the loggers"}.get(timing.clocks.kind, "SD")))
+    figures.append(
+        KeyFigure(
+            "Clocks", told, {"one": "one logger", "unknown": "of the loggers"}.get(timing.clocks.kind, "SD")
+        )
+    )
     return figures
 
 
