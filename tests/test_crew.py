@@ -52,7 +52,7 @@ def test_what_was_planted_is_named_and_nothing_else(four):
     found = crew_findings(four)
     assert [one.seats for one in found] == [("bow",), *[(name,) for name in found_order(found)]]
     assert {one.seats[0] for one in found} == {"bow", "2", "3"}
-    assert all(one.low_s < one.size_s < one.high_s for one in found)
+    assert all(one.low_s < one.size_s < one.high_s and one.finish_too for one in found)
     even = planted(crew_recordings((0.0,) * 4, 28.0, 60.0, jitter_s=0.006, seed=3))
     assert crew_findings(even) == []
 
@@ -171,7 +171,7 @@ def test_the_page_is_offline_and_says_who_leads(four, tmp_path):
     assert_references_lead_somewhere(read)
     assert "Bow catches" in read.text
     assert "after stroke" in read.text
-    assert "One logger recorded all seats" in read.text
+    assert "One logger recorded all seats, as stated" in read.text
     lines = beside.read_text().splitlines()
     assert len(lines) == 1 + len(four.catch_s)
     assert lines[0].startswith("stroke,catch_time_s,bow_catch_late_s")

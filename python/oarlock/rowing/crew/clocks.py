@@ -86,7 +86,9 @@ def crew_clocks(seats: Sequence[CrewSeat], leader: int, std_s: float | None = No
         raise DataError(f"clocks: a standard deviation of {std_s:g} s; give 0 (one logger) to 1 s")
     starts = _starts(seats, leader)
     if std_s == 0.0 or (std_s is None and _one_logger(seats)):
-        return CrewClocks("one", _apart(starts, 0.0), "One logger recorded all seats: clocks add no error.")
+        stated = "" if std_s is None else ", as stated"
+        text = f"One logger recorded all seats{stated}: clocks add no error."
+        return CrewClocks("one", _apart(starts, 0.0), text)
     if std_s is not None:
         text = (
             f"The loggers were synchronised to {1e3 * std_s:.3g} ms (SD), as stated; the bands contain this."
@@ -131,7 +133,8 @@ def _stamps(seat: CrewSeat) -> set[bytes]:
 
 
 def _measured(seats: Sequence[CrewSeat], leader: int, starts: Sequence[float]) -> CrewClocks:
-    clocks, reasons = [], []
+    clocks: list[SeatClock] = []
+    reasons: dict[str, list[str]] = {}
     for k, seat in enumerate(seats):
         if k == leader:
             clocks.append(SeatClock())
@@ -139,7 +142,7 @@ def _measured(seats: Sequence[CrewSeat], leader: int, starts: Sequence[float]) -
         try:
             clocks.append(_by_hull(seats[leader], seat, starts[k]))
         except NoCommonMotion as error:
-            reasons.append(f"{seat.label}: {error}")
+            reasons.setdefault(str(error), []).append(seat.label)
     if not reasons:
         worst = 1e3 * max(clock.std_s for clock in clocks)
         text = (
@@ -155,7 +158,9 @@ def _measured(seats: Sequence[CrewSeat], leader: int, starts: Sequence[float]) -
         "an error of "
         "the clocks. How evenly each seat follows can."
     )
-    return CrewClocks("unknown", tuple(shifted), text, "; ".join(reasons))
+    return CrewClocks(
+        "unknown", tuple(shifted), text, "; ".join(f"{', '.join(who)}: {why}" for why, who in reasons.items())
+    )
 
 
 def _by_hull(leader: CrewSeat, seat: CrewSeat, start_s: float) -> SeatClock:

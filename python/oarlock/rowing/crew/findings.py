@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,7 @@ class CrewFinding:
         seats: whom it concerns; several where all follow the reference in the same way.
         size_s, low_s, high_s: difference to the reference with its 95 % band, s; of ``scatter`` the standard deviation.
         others_s: of ``scatter``: the standard deviation of the other seats, s; else NaN.
+        finish_too: of ``catch``: the finish is as early or late, and is not named again.
     """
 
     kind: str
@@ -38,6 +39,7 @@ class CrewFinding:
     low_s: float
     high_s: float
     others_s: float = float("nan")
+    finish_too: bool = False
 
 
 def crew_findings(timing: CrewTiming) -> list[CrewFinding]:
@@ -75,11 +77,13 @@ def _merged(found: list[CrewFinding]) -> list[CrewFinding]:
     kept: list[CrewFinding] = []
     for one in sorted(found, key=lambda one: (_ORDER[one.kind], -abs(one.size_s))):
         same = [
-            other
-            for other in kept
+            k
+            for k, other in enumerate(kept)
             if other.seats == one.seats and other.low_s <= one.high_s and one.low_s <= other.high_s
         ]
-        if not same:
+        if same:
+            kept[same[0]] = replace(kept[same[0]], finish_too=True)
+        else:
             kept.append(one)
     return sorted(kept, key=lambda one: -abs(one.size_s))
 
