@@ -89,7 +89,7 @@ def finding(one: CrewFinding, against: str) -> str:
         return f"{whom}: the drive takes {ms(abs(one.size_s))} ms {way} than that of {than} ({band})."
     verb = {"catch": "catch" if plural else "catches", "finish": "finish" if plural else "finishes"}[one.kind]
     way = "after" if one.size_s > 0 else "before"
-    too = "; the finish differs as much" if one.finish_too else ""
+    too = "; the finish differs about as much" if one.finish_too else ""
     both = "" if not plural else ", all about equally"
     return f"{whom} {verb} {ms(abs(one.size_s))} ms {way} {than}{both} ({band}){too}."
 
