@@ -1,6 +1,6 @@
 """Tracks made by hand, with the attributes of a real one, for tests of what reads tracks."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any
@@ -99,6 +99,9 @@ class FakeTrack:
 
     def frame_positions(self, frame: str, relative_to: str = "root") -> Floats:
         return self.positions[frame]
+
+    def positions_of(self, frames: Sequence[str]) -> Floats:
+        return np.stack([self.frame_positions(frame) for frame in frames], axis=1)
 
     def frame_position_stds(self, frame: str, relative_to: str = "root") -> Floats:
         return np.full_like(self.positions[frame], self.position_std_m)

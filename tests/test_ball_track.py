@@ -14,7 +14,7 @@ from oarlock.model.angle_sequence import quat_from_angles
 from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec, rotvec_between
 from oarlock.storage.manifest import MANIFEST
 from oarlock.storage.toml import TomlTable, write_toml
-from oarlock.tracking.joint_series import BallSeries, FreeSeries, JointSeries
+from oarlock.tracking.joint_series import BallSeries, FreeSeries, HingeSeries, SlideSeries
 from refusals import assert_refused
 
 ROUNDING = 1e-12
@@ -32,7 +32,7 @@ def track(truth) -> oarlock.Track:
 
 
 def test_joints_come_as_what_they_are(track):
-    kinds = [FreeSeries, JointSeries, JointSeries, BallSeries, JointSeries]
+    kinds = [FreeSeries, HingeSeries, SlideSeries, BallSeries, HingeSeries]
     assert [type(track[name]) for name in track.joint_names] == kinds
     assert track.joint_units == ("m, rad", "rad", "m", "rad", "rad")
     assert track.coordinate_units == ("m",) * 3 + ("rad",) * 4 + ("m",) + ("rad",) * 4

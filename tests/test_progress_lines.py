@@ -5,8 +5,9 @@ import time
 
 import pytest
 
-from oarlock.cli import terminal
-from oarlock.cli.terminal import progress, progress_words
+from oarlock.cli.terminal import progress
+from oarlock.storage import progress as shared
+from oarlock.storage.progress import progress_words
 
 HANGS_S = 60.0
 
@@ -21,8 +22,8 @@ def until(said, pattern, capsys):
 
 
 def test_lines_come_again_and_again_with_the_share_that_is_done(capsys, monkeypatch):
-    monkeypatch.setattr(terminal, "FIRST_LINE_S", 0.01)
-    monkeypatch.setattr(terminal, "LINES_S", 0.01)
+    monkeypatch.setattr(shared, "FIRST_LINE_S", 0.01)
+    monkeypatch.setattr(shared, "LINES_S", 0.01)
     said = [""]
     with progress("tracking") as told:
         until(said, r"^tracking: \d+ s\n", capsys)
@@ -43,11 +44,11 @@ def test_a_quick_command_prints_none(capsys):
 
 
 def test_the_first_line_comes_after_seconds_and_the_others_less_often():
-    assert (terminal.FIRST_LINE_S, terminal.LINES_S) == (5.0, 10.0)
+    assert (shared.FIRST_LINE_S, shared.LINES_S) == (5.0, 10.0)
 
 
 def test_lines_end_with_what_they_are_about(capsys, monkeypatch):
-    monkeypatch.setattr(terminal, "FIRST_LINE_S", 0.01)
+    monkeypatch.setattr(shared, "FIRST_LINE_S", 0.01)
     said = [""]
     with pytest.raises(ValueError, match="no samples"), progress("smoothing"):
         until(said, "smoothing: ", capsys)

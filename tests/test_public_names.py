@@ -40,3 +40,9 @@ def test_a_star_import_brings_every_name():
     found: dict[str, object] = {}
     exec("from oarlock import *", found)
     assert set(oarlock.__all__) <= set(found)
+
+
+def test_the_engine_takes_the_names_of_its_parameters():
+    model = oarlock.load_model("arm7")
+    tracker = oarlock.Tracker(model=model, calibration=None, config=oarlock.Config(), belief=None)
+    assert tracker.state_names == oarlock.Tracker(model).state_names

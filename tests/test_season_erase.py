@@ -21,11 +21,14 @@ from oarlock import DataError
 from oarlock.season import Admission, Athlete, NamesFile, Season, Setup, create_season, open_season
 from oarlock.season.check import check
 from oarlock.season.compact import compact
+from oarlock.season.disk import Disk
 from oarlock.season.entry import Entry
 from oarlock.season.erase import Erasure, erase
 from oarlock.season.erase_again import erase_again
 from oarlock.season.exports import export_athlete
 from oarlock.season.layout import CURRENT_FILE
+from oarlock.season.run.job import Ended, Job, Reply
+from oarlock.season.run.run_log import RunLog
 from oarlock.season.search import search
 from oarlock.season.tombstones import kept, new_tombstone
 from oarlock.season.traces import Sought, traces_in
@@ -368,6 +371,53 @@ def test_an_erasure_that_was_interrupted_still_knows_what_to_search(
     assert of(season, GONE) == []
     assert [one.file for one in gone(season).cleared] == ["logs/run.log"]
     assert season.place.read("logs/run.log") == b""
+
+
+@pytest.mark.parametrize("written", [0, 1])
+def test_a_redaction_that_was_interrupted_is_completed(
+    season: Season, monkeypatch: pytest.MonkeyPatch, written: int
+) -> None:
+    """Whichever of its two files is written, the next erasure leaves a season whose hashes are right."""
+    Admission(season, STAYS).add_recording(support.noise(9), {"note": f"with {GONE}"})
+    real, count = type(season.place).write, 0
+
+    def interrupted(place: Disk, name: str, contents: bytes) -> None:
+        nonlocal count
+        if name.startswith("recordings/"):
+            count += 1
+            if count > written:
+                raise KeyboardInterrupt
+        real(place, name, contents)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(type(season.place), "write", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            gone(season)
+    assert count == written + 1
+    assert gone(season).is_proven
+    assert check(season) == []
+
+
+def test_a_run_that_ends_after_an_erasure_logs_nothing_of_it(
+    season: Season, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mine, other = of(season, GONE)[0], of(season, STAYS)[0]
+    log = RunLog(season)
+    for recording in (mine, other):
+        log.ended(Ended(Job("", recording, "", "ff", (), 1.0, 1.0), Reply("done"), "host", 1, 0.5))
+    real = type(season.place).write
+
+    def erased_meanwhile(place: Disk, name: str, contents: bytes) -> None:
+        """The erasure ends between the log's look at what is there and its writing."""
+        monkeypatch.setattr(type(season.place), "write", real)
+        assert gone(season).is_proven
+        real(place, name, contents)
+
+    monkeypatch.setattr(type(season.place), "write", erased_meanwhile)
+    log.write()
+    text = season.place.read(log.name).decode()
+    assert other in text
+    assert mine not in text
 
 
 def test_exports_elsewhere_are_named(season: Season, tmp_path: Path) -> None:

@@ -77,6 +77,7 @@ from .simulation.session import SessionErrors, SessionTrial, simulate_session
 from .simulation.simulate import simulate
 from .storage.errors import DataError, DivergedError, ModelError
 from .tracking.joint_angles import JointAngle, joint_angles
+from .tracking.joint_series import BallSeries, FreeSeries, HingeSeries, JointSeries, SlideSeries
 from .tracking.many import track_many
 from .tracking.track import Track, load_track, track_of_beliefs
 from .tracking.tracking import smooth, track
@@ -84,6 +85,7 @@ from .tracking.tracking import smooth, track
 __all__ = [
     "Arm",
     "Attachment",
+    "BallSeries",
     "Base",
     "BaseAccelerationDescription",
     "Belief",
@@ -102,11 +104,14 @@ __all__ = [
     "Export",
     "FaultSweep",
     "FrameDescription",
+    "FreeSeries",
+    "HingeSeries",
     "ImuDescription",
     "ImuStream",
     "Info",
     "JointAngle",
     "JointDescription",
+    "JointSeries",
     "Look",
     "MarkerEvaluation",
     "Markers",
@@ -131,6 +136,7 @@ __all__ = [
     "SessionStep",
     "SessionTrial",
     "Shape",
+    "SlideSeries",
     "Strand",
     "Study",
     "StudyKey",

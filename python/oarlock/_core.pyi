@@ -1,7 +1,7 @@
 """Types of the compiled engine, for type checkers. Arrays are float64; time in s, angles in rad, lengths in m."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, Self, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from oarlock.model.description import ModelDescription
 from oarlock.model.jacobians import FrameJacobian, MeasurementJacobian
 
-Floats = NDArray[np.float64]
+_Floats = NDArray[np.float64]
 
 # Protocols of the package's objects that the engine reads, so that this stub imports no module that uses the engine.
 class _Base(Protocol):
@@ -36,15 +36,15 @@ class _EncoderScale(Protocol):
 
 class _Corrections(Protocol):
     @property
-    def gyro_biases_rad_s(self) -> Mapping[str, Floats]: ...
+    def gyro_biases_rad_s(self) -> Mapping[str, _Floats]: ...
     @property
-    def accel_biases_m_s2(self) -> Mapping[str, Floats]: ...
+    def accel_biases_m_s2(self) -> Mapping[str, _Floats]: ...
     @property
-    def accel_scales(self) -> Mapping[str, Floats]: ...
+    def accel_scales(self) -> Mapping[str, _Floats]: ...
     @property
-    def mag_offsets_ut(self) -> Mapping[str, Floats]: ...
+    def mag_offsets_ut(self) -> Mapping[str, _Floats]: ...
     @property
-    def mag_matrices(self) -> Mapping[str, Floats]: ...
+    def mag_matrices(self) -> Mapping[str, _Floats]: ...
     @property
     def clocks(self) -> Mapping[str, _Clock]: ...
     @property
@@ -54,7 +54,7 @@ class _Calibration(_Corrections, Protocol):
     @property
     def parameters(self) -> Mapping[str, float]: ...
     @property
-    def mounts(self) -> Mapping[str, tuple[Floats, Floats]]: ...
+    def mounts(self) -> Mapping[str, tuple[_Floats, _Floats]]: ...
 
 class _Recording(Protocol):
     @property
@@ -68,6 +68,7 @@ class DataError(ValueError): ...
 class DivergedError(RuntimeError):
     time_s: float
 
+@final
 class Model:
     name: str
     description: str
@@ -94,24 +95,25 @@ class Model:
     def without(
         self,
         *,
-        joints: Iterable[str] = (),
-        frames: Iterable[str] = (),
-        sensors: Iterable[str] = (),
-        closures: Iterable[str] = (),
-        base_accelerations: Iterable[str] = (),
+        joints: Iterable[str] | None = None,
+        frames: Iterable[str] | None = None,
+        sensors: Iterable[str] | None = None,
+        closures: Iterable[str] | None = None,
+        base_accelerations: Iterable[str] | None = None,
     ) -> Model: ...
     def describe(self, calibration: _Calibration | None = None) -> ModelDescription: ...
-    def forward_kinematics(self, q: ArrayLike, lengths: ArrayLike | None = None) -> Floats: ...
+    def forward_kinematics(self, q: ArrayLike, lengths: ArrayLike | None = None) -> _Floats: ...
     def frame_jacobian(
         self, q: ArrayLike, frames: Sequence[str] | None = None, lengths: ArrayLike | None = None
     ) -> FrameJacobian: ...
     def predict_measurements(
         self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, base: _Base | None = None
-    ) -> Floats: ...
+    ) -> _Floats: ...
     def measurement_jacobian(
         self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, base: _Base | None = None
     ) -> MeasurementJacobian: ...
 
+@final
 class Config:
     estimate: list[str]
     closures: bool
@@ -135,12 +137,13 @@ class Config:
     learning_memory_s: float | None
     belief_interval_s: float
     output_rate_hz: float | None
-    def __init__(self, **keys: Any) -> None: ...
+    def __new__(cls, **keys: Any) -> Self: ...
     def to_dict(self) -> dict[str, Any]: ...
 
+@final
 class Belief:
-    def __init__(
-        self,
+    def __new__(
+        cls,
         time_s: float,
         mean: ArrayLike,
         covariance: ArrayLike,
@@ -153,44 +156,47 @@ class Belief:
         memory: Sequence[Sequence[float]],
         hypothesis: tuple[int, float],
         rivals: Sequence[Belief],
-        doubt: Sequence[float] = ...,
-    ) -> None: ...
+        doubt: Sequence[float],
+    ) -> Self: ...
     time_s: float
-    mean: Floats
-    covariance: Floats
-    drive: Floats
-    habit: Floats
-    seen_s: Floats
-    rejected_since_s: Floats
+    mean: _Floats
+    covariance: _Floats
+    drive: _Floats
+    habit: _Floats
+    seen_s: _Floats
+    rejected_since_s: _Floats
     state_names: list[str]
     inflation: tuple[float, float, float, float]
     memory: list[list[float]]
     hypothesis: tuple[int, float]
     rivals: list[Belief]
-    doubt: Floats
-    std: Floats
+    doubt: _Floats
+    std: _Floats
 
+@final
 class Info:
     time_s: float
     status: str
-    innovation: Floats
+    innovation: _Floats
     nis: float
     inertial: tuple[float, int]
     sensors: dict[str, dict[str, Any]]
     lost: bool
 
+@final
 class Sample:
     __hash__: ClassVar[None]  # type: ignore[assignment]
     time_s: float
 
+@final
 class Tracker:
-    def __init__(
-        self,
+    def __new__(
+        cls,
         model: Model,
         calibration: _Calibration | None = None,
         config: Config | None = None,
         belief: Belief | None = None,
-    ) -> None: ...
+    ) -> Self: ...
     belief: Belief | None
     state_names: list[str]
     def sample(self, time_s: float, readings: Mapping[str, Any]) -> Sample: ...
@@ -206,6 +212,7 @@ class Tracker:
     @property
     def arrivals(self) -> dict[str, int]: ...
 
+@final
 class Run:
     last_belief: Belief | None
     state_names: list[str]
@@ -214,22 +221,22 @@ class Run:
     nominal_mounts: list[str]
     steps: int
     smoothed: bool
-    def time_s(self) -> Floats: ...
-    def states(self, columns: Sequence[int | None], std: bool) -> Floats: ...
-    def inputs(self) -> tuple[list[int], Floats]: ...
+    def time_s(self) -> _Floats: ...
+    def states(self, columns: Sequence[int | None], std: bool) -> _Floats: ...
+    def inputs(self) -> tuple[list[int], _Floats]: ...
     @property
     def config(self) -> Config: ...
     def observed(self) -> NDArray[np.uint8]: ...
     def infos(self) -> dict[str, NDArray[Any]]: ...
     def counts(self) -> list[dict[str, Any]]: ...
-    def beliefs(self) -> list[tuple[float, Floats, Floats]]: ...
+    def beliefs(self) -> list[tuple[float, _Floats, _Floats]]: ...
     def smooth(self, iterations: int, room: int, progress: Callable[[float], object] | None) -> Run: ...
 
-def true_times_s(clock_: _Clock, stamps_s: ArrayLike) -> Floats: ...
-def encoder_values(encoder_: _EncoderScale, readings: ArrayLike) -> Floats: ...
+def true_times_s(clock_: _Clock, stamps_s: ArrayLike) -> _Floats: ...
+def encoder_values(encoder_: _EncoderScale, readings: ArrayLike) -> _Floats: ...
 def corrected_readings(
     calibration: _Corrections, unit: str, field: str, readings: ArrayLike
-) -> Floats | None: ...
+) -> _Floats | None: ...
 def track(
     model: Model,
     recording: _Recording,
@@ -263,7 +270,7 @@ def imu_signals(
     step_s: float,
     root_acceleration: ArrayLike,
     azimuth_rad: float,
-) -> Floats: ...
+) -> _Floats: ...
 def find_hinge_chain(
     sensors: list[dict[str, Any]],
     up_in_world: Sequence[float],

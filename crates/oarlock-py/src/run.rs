@@ -5,7 +5,7 @@ use crate::belief::{matrix, PyBelief};
 use crate::config::PyConfig;
 use crate::errors::raise;
 use crate::model::PyModel;
-use crate::streams::{calibration, streams};
+use crate::streams::{self, streams};
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use oarlock::track::many::{track_many as engine_track_many, Job};
 use oarlock::track::notes::{at_nominal_mounts, notes};
@@ -58,17 +58,17 @@ pub fn detached<T: Send>(
 
 /// Tracks a recording; see `oarlock.track`.
 #[pyfunction]
-#[pyo3(signature = (model, recording, calibration_, config, start, progress))]
+#[pyo3(signature = (model, recording, calibration, config, start, progress))]
 pub fn track(
     py: Python<'_>,
     model: &Bound<'_, PyModel>,
     recording: &Any<'_>,
-    calibration_: Option<&Any<'_>>,
+    calibration: Option<&Any<'_>>,
     config: &Bound<'_, PyConfig>,
     start: Option<&Bound<'_, PyBelief>>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<PyRun> {
-    let (streams, calibration) = (streams(recording)?, calibration(calibration_)?);
+    let (streams, calibration) = (streams(recording)?, streams::calibration(calibration)?);
     let (model, config) = (model.get().model.clone(), config.get().0.clone());
     let start = start.map(|b| b.get().known.clone());
     let run = detached(py, progress, move |p| engine_track(model, streams, &calibration, &config, start, p))?;
@@ -80,8 +80,8 @@ pub type Wearing<'py> = (Any<'py>, Option<Any<'py>>, Bound<'py, PyConfig>);
 
 /// Several recordings, converted for the engine.
 pub fn engine_jobs<'py>(model: &Bound<'py, PyModel>, jobs: &[Wearing<'py>], smooth: bool) -> PyResult<Vec<Job>> {
-    let job = |(recording, calibration_, config): &Wearing<'py>| {
-        let (streams, calibration) = (streams(recording)?, calibration(calibration_.as_ref())?);
+    let job = |(recording, calibration, config): &Wearing<'py>| {
+        let (streams, calibration) = (streams(recording)?, streams::calibration(calibration.as_ref())?);
         let (model, config) = (model.get().model.clone(), config.get().0.clone());
         Ok(Job { model, streams, calibration, config, smooth })
     };

@@ -3,7 +3,7 @@
 use crate::array::{items, Any};
 use crate::errors::{raise, DataError};
 use crate::model::PyModel;
-use crate::streams::calibration;
+use crate::streams;
 use numpy::{PyArray1, PyArray3, PyArrayMethods};
 use oarlock::body::Field;
 use oarlock::kinematics::Tree;
@@ -18,13 +18,13 @@ use pyo3::prelude::*;
 pub fn imu_signals<'py>(
     py: Python<'py>,
     model: &Bound<'py, PyModel>,
-    calibration_: Option<&Any<'py>>,
+    calibration: Option<&Any<'py>>,
     q: &Any<'py>,
     step_s: f64,
     root_acceleration: &Any<'py>,
     azimuth_rad: f64,
 ) -> PyResult<Bound<'py, PyArray3<f64>>> {
-    let (model, given) = (model.get().model.clone(), calibration(calibration_)?);
+    let (model, given) = (model.get().model.clone(), streams::calibration(calibration)?);
     let parameters = parameter_values(&model, &given.parameters).map_err(|e| raise(py, e))?;
     let mounts = mount_values(&model, &given.mounts).map_err(|e| raise(py, e))?;
     let width = model.coordinate_count();

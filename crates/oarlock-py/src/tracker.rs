@@ -5,7 +5,7 @@ use crate::belief::{PyBelief, PyInfo};
 use crate::config::PyConfig;
 use crate::errors::{raise, DataError};
 use crate::model::PyModel;
-use crate::streams::{calibration, samples};
+use crate::streams::{self, samples};
 use oarlock::config::Config;
 use oarlock::corrections::Clock;
 use oarlock::estimate::filter::Info;
@@ -57,16 +57,16 @@ pub struct PyTracker {
 #[pymethods]
 impl PyTracker {
     #[new]
-    #[pyo3(signature = (model, calibration_=None, config=None, belief=None))]
+    #[pyo3(signature = (model, calibration=None, config=None, belief=None))]
     fn new(
         py: Python<'_>,
         model: &Bound<'_, PyModel>,
-        calibration_: Option<&Any<'_>>,
+        calibration: Option<&Any<'_>>,
         config: Option<&Bound<'_, PyConfig>>,
         belief: Option<&Bound<'_, PyBelief>>,
     ) -> PyResult<Self> {
         let config = config.map(|c| c.get().0.clone()).unwrap_or_default();
-        let calibration = calibration(calibration_)?;
+        let calibration = streams::calibration(calibration)?;
         let mut tracker = Tracker::new(model.get().model.clone(), &calibration, &config).map_err(|e| raise(py, e))?;
         if let Some(belief) = belief {
             tracker.resume(belief.get().known.clone()).map_err(|e| raise(py, e))?;

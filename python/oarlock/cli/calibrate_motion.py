@@ -61,9 +61,14 @@ def motion(
 
     known = None if calibration is None else oarlock.load_calibration(calibration)
     search = partial(
-        oarlock.calibrate_motion, calibration=known, start_s=start_s, end_s=end_s, held_out=held_out
+        oarlock.calibrate_motion,
+        calibration=known,
+        start_s=start_s,
+        end_s=end_s,
+        held_out=held_out,
+        progress=True,
     )
-    calibrated(search, write_motion, recording, model, out, settings, force, json_output)
+    calibrated(search, write_motion, recording, model, out, settings, force, json_output, shows_progress=True)
 
 
 @verb

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -156,13 +157,14 @@ def calibrated(
     settings: list[str] | None,
     force: bool,
     json_output: bool,
+    shows_progress: bool = False,
 ) -> None:
     """Runs a verb of `calibrate`: loads, searches, saves, and prints the result and the command that tracks with it."""
     import oarlock
 
     body = oarlock.load_model(model, parameters=assignments(settings, "--set"))
     free_file(out, force)
-    with progress("calibrating"):
+    with nullcontext() if shows_progress else progress("calibrating"):
         found = search(body, oarlock.load_recording(recording))
     saved(found, write, out, json_output)
     if not json_output:

@@ -8,11 +8,9 @@ import json
 import math
 import os
 import sys
-import threading
-import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from pathlib import Path
 from typing import Any, Final, NoReturn, ParamSpec, TypeVar
@@ -22,7 +20,6 @@ import typer
 from rich import box
 from rich.console import Console, RenderableType
 from rich.padding import Padding
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
@@ -32,10 +29,6 @@ EXIT_USAGE: Final = 2
 EXIT_STOPPED: Final = 130
 EXIT_PIPE: Final = 141
 TRACEBACK_VARIABLE: Final = "OARLOCK_TRACEBACK"
-
-_ESTIMATED_AFTER_S = 60.0
-FIRST_LINE_S, LINES_S = 5.0, 10.0
-"""Without a terminal progress is a line after so long, and then each so long."""
 
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
@@ -178,61 +171,14 @@ def json_ready(value: object) -> Any:
 # --- progress -----------------------------------------------------------------------------------------
 
 
-@contextmanager
-def progress(text: str) -> Iterator[Told]:
+def progress(text: str) -> AbstractContextManager[Told]:
     """Progress on stderr; the block calls it with the completed share, 0 to 1.
 
-    A bar on a terminal; elsewhere a line after `FIRST_LINE_S`, then one each `LINES_S`.
+    A bar on a terminal; elsewhere a line after some seconds, then one at intervals.
     """
-    console = page(stderr=True)
-    if not console.is_terminal:
-        with _progress_lines(text) as told:
-            yield told
-        return
-    columns = (TextColumn("{task.description}"), BarColumn(30), TaskProgressColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True) as bar:
-        task = bar.add_task(text, total=None)
+    from oarlock.storage.progress import display
 
-        def told(share: float) -> None:
-            bar.update(task, completed=share, total=1.0)
-
-        yield told
-
-
-@contextmanager
-def _progress_lines(text: str) -> Iterator[Told]:
-    """Prints lines from a thread, because computations call rarely."""
-    share_done = 0.0
-    ended, out, began_s = threading.Event(), sys.stderr, time.monotonic()
-
-    def lines() -> None:
-        pause_s = FIRST_LINE_S
-        while not ended.wait(pause_s):
-            with suppress(OSError, ValueError):  # nobody reads it any more
-                out.write(f"{text}: {progress_words(share_done, time.monotonic() - began_s)}\n")
-                out.flush()
-            pause_s = LINES_S
-
-    def told(share: float) -> None:
-        nonlocal share_done
-        share_done = share
-
-    writer = threading.Thread(target=lines, name="progress", daemon=True)
-    writer.start()
-    try:
-        yield told
-    finally:
-        ended.set()
-        writer.join()
-
-
-def progress_words(share: float, elapsed_s: float) -> str:
-    """Such as "12 %, 90 s, about 11 min left"; what is left only after a minute, when it can be estimated."""
-    words = f"{100.0 * share:.0f} %, " if share > 0.0 else ""
-    words += f"{elapsed_s:.0f} s"
-    if elapsed_s < _ESTIMATED_AFTER_S or not 0.0 < share < 1.0:
-        return words
-    return f"{words}, about {math.ceil(elapsed_s * (1.0 - share) / share / 60.0)} min left"
+    return display(text)
 
 
 # --- errors -------------------------------------------------------------------------------------------

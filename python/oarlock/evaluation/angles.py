@@ -26,7 +26,7 @@ class NamedAngles:
 
 def named_angles(track: Track, part: Part) -> NamedAngles:
     """The angles of a rotation by the model's own sequence: `shoulder YXY y1`, `pelvis.rotation ZXY z`."""
-    series = track[part.joint]
+    series = track.ball(part.joint)
     sequence = series.angle_sequence
     return NamedAngles(
         names=tuple(f"{part.name} {sequence} {label}" for label in angle_labels(sequence)),
@@ -41,11 +41,11 @@ def angle_error(track: Track, truth: Track, part: Part) -> Floats:
 
     Several triples of angles describe the true rotation; the one nearest to the estimate's is used.
     """
-    series = track[part.joint]
+    series = track.ball(part.joint)
     sequence, true = series.angle_sequence, true_values(track, truth, part)
     value = series.angles_rad()
     error = np.full(value.shape, np.nan)
-    good = np.isfinite(value).all(axis=1) & np.isfinite(true).all(axis=1)
+    good = np.asarray(np.isfinite(value).all(axis=1) & np.isfinite(true).all(axis=1))
     good[good] = ~(series.near_singular()[good] | near_singular(true[good], sequence))
     error[good] = wrap(value[good] - angles_near(true[good], sequence, value[good]))
     return error

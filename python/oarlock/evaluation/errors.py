@@ -13,6 +13,7 @@ from oarlock.evaluation.resample import resample, resample_rotation
 from oarlock.evaluation.scores import JointScore, PositionScore
 from oarlock.model.coordinates import Part, parts
 from oarlock.model.rotation import quat_from_rotvec, rotvec_between, wrap
+from oarlock.storage.progress import Told
 from oarlock.tracking.track import Track
 
 LANDMARKS = frozenset({"shoulder", "elbow", "wrist", "hand"})
@@ -96,19 +97,22 @@ def _leaves(model: Model, names: Sequence[str]) -> tuple[str, ...]:
 
 
 def position_scores(
-    track: Track, truth: Track, window: Interval, frames: Sequence[str]
+    track: Track, truth: Track, window: Interval, frames: Sequence[str], told: Told | None = None
 ) -> tuple[PositionScore, ...]:
     """One score per frame, positions in root axes; frames without any common finite sample are left out."""
+    if not frames:
+        return ()
     kept = window.of(track.time_s)
-    scores = (_position_score(track, truth, frame, kept) for frame in frames)
+    at_s = track.time_s[kept]
+    estimates, truths = track.positions_of(frames)[kept], truth.positions_of(frames)
+    scores = []
+    for k, frame in enumerate(frames):
+        true = [resample(truth.time_s, truths[:, k, axis], at_s) for axis in range(3)]
+        std = track.frame_position_stds(frame)[kept]
+        scores.append(position_score(frame, estimates[:, k], np.stack(true, axis=1), std))
+        if told is not None:
+            told((k + 1) / len(frames))
     return tuple(score for score in scores if score.samples)
-
-
-def _position_score(track: Track, truth: Track, frame: str, kept: NDArray[np.bool_]) -> PositionScore:
-    true, at_s = truth.frame_positions(frame), track.time_s[kept]
-    reference = np.stack([resample(truth.time_s, true[:, k], at_s) for k in range(3)], axis=1)
-    std = track.frame_position_stds(frame)[kept]
-    return position_score(frame, track.frame_positions(frame)[kept], reference, std)
 
 
 def position_score(frame: str, estimate: Floats, reference: Floats, std: Floats) -> PositionScore:

@@ -18,11 +18,17 @@ from oarlock.evaluation.joints import joint_scores
 from oarlock.evaluation.scores import Evaluation
 from oarlock.storage.epoch import moment_text
 from oarlock.storage.errors import DataError
+from oarlock.storage.progress import Progress, share, shown
 from oarlock.tracking.track import Track
 
 
 def evaluate(
-    track: Track, truth: Track, start_s: float = 2.0, frames: Sequence[str] | None = None
+    track: Track,
+    truth: Track,
+    start_s: float = 2.0,
+    frames: Sequence[str] | None = None,
+    *,
+    progress: Progress = None,
 ) -> Evaluation:
     """Score a track against ground truth.
 
@@ -34,6 +40,7 @@ def evaluate(
         start_s: time after the track's first time stamp that is not scored, s, so that the filter can converge.
         frames: frames whose position in root axes is scored. Default: those named shoulder, elbow, wrist or
             hand; if there are none, the ends of the tree.
+        progress: True shows a bar or lines; a function is called regularly with the share done, 0 to 1.
 
     Returns:
         Evaluation: RMSE, bias, correlation, coverage of the 95 % band and NEES of each joint, for ball and free joints
@@ -48,11 +55,13 @@ def evaluate(
     window = Interval.after(track.time_s, start_s)
     _require_overlap(track, truth, window)
     names = landmark_frames(track, truth) if frames is None else tuple(frames)
-    joints = joint_scores(track, truth, window)
+    with shown(progress, "scoring") as told:
+        joints = joint_scores(track, truth, window)
+        positions = position_scores(track, truth, window, names, share(told, 0.1, 1.0))
     scored = tuple(score.name for score in joints if score.observed)
     return Evaluation(
         joints=joints,
-        positions=position_scores(track, truth, window, names),
+        positions=positions,
         states=state_score(track, truth, window, scored),
         sensors=sensor_scores(track, window),
         start_s=float(start_s),

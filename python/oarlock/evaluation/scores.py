@@ -5,11 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from oarlock.storage.dataframes import columns_of_rows, pandas_table, polars_table
+from oarlock.storage.notebook_html import card, folded, html_table
 from oarlock.tracking.counts import StreamCount
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import polars as pl
 
 NAN = float("nan")
 
@@ -234,6 +240,30 @@ class Evaluation:
             "note",
         ]
         return [header, *(_text_row(row) for row in (self.part_rows if parts else self.rows))]
+
+    def to_pandas(self) -> pd.DataFrame:
+        """`rows` as a pandas DataFrame (needs the extra `oarlock[dataframe]`)."""
+        return pandas_table(columns_of_rows(self.rows))
+
+    def to_polars(self) -> pl.DataFrame:
+        """`rows` as a polars DataFrame (needs the extra `oarlock[polars]`)."""
+        return polars_table(columns_of_rows(self.rows))
+
+    def _repr_html_(self) -> str:
+        header, *rows = self.table()
+        facts = f"{self.samples} samples after {self.start_s:g} s, against {self.reference}"
+        mean = f"mean RMSE {self.mean_rmse_deg():.2f} deg" if self.turning() else ""
+        positions = html_table(
+            ["frame", "RMSE, mm"], [(score.frame, f"{1e3 * score.rmse_m:.1f}") for score in self.positions]
+        )
+        sensors = html_table(["sensor", "NIS"], [(score.name, score.nis) for score in self.sensors])
+        return card(
+            "Evaluation",
+            ", ".join(part for part in (facts, mean) if part),
+            html_table(header, rows),
+            folded(f"{len(self.positions)} positions", positions if self.positions else ""),
+            folded(f"{len(self.sensors)} sensors; NIS per reading, 1 is expected", sensors),
+        )
 
     def __str__(self) -> str:
         """The tables, aligned."""

@@ -16,6 +16,7 @@ from oarlock.recording.folder import INDEX_FILE
 from oarlock.recording.recording import Recording
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
+from oarlock.storage.progress import Progress, shown
 from oarlock.storage.suggest import did_you_mean
 
 
@@ -83,7 +84,11 @@ def find_recordings(path: str | PathLike[str], prefer: Sequence[str] = ()) -> Co
 
 
 def import_recording(
-    path: str | PathLike[str], pick: str | None = None, options: Mapping[str, object] | None = None
+    path: str | PathLike[str],
+    pick: str | None = None,
+    options: Mapping[str, object] | None = None,
+    *,
+    progress: Progress = None,
 ) -> Recording:
     """Read a recording of any format of `oarlock import`, recognised by its content.
 
@@ -91,12 +96,14 @@ def import_recording(
         path: a file, a folder or a zip file.
         pick: name of the recording, if the place has several; see `find_recordings`.
         options: further keywords of the format's reader.
+        progress: True shows that it runs.
 
     Raises:
         DataError: Nothing was recognised, several recordings were found and none was picked, or it cannot be read.
     """
-    contents = find_recordings(path)
-    return read_found(contents.only(pick), options)
+    with shown(progress, "reading"):
+        contents = find_recordings(path)
+        return read_found(contents.only(pick), options)
 
 
 def read_found(found: Found, options: Mapping[str, object] | None = None) -> Recording:

@@ -13,10 +13,13 @@ from numpy.typing import ArrayLike
 from oarlock._core import Model
 from oarlock.model.anthropometry import for_person
 from oarlock.model.extends import model_file
+from oarlock.model.html import model_html
 from oarlock.model.shipped_files import model_names, model_path
 from oarlock.storage.errors import DataError, ModelError
 from oarlock.storage.regular_file import read_text
 from oarlock.storage.suggest import did_you_mean
+
+setattr(Model, "_repr_html_", model_html)  # noqa: B010  the class is the engine's, which writes no HTML
 
 
 @dataclass(frozen=True)

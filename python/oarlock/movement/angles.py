@@ -63,7 +63,7 @@ def movement_angles(track: Track) -> tuple[MovementAngle, ...]:
     found = []
     for joint in track.model.describe().joints:
         if joint.kind == "hinge":
-            series = track[joint.name]
+            series = track.hinge(joint.name)
             limits = (float(np.degrees(joint.limits[0])), float(np.degrees(joint.limits[1])))
             found.append(_angle(joint.name, joint.label, series.value, series.std, series.observed, limits))
         elif joint.kind == "ball":
@@ -78,7 +78,7 @@ def _ball_angles(track: Track, name: str, label: str) -> list[MovementAngle | No
         return [_named_angle(named[f"shoulder_{what}_{side}"], label) for what in _SHOULDERS[name]]
     if name in _ELBOWS:
         return [_named_angle(joint_angles(track)[_ELBOWS[name]], label)]
-    series = track[name]
+    series = track.ball(name)
     near = series.near_singular()
     if near.mean() > 1.0 - CLEAR_SHARE:
         return []

@@ -11,6 +11,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from oarlock.recording.calibration_file import document_of, fields_of, read_calibration, write_calibration
+from oarlock.recording.calibration_html import calibration_html
 from oarlock.recording.calibration_values import (
     Mount,
     accel_scale,
@@ -110,6 +111,9 @@ class Calibration:
     def for_corrected(self) -> Calibration:
         """This calibration without the corrections that `corrected` applies: use it with the corrected recording."""
         return replace(self, **{name: {} for name in CORRECTING})
+
+    def _repr_html_(self) -> str:
+        return calibration_html({f.name: getattr(self, f.name) for f in fields(self)})
 
     def save(self, file: str | PathLike[str]) -> None:
         """Write as a TOML file. `load_calibration` reads back identical values."""

@@ -1,21 +1,23 @@
 """`Recording`: the streams of one trial. Importers and simulators create recordings; `oarlock.track` tracks them."""
 
-import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from os import PathLike
 from types import MappingProxyType
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from oarlock.recording.epoch import epoch_of, from_zero
 from oarlock.recording.folder import read_folder, write_folder
-from oarlock.recording.packets import missing_share, stream_rate_hz
+from oarlock.recording.html import rate_and_missing, recording_html
 from oarlock.recording.streams import Stream
 from oarlock.storage.copies import copied_notes
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
@@ -184,6 +186,25 @@ class Recording:
         """
         write_folder(self.streams, self.meta, folder, file_format, force)
 
+    def plot(self, names: str | Iterable[str] | None = None) -> "list[Axes]":
+        """Draw the readings of streams over time, a panel for each quantity (needs the extra `oarlock[plot]`).
+
+        Args:
+            names: of the streams; None draws the first.
+
+        Returns:
+            The axes of matplotlib, one for each panel.
+
+        Raises:
+            DataError: matplotlib is not installed, or there is no stream of one of the names.
+        """
+        from oarlock.recording.plot import plot_streams
+
+        return plot_streams((self.only(self.names[:1] if names is None else names)).streams)
+
+    def _repr_html_(self) -> str:
+        return recording_html(self, self.streams, self.epoch)
+
     def __repr__(self) -> str:
         width = max(len(n) for n in self.names)
         kind_width = max(6, *(len(s.kind) for s in self))
@@ -191,14 +212,10 @@ class Recording:
             f"Recording: {len(self)} streams, {self.start_s:.6g} to {self.end_s:.6g} s ({self.duration_s:.4g} s)"
         ]
         for s in self.streams:
-            try:
-                rate, missing = stream_rate_hz(self, s), missing_share(self, s)
-            except DataError:  # an invalid note on packets, which is refused where it is used
-                rate = missing = math.nan
-            shown = "-" if math.isnan(rate) else f"{rate:.4g}"
+            rate, missing = rate_and_missing(self, s)
             lines.append(
-                f"  {s.name:<{width}}  {s.kind:<{kind_width}}  {shown:>6} Hz  {len(s):>8} samples  "
-                f"{100 * missing:5.1f} % missing  {' '.join(s.values)}"
+                f"  {s.name:<{width}}  {s.kind:<{kind_width}}  {rate:>6} Hz  {len(s):>8} samples  "
+                f"{missing:>5} % missing  {' '.join(s.values)}"
             )
         return "\n".join(lines)
 

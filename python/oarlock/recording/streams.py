@@ -2,14 +2,19 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal, Self, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.storage.array_gate import FloatArray, check_no_infinity, real_array, time_array
+from oarlock.storage.dataframes import pandas_table, polars_table
 from oarlock.storage.errors import DataError
 from oarlock.storage.names import check_name
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import polars as pl
 
 ScalarUnit: TypeAlias = Literal["m", "rad"]
 
@@ -63,6 +68,22 @@ class _Stream:
         """Share of the values that are NaN, 0 to 1."""
         total = sum(v.size for v in self.values.values())
         return sum(int(np.isnan(v).sum()) for v in self.values.values()) / total
+
+    def columns(self) -> dict[str, FloatArray]:
+        """Time stamps and readings, (T,) each, under names such as `gyro_rad_s_x`."""
+        found = {"time_s": self.time_s}
+        for name, rows in self.values.items():
+            axes = {3: "xyz", 4: "wxyz"}.get(rows.shape[-1], "") if rows.ndim == 2 else ""
+            found |= {f"{name}_{axis}": rows[:, k] for k, axis in enumerate(axes)} if axes else {name: rows}
+        return found
+
+    def to_pandas(self) -> "pd.DataFrame":
+        """The columns as a pandas DataFrame (needs the extra `oarlock[dataframe]`)."""
+        return pandas_table(self.columns())
+
+    def to_polars(self) -> "pl.DataFrame":
+        """The columns as a polars DataFrame (needs the extra `oarlock[polars]`). Missing numbers are NaN, not null."""
+        return polars_table(self.columns())
 
     def __len__(self) -> int:
         return len(self.time_s)

@@ -108,6 +108,7 @@ def _redact_recording(season: Season, sought: Sought, recording: str, files: Seq
     folder = f"{RECORDINGS}/{recording}"
     others = [name for name, _ in season.place.files(folder) if name.endswith(_TEXTS)]
     hashes: dict[bytes, bytes] = {}
+    changed: dict[str, bytes] = {}
     # Texts first, then the manifest, which has their hashes, then the commit record, which has the manifest's.
     for name in sorted({*files, *others}, key=_last(folder)):
         before = season.place.read(name)
@@ -117,7 +118,11 @@ def _redact_recording(season: Season, sought: Sought, recording: str, files: Seq
                 after = after.replace(old, new)
         if after != before:
             hashes[_sha(before)] = _sha(after)
-            season.place.write(name, after)
+            changed[name] = after
+    # Written from the commit record down: an erasure that is interrupted finds the remaining texts again, and their
+    # redaction is what the records name already.
+    for name, after in reversed(changed.items()):
+        season.place.write(name, after)
 
 
 def _last(folder: str) -> Callable[[str], tuple[bool, bool, str]]:

@@ -24,6 +24,7 @@ from oarlock.recording.streams import ImuStream, OrientationStream, ScalarStream
 from oarlock.storage.array_gate import real_array
 from oarlock.storage.errors import DataError
 from oarlock.storage.memory_limit import check_memory
+from oarlock.storage.progress import Progress, shown
 from oarlock.storage.suggest import did_you_mean
 from oarlock.tracking.track import Track, track_without_filter
 
@@ -53,6 +54,7 @@ def simulate(
     accel_bias_m_s2: Mapping[str, Any] | float = 0.0,
     azimuth_rad: float | None = None,
     heading_rad: Mapping[str, float] | float = 0.0,
+    progress: Progress = None,
 ) -> tuple[Track, Recording]:
     """Simulate the sensors of a body along a motion: ground truth and recording.
 
@@ -69,6 +71,7 @@ def simulate(
         azimuth_rad: azimuth of the magnetic field, rad; None is the model's.
         heading_rad: rotation about the vertical of the references of orientation sensors, rad, one number or by
             sensor.
+        progress: True shows that it runs.
 
     Returns:
         The ground truth as a Track (standard deviations are NaN) and the Recording.
@@ -84,7 +87,8 @@ def simulate(
     names = _chosen(model, sensors)
     world = model.describe().world
     azimuth = world.magnetic_azimuth_rad if azimuth_rad is None else azimuth_rad
-    signals = _imu_signals(model, motion, time_s, calibration, azimuth)
+    with shown(progress, "simulating"):
+        signals = _imu_signals(model, motion, time_s, calibration, azimuth)
     random = np.random.default_rng(seed)
     streams: list[Stream] = []
     described = {s.name: s for s in model.describe().sensors}
@@ -319,6 +323,6 @@ def _joint_stream(
     joint = name if sensor is None or sensor.joint is None else sensor.joint
     described = next(j for j in model.describe().joints if j.name == joint)
     own = described.std if described.input else sensor and sensor.std
-    value = truth[joint].value
+    value = truth.scalar(joint).value
     std = _std(noise, name, "value", own or 0.0)
     return ScalarStream(name, truth.time_s, value + std * random.standard_normal(value.shape))

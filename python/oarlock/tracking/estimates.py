@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.model.angle_sequence import DEFAULT_SEQUENCE
 from oarlock.model.coordinates import joint_columns
+from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
 from oarlock.tracking.counts import StreamCount
-from oarlock.tracking.joint_series import BallSeries, FreeSeries, JointSeries
+from oarlock.tracking.joint_series import BallSeries, FreeSeries, HingeSeries, Joint, JointSeries, SlideSeries
 from oarlock.tracking.records import Beliefs, SensorInfo, SlowSeries
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+_Kind = TypeVar("_Kind", bound=JointSeries | BallSeries)
 _ARRAYS = ("time_s", "q", "qd", "qdd", "q_std", "qd_std", "qdd_std", "observed")
 
 
@@ -114,8 +116,12 @@ class Estimates:
             object.__setattr__(self, name, value)
         self.__post_init__()
 
-    def __getitem__(self, name: str) -> Any:
-        """The joint of this name: a `JointSeries` (hinge or slide), a `BallSeries` or a `FreeSeries`."""
+    def __getitem__(self, name: str) -> Joint:
+        """The joint of this name; `hinge`, `slide`, `ball` and `free` also check its kind.
+
+        Raises:
+            KeyError: no such joint. The text names the nearest one.
+        """
         if name not in self.joint_names:
             raise KeyError(f"no joint '{name}'. {did_you_mean(name, self.joint_names)}")
         columns = list(joint_columns(self.coordinate_names)[name])
@@ -123,8 +129,57 @@ class Estimates:
             return self._scalar(name, columns[0])
         return self._ball(name, columns) if len(columns) == 3 else self._free(name, columns)
 
-    def _scalar(self, name: str, column: int) -> JointSeries:
-        return JointSeries(
+    def __getattr__(self, name: str) -> Joint:
+        """A joint as an attribute: `track.r_elbow_flexion` is `track["r_elbow_flexion"]`."""
+        joints = self.__dict__.get("joint_names", ())
+        if name in joints:
+            return self[name]
+        if name.startswith("_"):
+            raise AttributeError(name)
+        known = [*joints, *(field for field in dir(type(self)) if not field.startswith("_"))]
+        raise AttributeError(f"a track has no '{name}'. {did_you_mean(name, known)}")
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *(name for name in self.joint_names if name.isidentifier())]
+
+    def _ipython_key_completions_(self) -> list[str]:
+        return list(self.joint_names)
+
+    def hinge(self, name: str) -> HingeSeries:
+        """The hinge of this name: angle, rates and standard deviations, (T,) each.
+
+        Raises:
+            KeyError: no such joint.
+            DataError: the joint is no hinge.
+        """
+        return self._of_kind(name, HingeSeries)
+
+    def slide(self, name: str) -> SlideSeries:
+        """The slide of this name; errors as `hinge`."""
+        return self._of_kind(name, SlideSeries)
+
+    def scalar(self, name: str) -> JointSeries:
+        """The hinge or slide of this name; errors as `hinge`."""
+        return self._of_kind(name, JointSeries)
+
+    def ball(self, name: str) -> BallSeries:
+        """The ball or free joint of this name; errors as `hinge`."""
+        return self._of_kind(name, BallSeries)
+
+    def free(self, name: str) -> FreeSeries:
+        """The free joint of this name; errors as `hinge`."""
+        return self._of_kind(name, FreeSeries)
+
+    def _of_kind(self, name: str, kind: type[_Kind]) -> _Kind:
+        series = self[name]
+        if not isinstance(series, kind):
+            words = {HingeSeries: "hinge", SlideSeries: "slide", BallSeries: "ball", FreeSeries: "free"}
+            found = words[type(series)]
+            raise DataError(f'joint "{name}" is a {found} joint: use track.{found}("{name}")')
+        return series
+
+    def _scalar(self, name: str, column: int) -> HingeSeries | SlideSeries:
+        return (SlideSeries if self.coordinate_units[column] == "m" else HingeSeries)(
             name=name,
             unit=self.coordinate_units[column],
             value=self.q[:, column],

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.model.angle_sequence import angle_stds, angles_from_quat, checked_sequence, near_singular
 from oarlock.model.rotation import continuous_quat, matrix_from_quat, quat_from_rotvec
+from oarlock.storage.suggest import did_you_mean
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -17,7 +19,10 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class JointSeries:
-    """A hinge (rad) or slide (m) over time: values, rates per s and per s2, (T,) each; NaN where not estimated."""
+    """A hinge or a slide over time: values, rates per s and per s2, (T,) each; NaN where not estimated.
+
+    `HingeSeries` and `SlideSeries` have the same arrays under names with their unit.
+    """
 
     name: str
     unit: str
@@ -29,22 +34,102 @@ class JointSeries:
     acceleration_std: Floats
     observed: Bools
 
-    def __getattr__(self, name: str) -> Floats:
-        """`angle_rad`, `velocity_rad_s`, `std_rad` of a hinge; `position_m`, `velocity_m_s`, `std_m` of a slide."""
-        unit = self.__dict__.get("unit", "")
-        names = {
-            ("angle_rad" if unit == "rad" else "position_m"): "value",
-            f"std_{unit}": "std",
-            f"velocity_{unit}_s": "velocity",
-            f"velocity_std_{unit}_s": "velocity_std",
-            f"acceleration_{unit}_s2": "acceleration",
-            f"acceleration_std_{unit}_s2": "acceleration_std",
-        }
-        if name not in names:
-            kind = "hinge" if unit == "rad" else "slide"
-            raise AttributeError(f"a {kind} has no '{name}'; it has {', '.join(names)}, observed")
-        values: Floats = self.__dict__[names[name]]
-        return values
+    if not TYPE_CHECKING:  # the type checker would no longer find misspelt names
+
+        def __getattr__(self, name: str) -> object:
+            public = [known for known in dir(type(self)) if not known.startswith("_")]
+            kind = "hinge" if "angle_rad" in public else "slide"
+            raise AttributeError(f"a {kind} has no '{name}'. {did_you_mean(name, public)}")
+
+
+@dataclass(frozen=True)
+class HingeSeries(JointSeries):
+    """A hinge over time, (T,) each."""
+
+    @property
+    def angle_rad(self) -> Floats:
+        """Angle, rad."""
+        return self.value
+
+    @property
+    def angle_deg(self) -> Floats:
+        """Angle, deg."""
+        return np.degrees(self.value)
+
+    @property
+    def std_rad(self) -> Floats:
+        """Standard deviation of the angle, rad."""
+        return self.std
+
+    @property
+    def std_deg(self) -> Floats:
+        """Standard deviation of the angle, deg."""
+        return np.degrees(self.std)
+
+    @property
+    def velocity_rad_s(self) -> Floats:
+        """Rate of the angle, rad/s."""
+        return self.velocity
+
+    @property
+    def velocity_deg_s(self) -> Floats:
+        """Rate of the angle, deg/s."""
+        return np.degrees(self.velocity)
+
+    @property
+    def velocity_std_rad_s(self) -> Floats:
+        """Standard deviation of the rate, rad/s."""
+        return self.velocity_std
+
+    @property
+    def acceleration_rad_s2(self) -> Floats:
+        """Second derivative of the angle, rad/s2."""
+        return self.acceleration
+
+    @property
+    def acceleration_std_rad_s2(self) -> Floats:
+        """Standard deviation of the second derivative, rad/s2."""
+        return self.acceleration_std
+
+
+@dataclass(frozen=True)
+class SlideSeries(JointSeries):
+    """A slide over time, (T,) each."""
+
+    @property
+    def position_m(self) -> Floats:
+        """Position, m."""
+        return self.value
+
+    @property
+    def position_cm(self) -> Floats:
+        """Position, cm."""
+        return 100.0 * self.value
+
+    @property
+    def std_m(self) -> Floats:
+        """Standard deviation of the position, m."""
+        return self.std
+
+    @property
+    def velocity_m_s(self) -> Floats:
+        """Velocity, m/s."""
+        return self.velocity
+
+    @property
+    def velocity_std_m_s(self) -> Floats:
+        """Standard deviation of the velocity, m/s."""
+        return self.velocity_std
+
+    @property
+    def acceleration_m_s2(self) -> Floats:
+        """Acceleration, m/s2."""
+        return self.acceleration
+
+    @property
+    def acceleration_std_m_s2(self) -> Floats:
+        """Standard deviation of the acceleration, m/s2."""
+        return self.acceleration_std
 
 
 @dataclass(frozen=True)
@@ -100,6 +185,10 @@ class BallSeries:
         """
         return angles_from_quat(self.quat_wxyz, self._sequence(sequence))
 
+    def angles_deg(self, sequence: str | None = None) -> Floats:
+        """As `angles_rad`, deg."""
+        return np.degrees(self.angles_rad(sequence))
+
     def angles_std_rad(self, sequence: str | None = None) -> Floats:
         """Standard deviations (T, 3) of the named angles, rad, to first order from `std_rad`.
 
@@ -145,3 +234,7 @@ class FreeSeries(BallSeries):
     def unit(self) -> str:
         """Units of position and rotation: "m, rad"."""
         return "m, rad"
+
+
+Joint: TypeAlias = HingeSeries | SlideSeries | BallSeries
+"""What a track has for a joint; a `FreeSeries` is a `BallSeries` too."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Literal, TypeAlias, TypeVar, overload
+from typing import Any, Literal, TypeAlias, TypeVar, overload
 
 from oarlock import _core
 from oarlock._core import Config, Model, Run
@@ -12,9 +12,10 @@ from oarlock.recording.corrections import corrected
 from oarlock.recording.plausibility import Finding
 from oarlock.recording.recording import Recording
 from oarlock.storage.errors import DataError, DivergedError, ModelError
+from oarlock.storage.progress import Progress, Told, shown
 from oarlock.tracking.known_streams import known_streams
 from oarlock.tracking.track import Track
-from oarlock.tracking.tracking import Progress, add_findings, admit, finished, require_recording
+from oarlock.tracking.tracking import add_findings, admit, finished, require_recording
 
 Failure: TypeAlias = ModelError | DataError | DivergedError
 _AnyFailure = TypeVar("_AnyFailure", bound=Exception)
@@ -33,7 +34,7 @@ def track_many(
     smooth: bool = False,
     threads: int | None = None,
     on_error: Literal["raise"] = "raise",
-    progress: Progress | None = None,
+    progress: Progress = None,
 ) -> list[Track]: ...
 
 
@@ -47,7 +48,7 @@ def track_many(
     smooth: bool = False,
     threads: int | None = None,
     on_error: Literal["return"],
-    progress: Progress | None = None,
+    progress: Progress = None,
 ) -> list[Track | Failure]: ...
 
 
@@ -60,7 +61,7 @@ def track_many(
     smooth: bool = False,
     threads: int | None = None,
     on_error: Literal["raise", "return"] = "raise",
-    progress: Progress | None = None,
+    progress: Progress = None,
 ) -> list[Track] | list[Track | Failure]:
     """Track recordings of one model on several cores. Each result is bit for bit that of `track`.
 
@@ -76,7 +77,7 @@ def track_many(
         on_error: "raise" raises the first error, in the order of the recordings, after all others are tracked
             (immediately if a recording is refused before tracking starts). "return" returns each error
             instead of its track.
-        progress: called regularly with the share of all work done, 0 to 1.
+        progress: True shows a bar or lines; a function is called regularly with the share of all work done, 0 to 1.
 
     Returns:
         Tracks in the order given. All are in memory at the same time, with their samples: track a season in parts.
@@ -92,7 +93,8 @@ def track_many(
     labels = [_label(index, recording) for index, recording in enumerate(given)]
     jobs = dict(zip(labels, zip(given, calibrations, configs, strict=True), strict=True))
     stop = on_error == "raise"
-    results = outcomes(model, jobs, smooth=smooth, threads=threads, stop_on_refusal=stop, progress=progress)
+    with shown(progress, f"tracking {len(jobs)} recordings") as told:
+        results = outcomes(model, jobs, smooth=smooth, threads=threads, stop_on_refusal=stop, progress=told)
     return [_track_or_raise(result) for result in results] if stop else results
 
 
@@ -103,7 +105,7 @@ def outcomes(
     smooth: bool,
     threads: int | None,
     stop_on_refusal: bool,
-    progress: Progress | None,
+    progress: Told | None,
 ) -> list[Track | Failure]:
     """The result or the error of each job, in order. The text of an error begins with the key of its job.
 
@@ -159,12 +161,10 @@ def _checked(model: object, recordings: object, threads: object, on_error: objec
     return list(recordings)
 
 
-def _one_each(
-    given: _Part | Sequence[_Part | None] | None, kind: type[_Part], name: str, count: int
-) -> list[_Part | None]:
+def _one_each(given: object, kind: type[_Part], name: str, count: int) -> list[_Part | None]:
     if given is None or isinstance(given, kind):
         return [given] * count
-    each: list[_Part | None] = list(given) if isinstance(given, Sequence) else [given]
+    each: list[Any] = list(given) if isinstance(given, Sequence) else [given]
     for index, one in enumerate(each):
         if one is not None and not isinstance(one, kind):
             raise DataError(

@@ -11,19 +11,24 @@ import numpy as np
 
 from oarlock.model.coordinates import angle_sequences, coordinate_units, joint_units
 from oarlock.model.rotation import continuous_quat, quat_from_matrix
+from oarlock.storage.dataframes import pandas_table, polars_table, xarray_dataset
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
-from oarlock.tracking.columns import columns_of
+from oarlock.tracking.columns import columns_of, unit_of
 from oarlock.tracking.counts import StreamCount
 from oarlock.tracking.estimates import Estimates, Floats, Later
 from oarlock.tracking.folder import read_track, write_track
+from oarlock.tracking.html import track_html
 from oarlock.tracking.places import PositionSpread, model_of, poses_of, position_spreads, relative_positions
+from oarlock.tracking.plot import Panel, plot_track
 from oarlock.tracking.records import Beliefs, SensorInfo, SlowSeries
 from oarlock.tracking.turns import NotesOfRun, hinges_of, placed, turn_notes, without_turn_notes
 
 if TYPE_CHECKING:
     import pandas as pd
+    import polars as pl
     import xarray as xr
+    from matplotlib.axes import Axes
 
     from oarlock._core import Belief, Model, Run
 
@@ -57,6 +62,15 @@ class Track(Estimates):
         """
         own, reference = self._frames("frame_positions", frame, relative_to)
         return relative_positions(poses_of(self), [own], reference)[:, 0]
+
+    def positions_of(self, frames: Sequence[str], relative_to: str = "root") -> Floats:
+        """`frame_positions` of several frames, (T, K, 3) in m; the poses are computed once.
+
+        Raises:
+            DataError: no such frame, or the track has no model.
+        """
+        *own, reference = self._frames("positions_of", *frames, relative_to)
+        return relative_positions(poses_of(self), own, reference)
 
     def frame_position_spread(self, frame: str, relative_to: str = "root") -> PositionSpread:
         """Covariances (T, 3, 3) in m2 of `frame_positions`, and their source.
@@ -108,23 +122,62 @@ class Track(Estimates):
         """
         return columns_of(self)
 
-    def to_dataframe(self) -> pd.DataFrame:
+    def column(self, name: str) -> Floats:
+        """One of `columns`, (T,), such as `trunk_velocity_rad_s`.
+
+        Raises:
+            DataError: no such column. The text names the nearest one.
+        """
+        columns = self.columns()
+        if name not in columns:
+            raise DataError(f"no column '{name}'. {did_you_mean(name, columns)}")
+        return columns[name]
+
+    def to_pandas(self) -> pd.DataFrame:
         """All columns as a pandas DataFrame (needs the extra `oarlock[dataframe]`)."""
-        try:
-            import pandas as pd
-        except ImportError:
-            raise DataError("to_dataframe needs pandas: pip install 'oarlock[dataframe]'") from None
-        return pd.DataFrame(self.columns())
+        return pandas_table(self.columns())
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Earlier name of `to_pandas`."""
+        return self.to_pandas()
+
+    def to_polars(self) -> pl.DataFrame:
+        """All columns as a polars DataFrame (needs the extra `oarlock[polars]`). Missing numbers are NaN, not null."""
+        return polars_table(self.columns())
 
     def to_xarray(self) -> xr.Dataset:
-        """All columns over the coordinate `time_s` (needs the extra `oarlock[xarray]`)."""
-        try:
-            import xarray as xr
-        except ImportError:
-            raise DataError("to_xarray needs xarray: pip install 'oarlock[xarray]'") from None
-        columns = self.columns()
-        time_s = columns.pop("time_s")
-        return xr.Dataset({k: ("time_s", v) for k, v in columns.items()}, coords={"time_s": time_s})
+        """All columns over the coordinate `time_s`, with their units (needs the extra `oarlock[xarray]`)."""
+        return xarray_dataset(self.columns(), unit_of)
+
+    def plot(
+        self,
+        joints: Panel | Sequence[Panel] | None = None,
+        *,
+        truth: Track | None = None,
+        axes: Sequence[Axes] | None = None,
+    ) -> list[Axes]:
+        """Draw joints over time with their 95 % bands, deg and cm (needs the extra `oarlock[plot]`).
+
+        Dotted where the sensors do not determine the joint. A ball joint is drawn as its three named angles, without
+        the instants near a singularity; of a free joint the position is drawn.
+
+        Args:
+            joints: names; joints in a tuple share a panel. None draws the observed joints, right and left together, in
+                at most twelve panels.
+            truth: ground truth, drawn dashed.
+            axes: of matplotlib, to draw into; one for each panel. None makes a figure.
+
+        Returns:
+            The axes, one for each panel; `axes[0].figure.savefig(...)` saves the figure.
+
+        Raises:
+            DataError: matplotlib is not installed, joints of one panel have different units, or too few axes.
+            KeyError: no such joint.
+        """
+        return plot_track(self, joints, truth, axes)
+
+    def _repr_html_(self) -> str:
+        return track_html(self)
 
     def save(self, folder: str | PathLike[str], *, force: bool = False) -> None:
         """Write track.parquet, sensors.parquet, beliefs.parquet, model.toml and run.toml into a folder.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -18,11 +18,10 @@ from oarlock.recording.plausibility import Finding, require_plausible
 from oarlock.recording.recording import Recording
 from oarlock.recording.session_info import SESSION_KEY, session_info
 from oarlock.storage.errors import DataError, DivergedError
+from oarlock.storage.progress import Progress, shown
 from oarlock.tracking.counts import count_streams
 from oarlock.tracking.known_streams import known_streams, not_measured
 from oarlock.tracking.track import Track, notes_without_hinges, track_of_run
-
-Progress = Callable[[float], object]
 
 ROOM_TO_GIVE_BYTES = 100 * 2**20
 """Smoothing frees filtered estimates above this size that have not been read; reading them filters again."""
@@ -40,7 +39,7 @@ def track(
     config: Config | None = None,
     *,
     start: Belief | None = None,
-    progress: Progress | None = None,
+    progress: Progress = None,
 ) -> Track:
     """Track a recording: a loop over `Tracker.step`.
 
@@ -51,7 +50,7 @@ def track(
             applies to each sample. None uses the model's nominal values and adds a note.
         config: settings of the filter; None uses the defaults.
         start: continue from this state estimate (`Track.last_belief`) instead of fitting the first samples.
-        progress: called regularly with the share done, 0 to 1.
+        progress: True shows a bar or lines; a function is called regularly with the share done, 0 to 1.
 
     Raises:
         DataError: no stream has a sensor in the model, or a name is probably misspelt; time stamps out of order, or
@@ -64,7 +63,8 @@ def track(
     findings = admit(model, corrected(recording, calibration))
     began = time.perf_counter()
     try:
-        run = _core.track(model, recording, calibration, config, start, progress)
+        with shown(progress, "tracking") as told:
+            run = _core.track(model, recording, calibration, config, start, told)
     except DivergedError as error:
         add_findings(error, findings)
         raise
@@ -145,7 +145,7 @@ def finished(
     return track_of_run(model, run, notes, provenance, counts)
 
 
-def smooth(track: Track, *, iterations: int = 1, progress: Progress | None = None) -> Track:
+def smooth(track: Track, *, iterations: int = 1, progress: Progress = None) -> Track:
     """Rauch-Tung-Striebel smoothing (Rauch, Tung and Striebel 1965) over the whole track.
 
     Each estimate then uses all samples, earlier and later ones; the last estimate is unchanged. If a track is long and
@@ -161,7 +161,7 @@ def smooth(track: Track, *, iterations: int = 1, progress: Progress | None = Non
             follows from movement alone; 2 or 3 are enough. Where mounts or lengths are far off, it can make the
             estimate worse: calibrate first. Each costs as much as tracking and smoothing with `ekf`, and the last one
             filtering more.
-        progress: called regularly with the share done, 0 to 1.
+        progress: True shows a bar or lines; a function is called regularly with the share done, 0 to 1.
 
     Raises:
         DataError: `iterations` is below 1, the track is already smoothed, or was read from a folder (which contains
@@ -176,7 +176,8 @@ def smooth(track: Track, *, iterations: int = 1, progress: Progress | None = Non
         raise DataError(f"smooth: iterations = {iterations}: expected 1 or more")
     filtered_notes = track.run.notes
     began = time.perf_counter()
-    run = track.run.smooth(iterations, ROOM_TO_GIVE_BYTES, progress)
+    with shown(progress, "smoothing") as told:
+        run = track.run.smooth(iterations, ROOM_TO_GIVE_BYTES, told)
     provenance = dict(track.provenance) | {
         "smoothing_wall_s": time.perf_counter() - began,
         **({"smoothing_iterations": iterations} if iterations > 1 else {}),

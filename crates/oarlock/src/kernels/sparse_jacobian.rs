@@ -109,11 +109,12 @@ impl SparseJacobian {
         }
     }
 
-    /// H = J L for its first `count` columns in reverse order; row k of `turned` is row k of L, reversed. The rest of the last vector is
-    /// overwritten.
+    /// H = J L for its first `count` columns in reverse order; row k of `turned` is row k of L, reversed. Fewer columns than a vector
+    /// overwrite the rest of it.
     #[inline(always)]
     pub fn times<const FUSED: bool>(&self, turned: &Panel, count: usize, asked: &[bool], odd: &mut Panel) {
-        with_simd!(FUSED, |simd| self.multiply::<_, true>(simd, turned.part(0, 0), padded(count), asked, odd));
+        let width = if count < VECTOR { padded(count) } else { count };
+        with_simd!(FUSED, |simd| self.multiply::<_, true>(simd, turned.part(0, 0), width, asked, odd));
     }
 
     /// J A for the first `count` columns, at least a vector, of a matrix with a row for each state. Rows of `out` that are not asked for do

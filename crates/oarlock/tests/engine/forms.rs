@@ -136,17 +136,33 @@ fn and_what_the_textbook_says() {
 }
 
 /// Loops of a micrometre, and encoders of a nanoradian: of the difference P - W'W nothing would be left.
-#[test]
-fn exact_readings_are_left_to_the_information_form() {
+fn with_exact_readings(estimate: &[&str], steps: usize, seed: u64) -> usize {
     let own = "std_m = 1e-6\nstd_axis = 1e-6";
     let text = SCULLER.replace("std_m = 0.002\nstd_axis = 0.005", own).replace("std = 0.001  # rad", "std = 1e-9");
     assert!(text.contains(own) && text.contains("std = 1e-9"));
-    let (model, config, mut chance) = (model(&text), plain(&[]), Chance::new(5));
+    let (model, config, mut chance) = (model(&text), plain(estimate), Chance::new(seed));
     let body = body(&model, &config);
     let stroke = Stroke::new(&body, 2.2);
     let scene = Scene { body: &body, motion: &|t| stroke.at(t), surge: &|_| 0.0, azimuth_rad: 0.5, noise: 1.0 };
-    let told = side_by_side(&scene, &config, 2_000, &mut chance);
+    let told = side_by_side(&scene, &config, steps, &mut chance);
     assert_eq!(told.in_covariance_form, 0);
     // Even two runs in one form are apart by 1e-6: rounding decides here.
-    assert!(told.mean < 1e-4 && told.covariance < 1e-4, "{:e} {:e}", told.mean, told.covariance);
+    let apart = (told.mean, told.covariance);
+    assert!(apart.0 < 1e-4 && apart.1 < 1e-4, "{estimate:?}: {apart:?}");
+    body.layout.dim() - body.layout.partition.pose
+}
+
+#[test]
+fn exact_readings_are_left_to_the_information_form() {
+    with_exact_readings(&[], 2_000, 5);
+}
+
+/// The columns that only the information form needs fill whole vectors, or do not.
+#[test]
+fn whatever_the_number_of_states() {
+    let estimates: [&[&str]; 4] = [&["surge"], &["gyro_bias"], &["gyro_bias", "accel_bias"], &["gyro_bias", "surge"]];
+    let mut left: Vec<_> = estimates.iter().map(|estimate| with_exact_readings(estimate, 50, 6) % 4).collect();
+    left.sort_unstable();
+    left.dedup();
+    assert_eq!(left, [0, 1, 2, 3]);
 }

@@ -18,8 +18,9 @@ from oarlock.recording.calibration import Calibration
 from oarlock.recording.recording import Recording
 from oarlock.recording.stream_scales import Clock
 from oarlock.storage.errors import DataError
+from oarlock.storage.progress import Progress, shown
 from oarlock.tracking.known_streams import known_streams
-from oarlock.tracking.tracking import Progress, admit
+from oarlock.tracking.tracking import admit
 
 Floats = NDArray[np.float64]
 
@@ -33,7 +34,7 @@ def calibrate_clocks(
     *,
     reference: str | Iterable[str] | None = None,
     threads: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress = None,
 ) -> Calibration:
     """Estimate offset and drift of each stream's clock from ordinary movement.
 
@@ -51,7 +52,7 @@ def calibrate_clocks(
             identical time stamps (such as a logger with its encoders), or, if no two streams share theirs, the clock
             on which most streams agree.
         threads: number of parts tracked at a time; None uses all cores.
-        progress: called regularly with the share done, 0 to 1.
+        progress: True shows a bar or lines; a function is called regularly with the share done, 0 to 1.
 
     Returns:
         The calibration with `clocks`: offset (s) at t = 0 of the recording's time axis, drift (s per s), and standard
@@ -75,7 +76,8 @@ def calibrate_clocks(
     rough = {name: Clock(delay) for name, delay in coarse_delays(measured, fixed).items()}
     start = with_clocks(measured, rough)
     seen_by = Filtering(model, bare(known), groups, bool(fixed), threads)
-    near = settle(seen_by, start, progress or _nobody)
+    with shown(progress, "calibrating clocks") as told:
+        near = settle(seen_by, start, told or _nobody)
     found = {name: after(rough.get(name, Clock(0.0)), clock) for name, clock in near.items()}
     if not fixed:
         fixed, found = _by_majority(found, measured)

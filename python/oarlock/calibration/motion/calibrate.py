@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from oarlock.calibration.motion.constants import Constants
 from oarlock.calibration.motion.hypothesis import RIGID, SOFT, Hypothesis
@@ -11,6 +11,7 @@ from oarlock.calibration.motion.notes import noted
 from oarlock.calibration.motion.stretch import Stretch
 from oarlock.recording.calibration import Calibration
 from oarlock.storage.errors import DivergedError
+from oarlock.storage.progress import Progress, Told, share, shown
 
 if TYPE_CHECKING:
     from oarlock._core import Model
@@ -22,6 +23,8 @@ BETTER = 0.98
 """What is kept has to be better than before by more than chance: by 2 % on hundreds of samples."""
 MOST_SURPRISE = 2.0
 """Prior standard deviations, root mean square of all constants: larger changes are implausible for mounted units."""
+# Approximate parts of the duration, for the progress: the plain filter, two hypotheses, the whole part once more.
+_SHARES: Final = {"plain": (0.0, 0.05), "rigid": (0.05, 0.35), "soft": (0.35, 0.6), "whole": (0.6, 1.0)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +46,7 @@ def calibrate_motion(
     start_s: float | None = None,
     end_s: float | None = None,
     held_out: float = 1.0 / 3.0,
+    progress: Progress = None,
 ) -> Calibration:
     """Estimate mounts, lengths, sensor positions and encoder zeros from ordinary movement of a body with closed loops.
 
@@ -60,6 +64,7 @@ def calibrate_motion(
         start_s: start of the part to use, s; None is the start of the recording.
         end_s: end of the part to use, s; None is the end of the recording.
         held_out: share at the end of this part that is held out to score results, 0.1 to 0.5.
+        progress: True shows a bar or lines; a function is called regularly with the share done, 0 to 1.
 
     Returns:
         A calibration for `track`. Its `noted` contains `kept` ("rigid", "soft" or "before"), the `scores`, the prior,
@@ -72,19 +77,27 @@ def calibrate_motion(
     known = Calibration() if calibration is None else calibration
     edges = [(start_s, recording.start_s), (end_s, recording.end_s)]
     first_s, last_s = (edge if given is None else given for given, edge in edges)
-    stretch = Stretch.of(model, known, recording.slice(first_s, last_s), held_out)
-    before = stretch.held_out_nis(SOFT, known)
-    scores, kept = {"before": before}, None
-    for hypothesis in (RIGID, SOFT):
-        found = candidate(stretch, hypothesis, stretch.first)
-        scores[hypothesis.name] = found.score if found else float("inf")
-        if found and acceptable(found, before):
-            kept = with_all_samples(stretch, found)
-            break
+    with shown(progress, "calibrating") as told:
+        part = recording.slice(first_s, last_s)
+        stretch = Stretch.of(model, known, part, held_out, share(told, *_SHARES["plain"]))
+        scores, kept = _searched(stretch, told)
     notes = noted(kept.constants if kept else None, kept.hypothesis.name if kept else "before", scores)
     span = {"stretch_s": [first_s, last_s], "held_out_s": [stretch.rest.start_s, stretch.rest.end_s]}
     older = {"before": dict(known.noted)} if known.noted else {}
     return replace(kept.calibration if kept else known, noted=notes | span | older)
+
+
+def _searched(stretch: Stretch, told: Told | None) -> tuple[dict[str, float], Candidate | None]:
+    """The scores of all hypotheses, and the first acceptable one, if there is one."""
+    before = stretch.held_out_nis(SOFT, stretch.known)
+    scores = {"before": before}
+    for hypothesis in (RIGID, SOFT):
+        part = replace(stretch, told=share(told, *_SHARES[hypothesis.name]))
+        found = candidate(part, hypothesis, part.first)
+        scores[hypothesis.name] = found.score if found else float("inf")
+        if found and acceptable(found, before):
+            return scores, with_all_samples(replace(stretch, told=share(told, *_SHARES["whole"])), found)
+    return scores, None
 
 
 def candidate(stretch: Stretch, hypothesis: Hypothesis, part: Recording) -> Candidate | None:

@@ -15,6 +15,7 @@ from oarlock.calibration.motion.restart import joined, restarted
 from oarlock.calibration.motion.searched_model import searched_model
 from oarlock.recording.calibration import Calibration, EncoderScale
 from oarlock.storage.errors import DataError, DivergedError
+from oarlock.storage.progress import Told, share
 from oarlock.tracking.tracking import track
 
 if TYPE_CHECKING:
@@ -26,6 +27,9 @@ LEAST_S = 8.0
 """Some cycles of the movement to search in, and one or two to judge by."""
 SETTLED_S = 1.0
 """What comes before is the start's."""
+
+
+Span = tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +45,7 @@ class Stretch:
         azimuth_rad: of the magnetic field by the plain filter; None without magnetometers.
         postures: at the start and where the held-out part begins, by the plain filter, rad or m; None if a joint has
             no single value.
+        told: called with the share done of the current search; None is never called.
     """
 
     model: Model
@@ -50,9 +55,12 @@ class Stretch:
     rest: Recording
     azimuth_rad: float | None
     postures: tuple[tuple[float, ...], tuple[float, ...]] | None
+    told: Told | None = None
 
     @classmethod
-    def of(cls, model: Model, known: Calibration, whole: Recording, held_out: float) -> Stretch:
+    def of(
+        cls, model: Model, known: Calibration, whole: Recording, held_out: float, told: Told | None
+    ) -> Stretch:
         """The stretch, tracked once as it would be without a search.
 
         Raises:
@@ -62,7 +70,7 @@ class Stretch:
         _check(model, whole, held_out)
         cut_s = whole.end_s - held_out * whole.duration_s
         first, rest = whole.slice(end_s=cut_s), whole.slice(start_s=cut_s)
-        plain = track(model, whole, known)
+        plain = track(model, whole, known, progress=told)
         azimuth = plain.slow["azimuth"].value if "azimuth" in plain.slow else None
         scalar = plain.q.shape[1] == len(model.joint_names)
         rows = (0, min(int(np.searchsorted(plain.time_s, cut_s)), len(plain) - 1))
@@ -87,11 +95,13 @@ class Stretch:
         """
         searched = self._searched(hypothesis, part)
         weight = hypothesis.samples_per_error
-        first = Constants.of(self._searched_through(searched, part, self.known.encoders), searched, weight)
+        first = Constants.of(
+            self._searched_through(searched, part, self.known.encoders, (0.0, 0.4)), searched, weight
+        )
         again = restarted(searched, first)
         encoders = {**self.known.encoders, **first.encoders(self.known)}
         try:
-            belief = self._searched_through(again, part, encoders)
+            belief = self._searched_through(again, part, encoders, (0.4, 0.8))
         except DivergedError:
             return searched, first
         return searched, joined(first, Constants.of(belief, again, weight))
@@ -104,9 +114,9 @@ class Stretch:
         )
 
     def _searched_through(
-        self, searched: Model, part: Recording, encoders: Mapping[str, EncoderScale]
+        self, searched: Model, part: Recording, encoders: Mapping[str, EncoderScale], done: Span
     ) -> Belief:
-        """The belief after a part, with these zeros of encoders as start."""
+        """The belief after a part, with these zeros of encoders as start; `done`: shares of the search."""
         pushes = [base.name for base in searched.describe().base_acceleration]
         estimate = ("gyro_bias", "accel_bias", *pushes, "mounts", "lengths")
         config = Config(estimate=estimate, initial_q=self._posture(searched, 0))
@@ -119,7 +129,7 @@ class Stretch:
             mount_offset_stds_m={},
             encoders=encoders,
         )
-        belief = track(searched, part, corrections, config).last_belief
+        belief = track(searched, part, corrections, config, progress=share(self.told, *done)).last_belief
         if belief is None:
             raise DivergedError("calibrate motion: the search ended without a belief")
         return belief
@@ -130,7 +140,9 @@ class Stretch:
         begun = dict(zip(self.model.joint_names, self.postures[part], strict=True))
         return [begun.get(name, 0.0) for name in searched.joint_names]
 
-    def held_out_nis(self, hypothesis: Hypothesis, calibration: Calibration) -> float:
+    def held_out_nis(
+        self, hypothesis: Hypothesis, calibration: Calibration, done: Span = (0.8, 1.0)
+    ) -> float:
         """Squared innovations over their variance, per reading of the held-out part; infinite if the filter is lost.
 
         Noise is what the hypothesis says and not learnt, so that calibrations compare.
@@ -140,7 +152,7 @@ class Stretch:
         )
         config = Config(learning_memory_s=None, initial_q=self._posture(judge, 1))
         try:
-            tracked = track(judge, self.rest, calibration, config)
+            tracked = track(judge, self.rest, calibration, config, progress=share(self.told, *done))
         except DivergedError:
             return float("inf")
         return _nis_per_reading(tracked)

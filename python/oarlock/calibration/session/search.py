@@ -26,6 +26,7 @@ from oarlock.recording.recording import Recording
 from oarlock.recording.stream_scales import EncoderScale
 from oarlock.recording.streams import ImuStream
 from oarlock.storage.errors import DataError
+from oarlock.storage.progress import Progress, shown
 
 if TYPE_CHECKING:
     from oarlock._core import Model
@@ -47,6 +48,7 @@ def calibrate_session(
     *,
     sensors: Iterable[str] | None = None,
     calibration: Calibration | None = None,
+    progress: Progress = None,
 ) -> Calibration:
     """Calibrate all sensors from one short guided session.
 
@@ -61,6 +63,7 @@ def calibrate_session(
         plan: the steps; None takes the protocol that ships with the model. Steps without times are located.
         sensors: names of the units to use; None takes all recorded units of the model.
         calibration: an earlier calibration, such as clocks and lengths; its clocks are applied first.
+        progress: True shows that it runs.
 
     Returns:
         The given calibration with all results and their standard deviations. Values that the session does not determine
@@ -87,7 +90,8 @@ def calibrate_session(
     searches = {n: SensorSearch.of(unit, plan, spans, gravity) for n, unit in units.items()}
     known = _with_sensors(before, searches)
     rows = {n: s.corrected(known) for n, s in searches.items()}
-    found = MountSearch(body, plan, spans, rows, {n: worn.rotations[n] for n in names}).run()
+    with shown(progress, "calibrating"):
+        found = MountSearch(body, plan, spans, rows, {n: worn.rotations[n] for n in names}).run()
     encoders, encoder_checks = encoder_scales(plan.steps, spans, clocked)
     parameters = field_parameters(worn.model, searches)
     checks = [

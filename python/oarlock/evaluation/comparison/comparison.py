@@ -25,6 +25,8 @@ from oarlock.recording.recording import Recording
 from oarlock.storage.csv_cells import inert
 from oarlock.storage.errors import DataError, DivergedError
 from oarlock.storage.folder_writer import replaced_folder
+from oarlock.storage.notebook_html import card, folded, html_table
+from oarlock.storage.progress import Told, display
 from oarlock.storage.toml import write_toml
 from oarlock.storage.write_file import write_file
 from oarlock.tracking.known_streams import known_streams
@@ -35,7 +37,7 @@ if TYPE_CHECKING:
     from oarlock._core import Model
 
 FORMAT: Final = 1
-Progress = Callable[[str], AbstractContextManager[Callable[[float], None]]]
+Displays = bool | Callable[[str], AbstractContextManager[Told]] | None
 
 
 @dataclass(frozen=True)
@@ -101,6 +103,18 @@ class Comparison:
             "estimators": [row_of(row) for row in self.scores],
         }
 
+    def _repr_html_(self) -> str:
+        lines = [(name, reason) for name, reason in self.left_out.items()]
+        left_out = html_table(["estimator", "reason"], lines) if lines else ""
+        header = ["estimator", *self.columns]
+        rows = [(one.name, *(one.columns().get(name) for name in self.columns)) for one in self.scores]
+        return card(
+            "Comparison",
+            f"against {self.reference}",
+            html_table(header, rows),
+            folded("Left out", left_out),
+        )
+
     def save(self, folder: str | PathLike[str]) -> None:
         """Write compare.toml (all scores) and compare.csv (the table) into a folder."""
         with replaced_folder(folder, "comparison") as place:
@@ -137,8 +151,8 @@ def compare(
     calibration: Calibration | None = None,
     start_s: float = 2.0,
     repeats: int = 1,
-    progress: Progress | None = None,
-    told: Progress | None = None,
+    progress: Displays = None,
+    told: Displays = None,
 ) -> Comparison:
     """Run estimators on the same recording and score each.
 
@@ -156,13 +170,15 @@ def compare(
         calibration: calibration of this session, used by all estimators.
         start_s: time at the beginning that is not scored, s.
         repeats: number of runs of each estimator.
-        progress: returns a context manager for each estimator, to show progress.
+        progress: True shows a bar or lines for each estimator. A function of its name returns a context manager, which
+            gives what is called with the share done.
         told: earlier name of `progress`.
 
     Raises:
         DataError: a requested estimator cannot run, none can, or ground truth and recording do not overlap.
     """
-    asked, progress = estimators is not None, progress or told
+    asked, shows = estimators is not None, progress or told or None
+    shows = display if shows is True else shows
     chosen = [estimator(e) if isinstance(e, str) else e for e in (estimators or usual_estimators())]
     if repeats < 1:
         raise DataError(f"compare: repeats = {repeats}; expected 1 or more")
@@ -175,7 +191,7 @@ def compare(
     reference, name = truth, "truth"
     for one in chosen:
         try:
-            with progress(one.name) if progress is not None else nullcontext(None) as share_done:
+            with shows(one.name) if shows is not None else nullcontext(None) as share_done:
                 track, step_us, kinematics_us = _timed(
                     one, model, recording, calibration, repeats, share_done
                 )
@@ -200,7 +216,7 @@ def _timed(
     recording: Recording,
     calibration: Calibration | None,
     repeats: int,
-    progress: Callable[[float], object] | None,
+    progress: Told | None,
 ) -> tuple[Track, float, float]:
     """A track, and the shortest time of the filter and of the inverse kinematics for one instant, microseconds."""
     times = []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
@@ -12,6 +12,7 @@ from oarlock.evaluation.comparison.orientation_track import ORIENTATION_FILTERS,
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.recording import Recording
 from oarlock.storage.errors import DataError
+from oarlock.storage.progress import Progress
 from oarlock.storage.suggest import did_you_mean
 from oarlock.tracking.track import Track
 from oarlock.tracking.tracking import track
@@ -57,7 +58,7 @@ class Estimator:
         recording: Recording,
         calibration: Calibration | None = None,
         *,
-        progress: Callable[[float], object] | None = None,
+        progress: Progress = None,
     ) -> Track:
         """Track a recording.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +12,6 @@ from numpy.typing import NDArray
 from oarlock._core import Config
 from oarlock.evaluation.comparison.direct_readings import direct_readings
 from oarlock.evaluation.comparison.limbs import SHARED, Limb, cut_into_limbs
-from oarlock.evaluation.progress import share
 from oarlock.evaluation.resample import resample, resample_rotation
 from oarlock.model.coordinates import joint_columns, parts
 from oarlock.model.rotation import quat_from_rotvec, rotvec_from_quat
@@ -21,6 +19,7 @@ from oarlock.recording.calibration import Calibration
 from oarlock.recording.corrections import corrected
 from oarlock.recording.recording import Recording
 from oarlock.storage.errors import DataError
+from oarlock.storage.progress import Progress, share, shown
 from oarlock.tracking.known_streams import known_streams
 from oarlock.tracking.records import Beliefs
 from oarlock.tracking.track import Track, track_without_filter
@@ -40,7 +39,7 @@ def track_limbs(
     calibration: Calibration | None = None,
     config: Config | None = None,
     *,
-    progress: Callable[[float], object] | None = None,
+    progress: Progress = None,
 ) -> Track:
     """Track every limb by an independent filter on its own chain, as was common before filters of whole bodies.
 
@@ -55,7 +54,7 @@ def track_limbs(
         recording: measured streams; each filter receives those of its own sensors.
         calibration: calibration of this session.
         config: settings of every filter; `closures = False` leaves the ends of limbs free, as in the source.
-        progress: called regularly with the share done, 0 to 1.
+        progress: True shows a bar or lines; a function is called regularly with the share done, 0 to 1.
 
     Raises:
         DataError: the model has fewer than two limbs, or one part has no recorded stream.
@@ -66,14 +65,15 @@ def track_limbs(
     admit(model, corrected(recording, calibration))
     limbs = cut_into_limbs(model, config.closures)
     tracks, cpu_s = [], 0.0
-    for i, limb in enumerate(limbs):
-        limb_progress = share(progress, i / len(limbs), (i + 1) / len(limbs))
-        part = _streams_of(limb, recording)
-        began_s = time.thread_time()
-        tracks.append(
-            track(limb.model, part, _limb_calibration(limb, calibration), config, progress=limb_progress)
-        )
-        cpu_s += time.thread_time() - began_s
+    with shown(progress, "tracking limbs") as told:
+        for i, limb in enumerate(limbs):
+            limb_progress = share(told, i / len(limbs), (i + 1) / len(limbs))
+            part = _streams_of(limb, recording)
+            began_s = time.thread_time()
+            tracks.append(
+                track(limb.model, part, _limb_calibration(limb, calibration), config, progress=limb_progress)
+            )
+            cpu_s += time.thread_time() - began_s
     return _merged(model, recording, calibration, limbs, tracks, cpu_s)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -25,6 +25,7 @@ from oarlock.recording.corrections import corrected, correction_notes
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
 from oarlock.storage.errors import DataError
+from oarlock.storage.progress import Progress, shown
 from oarlock.storage.suggest import did_you_mean
 from oarlock.tracking.known_streams import known_streams
 from oarlock.tracking.track import Track, track_without_filter
@@ -52,7 +53,7 @@ def track_orientations(
     filter: str = "vqf",
     calibration: Calibration | None = None,
     *,
-    progress: Callable[[float], object] | None = None,
+    progress: Progress = None,
 ) -> Track:
     """Track with one orientation filter per inertial unit, followed by inverse kinematics on the tree.
 
@@ -66,7 +67,7 @@ def track_orientations(
         recording: measured streams; all three quantities of a unit are required.
         filter: a name in `ORIENTATION_FILTERS`: vqf, madgwick, quaternion_ekf, quest_ekf or vector_kf.
         calibration: lengths, mounts and magnetometer offsets of this session.
-        progress: called regularly with the share done, 0 to 1.
+        progress: True shows a bar or lines; a function is called regularly with the share done, 0 to 1.
 
     Returns:
         A track at the time stamps of the unit with the most readings. `provenance` contains the times of filter and
@@ -88,11 +89,12 @@ def track_orientations(
     began = time.perf_counter()
     found: dict[str, list[tuple[Stretch, Floats]]] = {}
     spent_s = np.zeros(2)
-    for i, (name, unit) in enumerate(units.items()):
-        found[name], took_s = _filtered(unit, ORIENTATION_FILTERS[filter], worn.model)
-        spent_s += took_s
-        if progress is not None:
-            progress(0.8 * (i + 1) / len(units))
+    with shown(progress, "filtering units") as told:
+        for i, (name, unit) in enumerate(units.items()):
+            found[name], took_s = _filtered(unit, ORIENTATION_FILTERS[filter], worn.model)
+            spent_s += took_s
+            if told is not None:
+                told((i + 1) / len(units))
     time_s = max((unit.stream.time_s for unit in units.values()), key=len)
     measured = _measured(worn, recording, units, found, time_s)
     began_kinematics = time.perf_counter(), time.thread_time()
@@ -115,8 +117,6 @@ def track_orientations(
         "kinematics_wall_s": ended - began_kinematics[0],
         "kinematics_cpu_s": ended_cpu - began_kinematics[1],
     }
-    if progress is not None:
-        progress(1.0)
     all_notes = (
         *_filter_notes(model, filter),
         *notes,

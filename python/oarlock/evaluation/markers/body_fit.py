@@ -19,6 +19,7 @@ from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec
 from oarlock.recording.calibration import Calibration
 from oarlock.storage.array_gate import FloatArray, real_array
 from oarlock.storage.errors import DataError
+from oarlock.storage.progress import Progress, shown
 from oarlock.storage.suggest import did_you_mean
 
 if TYPE_CHECKING:
@@ -184,6 +185,7 @@ def fit_body(
     root_from_markers: ArrayLike | None = None,
     start_q: Mapping[str, float] | ArrayLike | None = None,
     frames: int = 60,
+    progress: Progress = None,
 ) -> BodyFit:
     """Fit lengths, marker positions and the pose of the measuring system to a trial in which all joints move.
 
@@ -202,6 +204,7 @@ def fit_body(
         root_from_markers: (4, 4) initial pose, or the fixed pose without `place_root`; None is the identity.
         start_q: as `inverse_kinematics`.
         frames: number of frames that are used, evenly over the trial.
+        progress: True shows that it runs.
 
     Raises:
         DataError: an unknown name, nothing to estimate, or too few frames with markers.
@@ -220,8 +223,10 @@ def fit_body(
     pose = (
         np.eye(4) if root_from_markers is None else real_array(root_from_markers, (4, 4), "root_from_markers")
     )
-    guess = _first(problem, pose, None if start_q is None else posture(model, start_q))
-    return _body(problem, _best(problem, guess), attachments)
+    with shown(progress, "fitting the body"):
+        guess = _first(problem, pose, None if start_q is None else posture(model, start_q))
+        best = _best(problem, guess)
+    return _body(problem, best, attachments)
 
 
 def _free_markers(used: Sequence[Attachment], offsets: tuple[str, ...]) -> list[int]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -15,10 +15,10 @@ from oarlock.evaluation.markers.point_tree import PointTree
 from oarlock.evaluation.markers.posture_fit import PostureFit
 from oarlock.evaluation.markers.start import ANCHOR_S, anchor_postures, between_anchors, body_prior
 from oarlock.evaluation.markers.trajectories import Markers
-from oarlock.evaluation.progress import share
 from oarlock.model.chain_geometry import posture
 from oarlock.storage.array_gate import FloatArray, real_array
 from oarlock.storage.errors import DataError
+from oarlock.storage.progress import Progress, Told, share, shown
 
 if TYPE_CHECKING:
     from oarlock._core import Model
@@ -36,7 +36,7 @@ def inverse_kinematics(
     root_from_markers: ArrayLike | None = None,
     added_std_m: ArrayLike | None = None,
     start_q: Mapping[str, float] | ArrayLike | None = None,
-    progress: Callable[[float], object] | None = None,
+    progress: Progress = None,
 ) -> PostureFit:
     """Joint values that bring the model's points nearest to the markers, frame by frame.
 
@@ -56,7 +56,7 @@ def inverse_kinematics(
             attachment, m: `fill_gaps` gives it for filled positions.
         start_q: initial posture for the frame with the most markers: values by name (others 0) or an array. None tries
             many.
-        progress: called regularly with the share done, 0 to 1.
+        progress: True shows a bar or lines; a function is called regularly with the share done, 0 to 1.
 
     Returns:
         Values, standard deviations and residuals, and which joints the markers do not determine.
@@ -83,7 +83,8 @@ def inverse_kinematics(
     mean, std = body_prior(model)
     prior = Prior(np.tile(mean, (len(placed), 1)), std)
     start = None if start_q is None else posture(model, start_q)
-    found = _all_frames(tree, placed.time_s, sight, prior, start, progress)
+    with shown(progress, "fitting postures") as told:
+        found = _all_frames(tree, placed.time_s, sight, prior, start, told)
     return _fit(tree, placed, sight, used, found)
 
 
@@ -114,7 +115,7 @@ def _all_frames(
     sight: Sight,
     prior: Prior,
     start: FloatArray | None,
-    progress: Callable[[float], object] | None,
+    progress: Told | None,
 ) -> Found:
     anchors = _anchors(time_s)
     walked = anchor_postures(tree, sight, prior, anchors, start, share(progress, 0.0, 0.5))

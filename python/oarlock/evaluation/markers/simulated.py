@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +18,7 @@ from oarlock.evaluation.markers.trajectories import Markers
 from oarlock.recording.recording import Recording
 from oarlock.simulation.simulate import simulate
 from oarlock.storage.folder_writer import replaced_folder
+from oarlock.storage.progress import Progress
 from oarlock.storage.write_file import write_file
 from oarlock.tracking.track import Track
 
@@ -72,7 +73,7 @@ def simulate_from_markers(
     noise: bool | Mapping[str, Mapping[str, float]] = True,
     gyro_bias_rad_s: Mapping[str, Any] | float = 0.0,
     accel_bias_m_s2: Mapping[str, Any] | float = 0.0,
-    progress: Callable[[float], object] | None = None,
+    progress: Progress = None,
 ) -> MarkerStudy:
     """Simulate inertial units on a movement recorded with markers, after section 4.1 of the paper.
 
@@ -94,7 +95,7 @@ def simulate_from_markers(
         noise: white noise of the model file, none, or standard deviations by sensor.
         gyro_bias_rad_s: bias of all units, or by name.
         accel_bias_m_s2: bias of all units, or by name.
-        progress: called regularly with the share done, 0 to 1.
+        progress: True shows a bar or lines; a function is called regularly with the share done, 0 to 1.
 
     Raises:
         DataError: as in the functions that it calls; or a joint is undetermined for longer than `longest_s`.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -11,6 +10,7 @@ from oarlock.evaluation.markers.least_squares import Prior, Sight, with_prior
 from oarlock.evaluation.markers.point_tree import PointTree
 from oarlock.model.rotation import continuous_quat, quat_from_rotvec, rotvec_from_quat
 from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.progress import Told
 
 if TYPE_CHECKING:
     from oarlock._core import Model
@@ -68,7 +68,7 @@ def anchor_postures(
     prior: Prior,
     frames: Any,
     given: FloatArray | None,
-    progress: Callable[[float], object] | None,
+    progress: Told | None,
 ) -> FloatArray:
     """Postures (A, c) of some frames, each fitted from its neighbour's, beginning with the most visible markers.
 

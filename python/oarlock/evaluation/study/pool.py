@@ -14,20 +14,19 @@ from oarlock.evaluation.child_process import in_processes
 from oarlock.evaluation.study.run import Group, Row, groups, run_group
 from oarlock.evaluation.study.spec import Study, stable_text
 from oarlock.storage.errors import DataError
-
-Progress = Callable[[float], object]
+from oarlock.storage.progress import Told
 
 UNFINISHED = "unfinished.jsonl"
 """File with the rows of finished groups, one line each, while a study runs."""
 
 
-def all_rows(study: Study, jobs: int | None, folder: Path | None, progress: Progress | None) -> list[Row]:
+def all_rows(study: Study, jobs: int | None, folder: Path | None, progress: Told | None) -> list[Row]:
     """Rows of all runs, by scenario, then seed; the arguments are those of `rows_of_studies`."""
     return rows_of_studies((study,), jobs, folder, progress)[0]
 
 
 def rows_of_studies(
-    studies: Sequence[Study], jobs: int | None, folder: Path | None, progress: Progress | None
+    studies: Sequence[Study], jobs: int | None, folder: Path | None, progress: Told | None
 ) -> list[list[Row]]:
     """Rows of all runs of each study, by scenario, then seed. The same processes run all studies.
 

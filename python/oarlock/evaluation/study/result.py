@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from os import PathLike
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,14 +19,24 @@ from oarlock.evaluation.study.pool import identity
 from oarlock.evaluation.study.rows import scores_of, write_rows
 from oarlock.evaluation.study.run import MEAN, SCORES, Row
 from oarlock.evaluation.study.spec import Study, shown
+from oarlock.storage.dataframes import columns_of_rows, pandas_table, polars_table
 from oarlock.storage.folder_writer import replaced_folder
+from oarlock.storage.notebook_html import card, html_table
 from oarlock.storage.toml import write_toml
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import polars as pl
 
 Floats = NDArray[np.float64]
 
 CONFIDENCE = 0.95
 RUN_FILE = "run.toml"
 KIND = "study"
+
+
+_SHOWN_ROWS = 40
+"""Lines of the summary that a notebook shows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +88,21 @@ class StudyResult:
             kind: joint, frame, sensor or mean; None uses the first that has this item.
         """
         return scores_of(self.study, self.rows, item, score, kind)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """`table` as a pandas DataFrame (needs the extra `oarlock[dataframe]`)."""
+        return pandas_table(columns_of_rows(self.table()))
+
+    def to_polars(self) -> pl.DataFrame:
+        """`table` as a polars DataFrame (needs the extra `oarlock[polars]`)."""
+        return polars_table(columns_of_rows(self.table()))
+
+    def _repr_html_(self) -> str:
+        rows = self.summary()
+        head = list(rows[0]) if rows else []
+        table = html_table(head, [[row[name] for name in head] for row in rows[:_SHOWN_ROWS]])
+        more = f", the first {_SHOWN_ROWS} of {len(rows)} lines" if len(rows) > _SHOWN_ROWS else ""
+        return card("StudyResult", f"{len(self.rows)} rows, {len(self.failures)} failed runs{more}", table)
 
     def save(self, folder: str | PathLike[str]) -> None:
         """Write runs and summary as CSV and Parquet, the table of faults if there are any, and run.toml."""

@@ -8,9 +8,10 @@ from __future__ import annotations
 from os import PathLike
 from pathlib import Path
 
-from oarlock.evaluation.study.pool import Progress, all_rows, forget
+from oarlock.evaluation.study.pool import all_rows, forget
 from oarlock.evaluation.study.result import StudyResult
 from oarlock.evaluation.study.spec import Study
+from oarlock.storage.progress import Progress, shown
 
 
 def study(
@@ -18,7 +19,7 @@ def study(
     *,
     jobs: int | None = None,
     folder: str | PathLike[str] | None = None,
-    progress: Progress | None = None,
+    progress: Progress = None,
 ) -> StudyResult:
     """Run a study.
 
@@ -30,13 +31,14 @@ def study(
         jobs: number of processes; None is one for each core.
         folder: folder for finished runs, so that an interrupted study can continue; None stores nothing.
             `StudyResult.save` writes the results.
-        progress: called regularly with the share of runs done, 0 to 1.
+        progress: True shows a bar or lines; a function is called regularly with the share of runs done, 0 to 1.
 
     Raises:
         DataError: `jobs` is not a positive number.
     """
     place = None if folder is None else Path(folder)
-    result = StudyResult(what, tuple(all_rows(what, jobs, place, progress)))
+    with shown(progress, f"{what.run_count} runs") as told:
+        result = StudyResult(what, tuple(all_rows(what, jobs, place, told)))
     if place is not None:
         forget(place)
     return result

@@ -13,6 +13,7 @@ from oarlock.evaluation.suspects.text import SUSPECT_NOTE
 from oarlock.recording.corrections import corrected
 from oarlock.recording.plausibility import plausibility
 from oarlock.recording.recording import Recording
+from oarlock.storage.progress import Progress, shown
 
 if TYPE_CHECKING:
     from oarlock._core import Config, Model
@@ -80,6 +81,7 @@ def suspects(
     config: Config | None = None,
     *,
     seconds: float = 1.0,
+    progress: Progress = None,
 ) -> tuple[Suspect, ...]:
     """Find sensor faults from one second of a recording.
 
@@ -94,6 +96,7 @@ def suspects(
         calibration: calibration of this session; its corrections are applied first.
         config: settings for closures and magnetometers; None uses the defaults.
         seconds: duration of the tested part, s.
+        progress: True shows that it runs.
 
     Returns:
         Suspects, the most significant first; empty if the misfit is usual.
@@ -108,7 +111,8 @@ def suspects(
     if known is None:
         return tuple(alone)
     still = None if calibration is None else calibration.for_corrected()
-    by_tracking = _by_tracking(model, known, still, config, seconds)
+    with shown(progress, "searching for faults"):
+        by_tracking = _by_tracking(model, known, still, config, seconds)
     named = {name for suspect in by_tracking if suspect.fault != "untold" for name in suspect.streams}
     return (*by_tracking, *(suspect for suspect in alone if not named.intersection(suspect.streams)))
 

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from oarlock import Study, StudyResult, load_model
-from oarlock.evaluation.progress import Progress
 from oarlock.evaluation.study.pool import rows_of_studies
 from oarlock.lab.reproduce.contents import Floats, Row, finite_mean
 from oarlock.lab.reproduce.estimators import ELEVEN, ESTIMATORS
 from oarlock.lab.reproduce.field_trials import POINTS
 from oarlock.rowing.simulation import paper
 from oarlock.rowing.simulation.simulators import SIMULATORS
+from oarlock.storage.progress import Told
 
 PLAIN = {e.key: e.values for e in ESTIMATORS}
 SIDES_OFF = {"no back": ["back"], "no upper arms": ["r_upperarm", "l_upperarm"]}
@@ -117,7 +117,7 @@ def asked(
     seeds: Sequence[int],
     duration_s: float,
     jobs: int | None,
-    progress: Progress | None,
+    progress: Told | None,
     runs: Path | None = None,
 ) -> Asked:
     """Runs all studies; `runs` is a folder for finished runs."""

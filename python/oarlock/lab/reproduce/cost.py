@@ -13,11 +13,11 @@ import numpy as np
 import oarlock
 from oarlock import Belief, Config, DivergedError, Model, Recording, load_model
 from oarlock.evaluation.child_process import in_processes
-from oarlock.evaluation.progress import Progress
 from oarlock.lab.reproduce.chains import RATE_HZ, Size, built
 from oarlock.lab.reproduce.contents import Cell, Chart, Floats, Part, Row, Table, shown
 from oarlock.rowing.simulation import paper
 from oarlock.rowing.simulation.experiment import simulate_sculling
+from oarlock.storage.progress import Told
 
 FILTERS = ("ukf", "ekf", "factorised")
 SHORT, LONG = 40, 840
@@ -45,7 +45,7 @@ class Job:
     start: Belief | None
 
 
-def cost(processes: int | None, progress: Progress | None) -> Part:
+def cost(processes: int | None, progress: Told | None) -> Part:
     """Measures every size with every filter, in turn, and fits powers.
 
     Several processes fit the starts; one measures, when they have ended.
@@ -98,7 +98,7 @@ def _job(_: None, task: tuple[str, Size]) -> Job:
     return Job(sweep, size, model, long.slice(end_s=short_s), long, start)
 
 
-def _measured(jobs: list[Job], progress: Progress | None) -> dict[tuple[str, Size, str], float]:
+def _measured(jobs: list[Job], progress: Told | None) -> dict[tuple[str, Size, str], float]:
     """Median time of a step, s; NaN where the filter loses the chain."""
     found: dict[tuple[str, Size, str], list[float]] = {}
     for turn in range(ROUNDS):

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from oarlock.evaluation.progress import Progress, share
 from oarlock.lab.reproduce.claim_runs import BIASES, HULL, RATES_HZ, SIDES_OFF, Asked, asked
 from oarlock.lab.reproduce.contents import Cell, Claim, Part, Row, Table, Verdict, finite_mean, shown
 from oarlock.lab.reproduce.estimators import ELEVEN
 from oarlock.lab.reproduce.technique import Features, features
 from oarlock.rowing.simulation import paper
+from oarlock.storage.progress import Told, share
 
 LONGEST_S, MOST_SEEDS = 15.0, 2
 SHOULDERS, ELBOWS, WRISTS = (
@@ -28,7 +28,7 @@ def discussion(
     seeds: Sequence[int],
     duration_s: float,
     jobs: int | None,
-    progress: Progress | None,
+    progress: Told | None,
     runs: Path | None = None,
 ) -> Part:
     """All claims; `runs` is a folder for finished runs."""

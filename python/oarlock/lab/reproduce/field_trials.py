@@ -13,12 +13,12 @@ import oarlock
 from oarlock import Config, Model, Recording, Track, load_model
 from oarlock.evaluation.child_process import in_processes
 from oarlock.evaluation.markers.trajectories import Markers
-from oarlock.evaluation.progress import Progress
 from oarlock.lab.reproduce.contents import Floats
 from oarlock.lab.reproduce.places import PlaceBand, place_band
 from oarlock.rowing.field.effects import FieldEffects
 from oarlock.rowing.field.trial import simulate_field
 from oarlock.rowing.simulation import paper
+from oarlock.storage.progress import Told
 
 START_S = 2.0
 RATE_HZ = 100.0
@@ -91,7 +91,7 @@ def field_trials(
     seeds: Sequence[int],
     duration_s: float,
     jobs: int | None,
-    progress: Progress | None,
+    progress: Told | None,
     keys: Sequence[str] = (),
 ) -> list[Scored]:
     """All settings for all seeds; lost tracks are left out."""

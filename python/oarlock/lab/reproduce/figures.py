@@ -61,11 +61,11 @@ def fig3(seed: int, duration_s: float) -> Part:
 
 
 def _least(track: Track, joint: str) -> float:
-    return math.degrees(float(np.nanmin(track[joint].angle_rad[track.time_s > 2.0])))
+    return math.degrees(float(np.nanmin(track.hinge(joint).angle_rad[track.time_s > 2.0])))
 
 
 def _joint(track: Track, truth: Track, scores: Evaluation, name: str, duration_s: float) -> Curve:
-    own, true, score = track[name], truth[name], scores[name]
+    own, true, score = track.scalar(name), truth.scalar(name), scores[name]
     unit, factor = ("deg", math.degrees(1.0)) if own.unit == "rad" else ("m", 1.0)
     kept = _middle(track.time_s, duration_s)
     fine, fine_unit = (factor, unit) if unit == "deg" else (1e3, "mm")
@@ -89,13 +89,15 @@ def _middle(time_s: Floats, duration_s: float) -> np.ndarray:
 
 
 def _joint_rows(track: Track, truth: Track) -> list[Row]:
-    names = [n for n in track.joint_names if np.isfinite(track[n].value).all() and n in truth.joint_names]
+    names = [
+        n for n in track.joint_names if np.isfinite(track.scalar(n).value).all() and n in truth.joint_names
+    ]
     columns: dict[str, Floats] = {}
     for name in names:
         unit = track[name].unit
-        columns[f"{name}_{unit}"] = track[name].value
-        columns[f"{name}_std_{unit}"] = track[name].std
-        columns[f"{name}_true_{unit}"] = np.interp(track.time_s, truth.time_s, truth[name].value)
+        columns[f"{name}_{unit}"] = track.scalar(name).value
+        columns[f"{name}_std_{unit}"] = track.scalar(name).std
+        columns[f"{name}_true_{unit}"] = np.interp(track.time_s, truth.time_s, truth.scalar(name).value)
     return _rows(track.time_s, columns)
 
 

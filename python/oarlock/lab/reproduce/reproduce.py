@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from oarlock.evaluation.progress import Progress, share
 from oarlock.lab.reproduce.contents import Part
 from oarlock.lab.reproduce.cost import cost
 from oarlock.lab.reproduce.discussion import discussion
@@ -19,6 +18,7 @@ from oarlock.lab.reproduce.kept import Kept
 from oarlock.lab.reproduce.table5 import table5
 from oarlock.lab.reproduce.table6 import table6
 from oarlock.storage.errors import DataError
+from oarlock.storage.progress import Progress, Told, share, shown
 
 PARTS = ("table5", "table6", "fig3", "fig4", "fig5", "discussion", "cost")
 """Names of the parts, in the order of the paper."""
@@ -41,7 +41,7 @@ def reproduce(
     *,
     duration_s: float = 40.0,
     jobs: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress = None,
     kept: Kept | None = None,
     on_part: Callable[[str, bool], object] = lambda key, is_kept: None,
 ) -> list[Part]:
@@ -52,7 +52,7 @@ def reproduce(
         seeds: seeds of stroke variation and noise.
         duration_s: duration of each recording, s; the paper has 40.
         jobs: number of processes and threads; None uses all cores.
-        progress: called regularly with the share done, 0 to 1.
+        progress: True shows a bar or lines; a function is called regularly with the share done, 0 to 1.
         kept: finished parts and runs, which are not made again; None keeps nothing.
         on_part: called with the name of each part when it is finished, and whether it was kept.
 
@@ -76,20 +76,21 @@ def reproduce(
     missing = [name for name in chosen if name not in found]
     whole, done = sum(_WEIGHTS[name] for name in missing), 0.0
     trials: list[Scored] | None = None
-    for name in missing:
-        part_progress = share(progress, done / whole, (done + _WEIGHTS[name]) / whole)
-        done += _WEIGHTS[name]
-        if name in ("table6", "fig4", "fig5") and trials is None:
-            # a figure without table 6 needs only one recording with one setting
-            some = () if "table6" in missing else ("indoor",)
-            trials = field_trials(
-                seeds if "table6" in missing else seeds[:1], duration_s, jobs, part_progress, some
-            )
-        runs = None if kept is None else kept.runs(name)
-        found[name] = _part(name, seeds, duration_s, jobs, part_progress, trials or [], runs)
-        if kept is not None:
-            kept.write(found[name])
-        on_part(name, False)
+    with shown(progress, "running the experiments") as told:
+        for name in missing:
+            part_progress = share(told, done / whole, (done + _WEIGHTS[name]) / whole)
+            done += _WEIGHTS[name]
+            if name in ("table6", "fig4", "fig5") and trials is None:
+                # a figure without table 6 needs only one recording with one setting
+                some = () if "table6" in missing else ("indoor",)
+                trials = field_trials(
+                    seeds if "table6" in missing else seeds[:1], duration_s, jobs, part_progress, some
+                )
+            runs = None if kept is None else kept.runs(name)
+            found[name] = _part(name, seeds, duration_s, jobs, part_progress, trials or [], runs)
+            if kept is not None:
+                kept.write(found[name])
+            on_part(name, False)
     return [found[name] for name in chosen]
 
 
@@ -98,7 +99,7 @@ def _part(
     seeds: Sequence[int],
     duration_s: float,
     jobs: int | None,
-    progress: Progress | None,
+    progress: Told | None,
     trials: Sequence[Scored],
     runs: Path | None,
 ) -> Part:

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from oarlock import Study, StudyResult, load_model
-from oarlock.evaluation.progress import Progress
 from oarlock.evaluation.study.pool import all_rows
 from oarlock.lab.reproduce.contents import Cell, Floats, Mark, Part, Table, finite_mean, shown, spread
 from oarlock.lab.reproduce.estimators import ELEVEN, ESTIMATORS
 from oarlock.rowing.simulation import paper
 from oarlock.rowing.simulation.simulators import SIMULATORS
+from oarlock.storage.progress import Told
 
 SMOOTHED = "smoothed"
 HANDS = {"radial": ("r_hand_abduction", "l_hand_abduction"), "palmar": ("r_hand_flexion", "l_hand_flexion")}
@@ -27,7 +27,7 @@ def table5(
     seeds: Sequence[int],
     duration_s: float,
     jobs: int | None,
-    progress: Progress | None,
+    progress: Told | None,
     runs: Path | None = None,
 ) -> Part:
     """The whole table, by study; `runs` is a folder for finished runs."""

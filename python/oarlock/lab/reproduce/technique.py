@@ -51,9 +51,9 @@ def _features(model: Model, recording: Recording, truth: Track) -> Features:
 
 def _plane_errors(track: Track, truth: Track, side: str) -> Floats:
     """Angles between the estimated and the true normal, deg, near the finish."""
-    phi = np.interp(track.time_s, truth.time_s, truth[f"{side}_oar_phi"].angle_rad)
+    phi = np.interp(track.time_s, truth.time_s, truth.hinge(f"{side}_oar_phi").angle_rad)
     sweep = (phi - phi.min()) / np.ptp(phi)
-    elbow = np.interp(track.time_s, truth.time_s, truth[f"{side}_elbow_flexion"].angle_rad)
+    elbow = np.interp(track.time_s, truth.time_s, truth.hinge(f"{side}_elbow_flexion").angle_rad)
     kept = (sweep > NEAR_FINISH) & (elbow > BENT_RAD) & (track.time_s > track.time_s[0] + 2.0)
     own = _normal(track, side)[kept]
     true = np.stack(

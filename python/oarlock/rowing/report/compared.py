@@ -5,10 +5,10 @@ from __future__ import annotations
 from html import escape
 
 from oarlock.report import Column, sortable_table, value_cell
+from oarlock.rowing.findings.find import least
 from oarlock.rowing.report.averages import Average, Difference, difference
 from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.report.shown import PLUS_MINUS, shown, spread, unit_of, with_unit
-from oarlock.rowing.report.standing_out import least
 from oarlock.rowing.report.tables import beyond_words, link
 
 MOST_TOLD = 4

@@ -7,10 +7,10 @@ from html import escape
 import numpy as np
 
 from oarlock.report import KeyFigure
+from oarlock.rowing.findings.find import compares_sides, findings
 from oarlock.rowing.report.averages import Average, feature_of
 from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.report.shown import joined_unit, shown, spread, with_unit
-from oarlock.rowing.report.standing_out import compares_sides, findings
 
 MOST_FINDINGS = 4
 TILES = ("rate_per_min", "arc_rad", "catch_angle_rad", "finish_angle_rad", "rhythm")
@@ -88,7 +88,7 @@ def _standing_out(piece: Piece) -> str:
         return (
             f"<strong>Notable:</strong> nothing. {sides} stroke is unusual, and no relevant drift was found."
         )
-    told = " ".join(escape(finding.text) for finding in found[:MOST_FINDINGS])
+    told = " ".join(escape(finding.sentence) for finding in found[:MOST_FINDINGS])
     more = len(found) - MOST_FINDINGS
     rest = f" And {more} smaller {'finding' if more == 1 else 'findings'}; see below." if more > 0 else ""
     return f"<strong>Notable:</strong> {told}{rest}"

@@ -9,14 +9,20 @@ from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.rowing.analysis.features import FEATURES
 from oarlock.storage.csv_cells import inert
+from oarlock.storage.dataframes import pandas_table, polars_table
 from oarlock.storage.errors import DataError
 from oarlock.storage.write_file import write_file
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import polars as pl
 
 Floats = NDArray[np.float64]
 
@@ -69,6 +75,14 @@ class StrokeTable:
                     )
                 if kind in ("stds", "reasons") and name not in self.columns:
                     raise DataError(f"stroke table: {kind} of '{name}', but there is no such column")
+
+    def to_pandas(self) -> pd.DataFrame:
+        """One row per stroke as a pandas DataFrame (needs the extra `oarlock[dataframe]`)."""
+        return pandas_table(self.columns)
+
+    def to_polars(self) -> pl.DataFrame:
+        """One row per stroke as a polars DataFrame (needs the extra `oarlock[polars]`). Missing numbers are NaN."""
+        return polars_table(self.columns)
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values()))) if self.columns else 0

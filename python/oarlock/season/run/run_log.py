@@ -27,10 +27,10 @@ class RunLog:
     """
 
     def __init__(self, season: Season) -> None:
-        self._place = season.place
+        self._season = season
         now = datetime.datetime.now(datetime.UTC)
         self.name = f"{LOGS}/run-{now:%Y%m%dT%H%M%SZ}-{secrets.token_hex(4)}.jsonl"
-        self._lines: list[str] = []
+        self._lines: list[tuple[str, str]] = []
         self._written_s = -_WRITTEN_EVERY_S
 
     def say(self, event: str, **about: object) -> None:
@@ -48,12 +48,22 @@ class RunLog:
             self._add(reply.told, {**about, "computed_s": round(reply.computed_s, 3), "words": reply.words})
 
     def write(self) -> None:
-        """Write what was not written yet."""
-        self._place.write(self.name, "".join(self._lines).encode())
+        """Write all lines but those of recordings that are not there any more, such as an erased athlete's."""
+        written = None
+        while (
+            lines := self._of_what_is_there()
+        ) != written:  # one was erased after the look before the writing
+            self._season.place.write(self.name, "".join(lines).encode())
+            written = lines
         self._written_s = time.monotonic()
+
+    def _of_what_is_there(self) -> list[str]:
+        there = {"", *self._season.recordings()}
+        return [line for recording, line in self._lines if recording in there]
 
     def _add(self, event: str, about: dict[str, object]) -> None:
         at = datetime.datetime.now(datetime.UTC).isoformat(timespec="milliseconds")
-        self._lines.append(json.dumps({"at": at, "event": event, **about}, ensure_ascii=False) + "\n")
+        line = json.dumps({"at": at, "event": event, **about}, ensure_ascii=False) + "\n"
+        self._lines.append((str(about.get("recording", "")), line))
         if time.monotonic() - self._written_s > _WRITTEN_EVERY_S:
             self.write()

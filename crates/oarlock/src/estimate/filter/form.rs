@@ -19,12 +19,13 @@ impl<S: FastSystem> Filter<S> {
     }
 
     /// Workspace of an unscented filter that takes the covariance form wherever it is exact; the information form if `system` does not
-    /// compute the Jacobian of its linear part.
+    /// compute the Jacobian of its linear part, or hardly has one.
     pub fn in_covariance_form(system: &S, groups: &RowGroups) -> Self {
-        if system.linear_pattern().is_none() {
+        let (part, rows) = (system.partition(), system.row_count());
+        // A vector of other columns than poses, so that `complete` overwrites none of these.
+        if system.linear_pattern().is_none() || part.dim() - part.pose < VECTOR {
             return Self::in_information_form(system, groups);
         }
-        let (part, rows) = (system.partition(), system.row_count());
         let predicted = PredictedReadings::of_poses(system);
         let update = CovarianceUpdate::new(rows, predicted.e_columns, part, &groups.sources);
         let n = part.dim();

@@ -1,0 +1,1 @@
+"""What stands out in a piece: sizes, uncertainties, usual values and what to try, with sources, for reports."""
