@@ -27,6 +27,7 @@ LEAF = {
     "calibrate session": "test_session_cli.test_a_session_becomes_a_calibration_and_a_page",
     "calibrate stature": "test_every_verb.test_calibrate_stature",
     "compare": "test_compare.test_the_verb_speaks_json_and_leaves_the_page_out",
+    "crew": "test_crew.test_the_verb_writes_the_page_and_json",
     "demo": "test_every_verb.test_demo",
     "emulate": "test_emulate_cli.test_a_kind_is_emulated_and_its_rig_written",
     "evaluate": "test_cli.test_evaluate_prints_a_table_and_json",

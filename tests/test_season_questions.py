@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import sys
 from dataclasses import replace
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from oarlock.rowing import StrokeTable
 from oarlock.season import QUESTIONS, Athlete, Database, Season, Selection, ask, create_season, trend
 from oarlock.season.compact import Current
 from oarlock.season.questions.ask import answer
+from oarlock.season.questions.crew_functions import add_crew_functions
 from oarlock.season.questions.selection import Rates, metric_named
 from oarlock.season.synthetic.make import Synthetic
 from oarlock.season.synthetic.squad import BASES, REFERENCE_RATE, SyntheticAthlete
@@ -358,3 +360,40 @@ def test_tables_follow_athletes_setups_and_tombstones(tmp_path: Path) -> None:
     assert compact(pinned).setup != third.setup
     season.place.write(f"recordings/{'0' * 20}/left.parquet", b"")  # a writer that was stopped
     assert compact(pinned) == compact(pinned)
+
+
+def test_crews_match_by_absolute_time() -> None:
+    """Recordings that overlap and begin at different moments; the one after them and another boat's have no partner."""
+    duckdb = pytest.importorskip("duckdb")
+    connection = duckdb.connect(":memory:")
+    add_crew_functions(connection)
+    connection.execute(
+        "CREATE TABLE recordings(recording VARCHAR, athlete VARCHAR, boat VARCHAR, seat VARCHAR, comparable VARCHAR, "
+        "month VARCHAR, status VARCHAR, started TIMESTAMPTZ, duration_s DOUBLE)"
+    )
+    connection.execute("CREATE TABLE caught(recording VARCHAR, value DOUBLE)")
+    connection.execute(
+        "CREATE MACRO stroke_values(metric) AS TABLE SELECT recording, 24.0 AS rate, value FROM caught"
+    )
+    begin = datetime.datetime(2026, 5, 1, 6, 0, tzinfo=datetime.UTC)
+    given = (
+        ("S", "4x", "stroke", 0.0, 0.0),
+        ("2", "4x", "2", 7.5, 0.015),
+        ("B", "4x", "bow", 0.0, -0.03),
+        ("later", "4x", "3", 200.0, 0.0),
+        ("other", "2x", "1", 0.0, 0.0),
+    )
+    for name, boat, seat, after_s, late_s in given:
+        started = begin + datetime.timedelta(seconds=after_s)
+        row = [name, name, boat, seat, "c", "2026-05", "done", started, 100.0]
+        connection.execute("INSERT INTO recordings VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", row)
+        rows = [(name, 10.0 + 2.5 * k + late_s - after_s) for k in range(30)]
+        connection.executemany("INSERT INTO caught VALUES (?, ?)", rows)
+    text = files("oarlock.season.questions").joinpath("views.sql").read_text(encoding="utf-8")
+    macro = text[text.index("CREATE MACRO outings()") :]
+    connection.execute(macro[: macro.index(";")])
+    found = connection.execute("SELECT athlete, late_s, strokes, one_start FROM outings() ORDER BY athlete")
+    assert [(name, round(late, 6), count, one) for name, late, count, one in found.fetchall()] == [
+        ("2", 0.015, 30, False),
+        ("B", -0.03, 30, True),
+    ]

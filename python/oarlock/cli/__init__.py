@@ -27,6 +27,7 @@ VERBS = {
     "video": "Align a video with a track, by motion or by a clap.",
     "reproduce": "Repeat the paper's tables and figures and compare the values.",
     "strokes": "Show strokes of a track, or of another device's export.",
+    "crew": "Timing between the seats of one boat.",
     "season": "A squad's season: stored once, asked anything.",
     "study": "Sweep sensors, noise, mounts, rates or settings over seeds.",
     "bench": "Measure speed and latency on this machine.",

@@ -6,11 +6,15 @@ from .analysis.stroke_means import FeatureMean, PhaseCurve
 from .analysis.stroke_summary import SummaryRow, summarise_strokes
 from .analysis.targets import TARGET_CLASSES, Target, load_targets
 from .analysis.technique import Technique, technique
+from .crew.findings import CrewFinding, crew_findings
+from .crew.seats import CrewSeat, crew_seats
+from .crew.timing import CrewTiming, crew_timing
 from .exports.activity import Activity
 from .exports.load import EXPORT_FORMATS, ExportFormat, load_export, load_stroke_export
 from .field.effects import FieldEffects
 from .field.trial import FieldTrial, simulate_field
 from .figure.shapes import LiveLook, live_look, rowing_look, stroke_marks
+from .report.crew.write import write_crew_report
 from .report.live import StrokeFollower
 from .simulation.anthropometry import anthropometry
 from .simulation.boat import Boat, HullMotion
@@ -44,6 +48,9 @@ __all__ = [
     "TARGET_CLASSES",
     "Activity",
     "Boat",
+    "CrewFinding",
+    "CrewSeat",
+    "CrewTiming",
     "ErgometerShape",
     "ExportFormat",
     "Feature",
@@ -78,6 +85,9 @@ __all__ = [
     "Technique",
     "adjusted_stretcher",
     "anthropometry",
+    "crew_findings",
+    "crew_seats",
+    "crew_timing",
     "ergometer_piece",
     "find_strokes",
     "hull_pitch",
@@ -103,4 +113,5 @@ __all__ = [
     "sweep_piece",
     "sweeping",
     "technique",
+    "write_crew_report",
 ]

@@ -12,6 +12,7 @@ import numpy as np
 
 from oarlock.season.athletes import SCOPES
 from oarlock.season.compact import Current, compact
+from oarlock.season.questions.crew_functions import add_crew_functions
 from oarlock.season.questions.selection import Selection, metric_named, metrics_among
 from oarlock.season.schema import KEYS
 from oarlock.season.store import Season
@@ -138,6 +139,7 @@ class Database:
         for name, share in (("t95", 0.975), ("t999", 0.9995)):
             quantile = f"{_quantiles(share)}[least(df, {_MOST_DF})::INTEGER]"
             self._run(f"CREATE MACRO {name}(df) AS CASE WHEN df >= 1 THEN {quantile} END")
+        add_crew_functions(self._connection)
         self._run(files("oarlock.season.questions").joinpath("views.sql").read_text(encoding="utf-8"))
         if paths:
             self._run("DROP TABLE strokes")

@@ -230,37 +230,43 @@ SELECT * EXCLUDE (se, df), change - t95(df) * se AS low, change + t95(df) * se A
     abs(change) > t999(df) * se AS changed
 FROM b ORDER BY athlete, boat, day;
 
--- One row an outing and seat: catch relative to the stroke seat, the highest number in the boat, s; positive is later.
+-- One row an outing and seat: catch relative to the stroke seat, s; positive is later. Recordings of a boat belong to one outing
+-- if they overlap in absolute time. The stroke seat is the one nearest to the stern of those that overlap. `delays` matches
+-- the strokes as `oarlock crew` does. `one_start`: both begin at the same moment, as one logger's do; else an offset between
+-- two clocks is in `late_s`.
 CREATE MACRO outings() AS TABLE
 WITH crew AS (
-    SELECT recording, dense_rank() OVER (ORDER BY boat, started, comparable) AS outing,
-        seat = max(seat) OVER (PARTITION BY boat, started, comparable) AS leads,
-        count(*) OVER (PARTITION BY boat, started, comparable) AS seats
-    FROM recordings WHERE status = 'done' AND boat IS NOT NULL AND seat IS NOT NULL AND started IS NOT NULL
+    SELECT recording, boat, comparable, started, epoch(started) AS from_s, epoch(started) + duration_s AS to_s,
+        seat_place(seat) AS place
+    FROM recordings WHERE status = 'done' AND boat IS NOT NULL AND started IS NOT NULL AND seat_place(seat) IS NOT NULL
+),
+pairs AS (
+    SELECT o.recording, l.recording AS leader, o.started = l.started AS one_start, o.from_s - l.from_s AS after_s
+    FROM crew o JOIN crew l ON o.boat = l.boat AND o.comparable = l.comparable AND o.place < l.place
+        AND o.from_s < l.to_s AND l.from_s < o.to_s
+    QUALIFY row_number() OVER (PARTITION BY o.recording
+        ORDER BY l.place DESC, least(o.to_s, l.to_s) - greatest(o.from_s, l.from_s) DESC, l.recording) = 1
 ),
 k AS (
-    SELECT recording, outing, leads, rate, value AS catch_s
-    FROM stroke_values('catch_time_s') JOIN crew USING (recording) WHERE seats > 1 AND value IS NOT NULL
-),
-l AS ( -- catches of one rower are more than 1 s apart, so each finds at most one within 0.5 s, under one of two keys
-    SELECT outing * 1000000 + floor(catch_s + half)::BIGINT AS key, catch_s
-    FROM k, (VALUES (-0.5), (0.5)) AS halves(half) WHERE leads
+    SELECT recording, list(value ORDER BY value) AS catches, list(rate ORDER BY value) AS rates
+    FROM stroke_values('catch_time_s') WHERE value IS NOT NULL
+        AND recording IN (SELECT recording FROM pairs UNION ALL SELECT leader FROM pairs)
+    GROUP BY recording
 ),
 d AS (
-    SELECT o.recording, o.rate, o.catch_s - l.catch_s AS late_s
-    FROM k o JOIN l ON o.outing * 1000000 + floor(o.catch_s)::BIGINT = l.key
-    WHERE NOT o.leads AND o.catch_s - l.catch_s BETWEEN -0.5 AND 0.5
+    SELECT p.recording, one_start, unnest(delays(l.catches, o.catches, after_s)) AS late_s, unnest(o.rates) AS rate
+    FROM pairs p JOIN k o ON o.recording = p.recording JOIN k l ON l.recording = p.leader
 ),
 g AS (
     SELECT recording, count(*) AS strokes, avg(late_s) AS late_s, stddev_samp(late_s) AS sd_s,
-        stddev_samp(late_s) / sqrt(count(*)) AS se_s, avg(rate) AS rate
-    FROM d GROUP BY recording HAVING count(*) >= 10
+        stddev_samp(late_s) / sqrt(count(*)) AS se_s, avg(rate) AS rate, bool_and(one_start) AS one_start
+    FROM d WHERE late_s IS NOT NULL GROUP BY recording HAVING count(*) >= 10
 )
-SELECT r.boat, r.started, r.comparable, r.athlete, r.seat, r.month, g.strokes, late_s, sd_s, se_s, rate
+SELECT r.boat, r.started, r.comparable, r.athlete, r.seat, r.month, g.strokes, late_s, sd_s, se_s, rate, one_start
 FROM g JOIN recordings r USING (recording);
 
--- One row a boat, seat and month: catch relative to the stroke seat. The recordings of a boat must have the same start, as one
--- logger or synchronised clocks give it: an offset of clocks would be in `late_s`; `sd_s`, the scatter, is free of it.
+-- One row a boat, seat and month: catch relative to the stroke seat. Where `one_start` is false, an offset between the clocks of
+-- two loggers is in `late_s`; `sd_s`, the scatter, is free of it.
 CREATE MACRO crew() AS TABLE
 WITH d AS (
     SELECT *, greatest(coalesce(var_samp(late_s) OVER one - avg(se_s * se_s) OVER one, 0.0), 0.0) + se_s * se_s AS v
@@ -269,11 +275,11 @@ WITH d AS (
 g AS (
     SELECT boat, seat, athlete, comparable, month, count(*) AS outings, sum(strokes)::BIGINT AS strokes,
         sum(weight(v) * late_s) / sum(weight(v)) AS late_s, 1.0 / sqrt(sum(weight(v))) AS se_s,
-        sqrt(avg(sd_s * sd_s)) AS sd_s
+        sqrt(avg(sd_s * sd_s)) AS sd_s, bool_and(one_start) AS one_start
     FROM d GROUP BY boat, seat, athlete, comparable, month
 )
 SELECT boat, seat, athlete, comparable, month, outings, strokes, late_s, late_s - t95(outings - 1) * se_s AS low_s,
-    late_s + t95(outings - 1) * se_s AS high_s, sd_s
+    late_s + t95(outings - 1) * se_s AS high_s, sd_s, one_start
 FROM g ORDER BY boat, seat, comparable, month;
 
 -- One row an athlete, number about the sensors and month, of runs that count.

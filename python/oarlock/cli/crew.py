@@ -1,0 +1,152 @@
+"""`oarlock crew`: the timing of several seats of one boat."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from oarlock.cli.options import Json, Replace, example, names
+from oarlock.cli.terminal import UsageError, free_file, heading, print_json, say, table, verb
+
+if TYPE_CHECKING:
+    from oarlock import Recording, Track
+    from oarlock.rowing import CrewTiming
+
+
+def add_to(app: typer.Typer) -> None:
+    """Registers the verb."""
+    app.command(
+        "crew",
+        epilog=example(
+            "oarlock crew bow two three stroke",
+            "oarlock crew a b --seats bow,stroke --clock-ms 0",
+            "oarlock crew out1 out2 --recording rec1 --recording rec2 --out crew.html",
+        ),
+    )(crew)
+
+
+@verb
+def crew(
+    seats: Annotated[
+        list[Path], typer.Argument(metavar="SEAT...", help="A folder of each seat: a track or a recording.")
+    ],
+    named: Annotated[
+        str | None,
+        typer.Option("--seats", metavar="NAMES", help="bow,2,3,stroke in the order of the folders."),
+    ] = None,
+    against: Annotated[
+        str | None,
+        typer.Option("--against", metavar="SEAT", help="Compare with this seat, or mean; default: stroke."),
+    ] = None,
+    clock_ms: Annotated[
+        float | None,
+        typer.Option(
+            "--clock-ms", metavar="MS", help="How well the loggers' clocks agree (SD, ms); 0: one logger."
+        ),
+    ] = None,
+    source: Annotated[
+        str | None,
+        typer.Option("--source", metavar="NAME", help="Movement to compare: oars, handle, seat, trunk."),
+    ] = None,
+    recording: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--recording", metavar="FOLDER", help="Recording behind each track, for the clocks. Repeatable."
+        ),
+    ] = None,
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="FILE", help="Page to write; a CSV file is beside it.")
+    ] = Path("crew.html"),
+    force: Replace = False,
+    json_output: Json = False,
+) -> None:
+    """Compare catch and finish of several seats of one boat, in ms with bands, and write a page.
+
+    The name of a seat is taken from `seat` in its session.toml, or from --seats: bow, 2, 3 ... stroke. Loggers whose
+    clocks are not known to agree show how evenly each seat follows, but not who is early: see docs/crew.md.
+    """
+    from oarlock.rowing import crew_seats, crew_timing, write_crew_report
+
+    page = out / "crew.html" if out.is_dir() else out
+    for file in (page, page.with_suffix(".csv")):
+        free_file(file, force)
+    given = _recordings(recording, len(seats))
+    pieces = [_loaded(folder) for folder in seats]
+    found = crew_seats(pieces, names(named) if named else None, given, source)
+    timing = crew_timing(found, against, None if clock_ms is None else clock_ms / 1e3)
+    files = write_crew_report(timing, page)
+    if json_output:
+        return print_json(_document(timing, files))
+    _show(timing)
+    say(f"Wrote {files[0]} and {files[1]}")
+
+
+def _loaded(folder: Path) -> Track | Recording:
+    from oarlock import load_recording, load_track
+
+    return load_recording(folder) if (folder / "recording.toml").exists() else load_track(folder)
+
+
+def _recordings(folders: list[Path] | None, count: int) -> list[Recording | None] | None:
+    from oarlock import load_recording
+
+    if not folders:
+        return None
+    if len(folders) != count:
+        raise UsageError(
+            f"--recording: {len(folders)} are given for {count} seats; give one a seat, in their order"
+        )
+    return [load_recording(folder) for folder in folders]
+
+
+def _document(timing: CrewTiming, files: tuple[Path, ...]) -> dict[str, object]:
+    from oarlock.rowing import crew_findings
+
+    return {
+        "seats": [{"name": seat.name, "session": dict(seat.session)} for seat in timing.seats],
+        "against": timing.against,
+        "strokes": int(timing.complete.sum()),
+        "clocks": {"kind": timing.clocks.kind, "sentence": timing.clocks.sentence, "why": timing.clocks.why},
+        "delays": [
+            {
+                "seat": one.seat,
+                "event": one.event,
+                "mean_s": one.mean_s,
+                "low_s": one.low_s,
+                "high_s": one.high_s,
+                "sd_s": one.strokes.own_sd,
+                "strokes": one.strokes.strokes,
+            }
+            for one in timing.delays
+        ],
+        "findings": [asdict(one) for one in crew_findings(timing)],
+        "files": files,
+    }
+
+
+def _show(timing: CrewTiming) -> None:
+    from oarlock.rowing import crew_findings
+    from oarlock.rowing.report.crew.words import capital, label, plain_finding
+
+    against = timing.against if timing.against == "crew mean" else label(timing.against)
+    say(f"{len(timing.seats)} seats, {int(timing.complete.sum())} strokes together", style="bold")
+    rows = []
+    for seat in timing.seats:
+        delays = [timing.delay(seat.name, event) for event in ("catch", "finish", "drive")]
+        cells = ["reference" if one is None else _cell(one.mean_s, one.half_width_s) for one in delays]
+        rows.append((capital(label(seat.name)), seat.session.get("athlete", ""), *cells))
+    heads = [">catch\nms", ">finish\nms", ">drive longer\nms"]
+    table(["seat", "athlete", *heads], rows)
+    say(f"Later than {against}; minus: earlier; +-: 95 % band.")
+    say(timing.clocks.sentence)
+    if found := crew_findings(timing):
+        heading("What stands out")
+        for one in found:
+            say(f"- {plain_finding(one, timing.against)}", indent=2)
+
+
+def _cell(mean_s: float, half_s: float) -> str:
+    return f"{1e3 * mean_s:+.1f} +- {1e3 * half_s:.1f}" if mean_s == mean_s else "not known"
