@@ -129,7 +129,7 @@ lock: $(VENV)/.created ## compute the pinned versions in requirements/ again
 	$(VENV)/lock/bin/python -m pip install --quiet --disable-pip-version-check pip-tools
 	$(COMPILE) --extra test --extra lint --extra dataframe --extra xarray --extra c3d --extra hdf5 --extra mcap --extra compare \
 		--extra ble --extra serial --extra mqtt --extra emulate --extra season --extra s3 --extra dask --extra fit \
-		--extra polars --extra plot --extra notebooks --extra video \
+		--extra polars --extra plot --extra notebooks --extra video --extra site \
 		--output-file requirements/dev.txt pyproject.toml requirements/build.in
 	$(COMPILE) --constraint requirements/dev.txt --output-file requirements/run.txt pyproject.toml requirements/build.in
 	$(COMPILE) --constraint requirements/dev.txt --output-file requirements/validation.txt requirements/validation.in
