@@ -174,7 +174,13 @@ def _refined(
             break
     std_s, offset_std_s, drift_std = scales
     match = ClockMatch(
-        offset_s, drift, middle_s, math.hypot(offset_std_s, resolution_s / math.sqrt(12.0)), drift_std, std_s, pairs
+        offset_s,
+        drift,
+        middle_s,
+        math.hypot(offset_std_s, resolution_s / math.sqrt(12.0)),
+        drift_std,
+        std_s,
+        pairs,
     )
     unmatched = _unmatched(match, device_s, track_s)
     gain = math.log(period_s / (std_s * math.sqrt(2.0 * math.pi * math.e)))
