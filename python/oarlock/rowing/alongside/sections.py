@@ -1,0 +1,239 @@
+"""The sections "Pace", "Heart rate" and "Force" of a page, from an export alone or beside a track's motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+
+import numpy as np
+
+from oarlock.report import Axis, Column, Mark, Section, Series, course_chart, fixed, plain_table
+from oarlock.report.markup import grid
+from oarlock.rowing.alongside.align import Alignment, align_strokes
+from oarlock.rowing.alongside.changes import counted_strokes
+from oarlock.rowing.alongside.course import Course, Part, clock_text, course_of, pace_text, parts_of
+from oarlock.rowing.alongside.force_curves import LABELS, SPEED, ForceStack, force_stacks, forces_on_strokes
+from oarlock.rowing.analysis.technique import Technique
+from oarlock.rowing.exports.activity import Activity
+from oarlock.rowing.strokes.table import Floats, StrokeTable
+from oarlock.storage.errors import DataError
+
+_SPEEDS = {SPEED: "handle", "legs_speed_m_s": "legs", "trunk_speed_m_s": "trunk", "arms_speed_m_s": "arms"}
+_SMOOTH = 5
+"""Strokes of a running median in charts of heart rate and pace: single outliers of receivers would set the scale."""
+
+
+def export_sections(found: StrokeTable | Activity) -> list[Section]:
+    """The sections of an export alone; those without data are left out."""
+    course = course_of(found)
+    sections = [_pace(course), _heart(course)]
+    if isinstance(found, StrokeTable):
+        sections.append(_force_alone(found))
+    return [section for section in sections if section is not None]
+
+
+def alongside_sections(
+    export: StrokeTable | Activity, technique: Technique, offset_s: float | None = None
+) -> list[Section]:
+    """The sections of an export beside the motion of a track: force over the strokes that the track has.
+
+    Args:
+        export: what another device measured during the same piece.
+        technique: of the track.
+        offset_s: what to add to the export's times to get the track's, if it is known.
+
+    Raises:
+        DataError: the export has nothing to show, or no times.
+    """
+    course = course_of(export)
+    force = None
+    if isinstance(export, StrokeTable):
+        alignment = align_strokes(export, technique.strokes, offset_s)
+        force = _force_beside(export, technique, alignment)
+    sections = [one for one in (force, _pace(course), _heart(course)) if one is not None]
+    if not sections:
+        raise DataError(f"{export.source}: contains no speed, heart rate or force to show beside the track")
+    return sections
+
+
+def _pace(course: Course) -> Section | None:
+    if "speed_m_s" not in course.values and not np.isfinite(course.distance_m).any():
+        return None
+    charts = []
+    if "speed_m_s" in course.values:
+        speed = course.values["speed_m_s"]
+        usual = float(np.nanmedian(speed))
+        caption = f"Speed; {fixed(usual, 2)} m/s is {pace_text(usual)} for 500 m"
+        charts.append(_over_time("pace-speed", caption, course, "speed_m_s", "m/s"))
+    if "rate_per_min" in course.values:
+        charts.append(_over_time("pace-rate", "Stroke rate", course, "rate_per_min", "1/min"))
+    return Section("pace", "Pace", _parts_table(course) + grid([chart for chart in charts if chart]))
+
+
+def _heart(course: Course) -> Section | None:
+    if "heart_rate_per_min" not in course.values:
+        return None
+    heart = course.values["heart_rate_per_min"]
+    known = heart[np.isfinite(heart)]
+    share = 100.0 * len(known) / len(heart)
+    said = (
+        f"Mean {fixed(float(known.mean()), 0)}, highest {fixed(float(known.max()), 0)} beats a minute, as the device "
+        f"received it, in {fixed(share, 0)} % of the {'strokes' if course.is_strokes else 'points'}."
+    )
+    chart = _over_time("heart-rate-course", "Heart rate", course, "heart_rate_per_min", "1/min")
+    return Section("heart-rate", "Heart rate", f"<p>{escape(said)}</p>{grid([chart])}") if chart else None
+
+
+def _over_time(key: str, caption: str, course: Course, name: str, unit: str) -> str:
+    good = np.isfinite(course.time_s) & np.isfinite(course.values[name])
+    if good.sum() < 2:
+        return ""
+    minutes = (course.time_s[good] - course.time_s[good][0]) / 60.0
+    shown = _running_median(course.values[name][good])
+    return course_chart(
+        key, caption, [Series(caption, minutes, shown)], Axis("time", "min"), Axis("", unit, least=1.0)
+    )
+
+
+def _running_median(values: Floats) -> Floats:
+    """Of `_SMOOTH` neighbours; the ends repeat."""
+    padded = np.pad(values, _SMOOTH // 2, mode="edge")
+    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, _SMOOTH), axis=1))
+
+
+_HEADS = {
+    "rate_per_min": ("rate", "1/min", 1),
+    "heart_rate_per_min": ("heart rate", "1/min", 0),
+    "power_w": ("power", "W", 0),
+    "peak_force_n": ("peak force", "N", 0),
+    "curve_peak_force_n": ("peak force", "N", 0),
+}
+
+
+def _parts_table(course: Course) -> str:
+    parts = parts_of(course)
+    if not parts:
+        return ""
+    held = [name for name in _HEADS if name in course.values]
+    heads = [
+        Column("part"),
+        Column("time", "min:s"),
+        Column("distance", "m"),
+        Column("pace", "min:s / 500 m"),
+    ]
+    heads += [Column(_HEADS[name][0], _HEADS[name][1]) for name in held]
+    if course.is_strokes:
+        heads.append(Column("strokes"))
+    caption = "Pace is distance over time where both are known, else the mean of the device's speed."
+    return plain_table("pace-parts", caption, heads, [_row(part, held, course.is_strokes) for part in parts])
+
+
+def _row(part: Part, held: Sequence[str], is_strokes: bool) -> list[str]:
+    rowed = part.distance_m / part.duration_s if part.duration_s > 0.0 else float("nan")
+    speed = rowed if np.isfinite(rowed) and rowed > 0.0 else part.means.get("speed_m_s", float("nan"))
+    cells = [escape(part.name), clock_text(part.duration_s), fixed(part.distance_m, 0), pace_text(speed)]
+    cells += [fixed(part.means[name], _HEADS[name][2]) for name in held]
+    return [*cells, *([str(part.strokes)] if is_strokes else [])]
+
+
+def _force_alone(export: StrokeTable) -> Section | None:
+    stacks = force_stacks(export)
+    if not stacks:
+        return None
+    counted = np.flatnonzero(counted_strokes(export))
+    charts = [_force_chart(stack, counted, f"force-{k}") for k, stack in enumerate(stacks)]
+    said = " ".join(dict.fromkeys(stack.how for stack in stacks if stack.how))
+    hint = f"Means over the counted strokes of the first and the last third. {_BAND} {said}"
+    facts = _peaks(stacks, counted)
+    onset = f" A stroke begins with {export.onset}." if export.onset else ""
+    return Section("force", "Force", f'{facts}<p class="hint">{escape(hint + onset)}</p>{grid(charts)}')
+
+
+_BAND = "Tinted: plus and minus one standard deviation between strokes."
+
+
+def _force_chart(stack: ForceStack, counted: Floats, key: str) -> str:
+    third = len(counted) // 3
+    groups = (
+        [("first third", counted[:third]), ("last third", counted[-third:])]
+        if third >= 4
+        else [("all strokes", counted)]
+    )
+    series = [_series(name, stack, rows) for name, rows in groups]
+    return course_chart(
+        key, LABELS[stack.name].capitalize(), series, Axis(stack.axis, stack.unit), Axis("", "N")
+    )
+
+
+def _series(name: str, stack: ForceStack, rows: Floats | None = None) -> Series:
+    mean, sd = stack.mean_and_sd(rows)
+    return Series(name, stack.at, mean, mean - sd, mean + sd)
+
+
+def _peaks(stacks: Sequence[ForceStack], counted: Floats) -> str:
+    """A sentence on each curve's peak: its size and its place."""
+    told = []
+    for stack in stacks:
+        chosen = stack.force_n[counted]
+        peak = np.array([np.nanmax(row) if np.isfinite(row).any() else np.nan for row in chosen])
+        place = stack.peak_at()[counted]
+        if not np.isfinite(peak).any():
+            continue
+        unit = "%" if stack.unit == "%" else f" {stack.unit}"
+        digits = 0 if stack.unit == "%" else 2
+        told.append(
+            f"<p>{escape(LABELS[stack.name].capitalize())}: the peak is {fixed(float(np.nanmean(peak)), 0)} N "
+            f"(SD between strokes {fixed(float(np.nanstd(peak)), 0)} N), at "
+            f"{fixed(float(np.nanmean(place)), digits)}{unit} of the {escape(stack.axis.removeprefix('share of the '))} "
+            f"(SD {fixed(float(np.nanstd(place)), digits)}{unit}).</p>"
+        )
+    return (
+        "".join(told)
+        .replace(" of the time since the catch", " after the catch")
+        .replace(" of the handle travel", " of handle travel")
+    )
+
+
+def _force_beside(export: StrokeTable, technique: Technique, alignment: Alignment) -> Section | None:
+    stacks = forces_on_strokes(export, technique.strokes, alignment)
+    related = "".join(f"<p>{escape(note)}.</p>" for note in alignment.notes)
+    if not stacks:
+        alone = _force_alone(export)
+        content = (alone.markup if alone else "") + related
+        return Section("force", "Force", content) if alone else None
+    finish = next((curve.finish_percent for curve in technique.curves.values()), float("nan"))
+    axis, marks = Axis("share of the stroke", "%", (0.0, 100.0)), [Mark(finish, "finish")]
+    force = course_chart(
+        "force-stroke",
+        "Force",
+        [_series(LABELS[stack.name], stack) for stack in stacks],
+        axis,
+        Axis("", "N"),
+        marks,
+    )
+    speeds = [
+        Series(label, curve.percent, curve.mean)
+        for name, label in _SPEEDS.items()
+        if (curve := technique.curves.get(name)) is not None
+    ]
+    motion = (
+        course_chart(
+            "force-motion", "Handle, legs, trunk, arms", speeds, axis, Axis("toward the bow", "m/s"), marks
+        )
+        if speeds
+        else ""
+    )
+    hint = (
+        f"Force of {export.source} above the motion of the track, over the same strokes; 0 % is the track's catch. "
+        f"{_BAND} {' '.join(dict.fromkeys(stack.how for stack in stacks if stack.how))}"
+    )
+    onset = (
+        f"<p>The device's begin of a stroke is placed at the catch on average: {escape(export.onset)}. "
+        "A constant difference between the two cannot be distinguished from an offset of the clocks.</p>"
+        if export.onset
+        else ""
+    )
+    how = f"<details><summary>How force and motion were aligned</summary>{related}{onset}</details>"
+    return Section(
+        "force", "Force beside the motion", f'<p class="hint">{escape(hint)}</p>{grid([force, motion])}{how}'
+    )
