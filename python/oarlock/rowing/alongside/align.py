@@ -1,4 +1,4 @@
-"""`align_strokes`: finds for each stroke of a device's export the stroke of a track, and its onset on the track's clock."""
+"""`align_strokes`: which stroke of a track each stroke of an export is, and its onset on the track's clock."""
 
 from __future__ import annotations
 
@@ -99,7 +99,8 @@ class _Found:
 
     @classmethod
     def empty(cls, count: int) -> _Found:
-        return cls(np.full(count, -1), *(np.full(count, np.nan) for _ in range(3)), [])
+        onset_s, std_s, apart_s = (np.full(count, np.nan) for _ in range(3))
+        return cls(np.full(count, -1), onset_s, std_s, apart_s, [])
 
 
 def _runs(stamps_s: Floats) -> list[NDArray[np.int64]]:
@@ -128,8 +129,8 @@ def _align_run(
     if match.rivals_s:
         others = ", ".join(f"{s:.1f}" for s in match.rivals_s[:3])
         return [
-            f"{which}: not aligned. They were too regular to decide between offsets of {match.offset_s:.1f} s and {others} s, "
-            "and the moments of 0 s of export and track do not decide either. Give the offset that you know"
+            f"{which}: not aligned. They were too regular to decide between offsets of {match.offset_s:.1f} s and "
+            f"{others} s, and the moments of 0 s of export and track do not decide either. Give the offset"
         ]
     own, theirs = run[match.pairs[:, 0]], places[match.pairs[:, 1]]
     found.onset_s[run] = match.on_track(stamps_s[run])

@@ -152,6 +152,14 @@ def _least(feature: Feature, mean: float) -> float:
     return LEAST_HEART if feature.name == "heart_rate_per_min" else max(LEAST_SHARE * mean, 1e-9)
 
 
+USUAL = {
+    "slip_rad": "Targets are 6 deg in sculling and 9 deg in sweep (KNRB, by RtcNoordApp).",
+    "wash_rad": "NK's goal in steady state is below 12 deg (nksports.com, faq 243).",
+    "catch_angle_rad": "NK's guideline for sculling is -65 deg. The catch angle was among the largest modifiers of "
+    "boat speed at given power and rate (Holt 2020, doi 10.3389/fspor.2020.589013).",
+    "finish_angle_rad": "NK's guideline for sculling is +40 deg.",
+}
+"""Published values and why a quantity matters, each with its source; only what has one."""
 _FAMILIES = (
     ("handle_travel_m", "curve_handle_travel_m"),
     ("peak_force_n", "curve_peak_force_n", "mean_force_n"),

@@ -168,7 +168,7 @@ def _refined(
         if len(found) < FEWEST_PAIRS:
             return None
         same, pairs = np.array_equal(found, pairs), found
-        offset_s, drift, rest_s, scales = _fitted(device_s, track_s, pairs, middle_s, least_s)
+        offset_s, drift, scales = _fitted(device_s, track_s, pairs, middle_s, least_s)
         near_s = max(4.0 * scales[0], 3.0 * least_s, 0.04)
         if same:
             break
@@ -203,8 +203,8 @@ def _nearest_places(of_s: Floats, in_s: Floats) -> Places:
 
 def _fitted(
     device_s: Floats, track_s: Floats, pairs: Places, middle_s: float, least_s: float
-) -> tuple[float, float, Floats, tuple[float, float, float]]:
-    """Offset, drift, residuals; standard deviations of a residual, of the offset and of the drift."""
+) -> tuple[float, float, tuple[float, float, float]]:
+    """Offset and drift; standard deviations of a residual, of the offset and of the drift."""
     own_s = device_s[pairs[:, 0]]
     apart_s = track_s[pairs[:, 1]] - own_s
     rest_s = apart_s - np.median(apart_s)
@@ -220,7 +220,7 @@ def _fitted(
     normal = design.T @ design + np.diag([0.0, (std_s / DRIFT_STD) ** 2])
     inverse = np.linalg.inv(normal) * std_s**2 * _related(rest_s)
     scales = (std_s, float(np.sqrt(inverse[0, 0])), float(np.sqrt(inverse[1, 1])) if is_long else 0.0)
-    return float(offset_s), float(drift), rest_s, scales
+    return float(offset_s), float(drift), scales
 
 
 def _related(rest_s: Floats) -> float:

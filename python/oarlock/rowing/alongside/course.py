@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from oarlock.rowing.alongside.changes import counted_strokes
 from oarlock.rowing.exports.activity import Activity
 from oarlock.rowing.strokes.table import Floats, StrokeTable, running
 
@@ -33,6 +35,7 @@ class Course:
         distance_m: from the first row.
         interval: which interval of the piece, from 1; all 1 if the file has none.
         values: by the names of `QUANTITIES`; only what is known of some rows.
+        counted: (N,) which rows are rowing, not paddling or misread strokes.
         is_strokes: whether a row is a stroke.
     """
 
@@ -40,18 +43,19 @@ class Course:
     distance_m: Floats
     interval: Floats
     values: Mapping[str, Floats]
+    counted: NDArray[np.bool_]
     is_strokes: bool
 
 
 @dataclass(frozen=True)
 class Part:
-    """A part of a piece: its name, strokes, time, distance, and the means of the quantities."""
+    """A part of a piece: its name, strokes, time, distance, and the medians of the quantities."""
 
     name: str
     strokes: int
     duration_s: float
     distance_m: float
-    means: Mapping[str, float]
+    medians: Mapping[str, float]
 
 
 def course_of(found: StrokeTable | Activity) -> Course:
@@ -66,51 +70,70 @@ def course_of(found: StrokeTable | Activity) -> Course:
         values.pop("curve_peak_force_n", None)
     distance = running(found["distance_m"]) if "distance_m" in found else np.full(count, np.nan)
     interval = found["interval"] if "interval" in found else np.ones(count)
-    return Course(time_s, distance, np.nan_to_num(interval, nan=1.0), values, is_strokes)
+    counted = counted_strokes(found) if isinstance(found, StrokeTable) else np.ones(count, dtype=bool)
+    return Course(time_s, distance, np.nan_to_num(interval, nan=1.0), values, counted, is_strokes)
 
 
 def parts_of(course: Course) -> list[Part]:
     """The intervals of a piece; else every 500 m; else five parts equal in time."""
     known = np.isfinite(course.time_s)
-    if not known.any():
+    if known.sum() < 2:
         return []
-    names, labels = _labels(course, known)
+    intervals = list(dict.fromkeys(course.interval[known].tolist()))
+    if len(intervals) > 1:
+        inside = [known & (course.interval == value) for value in intervals]
+        return [_between(course, f"interval {k + 1}", part) for k, part in enumerate(inside)]
+    rowed = course.distance_m - np.nanmin(course.distance_m) if np.isfinite(course.distance_m).any() else None
+    if rowed is not None and np.nanmax(rowed) >= _FEWEST_SPLITS * _SPLIT_M:
+        return _splits(course, rowed)
+    ends_s = np.linspace(*_ends(course.time_s[known]), _PARTS + 1)
+    inside = [
+        known & (course.time_s >= begin_s) & (course.time_s <= end_s) for begin_s, end_s in pairwise(ends_s)
+    ]
+    return [_between(course, f"fifth {k + 1}", part) for k, part in enumerate(inside) if part.sum() > 1]
+
+
+def _splits(course: Course, rowed_m: Floats) -> list[Part]:
+    """Every 500 m; the time at a mark is interpolated between rows."""
+    good = np.isfinite(rowed_m) & np.isfinite(course.time_s)
+    ahead_m = np.maximum.accumulate(rowed_m[good])
+    last_m = float(ahead_m[-1])
+    marks_m = [*np.arange(0.0, last_m, _SPLIT_M).tolist(), last_m]
+    at_s = np.interp(marks_m, ahead_m, course.time_s[good])
     return [
-        _part(course, name, known & (labels == k))
-        for k, name in enumerate(names)
-        if (known & (labels == k)).any()
+        Part(
+            f"to {end_m:.0f} m",
+            int(((rowed_m > begin_m) & (rowed_m <= end_m)).sum()) if course.is_strokes else 0,
+            float(at_s[k + 1] - at_s[k]),
+            end_m - begin_m,
+            _medians(course, (rowed_m > begin_m) & (rowed_m <= end_m)),
+        )
+        for k, (begin_m, end_m) in enumerate(pairwise(marks_m))
+        if end_m - begin_m > 1.0
     ]
 
 
-def _labels(course: Course, known: NDArray[np.bool_]) -> tuple[list[str], NDArray[np.int64]]:
-    intervals = list(dict.fromkeys(course.interval[known].tolist()))
-    if len(intervals) > 1:
-        places = {value: k for k, value in enumerate(intervals)}
-        return [f"interval {k + 1}" for k in range(len(intervals))], np.array(
-            [places.get(value, -1) for value in course.interval.tolist()]
-        )
-    rowed = course.distance_m - np.nanmin(course.distance_m) if np.isfinite(course.distance_m).any() else None
-    if rowed is not None and np.nanmax(rowed) >= _FEWEST_SPLITS * _SPLIT_M:
-        labels = np.nan_to_num(np.maximum(rowed - 1e-9, 0.0) // _SPLIT_M, nan=-1.0).astype(np.int64)
-        return [f"{(k + 1) * _SPLIT_M:.0f} m" for k in range(int(labels.max()) + 1)], labels
-    first, last = float(course.time_s[known].min()), float(course.time_s[known].max())
-    share = (course.time_s - first) / max(last - first, 1e-9)
-    labels = np.clip(np.nan_to_num(share, nan=-1.0) * _PARTS, -1, _PARTS - 1).astype(np.int64)
-    return [f"fifth {k + 1}" for k in range(_PARTS)], labels
+def _between(course: Course, name: str, inside: NDArray[np.bool_]) -> Part:
+    """Rows that belong together."""
+    first_s, last_s = _ends(course.time_s[inside])
+    first_m, last_m = _ends(course.distance_m[inside])
+    strokes = int(inside.sum()) if course.is_strokes else 0
+    return Part(name, strokes, last_s - first_s, last_m - first_m, _medians(course, inside))
 
 
-def _part(course: Course, name: str, inside: NDArray[np.bool_]) -> Part:
-    means = {key: _mean(values[inside]) for key, values in course.values.items()}
-    places = np.flatnonzero(inside)
-    before = max(places[0] - 1, 0)
-    duration_s = float(course.time_s[places[-1]] - course.time_s[before])
-    distance_m = float(course.distance_m[places[-1]] - course.distance_m[before])
-    return Part(name, int(inside.sum()) if course.is_strokes else 0, duration_s, distance_m, means)
-
-
-def _mean(values: Floats) -> float:
+def _ends(values: Floats) -> tuple[float, float]:
     known = values[np.isfinite(values)]
-    return float(known.mean()) if len(known) else float("nan")
+    return (float(known.min()), float(known.max())) if len(known) else (float("nan"), float("nan"))
+
+
+def _medians(course: Course, inside: NDArray[np.bool_]) -> dict[str, float]:
+    rows = inside & course.counted
+    return {key: _median(values[rows]) for key, values in course.values.items()}
+
+
+def _median(values: Floats) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else float("nan")
 
 
 def pace_text(speed_m_s: float) -> str:

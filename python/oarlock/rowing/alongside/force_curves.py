@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from oarlock.rowing.alongside.align import Alignment
+from oarlock.rowing.alongside.clock_match import Places
 from oarlock.rowing.strokes.table import Floats, StrokeTable
 
 FORCES = ("handle_force_n", "gate_force_n", "r_gate_force_n", "l_gate_force_n")
@@ -48,9 +49,9 @@ class ForceStack:
         """Strokes with a curve."""
         return int(np.isfinite(self.force_n).any(axis=1).sum())
 
-    def mean_and_sd(self, rows: Floats | None = None) -> tuple[Floats, Floats]:
+    def mean_and_sd(self, rows: Places | None = None) -> tuple[Floats, Floats]:
         """Mean and standard deviation between strokes (POINTS,), where at least half of the strokes have a force."""
-        chosen = self.force_n if rows is None else self.force_n[rows.astype(np.int64)]
+        chosen = self.force_n if rows is None else self.force_n[rows]
         chosen = chosen[np.isfinite(chosen).any(axis=1)]
         known = np.isfinite(chosen)
         enough = known.sum(axis=0) >= max(2, _HALF * len(chosen))
@@ -101,22 +102,24 @@ def _own_axis(export: StrokeTable, name: str) -> ForceStack:
         at = np.linspace(0.0, 100.0, POINTS)
         points = [(np.linspace(0.0, 100.0, len(curve)), curve) for curve in curves]
         how = "The file has no time for the points of a curve: they are spread evenly over the drive."
-        return ForceStack(name, at, "share of the drive", "%", _stacked(at, points), how)
+        return ForceStack(name, at, "share of the drive", "%", _stacked(at, points, name), how)
     at = np.linspace(0.0, float(np.nanpercentile(ends, 90.0)), POINTS)
     points = [(curve[:, 0], curve[:, 1]) if curve.ndim == 2 else (curve, curve) for curve in curves]
     axis, unit = ("handle travel", "m") if name == _TRAVEL else ("time since the catch", "s")
-    return ForceStack(name, at, axis, unit, _stacked(at, points), "")
+    return ForceStack(name, at, axis, unit, _stacked(at, points, name), "")
 
 
 def _end(curve: Floats) -> float:
     return float(curve[-1, 0]) if curve.ndim == 2 and len(curve) else float("nan")
 
 
-def _stacked(at: Floats, points: list[tuple[Floats, Floats]]) -> Floats:
+def _stacked(at: Floats, points: list[tuple[Floats, Floats]], name: str) -> Floats:
+    """Curves on one axis. Handle force is 0 outside the drive; a gate is measured all the time."""
+    outside = 0.0 if name == _TRAVEL else np.nan
     stack = np.full((len(points), len(at)), np.nan)
     for row, (place, force) in enumerate(points):
         if len(place) > 1:
-            stack[row] = np.interp(at, place, force, left=np.nan, right=np.nan)
+            stack[row] = np.interp(at, place, force, left=outside, right=outside)
     return stack
 
 
@@ -137,7 +140,7 @@ def _on_strokes(export: StrokeTable, track: StrokeTable, alignment: Alignment, n
         speed = speeds[stroke] if len(speeds) else np.zeros(0)
         points.append(_placed(curve, name, begin, drive, 100.0 / lasted_s, speed))
     return ForceStack(
-        name, at, "share of the stroke", "%", _stacked(at, points), _how(export.curves[name], name)
+        name, at, "share of the stroke", "%", _stacked(at, points, name), _how(export.curves[name], name)
     )
 
 
@@ -163,7 +166,8 @@ def _time_share(travelled: Floats, begin: float, drive: float, speed: Floats) ->
     if not way[-1] > 0.0:
         return travelled
     shares = (percent[inside] - begin) / drive
-    return np.interp(travelled, np.append(0.0, way / way[-1]), np.append(0.0, shares / shares[-1]))
+    known = np.append(0.0, way / way[-1])
+    return np.asarray(np.interp(travelled, known, np.append(0.0, shares / shares[-1])))
 
 
 def _how(curves: tuple[Floats, ...], name: str) -> str:

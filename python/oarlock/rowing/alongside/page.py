@@ -14,12 +14,19 @@ from oarlock.report.markup import notes_list
 from oarlock.report.page import shell
 from oarlock.report.section import tiles
 from oarlock.report.text import number
-from oarlock.rowing.alongside.changes import SIGMAS, Change, changes_between, changes_within, counted_strokes
+from oarlock.rowing.alongside.changes import (
+    SIGMAS,
+    USUAL,
+    Change,
+    changes_between,
+    changes_within,
+    counted_strokes,
+)
 from oarlock.rowing.alongside.course import clock_text, course_of, pace_text
 from oarlock.rowing.alongside.sections import export_sections
 from oarlock.rowing.analysis.stroke_summary import summarise_strokes
 from oarlock.rowing.exports.activity import Activity
-from oarlock.rowing.report.shown import PLUS_MINUS, spread, with_unit
+from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, places, spread, with_unit
 from oarlock.rowing.strokes.table import StrokeTable
 from oarlock.storage.epoch import moment_text
 from oarlock.storage.write_file import write_file
@@ -77,8 +84,9 @@ def strokes_page(found: StrokeTable | Activity, other: StrokeTable | None, sessi
 def _heading(found: StrokeTable | Activity, session: Mapping[str, str]) -> str:
     who = session_text({key: text for key, text in session.items() if key != "note"})
     when = "" if "date" in session else moment_text(found.epoch)[:10]
-    kind = found.source.partition(": ")[2] or found.source
-    return ": ".join(part for part in (", ".join(filter(None, (who, when))), kind) if part)
+    kind = (found.source.partition(": ")[2] or found.source).partition(",")[0]
+    rows = f"{int(counted_strokes(found).sum())} strokes" if isinstance(found, StrokeTable) else "course"
+    return ": ".join(part for part in (", ".join(filter(None, (who, when))), f"{rows}, {kind}") if part)
 
 
 def _rowed(found: StrokeTable | Activity, session: Mapping[str, str]) -> str:
@@ -95,7 +103,7 @@ def _rowed(found: StrokeTable | Activity, session: Mapping[str, str]) -> str:
         parts.append(f"{clock_text(float(known[-1] - known[0]))} min")
     if np.isfinite(course.distance_m).any():
         parts.append(f"{fixed(float(np.nanmax(course.distance_m) - np.nanmin(course.distance_m)), 0)} m")
-    begun = moment_text(found.epoch)
+    begun = moment_text(found.epoch)[:16]
     text = f"{', '.join(parts)}{f'; started {begun}' if begun else ''}."
     return escape(text + (f" {session['note']}." if "note" in session else ""))
 
@@ -129,7 +137,7 @@ def _sentence(change: Change) -> str:
     return (
         f"<b>{escape(feature.label.capitalize())}</b> {verb} by {escape(size)} ({PLUS_MINUS} "
         f"{escape(spread(feature, 1.96 * change.size_1sd))}, 95 %), from {escape(with_unit(feature, change.before))} "
-        f"to {escape(with_unit(feature, change.after))}."
+        f"to {escape(with_unit(feature, change.after))}. {escape(USUAL.get(change.name, ''))}".rstrip()
     )
 
 
@@ -174,9 +182,10 @@ def _figures(found: StrokeTable | Activity) -> list[KeyFigure]:
             ends = sorted((pace_text(low), pace_text(high)))
             figures.append(KeyFigure(label, pace_text(middle), f"90 % within {ends[0]} to {ends[1]}"))
             continue
-        low_text, high_text = (with_unit(FEATURES[name], end) for end in (low, high))
+        feature, digits = FEATURES[name], 0 if name == "heart_rate_per_min" else places(FEATURES[name])
+        texts = [fixed(value * feature.shown_scale, digits) for value in (middle, low, high)]
         figures.append(
-            KeyFigure(label, with_unit(FEATURES[name], middle), f"90 % within {low_text} to {high_text}")
+            KeyFigure(label, texts[0] + joined_unit(feature), f"90 % within {texts[1]} to {texts[2]}")
         )
     return figures
 
@@ -201,12 +210,13 @@ def _measured(found: StrokeTable | Activity) -> str:
         if found.onset:
             notes.append(f"A stroke begins with {found.onset}.")
         notes += [
-            "Strokes count at 14 to 50 a minute with at least half of the median length; others are paddling, starts or "
-            "misread.",
-            f"A change is reported if it is larger than {SIGMAS:.0f} standard deviations of the scatter between strokes and "
-            "than what devices can measure (2 deg, 2 cm, 0.03 s, 5 % of force and power, 5 beats). The effect of the stroke "
-            "rate is removed by least squares.",
+            "Strokes count at 14 to 50 a minute with at least half of the median length; others are paddling, "
+            "starts or misread.",
+            f"A change is reported if it is larger than {SIGMAS:.0f} standard deviations of the scatter between "
+            "strokes, and than 2 deg, 2 cm, 0.03 s, 5 % of force and power, 5 beats. The effect of the stroke rate is "
+            "removed by least squares.",
             "Published: Concept2 reads 11 to 15 % and Peach 8 to 17 % less power than a reference (doi "
-            "10.3389/fphys.2021.758015); EmPower reads about 23 % less wash than a sensor on the handle (BioRow, 2017).",
+            "10.3389/fphys.2021.758015); EmPower reads about 23 % less wash than a sensor on the "
+            "handle (BioRow, 2017).",
         ]
     return notes_list(notes)

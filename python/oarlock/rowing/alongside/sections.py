@@ -11,10 +11,13 @@ from oarlock.report import Axis, Column, Mark, Section, Series, course_chart, fi
 from oarlock.report.markup import grid
 from oarlock.rowing.alongside.align import Alignment, align_strokes
 from oarlock.rowing.alongside.changes import counted_strokes
+from oarlock.rowing.alongside.clock_match import Places
 from oarlock.rowing.alongside.course import Course, Part, clock_text, course_of, pace_text, parts_of
 from oarlock.rowing.alongside.force_curves import LABELS, SPEED, ForceStack, force_stacks, forces_on_strokes
 from oarlock.rowing.analysis.technique import Technique
 from oarlock.rowing.exports.activity import Activity
+from oarlock.rowing.report.averages import feature_of
+from oarlock.rowing.report.shown import shown
 from oarlock.rowing.strokes.table import Floats, StrokeTable
 from oarlock.storage.errors import DataError
 
@@ -62,12 +65,13 @@ def _pace(course: Course) -> Section | None:
     charts = []
     if "speed_m_s" in course.values:
         speed = course.values["speed_m_s"]
-        usual = float(np.nanmedian(speed))
+        usual = float(np.nanmedian(speed[course.counted]))
         caption = f"Speed; {fixed(usual, 2)} m/s is {pace_text(usual)} for 500 m"
         charts.append(_over_time("pace-speed", caption, course, "speed_m_s", "m/s"))
-    if "rate_per_min" in course.values:
-        charts.append(_over_time("pace-rate", "Stroke rate", course, "rate_per_min", "1/min"))
-    return Section("pace", "Pace", _parts_table(course) + grid([chart for chart in charts if chart]))
+    for name, caption, unit in (("rate_per_min", "Stroke rate", "1/min"), ("power_w", "Power", "W")):
+        if name in course.values:
+            charts.append(_over_time(f"pace-{name.partition('_')[0]}", caption, course, name, unit))
+    return Section("pace", "Pace", grid([chart for chart in charts if chart]) + _parts_table(course))
 
 
 def _heart(course: Course) -> Section | None:
@@ -85,7 +89,7 @@ def _heart(course: Course) -> Section | None:
 
 
 def _over_time(key: str, caption: str, course: Course, name: str, unit: str) -> str:
-    good = np.isfinite(course.time_s) & np.isfinite(course.values[name])
+    good = np.isfinite(course.time_s) & np.isfinite(course.values[name]) & course.counted
     if good.sum() < 2:
         return ""
     minutes = (course.time_s[good] - course.time_s[good][0]) / 60.0
@@ -115,44 +119,82 @@ def _parts_table(course: Course) -> str:
     if not parts:
         return ""
     held = [name for name in _HEADS if name in course.values]
-    heads = [
-        Column("part"),
-        Column("time", "min:s"),
-        Column("distance", "m"),
-        Column("pace", "min:s / 500 m"),
-    ]
+    heads = [Column("part"), Column("pace", "/ 500 m")]
     heads += [Column(_HEADS[name][0], _HEADS[name][1]) for name in held]
+    heads += [Column("time", "min:s"), Column("distance", "m")]
     if course.is_strokes:
         heads.append(Column("strokes"))
-    caption = "Pace is distance over time where both are known, else the mean of the device's speed."
+    caption = (
+        "Pace is distance over time where both are known, else the median of the device's speed; "
+        "the other numbers are medians of the counted strokes."
+    )
     return plain_table("pace-parts", caption, heads, [_row(part, held, course.is_strokes) for part in parts])
 
 
 def _row(part: Part, held: Sequence[str], is_strokes: bool) -> list[str]:
     rowed = part.distance_m / part.duration_s if part.duration_s > 0.0 else float("nan")
-    speed = rowed if np.isfinite(rowed) and rowed > 0.0 else part.means.get("speed_m_s", float("nan"))
-    cells = [escape(part.name), clock_text(part.duration_s), fixed(part.distance_m, 0), pace_text(speed)]
-    cells += [fixed(part.means[name], _HEADS[name][2]) for name in held]
+    speed = rowed if np.isfinite(rowed) and rowed > 0.0 else part.medians.get("speed_m_s", float("nan"))
+    cells = [escape(part.name), pace_text(speed)]
+    cells += [fixed(part.medians[name], _HEADS[name][2]) for name in held]
+    cells += [clock_text(part.duration_s), fixed(part.distance_m, 0)]
     return [*cells, *([str(part.strokes)] if is_strokes else [])]
 
 
 def _force_alone(export: StrokeTable) -> Section | None:
-    stacks = force_stacks(export)
+    stacks, counted = force_stacks(export), np.flatnonzero(counted_strokes(export))
+    table = _force_table(export, counted)
     if not stacks:
-        return None
-    counted = np.flatnonzero(counted_strokes(export))
+        missing = '<p class="hint">The export contains no force curves, only numbers for each stroke.</p>'
+        return Section("force", "Force", table + missing) if table else None
     charts = [_force_chart(stack, counted, f"force-{k}") for k, stack in enumerate(stacks)]
     said = " ".join(dict.fromkeys(stack.how for stack in stacks if stack.how))
-    hint = f"Means over the counted strokes of the first and the last third. {_BAND} {said}"
-    facts = _peaks(stacks, counted)
+    hint = f"Means over the counted strokes. {_BAND} {said}"
     onset = f" A stroke begins with {export.onset}." if export.onset else ""
-    return Section("force", "Force", f'{facts}<p class="hint">{escape(hint + onset)}</p>{grid(charts)}')
+    content = f'{_peaks(stacks, counted)}{grid(charts)}<p class="hint">{escape(hint + onset)}</p>{table}'
+    return Section("force", "Force", content)
+
+
+_FORCE_NUMBERS = (
+    "peak_force_n",
+    "curve_peak_force_n",
+    "r_peak_gate_force_n",
+    "l_peak_gate_force_n",
+    "peak_gate_force_n",
+    "mean_force_n",
+    "peak_force_position_m",
+    "peak_force_angle_rad",
+    "peak_force_travel_rad",
+    "work_j",
+    "curve_work_j",
+)
+
+
+def _force_table(export: StrokeTable, counted: Places) -> str:
+    """Forces and work: over all counted strokes, over their first and last third."""
+    third = len(counted) // 3
+    held = [name for name in _FORCE_NUMBERS if name in export and np.isfinite(export[name][counted]).any()]
+    if not third or not any(name.endswith("_force_n") for name in held):
+        return ""
+    rows = []
+    for name in held:
+        feature = feature_of(name)
+        cells = [
+            shown(
+                feature,
+                float(np.nanmean(export[name][part])) if np.isfinite(export[name][part]).any() else np.nan,
+            )
+            for part in (counted, counted[:third], counted[-third:])
+        ]
+        scatter = shown(feature, float(np.nanstd(export[name][counted])))
+        rows.append([escape(feature.label), escape(feature.shown_unit), cells[0], scatter, *cells[1:]])
+    heads = [Column(name) for name in ("number", "unit", "mean", "SD", "first third", "last third")]
+    return plain_table("force-numbers", "Means over the counted strokes; SD: between strokes.", heads, rows)
 
 
 _BAND = "Tinted: plus and minus one standard deviation between strokes."
 
 
-def _force_chart(stack: ForceStack, counted: Floats, key: str) -> str:
+def _force_chart(stack: ForceStack, counted: Places, key: str) -> str:
     third = len(counted) // 3
     groups = (
         [("first third", counted[:third]), ("last third", counted[-third:])]
@@ -165,33 +207,32 @@ def _force_chart(stack: ForceStack, counted: Floats, key: str) -> str:
     )
 
 
-def _series(name: str, stack: ForceStack, rows: Floats | None = None) -> Series:
+def _series(name: str, stack: ForceStack, rows: Places | None = None) -> Series:
     mean, sd = stack.mean_and_sd(rows)
     return Series(name, stack.at, mean, mean - sd, mean + sd)
 
 
-def _peaks(stacks: Sequence[ForceStack], counted: Floats) -> str:
+_PLACES = {"%": "of the drive", "m": "of handle travel", "s": "after the catch"}
+
+
+def _peaks(stacks: Sequence[ForceStack], counted: Places) -> str:
     """A sentence on each curve's peak: its size and its place."""
     told = []
     for stack in stacks:
         chosen = stack.force_n[counted]
-        peak = np.array([np.nanmax(row) if np.isfinite(row).any() else np.nan for row in chosen])
-        place = stack.peak_at()[counted]
-        if not np.isfinite(peak).any():
+        chosen = chosen[np.isfinite(chosen).any(axis=1)]
+        if not len(chosen):
             continue
-        unit = "%" if stack.unit == "%" else f" {stack.unit}"
+        peak, place = np.nanmax(chosen, axis=1), stack.peak_at()[counted]
         digits = 0 if stack.unit == "%" else 2
-        told.append(
-            f"<p>{escape(LABELS[stack.name].capitalize())}: the peak is {fixed(float(np.nanmean(peak)), 0)} N "
-            f"(SD between strokes {fixed(float(np.nanstd(peak)), 0)} N), at "
-            f"{fixed(float(np.nanmean(place)), digits)}{unit} of the {escape(stack.axis.removeprefix('share of the '))} "
-            f"(SD {fixed(float(np.nanstd(place)), digits)}{unit}).</p>"
+        size, spread = (f"{fixed(float(of(peak)), 0)} N" for of in (np.mean, np.std))
+        at, varies = (f"{fixed(float(of(place)), digits)} {stack.unit}" for of in (np.nanmean, np.nanstd))
+        text = (
+            f"{LABELS[stack.name].capitalize()}: the peak is {size} (SD between strokes {spread}), at {at} "
+            f"{_PLACES[stack.unit]} (SD {varies})."
         )
-    return (
-        "".join(told)
-        .replace(" of the time since the catch", " after the catch")
-        .replace(" of the handle travel", " of handle travel")
-    )
+        told.append(f"<p>{escape(text)}</p>")
+    return "".join(told)
 
 
 def _force_beside(export: StrokeTable, technique: Technique, alignment: Alignment) -> Section | None:
