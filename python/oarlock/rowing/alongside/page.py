@@ -24,9 +24,10 @@ from oarlock.rowing.alongside.changes import (
 )
 from oarlock.rowing.alongside.course import clock_text, course_of, pace_text
 from oarlock.rowing.alongside.sections import export_sections
+from oarlock.rowing.analysis.features import FEATURES, Feature
 from oarlock.rowing.analysis.stroke_summary import summarise_strokes
 from oarlock.rowing.exports.activity import Activity
-from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, places, spread, with_unit
+from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, places, with_unit
 from oarlock.rowing.strokes.table import StrokeTable
 from oarlock.storage.epoch import moment_text
 from oarlock.storage.write_file import write_file
@@ -133,12 +134,21 @@ def _listed(changes: list[Change]) -> str:
 def _sentence(change: Change) -> str:
     feature = change.feature
     verb = "rose" if change.size > 0 else "fell"
-    size = with_unit(feature, abs(change.size))
+    texts = [
+        _size(feature, v) for v in (abs(change.size), 1.96 * change.size_1sd, change.before, change.after)
+    ]
+    size, width, before, after = (escape(text) for text in texts)
     return (
-        f"<b>{escape(feature.label.capitalize())}</b> {verb} by {escape(size)} ({PLUS_MINUS} "
-        f"{escape(spread(feature, 1.96 * change.size_1sd))}, 95 %), from {escape(with_unit(feature, change.before))} "
-        f"to {escape(with_unit(feature, change.after))}. {escape(USUAL.get(change.name, ''))}".rstrip()
+        f"<b>{escape(feature.label.capitalize())}</b> {verb} by {size} ({PLUS_MINUS} {width}, 95 %), from {before} "
+        f"to {after}. {escape(USUAL.get(change.name, ''))}".rstrip()
     )
+
+
+def _size(feature: Feature, value: float) -> str:
+    """A value with its unit; heart rates without decimals."""
+    if feature.name == "heart_rate_per_min":
+        return f"{fixed(value, 0)} beats/min"
+    return with_unit(feature, value)
 
 
 def _believed(found: StrokeTable) -> str:
@@ -168,8 +178,6 @@ _TILES = {
 
 
 def _figures(found: StrokeTable | Activity) -> list[KeyFigure]:
-    from oarlock.rowing.analysis.features import FEATURES
-
     rows = counted_strokes(found) if isinstance(found, StrokeTable) else np.ones(len(found), dtype=bool)
     figures = []
     for name, label in _TILES.items():

@@ -22,6 +22,8 @@ from oarlock.rowing.strokes.table import Floats, StrokeTable
 from oarlock.storage.errors import DataError
 
 _SPEEDS = {SPEED: "handle", "legs_speed_m_s": "legs", "trunk_speed_m_s": "trunk", "arms_speed_m_s": "arms"}
+_PAUSE_MIN = 0.5
+"""Charts over time have a gap there."""
 _SMOOTH = 5
 """Strokes of a running median in charts of heart rate and pace: single outliers of receivers would set the scale."""
 
@@ -93,9 +95,11 @@ def _over_time(key: str, caption: str, course: Course, name: str, unit: str) -> 
     if good.sum() < 2:
         return ""
     minutes = (course.time_s[good] - course.time_s[good][0]) / 60.0
-    shown = _running_median(course.values[name][good])
+    middle = _running_median(course.values[name][good])
+    pauses = np.flatnonzero(np.diff(minutes) > _PAUSE_MIN) + 1
+    minutes, middle = np.insert(minutes, pauses, minutes[pauses]), np.insert(middle, pauses, np.nan)
     return course_chart(
-        key, caption, [Series(caption, minutes, shown)], Axis("time", "min"), Axis("", unit, least=1.0)
+        key, caption, [Series(caption, minutes, middle)], Axis("time", "min"), Axis("", unit, least=1.0)
     )
 
 
