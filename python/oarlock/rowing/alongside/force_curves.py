@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from oarlock.rowing.alongside.align import Alignment
 from oarlock.rowing.alongside.clock_match import Places
@@ -19,6 +20,7 @@ LABELS = {
 }
 POINTS = 101
 _HALF = 0.5
+_FINE = 201
 _TRAVEL = "handle_force_n"
 """With places, its curves are over handle travel (RP3); those of the gate are over time (Peach)."""
 SPEED = "handle_speed_m_s"
@@ -152,22 +154,22 @@ def _placed(
         return begin + drive * np.linspace(0.0, 1.0, len(curve)), curve
     if name != _TRAVEL:
         return begin + per_second * curve[:, 0], curve[:, 1]
-    travelled = curve[:, 0] / curve[-1, 0]
-    return begin + drive * _time_share(travelled, begin, drive, speed), curve[:, 1]
+    travelled = np.append(0.0, curve[:, 0] / curve[-1, 0])
+    return begin + drive * _time_share(travelled, begin, drive, speed), np.append(0.0, curve[:, 1])
 
 
 def _time_share(travelled: Floats, begin: float, drive: float, speed: Floats) -> Floats:
     """Share of the drive's time at which the track's handle has travelled these shares of its way; even without it."""
-    percent = np.linspace(0.0, 100.0, len(speed)) if len(speed) else np.zeros(0)
-    inside = (percent >= begin) & (percent <= begin + drive) & np.isfinite(speed)
-    if inside.sum() < 5:
+    if not np.isfinite(speed).any():
         return travelled
-    way = np.cumsum(np.maximum(speed[inside], 0.0))
-    if not way[-1] > 0.0:
+    percent = np.linspace(0.0, 100.0, len(speed))
+    forward = np.interp(percent, percent[np.isfinite(speed)], np.maximum(speed[np.isfinite(speed)], 0.0))
+    way = cumulative_trapezoid(forward, percent, initial=0.0)
+    shares = np.linspace(0.0, 1.0, _FINE)
+    own = np.interp(begin + drive * shares, percent, way)
+    if not own[-1] > own[0]:
         return travelled
-    shares = (percent[inside] - begin) / drive
-    known = np.append(0.0, way / way[-1])
-    return np.asarray(np.interp(travelled, known, np.append(0.0, shares / shares[-1])))
+    return np.asarray(np.interp(travelled, (own - own[0]) / (own[-1] - own[0]), shares))
 
 
 def _how(curves: tuple[Floats, ...], name: str) -> str:

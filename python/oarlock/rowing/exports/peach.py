@@ -83,7 +83,8 @@ def _periodic(grid: Grid) -> tuple[Rows, list[str]]:
     ]
     if len(named) != 1:
         raise DataError(
-            f"{grid.file}: has {len(named)} sections Periodic, expected 1. Export one piece with periodic data"
+            f"{grid.file}: {TITLE}, with {len(named)} sections Periodic, expected 1. Export one piece with periodic "
+            "data"
         )
     begin, end = named[0][0] + 1, named[0][1]
     if end - begin < 2:
