@@ -14,7 +14,7 @@ from oarlock.rowing.alongside.changes import changes_within
 from oarlock.rowing.alongside.clock_match import match_clocks
 from oarlock.rowing.alongside.course import course_of, pace_text, parts_of
 from oarlock.rowing.alongside.force_curves import FORCES, force_stacks, forces_on_strokes
-from oarlock.rowing.alongside.page import strokes_page, write_strokes_report
+from oarlock.rowing.report.export_page import strokes_page, write_strokes_report
 from oarlock.storage.errors import DataError
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "strokes"
@@ -237,7 +237,35 @@ def test_every_export_has_a_page_that_loads_nothing(tmp_path, name):
 
 def test_the_page_begins_with_who_and_what():
     found = load_export(EXAMPLES / "speedcoach_empower.csv")
-    text = strokes_page(found, found, {"athlete": "A07", "place": "Lake"})
+    text = strokes_page(found, found, "A07, Lake")
     order = ["A07", "Rowed.", "Stands out.", "Compared.", "Can it be believed?", "<h2"]
     places = [text.index(word) for word in order]
     assert places == sorted(places)
+
+
+# --- the verbs --------------------------------------------------------------------------------------------
+
+
+def test_the_verb_writes_a_page_and_compares(tmp_path):
+    page = tmp_path / "piece.html"
+    file = str(EXAMPLES / "speedcoach_empower.csv")
+    run("strokes", file, "--report", str(page), "--last", file)
+    assert "Compared." in page.read_text("utf-8")
+    assert "exists" in run("strokes", file, "--report", str(page), code=2).stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["strokes", str(EXAMPLES / "rp3.csv"), "--last", "other.csv"], "--last needs --report"),
+        (["strokes", str(EXAMPLES), "--report", "piece.html"], "oarlock"),
+        (["report", str(EXAMPLES), "--offset", "3"], "--offset needs --with"),
+    ],
+)
+def test_the_verbs_say_what_is_missing(words, says):
+    assert says in run(*words, code=2).stderr
+
+
+def test_the_verb_reads_a_seat_of_a_crew(tmp_path):
+    file = made.peach(tmp_path / "p.txt", catches("steady", 12, 4), seats=(1, 2))
+    assert "seat 2" in run("strokes", str(file), "--seat", "2").stdout

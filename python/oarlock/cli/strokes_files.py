@@ -70,9 +70,9 @@ def write_page(
         UsageError: the source is a track or a recording, which have a report of their own; the page exists; or `last`
             has no strokes.
     """
-    from oarlock.recording.session_info import read_session
+    from oarlock.recording.session_info import read_session, session_text
     from oarlock.rowing import StrokeTable
-    from oarlock.rowing.alongside.page import write_strokes_report
+    from oarlock.rowing.report.export_page import write_strokes_report
 
     if source.is_dir():
         raise UsageError(
@@ -83,7 +83,7 @@ def write_page(
     if page.is_dir():
         raise UsageError(f"--report {page}: is a folder; name a file, such as {page / 'strokes.html'}")
     free_file(page, force)
-    write_strokes_report(found, page, last, read_session(source.parent))
+    write_strokes_report(found, page, last, session_text(read_session(source.parent)))
 
 
 def show_activity(found: Activity, wanted: Wanted, json_output: bool, page: Path | None = None) -> None:

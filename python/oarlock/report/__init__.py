@@ -5,9 +5,10 @@ A field of application, such as rowing, builds its own sections from these names
 
 from oarlock.report.chart import Series
 from oarlock.report.course import Axis, Mark, Zone, course_chart, plane_chart, row_chart
-from oarlock.report.markup import Column
+from oarlock.report.markup import Column, notes_list
 from oarlock.report.markup import table as plain_table
-from oarlock.report.section import KeyFigure, Section
+from oarlock.report.page import shell
+from oarlock.report.section import KeyFigure, Section, tiles
 from oarlock.report.sortable import sort_script, sortable_table, value_cell
 from oarlock.report.text import fixed
 from oarlock.report.write import write_report
@@ -22,11 +23,14 @@ __all__ = [
     "Zone",
     "course_chart",
     "fixed",
+    "notes_list",
     "plain_table",
     "plane_chart",
     "row_chart",
+    "shell",
     "sort_script",
     "sortable_table",
+    "tiles",
     "value_cell",
     "write_report",
 ]

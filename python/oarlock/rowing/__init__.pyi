@@ -1,5 +1,6 @@
 """The public names of `oarlock.rowing` and the modules that define them."""
 
+from .alongside.align import Alignment, align_strokes
 from .analysis.features import FEATURES, Feature
 from .analysis.live_technique import LiveStroke, LiveTechnique, Stretch, live_stroke
 from .analysis.stroke_means import FeatureMean, PhaseCurve
@@ -11,6 +12,7 @@ from .exports.load import EXPORT_FORMATS, ExportFormat, load_export, load_stroke
 from .field.effects import FieldEffects
 from .field.trial import FieldTrial, simulate_field
 from .figure.shapes import LiveLook, live_look, rowing_look, stroke_marks
+from .report.export_page import write_strokes_report
 from .report.live import StrokeFollower
 from .simulation.anthropometry import anthropometry
 from .simulation.boat import Boat, HullMotion
@@ -43,6 +45,7 @@ __all__ = [
     "TABLE_4_NOISE",
     "TARGET_CLASSES",
     "Activity",
+    "Alignment",
     "Boat",
     "ErgometerShape",
     "ExportFormat",
@@ -77,6 +80,7 @@ __all__ = [
     "Target",
     "Technique",
     "adjusted_stretcher",
+    "align_strokes",
     "anthropometry",
     "ergometer_piece",
     "find_strokes",
@@ -103,4 +107,5 @@ __all__ = [
     "sweep_piece",
     "sweeping",
     "technique",
+    "write_strokes_report",
 ]

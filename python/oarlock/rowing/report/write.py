@@ -7,9 +7,9 @@ from pathlib import Path
 
 from oarlock import DataError, Evaluation, Track
 from oarlock.report import Section, write_report
-from oarlock.rowing.alongside.sections import alongside_sections
 from oarlock.rowing.analysis.technique import technique
 from oarlock.rowing.exports.activity import Activity
+from oarlock.rowing.report.beside import alongside_sections
 from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.report.sections import sections_of
 from oarlock.rowing.strokes.table import StrokeTable

@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from html import escape
 from pathlib import Path
 
 import numpy as np
 
-from oarlock.recording.session_info import session_text
-from oarlock.report import Column, KeyFigure, fixed, plain_table
-from oarlock.report.markup import notes_list
-from oarlock.report.page import shell
-from oarlock.report.section import tiles
-from oarlock.report.text import number
+from oarlock.report import Column, KeyFigure, fixed, notes_list, plain_table, shell, tiles
 from oarlock.rowing.alongside.changes import (
     SIGMAS,
     USUAL,
@@ -23,10 +17,11 @@ from oarlock.rowing.alongside.changes import (
     counted_strokes,
 )
 from oarlock.rowing.alongside.course import clock_text, course_of, pace_text
-from oarlock.rowing.alongside.sections import export_sections
 from oarlock.rowing.analysis.features import FEATURES, Feature
 from oarlock.rowing.analysis.stroke_summary import summarise_strokes
 from oarlock.rowing.exports.activity import Activity
+from oarlock.rowing.report.averages import feature_of
+from oarlock.rowing.report.beside import export_sections
 from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, places, with_unit
 from oarlock.rowing.strokes.table import StrokeTable
 from oarlock.storage.epoch import moment_text
@@ -41,7 +36,7 @@ def write_strokes_report(
     found: StrokeTable | Activity,
     path: str | Path,
     other: StrokeTable | None = None,
-    session: Mapping[str, str] | None = None,
+    who: str = "",
 ) -> Path:
     """Write the page of an export: who rowed what, what stands out, compared, can it be believed; then the sections.
 
@@ -49,7 +44,7 @@ def write_strokes_report(
         found: of `load_export`.
         path: the file to write, or an existing folder, which gets ``strokes.html``.
         other: an export to compare with, such as last time's.
-        session: who, when and where, as `session.toml` has it.
+        who: who rowed, when and where, in one line.
 
     Returns:
         Path: the file written.
@@ -57,13 +52,13 @@ def write_strokes_report(
     target = Path(path)
     target = target / "strokes.html" if target.is_dir() else target
     target.parent.mkdir(parents=True, exist_ok=True)
-    write_file(target, strokes_page(found, other, session or {}))
+    write_file(target, strokes_page(found, other, who))
     return target
 
 
-def strokes_page(found: StrokeTable | Activity, other: StrokeTable | None, session: Mapping[str, str]) -> str:
+def strokes_page(found: StrokeTable | Activity, other: StrokeTable | None, who: str) -> str:
     """The page as text."""
-    lead = [("Rowed", _rowed(found, session))]
+    lead = [("Rowed", _rowed(found))]
     if isinstance(found, StrokeTable):
         lead.append(("Stands out", _stands_out(changes_within(found))))
         if other is not None:
@@ -75,22 +70,22 @@ def strokes_page(found: StrokeTable | Activity, other: StrokeTable | None, sessi
         sections.append(("numbers", "All numbers", _numbers(found)))
     sections.append(("measured", "How it was measured", _measured(found)))
     return shell(
-        _heading(found, session),
+        _heading(found, who),
         f'<div class="lead">{told}</div>{tiles(_figures(found))}',
         sections,
         folded=("numbers", "measured"),
     )
 
 
-def _heading(found: StrokeTable | Activity, session: Mapping[str, str]) -> str:
-    who = session_text({key: text for key, text in session.items() if key != "note"})
-    when = "" if "date" in session else moment_text(found.epoch)[:10]
+def _heading(found: StrokeTable | Activity, who: str) -> str:
+    day = moment_text(found.epoch)[:10]
+    when = "" if day in who else day
     kind = (found.source.partition(": ")[2] or found.source).partition(",")[0]
     rows = f"{int(counted_strokes(found).sum())} strokes" if isinstance(found, StrokeTable) else "course"
     return ": ".join(part for part in (", ".join(filter(None, (who, when))), f"{rows}, {kind}") if part)
 
 
-def _rowed(found: StrokeTable | Activity, session: Mapping[str, str]) -> str:
+def _rowed(found: StrokeTable | Activity) -> str:
     course = course_of(found)
     parts = []
     if isinstance(found, StrokeTable):
@@ -105,8 +100,7 @@ def _rowed(found: StrokeTable | Activity, session: Mapping[str, str]) -> str:
     if np.isfinite(course.distance_m).any():
         parts.append(f"{fixed(float(np.nanmax(course.distance_m) - np.nanmin(course.distance_m)), 0)} m")
     begun = moment_text(found.epoch)[:16]
-    text = f"{', '.join(parts)}{f'; started {begun}' if begun else ''}."
-    return escape(text + (f" {session['note']}." if "note" in session else ""))
+    return escape(f"{', '.join(parts)}{f'; started {begun}' if begun else ''}.")
 
 
 def _stands_out(found: list[Change]) -> str:
@@ -199,15 +193,11 @@ def _figures(found: StrokeTable | Activity) -> list[KeyFigure]:
 
 
 def _numbers(found: StrokeTable) -> str:
-    rows = [
-        [
-            escape(row.label),
-            escape(row.unit),
-            str(row.strokes),
-            *(number(v) for v in (row.median, row.low, row.high)),
-        ]
-        for row in summarise_strokes(found)
-    ]
+    rows = []
+    for row in summarise_strokes(found):
+        digits = places(feature_of(row.name))
+        cells = [fixed(value, digits) for value in (row.median, row.low, row.high)]
+        rows.append([escape(row.label), escape(row.unit), str(row.strokes), *cells])
     heads = [Column(name) for name in ("quantity", "unit", "strokes", "median", "5 %", "95 %")]
     return plain_table("numbers-all", "Over all rows of the file; nothing is left out.", heads, rows)
 

@@ -8,7 +8,6 @@ from html import escape
 import numpy as np
 
 from oarlock.report import Axis, Column, Mark, Section, Series, course_chart, fixed, plain_table
-from oarlock.report.markup import grid
 from oarlock.rowing.alongside.align import Alignment, align_strokes
 from oarlock.rowing.alongside.changes import counted_strokes
 from oarlock.rowing.alongside.clock_match import Places
@@ -17,6 +16,7 @@ from oarlock.rowing.alongside.force_curves import LABELS, SPEED, ForceStack, for
 from oarlock.rowing.analysis.technique import Technique
 from oarlock.rowing.exports.activity import Activity
 from oarlock.rowing.report.averages import feature_of
+from oarlock.rowing.report.drawings import grid
 from oarlock.rowing.report.shown import shown
 from oarlock.rowing.strokes.table import Floats, StrokeTable
 from oarlock.storage.errors import DataError
@@ -280,5 +280,7 @@ def _force_beside(export: StrokeTable, technique: Technique, alignment: Alignmen
     )
     how = f"<details><summary>How force and motion were aligned</summary>{related}{onset}</details>"
     return Section(
-        "force", "Force beside the motion", f'<p class="hint">{escape(hint)}</p>{grid([force, motion])}{how}'
+        "force",
+        "Force beside the motion",
+        f'<p class="hint">{escape(hint)}</p>{grid([force, motion])}{how}',
     )
