@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import made_exports as made
+from command_line import run
 from html_page import Page, assert_loads_nothing, assert_references_lead_somewhere
 from local_data import local_folder
 from oarlock.rowing import StrokeTable, load_export
@@ -251,7 +252,7 @@ def test_the_verb_writes_a_page_and_compares(tmp_path):
     file = str(EXAMPLES / "speedcoach_empower.csv")
     run("strokes", file, "--report", str(page), "--last", file)
     assert "Compared." in page.read_text("utf-8")
-    assert "exists" in run("strokes", file, "--report", str(page), code=2).stderr
+    assert "exists" in run("strokes", file, "--report", str(page), status=2).output
 
 
 @pytest.mark.parametrize(
@@ -263,9 +264,9 @@ def test_the_verb_writes_a_page_and_compares(tmp_path):
     ],
 )
 def test_the_verbs_say_what_is_missing(words, says):
-    assert says in run(*words, code=2).stderr
+    assert says in run(*words, status=2).output
 
 
 def test_the_verb_reads_a_seat_of_a_crew(tmp_path):
     file = made.peach(tmp_path / "p.txt", catches("steady", 12, 4), seats=(1, 2))
-    assert "seat 2" in run("strokes", str(file), "--seat", "2").stdout
+    assert "seat 2" in run("strokes", str(file), "--seat", "2").output

@@ -98,13 +98,13 @@ def report(
     from oarlock.rowing import load_export
     from oarlock.storage.added_files import added_files
 
+    if offset is not None and beside is None:
+        raise UsageError("--offset needs --with FILE: it is the offset of that export's clock")
     page = to or out / "report.html"
     page = page / "report.html" if page.is_dir() else page
     free_file(page, force)
     known = load_track(truth_folder(truth)) if truth is not None else None
     other = load_track(compare) if compare is not None else None
-    if offset is not None and beside is None:
-        raise UsageError("--offset needs --with FILE: it is the offset of that export's clock")
     track = load_track(out)
     export = None if beside is None else (load_export(beside), offset)
     names = (out.name, compare.name if compare is not None else "")
