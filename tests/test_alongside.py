@@ -259,7 +259,7 @@ def test_the_verb_writes_a_page_and_compares(tmp_path):
     ("words", "says"),
     [
         (["strokes", str(EXAMPLES / "rp3.csv"), "--last", "other.csv"], "--last needs --report"),
-        (["strokes", str(EXAMPLES), "--report", "piece.html"], "oarlock"),
+        (["strokes", str(EXAMPLES), "--report", "piece.html"], "is a folder"),
         (["report", str(EXAMPLES), "--offset", "3"], "--offset needs --with"),
     ],
 )

@@ -106,12 +106,16 @@ def strokes(
     """
     from oarlock.rowing import Activity
 
+    if last is not None and report is None:
+        raise UsageError("--last needs --report: the comparison is part of the page")
+    if report is not None and source.is_dir():
+        raise UsageError(
+            f"--report needs an export; {source} is a folder. For a track: `oarlock report {source}`"
+        )
     found = _loaded(source, format, seat)
     if start is not None:
         found = replace(found, epoch=given_epoch(start))
     wanted = Wanted(out, fit, rowingdata, force)
-    if last is not None and report is None:
-        raise UsageError("--last needs --report: the comparison is part of the page")
     if report is not None:
         write_page(source, found, report, None if last is None else _loaded(last, None, seat), force)
     if isinstance(found, Activity):

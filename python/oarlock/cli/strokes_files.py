@@ -67,17 +67,12 @@ def write_page(
     """Write the page of an export; `session.toml` beside it says who rowed.
 
     Raises:
-        UsageError: the source is a track or a recording, which have a report of their own; the page exists; or `last`
-            has no strokes.
+        UsageError: the page exists or is a folder, or `last` has no strokes.
     """
     from oarlock.recording.session_info import read_session, session_text
     from oarlock.rowing import StrokeTable
     from oarlock.rowing.report.export_page import write_strokes_report
 
-    if source.is_dir():
-        raise UsageError(
-            f"--report needs an export; {source} is a folder. For a track run `oarlock report {source}`"
-        )
     if last is not None and not isinstance(last, StrokeTable):
         raise UsageError(f"--last {last.source}: contains no strokes to compare with")
     if page.is_dir():
