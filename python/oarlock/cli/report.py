@@ -13,6 +13,7 @@ from oarlock.cli.terminal import UsageError, free_file, print_json, progress, sa
 
 if TYPE_CHECKING:
     from oarlock import Evaluation, Track
+    from oarlock.rowing import Activity, StrokeTable
 
 
 CLASSES = (
@@ -35,6 +36,7 @@ def add_to(app: typer.Typer) -> None:
             "oarlock report out",
             "oarlock report out --truth trial/truth",
             "oarlock report after --compare before",
+            "oarlock report out --with rp3.csv",
             "oarlock report out --to a.html",
         ),
     )(report)
@@ -64,6 +66,22 @@ def report(
             f"{', '.join(CLASSES)}.",
         ),
     ] = None,
+    beside: Annotated[
+        Path | None,
+        typer.Option(
+            "--with",
+            metavar="FILE",
+            help="Rowing: add pace, heart rate and force of a device's export of the same piece.",
+        ),
+    ] = None,
+    offset: Annotated[
+        float | None,
+        typer.Option(
+            "--offset",
+            metavar="SECONDS",
+            help="With --with: what to add to the export's times, if intervals between strokes cannot tell.",
+        ),
+    ] = None,
     to: Annotated[
         Path | None, typer.Option("--to", metavar="FILE", help="The file to write; else TRACK/report.html.")
     ] = None,
@@ -77,18 +95,22 @@ def report(
     with its unit, sign and source.
     """
     from oarlock import load_track
+    from oarlock.rowing import load_export
     from oarlock.storage.added_files import added_files
 
+    if offset is not None and beside is None:
+        raise UsageError("--offset needs --with FILE: it is the offset of that export's clock")
     page = to or out / "report.html"
     page = page / "report.html" if page.is_dir() else page
     free_file(page, force)
     known = load_track(truth_folder(truth)) if truth is not None else None
     other = load_track(compare) if compare is not None else None
     track = load_track(out)
+    export = None if beside is None else (load_export(beside), offset)
     names = (out.name, compare.name if compare is not None else "")
     with added_files(page.parent, force) as stage:
         staged = write_any_report(
-            track, stage / page.name, truth=known, other=other, names=names, targets=targets
+            track, stage / page.name, truth=known, other=other, names=names, targets=targets, export=export
         )
     written = [page.with_name(file.name) for file in staged]
     if json_output:
@@ -105,6 +127,7 @@ def write_any_report(
     other: Track | None = None,
     names: tuple[str, str] = ("", ""),
     targets: str | None = None,
+    export: tuple[StrokeTable | Activity, float | None] | None = None,
 ) -> list[Path]:
     """Write the report of any model; add strokes for rowers. Return the written files, the report first."""
     from oarlock.rowing.report.write import is_of_rower, write_rowing_report
@@ -112,9 +135,9 @@ def write_any_report(
     if is_of_rower(track):
         with progress("writing the report"):
             return write_rowing_report(
-                track, path, evaluation, truth, other=other, names=names, targets=targets
+                track, path, evaluation, truth, other=other, names=names, targets=targets, export=export
             )
-    for flag, asked in (("--compare", other), ("--targets", targets)):
+    for flag, asked in (("--compare", other), ("--targets", targets), ("--with", export)):
         if asked is not None:
             raise UsageError(
                 f"{flag} needs the track of a rower; this one has the joints {', '.join(track.joint_names[:6])}"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from oarlock.cli.options import Json, example
-from oarlock.cli.strokes_files import Wanted, given_epoch, show_activity, write_strokes
+from oarlock.cli.strokes_files import Wanted, given_epoch, show_activity, write_page, write_strokes
 from oarlock.cli.terminal import UsageError, heading, number, print_json, say, table, verb
 
 if TYPE_CHECKING:
@@ -43,6 +43,7 @@ def add_to(app: typer.Typer) -> None:
             "oarlock strokes out",
             "oarlock strokes rp3.csv --each",
             "oarlock strokes speedcoach.csv --out strokes",
+            "oarlock strokes rp3.csv --report rp3.html",
             "oarlock strokes out --fit piece.fit --start 2026-05-01T07:30:00Z",
         ),
     )(strokes)
@@ -68,6 +69,16 @@ def strokes(
     rowingdata: Annotated[
         Path | None, typer.Option("--rowingdata", metavar="FILE", help="RowingData CSV to write.")
     ] = None,
+    report: Annotated[
+        Path | None,
+        typer.Option(
+            "--report", metavar="FILE", help="Page to write: what stands out, pace, heart rate, force."
+        ),
+    ] = None,
+    last: Annotated[
+        Path | None,
+        typer.Option("--last", metavar="FILE", help="With --report: an export to compare with."),
+    ] = None,
     start: Annotated[
         str | None,
         typer.Option("--start", metavar="MOMENT", help="Moment of 0 s, such as 2026-05-01T07:30:00Z."),
@@ -77,6 +88,10 @@ def strokes(
         typer.Option(
             "--format", metavar="NAME", help="Kind of export, such as rp3; default: found from the contents."
         ),
+    ] = None,
+    seat: Annotated[
+        int | None,
+        typer.Option("--seat", metavar="N", help="Whose strokes, of a Peach file with several seats."),
     ] = None,
     each: Annotated[bool, typer.Option("--each", help="Also print every stroke.")] = False,
     force: Annotated[
@@ -91,14 +106,23 @@ def strokes(
     """
     from oarlock.rowing import Activity
 
-    found = _loaded(source, format)
+    if last is not None and report is None:
+        raise UsageError("--last needs --report: the comparison is part of the page")
+    if report is not None and source.is_dir():
+        raise UsageError(
+            f"--report needs an export; {source} is a folder. For a track: `oarlock report {source}`"
+        )
+    found = _loaded(source, format, seat)
     if start is not None:
         found = replace(found, epoch=given_epoch(start))
     wanted = Wanted(out, fit, rowingdata, force)
+    if report is not None:
+        write_page(source, found, report, None if last is None else _loaded(last, None, seat), force)
     if isinstance(found, Activity):
-        show_activity(found, wanted, json_output)
+        show_activity(found, wanted, json_output, report)
         return
     files, notes = write_strokes(found, wanted)
+    files = files if report is None else (*files, report)
     if json_output:
         print_json(_document(found, files) | ({"left_out": notes} if notes else {}))
         return
@@ -114,15 +138,16 @@ def strokes(
         say(f"Wrote {file}")
 
 
-def _loaded(source: Path, format: str | None) -> StrokeTable | Activity:
+def _loaded(source: Path, format: str | None, seat: int | None) -> StrokeTable | Activity:
     from oarlock.rowing import EXPORT_FORMATS, load_export, load_strokes
+    from oarlock.rowing.exports.load import FILE_KINDS
 
-    known = (*EXPORT_FORMATS, "fit", "tcx")
+    known = (*EXPORT_FORMATS, *FILE_KINDS)
     if format is not None and format not in known:
         raise UsageError(f"--format {format}: is not known; known are {', '.join(known)}")
     if not source.is_dir():
         is_own = source.suffix == ".parquet" and format is None
-        return load_strokes(source) if is_own else load_export(source, format)
+        return load_strokes(source) if is_own else load_export(source, format, seat)
     if format is not None:
         raise UsageError(f"--format needs a file; {source} is a folder")
     from oarlock import load_recording, load_track

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from oarlock.cli.terminal import UsageError, heading, number, output_folder, print_json, say, table
+from oarlock.cli.terminal import UsageError, free_file, heading, number, output_folder, print_json, say, table
 
 if TYPE_CHECKING:
     from oarlock.rowing import Activity, StrokeTable
@@ -61,7 +61,27 @@ def write_strokes(found: StrokeTable, wanted: Wanted) -> tuple[tuple[Path, ...],
     return tuple(files), tuple(notes)
 
 
-def show_activity(found: Activity, wanted: Wanted, json_output: bool) -> None:
+def write_page(
+    source: Path, found: StrokeTable | Activity, page: Path, last: StrokeTable | Activity | None, force: bool
+) -> None:
+    """Write the page of an export; `session.toml` beside it says who rowed.
+
+    Raises:
+        UsageError: the page exists or is a folder, or `last` has no strokes.
+    """
+    from oarlock.recording.session_info import read_session, session_text
+    from oarlock.rowing import StrokeTable
+    from oarlock.rowing.report.export_page import write_strokes_report
+
+    if last is not None and not isinstance(last, StrokeTable):
+        raise UsageError(f"--last {last.source}: contains no strokes to compare with")
+    if page.is_dir():
+        raise UsageError(f"--report {page}: is a folder; name a file, such as {page / 'strokes.html'}")
+    free_file(page, force)
+    write_strokes_report(found, page, last, session_text(read_session(source.parent)))
+
+
+def show_activity(found: Activity, wanted: Wanted, json_output: bool, page: Path | None = None) -> None:
     """Print an activity's course, without positions.
 
     Raises:
@@ -81,6 +101,7 @@ def show_activity(found: Activity, wanted: Wanted, json_output: bool) -> None:
                 "distance_m": _distance_m(found),
                 "notes": found.notes,
                 "summary": [dict(zip(names, row, strict=True)) for row in rows],
+                "files": [page] if page else [],
             }
         )
     say(f"{found.source}: {len(found)} points, no strokes", style="bold")
@@ -96,6 +117,8 @@ def show_activity(found: Activity, wanted: Wanted, json_output: bool) -> None:
         heading("Notes")
         for note in found.notes:
             say(f"- {note}", indent=2)
+    if page:
+        say(f"Wrote {page}")
 
 
 def _row(found: Activity, name: str) -> tuple[str, str, str, int, float, float, float]:

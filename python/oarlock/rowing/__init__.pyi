@@ -1,5 +1,6 @@
 """The public names of `oarlock.rowing` and the modules that define them."""
 
+from .alongside.align import Alignment, align_strokes
 from .analysis.features import FEATURES, Feature
 from .analysis.live_technique import LiveStroke, LiveTechnique, Stretch, live_stroke
 from .analysis.stroke_means import FeatureMean, PhaseCurve
@@ -15,6 +16,7 @@ from .field.effects import FieldEffects
 from .field.trial import FieldTrial, simulate_field
 from .figure.shapes import LiveLook, live_look, rowing_look, stroke_marks
 from .report.crew.write import write_crew_report
+from .report.export_page import write_strokes_report
 from .report.live import StrokeFollower
 from .simulation.anthropometry import anthropometry
 from .simulation.boat import Boat, HullMotion
@@ -47,6 +49,7 @@ __all__ = [
     "TABLE_4_NOISE",
     "TARGET_CLASSES",
     "Activity",
+    "Alignment",
     "Boat",
     "CrewFinding",
     "CrewSeat",
@@ -84,6 +87,7 @@ __all__ = [
     "Target",
     "Technique",
     "adjusted_stretcher",
+    "align_strokes",
     "anthropometry",
     "crew_findings",
     "crew_seats",
@@ -114,4 +118,5 @@ __all__ = [
     "sweeping",
     "technique",
     "write_crew_report",
+    "write_strokes_report",
 ]

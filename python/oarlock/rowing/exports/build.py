@@ -42,6 +42,7 @@ class Gathered:
     columns: dict[str, Column] = field(default_factory=dict)
     curves: dict[str, tuple[Floats, ...]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    onset: str = ""
 
     def read(self, wanted: Iterable[Wanted]) -> None:
         """Reads those of the wanted columns that the file has; one that is empty in all rows is only noted."""
@@ -96,6 +97,7 @@ class Gathered:
             curves=self.curves,
             source=f"{file.name}: {title}",
             notes=tuple(self.notes),
+            onset=self.onset,
         )
 
 

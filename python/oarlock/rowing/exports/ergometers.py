@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -38,6 +39,8 @@ class Log:
         count: the column that counts strokes, where one stroke fills several rows: a row a second, say.
         until_blank: whether the strokes end at the first blank row.
         forces: a column with the force curve of the drive, numbers in pounds between blanks.
+        drive_start: a column with the moment at which each drive began, and one with the moment of 0 s.
+        onset: what the device takes as the begin of a drive, if `drive_start` is given.
         stroke_type: a column that says 0 of strokes and other numbers of other events.
         remarks: what the table does not tell by itself.
     """
@@ -49,6 +52,8 @@ class Log:
     count: str = ""
     until_blank: bool = False
     forces: str = ""
+    drive_start: tuple[str, str] = ("", "")
+    onset: str = ""
     stroke_type: str = ""
     remarks: tuple[str, ...] = ()
 
@@ -62,6 +67,7 @@ def read(log: Log, grid: Grid, header: int) -> StrokeTable:
     _take_begins(gathered, firsts, log)
     _add_speed(log, gathered)
     _add_forces(log, gathered)
+    _add_drive_times(log, gathered)
     gathered.notes += _count_notes(log, all_rows)
     gathered.notes += log.remarks
     return gathered.table(log.title)
@@ -136,6 +142,28 @@ def _add_forces(log: Log, gathered: Gathered) -> None:
         gathered.derive("curve_peak_force_n", peaks, "no curve in the file")
 
 
+def _add_drive_times(log: Log, gathered: Gathered) -> None:
+    """Catch, finish and next catch, where the file has the moment of each drive's begin."""
+    rows, (begin, zero) = gathered.rows, log.drive_start
+    begin_place, zero_place = (rows.place(name) if name else None for name in (begin, zero))
+    if begin_place is None or zero_place is None or not len(rows):
+        return
+    moments_s = np.array([_moment_s(cells[begin_place]) for cells in rows.cells])
+    catch_s = moments_s - _moment_s(rows.cells[0][zero_place])
+    gathered.onset = log.onset
+    gathered.derive("catch_time_s", catch_s, "no moment in the file")
+    gathered.derive("finish_time_s", catch_s + gathered.values("drive_time_s"), "no moment or no drive time")
+    gathered.derive("end_time_s", catch_s + gathered.values("duration_s"), "no moment or no duration")
+
+
+def _moment_s(text: str) -> float:
+    """Seconds since 1970 of a moment such as 2016-03-29T17:42:09.100Z; NaN if it is none."""
+    try:
+        return datetime.datetime.fromisoformat(text).timestamp()
+    except ValueError:
+        return float("nan")
+
+
 LOGS: Mapping[str, Log] = MappingProxyType(
     {
         "ergdata": Log(
@@ -204,6 +232,9 @@ LOGS: Mapping[str, Log] = MappingProxyType(
             ),
             pace=Pace("stroke.paceSecPer1k", 1000.0),
             forces="stroke.forceMap",
+            drive_start=("stroke.driveStartMs", "workout.rowStartMs"),
+            onset="the monitor's begin of the drive: the flywheel accelerates (states of a stroke in Concept2's CSAFE "
+            "definition), so it is later than the handle's reversal",
             stroke_type="stroke.strokeType",
             remarks=("the file names no unit of force; a Concept2 monitor gives pounds, which become N",),
         ),

@@ -13,6 +13,7 @@ from oarlock.rowing.exports import ergometers, nk_logbook, nk_speedcoach, quiske
 from oarlock.rowing.exports.activity import Activity
 from oarlock.rowing.exports.fit import is_fit, read_fit
 from oarlock.rowing.exports.grid import Grid, grids, text_of
+from oarlock.rowing.exports.peach import BEGIN, is_peach, read_peach
 from oarlock.rowing.exports.refused import what_it_is
 from oarlock.rowing.exports.starts import epoch_of_export
 from oarlock.rowing.exports.tcx import ROOT, read_tcx
@@ -54,12 +55,14 @@ def _formats() -> Mapping[str, ExportFormat]:
 
 
 EXPORT_FORMATS: Mapping[str, ExportFormat] = _formats()
-"""The kinds of CSV files that `load_export` reads, by name. FIT and TCX files are known by their contents."""
-FILE_KINDS = ("fit", "tcx")
+"""The kinds of CSV files that `load_export` reads, by name. FIT, TCX and Peach files are known by their contents."""
+FILE_KINDS = ("fit", "tcx", "peach")
 _HEAD = 4000
 
 
-def load_export(path: str | PathLike[str], format: str | None = None) -> StrokeTable | Activity:
+def load_export(
+    path: str | PathLike[str], format: str | None = None, seat: int | None = None
+) -> StrokeTable | Activity:
     """Read what a rowing device, a watch or an app has exported: strokes, or points in time where it has none.
 
     Numbers are the device's own, in SI and radians, oar angles with the catch negative and the finish positive. What is
@@ -69,7 +72,8 @@ def load_export(path: str | PathLike[str], format: str | None = None) -> StrokeT
 
     Args:
         path: of the file.
-        format: one of `EXPORT_FORMATS`, or ``fit`` or ``tcx``; None recognises it by its contents.
+        format: one of `EXPORT_FORMATS`, or ``fit``, ``tcx`` or ``peach``; None recognises it by its contents.
+        seat: whose strokes, of a Peach file with several seats.
 
     Returns:
         A `StrokeTable` with one row a stroke, or an `Activity`. Both have `epoch`, the moment of their 0 s if the file
@@ -88,6 +92,8 @@ def load_export(path: str | PathLike[str], format: str | None = None) -> StrokeT
     if format == "tcx" or (format is None and ROOT in text[:_HEAD]):
         return read_tcx(file)
     found = grids(file, text)
+    if format == "peach" or (format is None and is_peach(text)):
+        return read_peach(_by_tabs(file, found), seat)
     for one in EXPORT_FORMATS.values() if format is None else (EXPORT_FORMATS[format],):
         for grid in found:
             header = grid.header(one.marks)
@@ -111,6 +117,16 @@ def load_stroke_export(path: str | PathLike[str], format: str | None = None) -> 
     return found
 
 
+def _by_tabs(file: Path, found: Sequence[Grid]) -> Grid:
+    """The one of the grids in which sections begin."""
+    for grid in found:
+        if any(row and row[0] == BEGIN and row[1:] for row in grid.cells):
+            return grid
+    raise DataError(
+        f"{file}: has no section that begins with {BEGIN}, so it is no text export of Peach PowerLine"
+    )
+
+
 def _begins_as_fit(file: Path) -> bool:
     try:
         return is_fit(file)
@@ -119,7 +135,7 @@ def _begins_as_fit(file: Path) -> bool:
 
 
 def _unknown(file: Path, text: str, found: Sequence[Grid], format: str | None) -> str:
-    what = what_it_is(text, found)
+    what = what_it_is(found)
     if what:
         return f"{file}: is {what}. Export the strokes as CSV."
     if format is not None:

@@ -6,10 +6,6 @@ from collections.abc import Sequence
 
 from oarlock.rowing.exports.grid import Grid
 
-_BY_BEGIN = (
-    ("=====\tCrew Info", "a text export of Peach PowerLine, which is not read yet"),
-    ("=====\tFile Info", "a text export of Peach PowerLine, which is not read yet"),
-)
 _BY_HEADER = (
     (
         ("Interval", "Type", "Distance(m)", "Stroke", "Split(sec)"),
@@ -21,11 +17,9 @@ _BY_HEADER = (
         "workout and export its CSV",
     ),
 )
-_BEGIN = 4000
 
 
-def what_it_is(text: str, grids: Sequence[Grid]) -> str:
+def what_it_is(grids: Sequence[Grid]) -> str:
     """What a file is that no format reads; "" where it is not known."""
-    found = [what for begin, what in _BY_BEGIN if begin in text[:_BEGIN]]
-    found += [what for marks, what in _BY_HEADER for grid in grids if grid.header(marks) is not None]
+    found = [what for marks, what in _BY_HEADER for grid in grids if grid.header(marks) is not None]
     return found[0] if found else ""

@@ -35,6 +35,7 @@ _OF_THE_STROKE = (
     Wanted("work_j", ("energy_per_stroke",)),
     Wanted("power_w", ("power",)),
 )
+ONSET = "the row's time stamp, taken at the end of the drive, less the drive time: the machine's begin of the drive"
 _END = "the row that closes an interval: length, force and times are 0 in the file"
 
 
@@ -45,7 +46,7 @@ def read(grid: Grid, header: int) -> StrokeTable:
     to the time since the row before. So `recovery_time_s`, which here follows the drive, comes from the next row.
     """
     rows = grid.rows(header)
-    gathered = Gathered(rows)
+    gathered = Gathered(rows, onset=ONSET)
     gathered.read((*_WANTED, *_OF_THE_STROKE))
     gathered.number_from_one("interval")
     closing = (gathered.values("handle_travel_m") == 0.0) & (gathered.values("rate_per_min") == 0.0)

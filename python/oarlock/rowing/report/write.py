@@ -8,8 +8,11 @@ from pathlib import Path
 from oarlock import DataError, Evaluation, Track
 from oarlock.report import Section, write_report
 from oarlock.rowing.analysis.technique import technique
+from oarlock.rowing.exports.activity import Activity
+from oarlock.rowing.report.beside import alongside_sections
 from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.report.sections import sections_of
+from oarlock.rowing.strokes.table import StrokeTable
 
 _ROWER = {"seat", "trunk"}
 
@@ -40,6 +43,7 @@ def write_rowing_report(
     other: Track | None = None,
     names: tuple[str, str] = ("", ""),
     targets: str | PathLike[str] | None = None,
+    export: tuple[StrokeTable | Activity, float | None] | None = None,
 ) -> list[Path]:
     """Write a rower's report, and beside it the strokes as CSV.
 
@@ -52,6 +56,8 @@ def write_rowing_report(
         other: a second piece to compare with.
         names: of the two pieces, for people.
         targets: a boat class of `oarlock.rowing.TARGET_CLASSES` or a file: published targets to draw.
+        export: what another device measured during this piece, for sections on pace, heart rate and force; and the
+            offset of its clock, s, if it is known.
 
     Returns:
         list: the files written, the report first. Without strokes only the report is written, with the reason.
@@ -76,6 +82,8 @@ def write_rowing_report(
         return [write_report(track.with_notes(*empty[0].table.notes), target, evaluation, truth, title)]
     tables = [_beside(target, k) for k in range(len(pieces))]
     sections = sections_of(pieces, [table.name for table in tables])
+    if export is not None:
+        sections[1:1] = alongside_sections(export[0], pieces[0].technique, export[1])
     heading = title or _heading(pieces)
     written = write_report(track, target, evaluation, truth, heading, sections)
     for piece, table in zip(pieces, tables, strict=True):

@@ -39,6 +39,7 @@ class StrokeTable:
         source: what the strokes come from, for people.
         notes: plain sentences on what was missing or odd.
         epoch: the moment of 0 s of its times, as `Recording.epoch`; "" if it is not known.
+        onset: what the device takes as the begin of a stroke, for people; "" if it does not say.
 
     Raises:
         DataError: columns of different lengths, or deviations, reasons or curves that belong to none.
@@ -51,6 +52,7 @@ class StrokeTable:
     source: str = ""
     notes: tuple[str, ...] = ()
     epoch: str = ""
+    onset: str = ""
 
     def __post_init__(self) -> None:
         for name in ("columns", "stds"):
