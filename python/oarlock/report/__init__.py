@@ -5,28 +5,37 @@ A field of application, such as rowing, builds its own sections from these names
 
 from oarlock.report.chart import Series
 from oarlock.report.course import Axis, Mark, Zone, course_chart, plane_chart, row_chart
+from oarlock.report.front import Course, Front, Point, Sourced, named_file, who_and_when
 from oarlock.report.markup import Column
 from oarlock.report.markup import table as plain_table
 from oarlock.report.section import KeyFigure, Section
 from oarlock.report.sortable import sort_script, sortable_table, value_cell
+from oarlock.report.summary_page import write_summary
 from oarlock.report.text import fixed
 from oarlock.report.write import write_report
 
 __all__ = [
     "Axis",
     "Column",
+    "Course",
+    "Front",
     "KeyFigure",
     "Mark",
+    "Point",
     "Section",
     "Series",
+    "Sourced",
     "Zone",
     "course_chart",
     "fixed",
+    "named_file",
     "plain_table",
     "plane_chart",
     "row_chart",
     "sort_script",
     "sortable_table",
     "value_cell",
+    "who_and_when",
     "write_report",
+    "write_summary",
 ]
