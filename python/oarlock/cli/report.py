@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
@@ -170,7 +171,7 @@ def _write_front(track: Track, path: Path, earlier: Earlier, card: bool) -> Path
         return (write_card if card else write_summary)(track, path, title, front)
 
 
-def _refuse_of_others(track: Track, options: dict[str, object]) -> None:
+def _refuse_of_others(track: Track, options: Mapping[str, object]) -> None:
     for flag, asked in options.items():
         if asked is not None:
             raise UsageError(

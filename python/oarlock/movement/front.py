@@ -6,7 +6,7 @@ import numpy as np
 
 from oarlock.movement.cycles import cycle_courses
 from oarlock.movement.movement import Movement
-from oarlock.movement.ranges import BAND_95
+from oarlock.movement.ranges import BAND_95, SideDifference
 from oarlock.movement.words import CYCLE, key_figures, largest, plain, repeats
 from oarlock.report import Course, Front, Point, fixed
 
@@ -36,16 +36,18 @@ def _quiet(movement: Movement) -> str:
 
 def _sides(movement: Movement) -> list[Point]:
     certain = sorted((one for one in movement.sides if one.certain), key=lambda one: -abs(one.difference_deg))
-    return [
-        Point(
-            "Right and left",
-            f"{plain(one.name).capitalize()} has a larger range on the {'right' if one.difference_deg > 0 else 'left'}: "
-            f"{fixed(one.right.range_deg, 0)}° right, {fixed(one.left.range_deg, 0)}° left.",
-            f"{fixed(abs(one.difference_deg), 0)} ± {fixed(BAND_95 * one.std_deg, 0)}°",
-            meaning=SIDES,
-        )
-        for one in certain
-    ]
+    return [_side(one) for one in certain]
+
+
+def _side(one: SideDifference) -> Point:
+    larger = "right" if one.difference_deg > 0 else "left"
+    right, left = (fixed(side.range_deg, 0) for side in (one.right, one.left))
+    return Point(
+        "Right and left",
+        f"{plain(one.name).capitalize()} has a larger range on the {larger}: {right}° right, {left}° left.",
+        f"{fixed(abs(one.difference_deg), 0)} ± {fixed(BAND_95 * one.std_deg, 0)}°",
+        meaning=SIDES,
+    )
 
 
 def _rhythm(movement: Movement) -> list[Point]:

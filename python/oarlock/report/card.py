@@ -26,7 +26,7 @@ INK, SOFT, TILE = "#16202b", "#566270", "#f2f4f7"
 LEVELS = {"good": "#00795a", "care": "#8a5a00", "bad": "#b84a00"}
 STYLES = (("#0072b2", "-"), ("#b84a00", "--"), ("#00795a", "-."), ("#8a3f77", ":"))
 MOST_FIGURES = 4
-LETTERS, TITLE_LETTERS = 72, 44
+LETTERS, TITLE_LETTERS = 80, 44
 """Letters in a line of text and of the title."""
 LEFT, RIGHT, LINE = 0.055, 0.945, 0.03
 """Margins and the height of a line, in parts of the picture."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from oarlock.evaluation.scores import Evaluation, SensorScore
 from oarlock.evaluation.summary import readings
 from oarlock.evaluation.suspects.text import SUSPECT_NOTE
-from oarlock.report.text import fixed, listing, percent
+from oarlock.report.text import fixed, percent
 from oarlock.report.verdict import MISLEADING_COVERAGE, NARROW_COVERAGE, NIS_TOO_LARGE
 from oarlock.tracking.track import Track
 
@@ -66,9 +66,12 @@ def _worst(track: Track, evaluation: Evaluation | None) -> list[str]:
 
 def _reasons(track: Track, evaluation: Evaluation | None, sensors: Sequence[SensorScore]) -> list[str]:
     found = []
-    loud = [f"{s.name} ({fixed(s.nis, 1)})" for s in sensors if s.nis > NIS_TOO_LARGE]
+    loud = sorted((s for s in sensors if s.nis > NIS_TOO_LARGE), key=lambda s: -s.nis)
     if loud:
-        found.append(f"sensors disagree with the model: {listing(loud)}.")
+        found.append(
+            f"{len(loud)} of {len(sensors)} sensors disagree with the model, most {loud[0].name} "
+            f"(NIS {fixed(loud[0].nis, 1)}; 1 is expected)."
+        )
     if track.provenance.get("nominal_mounts"):
         found.append("the sensors were not calibrated; angles can be off by several degrees.")
     share = evaluation.mean_coverage() if evaluation else math.nan

@@ -8,9 +8,9 @@ from html import escape
 
 import numpy as np
 
-from oarlock.report import Course, Front, KeyFigure, Point, Sourced, fixed, plain_table
+from oarlock.report import Course, Front, Point, Sourced, fixed, plain_table
 from oarlock.rowing.analysis.features import FEATURES
-from oarlock.rowing.findings.find import compares_sides, findings
+from oarlock.rowing.findings.find import compares_sides, findings, least
 from oarlock.rowing.findings.finding import Finding
 from oarlock.rowing.report import words
 from oarlock.rowing.report.averages import SIGMAS_95, Average, difference, feature_of
@@ -109,8 +109,8 @@ def _compared(piece: Piece, last: Piece | None, best: Piece | None) -> str:
         ]
         for name in names
     ]
-    heads = ["", "now", *(f"against {name}" for name, _ in earlier)]
-    caption = f"Change since then, {PLUS_MINUS} its 95 % interval. Grey: within the interval, so no change is shown."
+    heads = ["number", "now", *(f"since {name}" for name, _ in earlier)]
+    caption = f"Change since then, {PLUS_MINUS} its 95 % interval. Grey: within it, or too small to matter."
     table = plain_table("compared-earlier", caption, heads, rows)
     return f"<p>{_which(earlier)}</p>{table}{_rate_hint(piece, earlier)}"
 
@@ -127,7 +127,8 @@ def _cell(now: Average, then: Average | None) -> str:
     text = (
         f"{shown(change.feature, change.value, signed=True)} {PLUS_MINUS} {half}{joined_unit(change.feature)}"
     )
-    return f"<b>{escape(text)}</b>" if change.beyond else f'<span class="mark">{escape(text)}</span>'
+    clear = change.beyond and abs(change.value) > least(change.feature)
+    return f"<b>{escape(text)}</b>" if clear else f'<span class="mark">{escape(text)}</span>'
 
 
 def _rate_hint(piece: Piece, earlier: Sequence[tuple[str, Piece]]) -> str:
@@ -145,10 +146,10 @@ def _change(piece: Piece, earlier: Piece, name: str) -> str:
         now, then = piece.averages.get(key), earlier.averages.get(key)
         if now is not None and then is not None and now.known and then.known:
             between = difference(now, then)
-            if between.beyond:
+            if between.beyond and abs(between.value) > least(between.feature):
                 changes.append((abs(between.value) / between.uncertainty, now, between))
     if not changes:
-        return f"Against {name}: no change beyond the uncertainty."
+        return f"Against {name}: no change beyond its uncertainty."
     _, now, between = max(changes, key=lambda one: one[0])
     return f"Against {name}: {now.feature.label} {with_unit(between.feature, between.value, signed=True)}."
 

@@ -151,8 +151,9 @@ def _numbers(pieces: Sequence[Piece], zones: dict[str, Zone]) -> str:
     for k, piece in enumerate(pieces):
         sided = {f"{side}_{name}" for side in "rl" for name in piece.sides}
         found = [one for name, one in piece.averages.items() if name not in sided]
+        whose = f"{piece.name}. " if piece.name else ""
         caption = (
-            f"Means over the strokes. {PLUS_MINUS}: standard deviation of the mean; SD: "
+            f"{whose}Means over the strokes. {PLUS_MINUS}: standard deviation of the mean; SD: "
             "standard deviation between strokes. Numbers of both sides are in the section Right and left."
         )
         parts.append(_heading(piece) + averages_table(f"numbers-{k}", caption, found, published))
