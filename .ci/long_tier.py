@@ -40,6 +40,7 @@ USUAL_S = {
     "test_exact_recordings": 50.0,
     "test_faults": 5.0,
     "test_field_simulator": 5.0,
+    "test_findings_planted": 420.0,
     "test_folders_killed": 1500.0,
     "test_found_calibration": 20.0,
     "test_hull": 5.0,

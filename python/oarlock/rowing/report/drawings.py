@@ -9,7 +9,7 @@ import numpy as np
 
 from oarlock.report import Axis, Mark, Series, Zone, course_chart, plane_chart, row_chart
 from oarlock.rowing.analysis.features import Feature
-from oarlock.rowing.findings.find import LEAST
+from oarlock.rowing.findings.watched import LEAST
 from oarlock.rowing.report.averages import SIGMAS_95, feature_of
 from oarlock.rowing.report.phase import mean_and_sd
 from oarlock.rowing.report.piece import Piece

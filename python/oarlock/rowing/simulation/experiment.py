@@ -15,6 +15,7 @@ from oarlock.rowing.simulation.hull import HULL_JOINTS, HullRotation, on_hull, t
 from oarlock.rowing.simulation.motion import Piece, row_piece
 from oarlock.rowing.simulation.noise import SimulatedCondition, condition_named
 from oarlock.rowing.simulation.pitch import HullForm, hull_pitch
+from oarlock.rowing.simulation.stroke_shape import StrokeShape
 from oarlock.rowing.simulation.sweep import PAIR_HULL, PAIR_SEAT, sweep_piece
 from oarlock.simulation.motion import Motion
 
@@ -34,6 +35,8 @@ def simulate_sculling(
     *,
     hull_rotation: HullRotation | None = None,
     pitching: bool = False,
+    shape: StrokeShape | None = None,
+    last_third: StrokeShape | None = None,
 ) -> tuple[Track, Recording]:
     """Truth and recording of a simulated sculler.
 
@@ -48,13 +51,23 @@ def simulate_sculling(
         seed: of the stroke-to-stroke variation, of the hull's rotation and of the sensors' noise.
         hull_rotation: prescribed rotation of the hull; None leaves it level.
         pitching: the hull pitches under the rower's weight, beside what is prescribed; it must surge for that.
+        shape: of the strokes, as of :func:`row_piece`.
+        last_third: as of :func:`row_piece`.
 
     Raises:
         ValueError: an unknown condition, or a boat that is to pitch and to stand still.
         DataError: the model cannot row so.
     """
     chosen = _condition(condition, pitching)
-    row = partial(row_piece, duration_s=duration_s, rate_spm=rate_spm, surge=chosen.boat_surge, seed=seed)
+    row = partial(
+        row_piece,
+        duration_s=duration_s,
+        rate_spm=rate_spm,
+        shape=shape,
+        last_third=last_third,
+        surge=chosen.boat_surge,
+        seed=seed,
+    )
     return _recorded(model, row, chosen, seed, _Hull(hull_rotation, pitching, HullForm(), Boat()))
 
 

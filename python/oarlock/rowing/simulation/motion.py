@@ -55,6 +55,7 @@ def row_piece(
     *,
     drive_ratio: float | None = None,
     shape: StrokeShape | None = None,
+    last_third: StrokeShape | None = None,
     variation: float = 1.0,
     boat: Boat | None = None,
     surge: bool = True,
@@ -69,7 +70,9 @@ def row_piece(
         duration_s: length, s.
         rate_spm: strokes per minute; (20, 34) goes evenly from 20 to 34.
         drive_ratio: drive over cycle; None: 0.36 at 20 spm to 0.45 at 34.
-        shape: seat travel, lean, oar angles and asymmetry; None: a good sculler's.
+        shape: seat travel, lean, oar angles, asymmetry and timing; None: a good sculler's.
+        last_third: seat travel, lean and oar angles in the last third of the piece, of a rower who tires; None: as
+            before.
         variation: 1 = the stroke-to-stroke variation of a good sculler, 0 = every stroke the same.
         boat: masses, drag and speed; None: a single scull.
         surge: False leaves the boat in uniform motion (``base_acceleration_m_s2`` is None).
@@ -84,7 +87,7 @@ def row_piece(
     time = knots(duration_s, start_s, knots_hz, variation)
     streams = np.random.default_rng(seed).spawn(3)
     timing = stroke_timing(time, rate_spm, drive_ratio, variation, streams[0])
-    fixed = body_and_oars(shape, timing, variation, streams[1])
+    fixed = body_and_oars(shape, timing, variation, streams[1], last_third)
     preferred = preferred_arms(timing, shape.asymmetry, variation, streams[2])
     check_joints(model, fixed, "sculling")
     holding = Holding(GripSolver(model, WEIGHTS), timing, "sculling", _SIDE_NAMES, _WHAT_TO_TRY)

@@ -1,0 +1,80 @@
+"""`Rowed`: the counted strokes of a piece with their deviations, as findings compare them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from oarlock.rowing.analysis.targets import Target
+from oarlock.rowing.report.piece import Piece
+
+Floats = NDArray[np.float64]
+
+FEWEST_STROKES = 6
+"""Smallest number of strokes of one number for anything but a difference of sides."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rowed:
+    """Counted strokes of one piece, (N,) each, SI and radians.
+
+    Attributes:
+        kind: "sculling", "sweep" or "ergometer".
+        columns: numbers by name; NaN where unknown.
+        stds: standard deviations of single strokes by the same names; errors of mounts and lengths are the same in all.
+        numbers: of the strokes in the piece, the first is 1.
+        targets: by column; empty if none were chosen.
+        source: signal from which the strokes were found.
+    """
+
+    kind: str
+    columns: Mapping[str, Floats]
+    stds: Mapping[str, Floats]
+    numbers: Floats
+    targets: Mapping[str, Target]
+    source: str
+
+    @classmethod
+    def of(cls, piece: Piece) -> Rowed:
+        """Of a piece."""
+        counted, table = piece.counted, piece.table
+        return cls(
+            rowing_kind(piece),
+            {name: table[name][counted] for name in table.columns},
+            {name: table.std(name)[counted] for name in table.columns},
+            np.asarray(np.flatnonzero(counted) + 1, dtype=np.float64),
+            piece.technique.targets,
+            piece.technique.found.source,
+        )
+
+    def good(self, name: str) -> NDArray[np.bool_]:
+        """Strokes that have this number and a rate, (N,)."""
+        known = np.isfinite(self.columns["rate_per_min"])
+        return known & np.isfinite(self.columns[name]) if name in self.columns else np.zeros_like(known)
+
+    @property
+    def rate_per_min(self) -> float:
+        """Usual stroke rate; NaN if unknown."""
+        rates = self.columns["rate_per_min"][self.good("rate_per_min")]
+        return float(np.median(rates)) if len(rates) else float("nan")
+
+    def shared_std(self, name: str) -> float:
+        """Uncertainty that all strokes share, which averaging does not reduce; 0 if unknown."""
+        stds = self.stds[name][self.good(name)]
+        stds = stds[np.isfinite(stds)]
+        return float(np.sqrt(np.mean(stds**2))) if len(stds) else 0.0
+
+    def comparable(self, other: Rowed) -> bool:
+        """Whether numbers of both mean the same: the same boat kind, strokes found in the same signal."""
+        return self.kind == other.kind and self.source == other.source
+
+
+def rowing_kind(piece: Piece) -> str:
+    """Sculling, sweep or ergometer, from the joints of the model."""
+    joints = piece.track.joint_names
+    if "handle" in joints:
+        return "ergometer"
+    return "sweep" if "oar_phi" in joints else "sculling"

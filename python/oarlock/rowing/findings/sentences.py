@@ -1,0 +1,80 @@
+"""Sentences of findings, with sizes, for people."""
+
+from __future__ import annotations
+
+from oarlock.report import fixed
+from oarlock.rowing.findings.candidate import Candidate
+from oarlock.rowing.findings.causes import Cause
+from oarlock.rowing.findings.finding import Finding
+from oarlock.rowing.report.shown import joined_unit, places
+
+_MOST_FOLLOWED = 2
+_THAN = {"against last": "than last time", "against best": "than in your best piece"}
+
+
+def finding(cause: Cause, kind_of_boat: str) -> Finding:
+    """The finding of a cause."""
+    lead = cause.lead
+    watched = lead.watched
+    usual, tries = watched.usual_of(kind_of_boat), watched.to_try(lead.size)
+    return Finding(
+        name=watched.name,
+        kind=lead.kind,
+        sentence=sentence(cause),
+        size=lead.size,
+        size_1sd=lead.sd,
+        unit=watched.feature.shown_unit,
+        usual=usual.text,
+        usual_source=usual.source,
+        why=watched.why.text,
+        why_source=watched.why.source,
+        advice="" if lead.stroke else tries.text,
+        advice_source="" if lead.stroke else tries.source,
+        weight=cause.weight,
+    )
+
+
+def sentence(cause: Cause) -> str:
+    """What was found, with sizes."""
+    lead = cause.lead
+    if lead.kind == "sides":
+        late, early = ("right", "left") if lead.size > 0.0 else ("left", "right")
+        return lead.watched.sides.format(later=late, earlier=early, size=_size(lead))
+    if lead.kind == "odd stroke":
+        before = _value(lead, lead.now - lead.size)
+        return (
+            f"Stroke {lead.stroke} is unusual: {lead.watched.feature.label} {_value(lead, lead.now)}; "
+            f"the strokes around it suggest {before}."
+        )
+    if lead.kind == "against usual":
+        whose = f" ({lead.limit_source})" if lead.limit_source else ""
+        return f"{_capital(_changed(lead))} than the usual {_value(lead, lead.limit)}{whose}: {_value(lead, lead.now)}."
+    start = f"In the last third {_changed(lead)} than before" if lead.kind == "drift" else ""
+    start = start or f"{_capital(_changed(lead))} {_THAN[lead.kind]}"
+    like = " at like stroke rate" if lead.like_rate else ""
+    values = f"{_value(lead, lead.now)} instead of {_value(lead, lead.now - lead.size)}{like}"
+    return f"{start}: {values}.{_followed(cause)}"
+
+
+def _followed(cause: Cause) -> str:
+    largest = sorted((*cause.followed, *cause.beside), key=lambda one: -one.weight)[:_MOST_FOLLOWED]
+    told = " and ".join(_changed(one) for one in largest)
+    return f" With it {told}." if told else ""
+
+
+def _changed(one: Candidate) -> str:
+    word = one.watched.grew if one.size > 0.0 else one.watched.fell
+    return f"{one.watched.subject} is {_size(one)} {word}"
+
+
+def _size(one: Candidate) -> str:
+    return f"{fixed(abs(one.size), places(one.watched.feature))}{joined_unit(one.watched.feature)}"
+
+
+def _value(one: Candidate, value: float) -> str:
+    sign = -1.0 if one.watched.flipped else 1.0
+    return f"{fixed(sign * value, places(one.watched.feature))}{joined_unit(one.watched.feature)}"
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
