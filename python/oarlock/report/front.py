@@ -108,12 +108,13 @@ def named_file(provenance: Mapping[str, object], ending: str) -> str:
 def front_markup(
     front: Front,
     trust: Trust,
+    warnings: Sequence[str] = (),
     sentences: Sequence[str] = (),
     others: Sequence[KeyFigure] = (),
     anchor: str = "measured",
 ) -> str:
-    """The header's content below its title: belief, sentences (markup), figures, points, comparison."""
-    told = [escape(front.did), *sentences] if front.did else list(sentences)
+    """The header's content below its title: belief, `warnings` and `sentences` (markup), figures, and so on."""
+    told = [*warnings, *([escape(front.did)] if front.did else []), *sentences]
     return rendered(
         "front",
         trust=trust,

@@ -49,7 +49,7 @@ def render(
     heading, rest = heading_of(track, title)
     anchor = "measured-in" if handed else "measured"
     suspects = verdict.suspect_sentences(track.notes)
-    lead = rest + front_markup(front or Front(), belief, [*suspects, *sentences], figures, anchor)
+    lead = rest + front_markup(front or Front(), belief, suspects, sentences, figures, anchor)
     # The drawings of a field of application are more useful than the curves of all joints.
     folded = [key for key, _, _ in own if key in FOLDED or (handed and key == "curves")]
     measured = rendered(

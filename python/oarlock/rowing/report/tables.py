@@ -203,8 +203,8 @@ def sides_table(key: str, piece: Piece) -> str:
     ]
     caption = (
         f"{_whose(piece)}Means over the strokes; small: SD between strokes. {PLUS_MINUS}: one standard "
-        "deviation of the difference; exceeds both uncertainties: statistically significant (95 %). The rower faces the "
-        "stern: the right hand holds the port oar, the left hand the starboard oar."
+        "deviation of the difference; exceeds both uncertainties: statistically significant (95 %). The "
+        "rower faces the stern: the right hand holds the port oar, the left hand the starboard oar."
     )
     if piece.track.provenance.get("nominal_mounts"):
         caption += (
