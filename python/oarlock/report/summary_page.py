@@ -14,7 +14,8 @@ from oarlock.storage.write_file import write_file
 from oarlock.tracking.track import Track
 
 MOST_FIGURES = 6
-MOST_DRAWINGS = 2
+DRAWINGS, DRAWINGS_ALONE = 2, 4
+"""Drawings that fit on the sheet below findings, and without them."""
 
 
 def write_summary(track: Track, path: Path, title: str | None, front: Front) -> Path:
@@ -48,7 +49,7 @@ def write_summary(track: Track, path: Path, title: str | None, front: Front) -> 
             points=list(front.points)[:MOST_POINTS],
             quiet=front.quiet,
             changes=front.changes,
-            drawings=[drawing for drawing in front.drawings if drawing][:MOST_DRAWINGS],
+            drawings=list(front.drawings)[: DRAWINGS if front.points else DRAWINGS_ALONE],
         ),
     )
     return path

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from html import escape
 
 import numpy as np
@@ -14,7 +13,7 @@ from oarlock.rowing.findings.find import compares_sides, findings, least
 from oarlock.rowing.findings.finding import Finding
 from oarlock.rowing.report import words
 from oarlock.rowing.report.averages import SIGMAS_95, Average, difference, feature_of
-from oarlock.rowing.report.drawings import SPEEDS, speeds
+from oarlock.rowing.report.drawings import SPEEDS, curve_drawings, speeds
 from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.report.shown import DECIMALS, PLUS_MINUS, joined_unit, shown, spread, with_unit
 from oarlock.rowing.report.tables import link
@@ -51,7 +50,7 @@ def front_of(piece: Piece, last: Piece | None = None, best: Piece | None = None)
         figures=words.key_figures(piece),
         compared=_compared(piece, last, best),
         changes=[text for name, one in _earlier(last, best) for text in [_change(piece, one, name)] if text],
-        drawings=speeds([replace(piece, name="")]),
+        drawings=[*speeds([piece]), *curve_drawings([piece])],
         course=_course(piece),
     )
 
