@@ -280,6 +280,8 @@ def test_arguments_out_of_range_are_refused(arguments, words):
 
 def test_shape_and_boat_refuse_nonsense():
     assert_refused(lambda: StrokeShape(lean_rad=(0.4, -0.4)), "lean_rad")
+    assert_refused(lambda: StrokeShape(late_catch_s=(0.5, 0.0)), "late_catch_s")
+    assert_refused(lambda: StrokeShape(early_back=-0.1), "early_back")
     assert_refused(lambda: Boat(drag_kg_m=0.0), "drag_kg_m")
 
 

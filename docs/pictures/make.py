@@ -78,7 +78,9 @@ def take(report: Path) -> Iterator[Path]:
     with chromium() as browser:
         page = opened(browser, report, WIDE)
         for name, part in PARTS.items():
-            page.evaluate("part => document.querySelectorAll(`${part} details`).forEach(d => (d.open = true))", part)
+            page.evaluate(
+                "part => document.querySelectorAll(`${part} details`).forEach(d => (d.open = true))", part
+            )
             page.locator(part).screenshot(path=HERE / name)
             yield HERE / name
         page.evaluate("document.querySelectorAll('#measured details').forEach(d => (d.open = true))")

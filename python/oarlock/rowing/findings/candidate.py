@@ -13,8 +13,8 @@ from oarlock.rowing.findings.watched import WATCHED, Watched
 
 _WANDER = 0.25
 """Share of a stroke's standard deviation by which the last third may be off against the strokes before it. The rest is
-the same in all strokes. Measured on ten tracks of the field simulator (seeds 201 to 205, wild and careful, nothing
-calibrated): root mean square 0.05 to 0.12 for lean, seat and oars, 0.3 for elbows."""
+the same in all strokes. Measured on 14 tracks of the field simulator (seeds 201 to 205, wild and careful, nothing
+calibrated): root mean square 0.04 to 0.13 for lean, seat and oars, 0.3 for arms."""
 _ALIKE = 2.3
 """Variance of a mean of strokes of which neighbours correlate by 0.4, relative to independent ones."""
 _RATES_APART = 6.0

@@ -9,7 +9,7 @@ from oarlock.rowing.findings.candidate import Candidate
 
 _COMPARED = ("against last", "against best")
 _EXPLAINED = 0.65
-"""A difference is explained if this share of it follows from its cause, or all but the smallest size."""
+"""A difference is explained if this share of it follows from its cause, or all but half of the smallest size."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def _follows(lead: Candidate, one: Candidate) -> bool:
         return False
     share = gain * lead.size / one.size
     # More than the whole: the rest is made up for elsewhere.
-    return share > _EXPLAINED or (share > 0.0 and abs(one.size - gain * lead.size) < one.watched.least)
+    return share > _EXPLAINED or (share > 0.0 and abs(one.size - gain * lead.size) < 0.5 * one.watched.least)
 
 
 def _goes_with(lead: Candidate, one: Candidate) -> bool:

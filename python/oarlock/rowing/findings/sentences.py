@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from oarlock.report import fixed
 from oarlock.rowing.findings.candidate import Candidate
 from oarlock.rowing.findings.causes import Cause
 from oarlock.rowing.findings.finding import Finding
-from oarlock.rowing.report.shown import joined_unit, places
+from oarlock.rowing.report.shown import with_unit
 
 _MOST_FOLLOWED = 2
 _THAN = {"against last": "than last time", "against best": "than in your best piece"}
@@ -57,9 +56,11 @@ def sentence(cause: Cause) -> str:
 
 
 def _followed(cause: Cause) -> str:
-    largest = sorted((*cause.followed, *cause.beside), key=lambda one: -one.weight)[:_MOST_FOLLOWED]
-    told = " and ".join(_changed(one) for one in largest)
-    return f" With it {told}." if told else ""
+    for start, ones in ((" With it", cause.followed), (" Besides,", cause.beside)):
+        largest = sorted(ones, key=lambda one: -one.weight)[:_MOST_FOLLOWED]
+        if largest:
+            return f"{start} {' and '.join(_changed(one) for one in largest)}."
+    return ""
 
 
 def _changed(one: Candidate) -> str:
@@ -68,12 +69,13 @@ def _changed(one: Candidate) -> str:
 
 
 def _size(one: Candidate) -> str:
-    return f"{fixed(abs(one.size), places(one.watched.feature))}{joined_unit(one.watched.feature)}"
+    feature = one.watched.feature
+    return with_unit(feature, abs(one.size) / feature.shown_scale)
 
 
 def _value(one: Candidate, value: float) -> str:
-    sign = -1.0 if one.watched.flipped else 1.0
-    return f"{fixed(sign * value, places(one.watched.feature))}{joined_unit(one.watched.feature)}"
+    feature, sign = one.watched.feature, -1.0 if one.watched.flipped else 1.0
+    return with_unit(feature, sign * value / feature.shown_scale)
 
 
 def _capital(text: str) -> str:
