@@ -175,9 +175,9 @@ def test_a_key_figure_says_what_it_means_when_pressed(opened):
 
 def test_how_it_was_measured_is_folded_and_one_link_away(opened):
     tab = opened()
-    assert not tab.locator("#health").is_visible()
+    assert not tab.locator("#notes").is_visible()
     tab.locator(".trust a").click()
-    tab.locator("#health").wait_for(state="visible")
+    tab.locator("#notes").wait_for(state="visible")
 
 
 @pytest.mark.parametrize(("width", "scheme"), [(1280, "dark"), (390, "light")])
