@@ -47,7 +47,7 @@ USUAL_S = {
     "test_instructions": 150.0,
     "test_magnetometer_trust": 130.0,
     "test_motion_calibration": 120.0,
-    "test_report_browser": 50.0,
+    "test_report_browser": 60.0,
     "test_release_built": 500.0,
     "test_reproduce": 20.0,
     "test_strokes": 15.0,

@@ -150,7 +150,9 @@ def test_angles_are_those_of_observed_joints(reaches):
 def test_the_report_begins_with_the_movement(reaches, tmp_path):
     page, table = write_movement_report(reaches, tmp_path / "report.html")
     text = page.read_text(encoding="utf-8")
-    order = [text.index(f'id="{key}"') for key in ("ranges", "moving", "cycles", "notes", "provenance")]
+    order = [
+        text.index(f'id="{key}"') for key in ("moving", "ranges", "cycles", "measured", "notes", "provenance")
+    ]
     assert order == sorted(order)
     assert "cycles of 2.00 s" in text
     rows = list(csv.DictReader(table.read_text(encoding="utf-8").splitlines()))

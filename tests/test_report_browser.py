@@ -1,6 +1,8 @@
 """A rower's report in headless Chromium, without a network: nothing complains, tables sort, figure and curves agree."""
 
+import re
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -10,8 +12,9 @@ import pytest
 
 import oarlock
 from headless_chromium import Opened, chromium, quiet_tabs
+from oarlock.report import Point, Sourced, write_summary
 from oarlock.rowing.analysis.technique import technique
-from oarlock.rowing.report.write import write_rowing_report
+from oarlock.rowing.report.write import rowing_front, write_rowing_report
 from rowed_truth import rowed
 
 pytestmark = pytest.mark.long
@@ -21,6 +24,8 @@ EXPECTED = ("GPU stall",)
 """Software WebGL says how slowly it reads pixels back."""
 PIXEL_S = 0.06
 """A pixel of a panel is a hundredth of a second or three."""
+PHONE_PX = 6000
+"""A page is no longer on a telephone before anything is unfolded."""
 SIDEWAYS_PX = 1
 """The page itself never scrolls sideways; its tables may."""
 
@@ -49,6 +54,11 @@ def opened(browser: Any, report: Path) -> Iterator[Opened]:
         yield partial(open_, report)
 
 
+def unfold(tab: Any, section: str) -> None:
+    tab.locator(f"nav a[href='#{section}-in']").click()
+    tab.locator(f"#{section}-in").wait_for(state="visible")
+
+
 def column(tab: Any, table: str, number: int) -> list[float]:
     cells = tab.locator(f"#{table} tbody tr > :nth-child({number}) data")
     return [float(cell.get_attribute("value")) for cell in cells.all()]
@@ -56,6 +66,7 @@ def column(tab: Any, table: str, number: int) -> list[float]:
 
 def test_a_click_and_a_key_sort_the_strokes(opened, track):
     tab = opened()
+    unfold(tab, "strokes")
     head = tab.locator("#strokes-table thead th").nth(2)
     count = len(technique(track).strokes)
     before = column(tab, "strokes-table", 1)
@@ -79,6 +90,7 @@ def test_a_click_and_a_key_sort_the_strokes(opened, track):
 def test_a_strokes_number_repeats_it_and_figure_and_curves_go_together(opened, track):
     tab = opened()
     tab.wait_for_function("window.oarlock.players.length == 1")
+    unfold(tab, "strokes")
     tab.locator('#strokes-table a[data-stroke="stroke 3"]').click()
     start_s = float(technique(track).strokes["catch_time_s"][2])
     assert tab.evaluate("oarlock.players[0].time_s") == pytest.approx(start_s, abs=PIXEL_S)
@@ -122,6 +134,7 @@ def test_a_name_leads_to_its_meaning_which_is_folded_away_until_then(opened, scr
     tab = opened(java_script_enabled=scripts)
     folded = tab.locator("#meanings > details")
     assert folded.get_attribute("open") is None
+    tab.locator("nav a[href='#numbers-in']").click()
     name = tab.locator("#numbers a.term").first
     meaning = tab.locator(f"#defined-table tr:has([id='{name.get_attribute('href')[1:]}'])")
     assert not meaning.is_visible()
@@ -142,3 +155,52 @@ def test_without_script_the_tables_are_all_there(opened, track):
     assert tab.locator("#strokes-table tbody tr").count() == len(technique(track).strokes)
     assert tab.locator("#strokes-table thead button").count() == 0
     assert tab.locator("#compared-pieces-table tbody tr").count() > 10
+
+
+def test_the_page_is_short_on_a_telephone_until_it_is_unfolded(opened):
+    assert opened(390).evaluate("document.documentElement.scrollHeight") < PHONE_PX
+
+
+def test_a_key_figure_says_what_it_means_when_pressed(opened):
+    tab = opened(390, java_script_enabled=False)
+    name = tab.locator(".figures button.say").first
+    meaning = tab.locator(f"[id='{name.get_attribute('popovertarget')}']")
+    assert not meaning.is_visible()
+    name.focus()
+    tab.keyboard.press("Enter")
+    meaning.wait_for(state="visible")
+    tab.keyboard.press("Escape")
+    meaning.wait_for(state="hidden")
+
+
+def test_how_it_was_measured_is_folded_and_one_link_away(opened):
+    tab = opened()
+    assert not tab.locator("#notes").is_visible()
+    tab.locator(".trust a").click()
+    tab.locator("#notes").wait_for(state="visible")
+
+
+@pytest.mark.parametrize(("width", "scheme"), [(1280, "dark"), (390, "light")])
+def test_axe_finds_no_serious_violation(opened, width, scheme):
+    axe = pytest.importorskip(
+        "axe_playwright_python.sync_playwright", reason="pip install axe-playwright-python"
+    )
+    tab = opened(width, color_scheme=scheme)
+    for unfolded in ("false", "true"):
+        tab.evaluate(f"document.querySelectorAll('details').forEach(part => {{ part.open = {unfolded}; }})")
+        violations = axe.Axe().run(tab).response["violations"]
+        assert [v["id"] for v in violations if v["impact"] in ("serious", "critical")] == []
+
+
+def test_the_sheet_is_one_page_of_a4(browser, track, tmp_path):
+    long = [Sourced("Why. " * 20, "A 2020")] * 3
+    point = Point("Right and left", "The right hand is late. " * 4, "+30 ± 6 ms", *long)
+    title, front = rowing_front(track)
+    for name, points in (("own", front.points), ("full", [point] * 5)):
+        sheet = write_summary(track, tmp_path / f"{name}.html", title, replace(front, points=points))
+        with quiet_tabs(browser, EXPECTED) as open_:
+            tab = open_(sheet)
+            pdf = tab.pdf(prefer_css_page_size=True, print_background=True)
+            foot, sheet_box = (tab.locator(part).bounding_box() for part in ("footer", "main"))
+            assert foot["y"] + foot["height"] <= sheet_box["y"] + sheet_box["height"]
+        assert len(re.findall(rb"/Type\s*/Page\b", pdf)) == 1

@@ -22,8 +22,8 @@ from oarlock.rowing.analysis.stroke_means import FeatureMean
 from oarlock.rowing.analysis.technique import Technique, technique
 from oarlock.rowing.findings.find import findings
 from oarlock.rowing.report.averages import Average, beyond, difference, feature_of
+from oarlock.rowing.report.front import front_of
 from oarlock.rowing.report.piece import Piece
-from oarlock.rowing.report.words import summary
 from oarlock.rowing.report.write import is_of_rower, rowing_sections, write_rowing_report
 from oarlock.rowing.simulation.experiment import simulate_sweep
 from oarlock.storage.errors import DataError
@@ -86,7 +86,7 @@ def test_summary_says_strokes_rate_and_length_first(page):
     lead = page.text[: page.text.index("joints of the model")]
     assert re.search(r"1[567] strokes in 40 s at 2[34]\.\d/min", lead)
     assert re.search(r"sweeps 10\d\.\d°, from −\d\d\.\d° at the catch to \+\d\d\.\d° at the finish", lead)
-    assert "Notable:" in lead
+    assert "What stands out" in lead
 
 
 def test_faults_of_sensors_come_before_the_strokes_and_without_a_class_there_is_no_target(other, tmp_path):
@@ -172,11 +172,12 @@ def test_two_pieces_stand_beside_each_other(compared):
 
 
 def test_a_piece_beside_itself_differs_in_nothing_but_its_name(other):
-    same = rowing_sections(other, other, names=("out", "out"))[0]
-    assert same.key == "compared-pieces"
+    sections = rowing_sections(other, other, names=("out", "out"))
+    same = next(section for section in sections if section.key == "compared-pieces")
     assert "<b>yes</b>" not in same.markup
-    assert "none is large enough to be relevant" in same.sentences[0]
-    assert "out (first)" in same.sentences[0] and "out (second)" in same.sentences[0]
+    told = sections[0].sentences[0]
+    assert "none is large enough to be relevant" in told
+    assert "out (first)" in told and "out (second)" in told
 
 
 def test_a_track_without_strokes_says_so_and_is_reported(track, tmp_path):
@@ -228,7 +229,7 @@ def test_hands_on_one_oar_are_not_set_against_each_other():
     piece = Piece("", swept, technique(swept))
     assert piece.sides
     assert not {finding.name for finding in findings(piece)} & set(piece.sides)
-    assert "Right and left" not in " ".join(summary(piece))
+    assert "Right and left" not in front_of(piece).quiet
 
 
 def test_an_odd_stroke_and_a_drift_are_found(track, found):

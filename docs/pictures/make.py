@@ -78,9 +78,12 @@ def take(report: Path) -> Iterator[Path]:
     with chromium() as browser:
         page = opened(browser, report, WIDE)
         for name, part in PARTS.items():
+            page.evaluate(
+                "part => document.querySelectorAll(`${part} details`).forEach(d => (d.open = true))", part
+            )
             page.locator(part).screenshot(path=HERE / name)
             yield HERE / name
-        page.evaluate("document.querySelector('#curves details').open = true")
+        page.evaluate("document.querySelectorAll('#measured details').forEach(d => (d.open = true))")
         page.evaluate("window.scrollTo(0, 0)")
         clip = {**page.locator("#curves").bounding_box(), "height": CURVES_PX}
         page.screenshot(path=HERE / "demo.png", full_page=True, clip=clip)

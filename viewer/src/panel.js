@@ -161,7 +161,7 @@ export class Panel {
       return [series, `${number}${band}`];
     });
     this.values.replaceChildren(
-      ...worded.map(([series, words]) => element("span", { style: `color:${this.colour(this.colours, series)}`, text: this.series.length > 1 ? `${series.label} ${words}` : words })),
+      ...worded.map(([series, words]) => element("span", { style: `--op-curve:${this.colour(this.colours, series)}`, text: this.series.length > 1 ? `${series.label} ${words}` : words })),
     );
   }
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
@@ -37,7 +38,10 @@ def add_to(app: typer.Typer) -> None:
             "oarlock report out --truth trial/truth",
             "oarlock report after --compare before",
             "oarlock report out --with rp3.csv",
+            "oarlock report out --last monday --best record",
             "oarlock report out --to a.html",
+            "oarlock report out --summary",
+            "oarlock report out --card --to pictures",
         ),
     )(report)
 
@@ -82,41 +86,120 @@ def report(
             help="With --with: what to add to the export's times, if intervals between strokes cannot tell.",
         ),
     ] = None,
+    last: Annotated[
+        Path | None,
+        typer.Option(
+            "--last", metavar="TRACK", help="Rowing: the athlete's piece before, to show the change."
+        ),
+    ] = None,
+    best: Annotated[
+        Path | None, typer.Option("--best", metavar="TRACK", help="Rowing: the athlete's own best piece.")
+    ] = None,
+    summary: Annotated[
+        bool, typer.Option("--summary", help="Write only a page of one A4 sheet, to print or save as PDF.")
+    ] = False,
+    card: Annotated[
+        bool, typer.Option("--card", help="Write only a picture for a chat, PNG; needs oarlock[plot].")
+    ] = False,
     to: Annotated[
-        Path | None, typer.Option("--to", metavar="FILE", help="The file to write; else TRACK/report.html.")
+        Path | None,
+        typer.Option(
+            "--to",
+            metavar="FILE|FOLDER",
+            help="The file to write, or a folder: the file is then named by athlete and date. "
+            "Else TRACK/report.html.",
+        ),
     ] = None,
     force: Replace = False,
     json_output: Json = False,
 ) -> None:
-    """Write report.html: one file that works offline, with a summary, curves and sensor health.
+    """Write report.html: one file that works offline, with findings, curves and sensor health.
 
-    The report of a rower begins with the strokes: a summary, a player, curves, paths of the hands, left and right. It
+    The report of a rower begins with the strokes: what stands out, the change against earlier pieces, a player. It
     writes strokes.csv beside the page. The section "What each number means" and docs/report.md define each number
     with its unit, sign and source.
     """
     from oarlock import load_track
+    from oarlock.recording.session_info import session_info, session_text
     from oarlock.rowing import load_export
     from oarlock.storage.added_files import added_files
 
     if offset is not None and beside is None:
         raise UsageError("--offset needs --with FILE: it is the offset of that export's clock")
-    page = to or out / "report.html"
-    page = page / "report.html" if page.is_dir() else page
+    if summary and card:
+        raise UsageError("--summary and --card: give one of them")
+    track = load_track(out)
+    page = _place(track, out, to, "summary.html" if summary else "card.png" if card else "report.html")
     free_file(page, force)
     known = load_track(truth_folder(truth)) if truth is not None else None
     other = load_track(compare) if compare is not None else None
-    track = load_track(out)
+    earlier = Earlier(
+        *((place.name, load_track(place)) if place is not None else None for place in (last, best))
+    )
     export = None if beside is None else (load_export(beside), offset)
     names = (out.name, compare.name if compare is not None else "")
     with added_files(page.parent, force) as stage:
-        staged = write_any_report(
-            track, stage / page.name, truth=known, other=other, names=names, targets=targets, export=export
-        )
+        if summary or card:
+            staged = [_write_front(track, stage / page.name, earlier, card)]
+        else:
+            staged = write_any_report(
+                track,
+                stage / page.name,
+                truth=known,
+                other=other,
+                names=names,
+                targets=targets,
+                earlier=earlier,
+                export=export,
+            )
     written = [page.with_name(file.name) for file in staged]
+    session = session_info(track.provenance)
     if json_output:
-        print_json({"report": written[0], "beside": written[1:]})
+        print_json({"report": written[0], "beside": written[1:], "session": dict(session)})
         return
+    if session:
+        say(session_text(session), style="bold")
     say(f"Wrote {' and '.join(str(path) for path in written)}")
+
+
+class Earlier(NamedTuple):
+    """Names and tracks of the athlete's last and best piece."""
+
+    last: tuple[str, Track] | None = None
+    best: tuple[str, Track] | None = None
+
+
+def _place(track: Track, out: Path, to: Path | None, name: str) -> Path:
+    """The file to write. The page in the track's own folder keeps its name; whatever is sent on names its athlete."""
+    from oarlock.report import named_file
+
+    if to is None:
+        return out / (name if name == "report.html" else named_file(track.provenance, name))
+    return to / named_file(track.provenance, name) if to.is_dir() else to
+
+
+def _write_front(track: Track, path: Path, earlier: Earlier, card: bool) -> Path:
+    """The summary of one sheet, or the picture."""
+    from oarlock.movement.report import movement_front
+    from oarlock.report import write_summary
+    from oarlock.report.card import write_card
+    from oarlock.rowing.report.write import is_of_rower, rowing_front
+
+    if is_of_rower(track):
+        title, front = rowing_front(track, *earlier)
+    else:
+        _refuse_of_others(track, {"--last": earlier.last, "--best": earlier.best})
+        title, front = None, movement_front(track)
+    with progress("writing the report"):
+        return (write_card if card else write_summary)(track, path, title, front)
+
+
+def _refuse_of_others(track: Track, options: Mapping[str, object]) -> None:
+    for flag, asked in options.items():
+        if asked is not None:
+            raise UsageError(
+                f"{flag} needs the track of a rower; this one has the joints {', '.join(track.joint_names[:6])}"
+            )
 
 
 def write_any_report(
@@ -127,21 +210,29 @@ def write_any_report(
     other: Track | None = None,
     names: tuple[str, str] = ("", ""),
     targets: str | None = None,
+    earlier: Earlier | None = None,
     export: tuple[StrokeTable | Activity, float | None] | None = None,
 ) -> list[Path]:
     """Write the report of any model; add strokes for rowers. Return the written files, the report first."""
     from oarlock.rowing.report.write import is_of_rower, write_rowing_report
 
+    earlier = earlier or Earlier()
     if is_of_rower(track):
         with progress("writing the report"):
             return write_rowing_report(
-                track, path, evaluation, truth, other=other, names=names, targets=targets, export=export
+                track,
+                path,
+                evaluation,
+                truth,
+                other=other,
+                names=names,
+                targets=targets,
+                last=earlier.last,
+                best=earlier.best,
+                export=export,
             )
-    for flag, asked in (("--compare", other), ("--targets", targets), ("--with", export)):
-        if asked is not None:
-            raise UsageError(
-                f"{flag} needs the track of a rower; this one has the joints {', '.join(track.joint_names[:6])}"
-            )
+    asked = {"--compare": other, "--targets": targets, "--last": earlier.last, "--best": earlier.best}
+    _refuse_of_others(track, {**asked, "--with": export})
     from oarlock.movement.report import write_movement_report
 
     with progress("writing the report"):

@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from oarlock import Evaluation, Track
+from oarlock.movement.front import front_of
 from oarlock.movement.movement import cycles_table, movement_of
 from oarlock.movement.sections import sections_of
-from oarlock.report import write_report
+from oarlock.report import Front, write_report
 from oarlock.storage import csv_cells
 
 
@@ -26,9 +27,16 @@ def write_movement_report(
     if track.model is None or not len(track):
         return [write_report(track, path, evaluation, truth, title)]
     movement = movement_of(track)
+    front = front_of(movement) if movement.angles else None
     table = path.with_name("cycles.csv" if path.stem == "report" else f"{path.stem}-cycles.csv")
-    written = [write_report(track, path, evaluation, truth, title, sections_of(movement, table.name))]
+    written = [write_report(track, path, evaluation, truth, title, sections_of(movement, table.name), front)]
     if movement.main is not None:
         csv_cells.write_csv(cycles_table(movement, movement.main), table)
         written.append(table)
     return written
+
+
+def movement_front(track: Track) -> Front:
+    """The front of any body's track, for the summary on paper and the picture for a chat; empty without angles."""
+    movement = movement_of(track) if track.model is not None and len(track) else None
+    return front_of(movement) if movement is not None and movement.angles else Front()

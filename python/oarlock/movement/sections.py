@@ -12,7 +12,7 @@ from oarlock.movement.angles import MovementAngle
 from oarlock.movement.cycles import Repetition, cycle_courses
 from oarlock.movement.movement import Movement
 from oarlock.movement.ranges import BAND_95, side_pairs
-from oarlock.movement.words import key_figures, plain, sentences
+from oarlock.movement.words import plain
 from oarlock.report import (
     Axis,
     Column,
@@ -30,6 +30,7 @@ from oarlock.report.viewer.sides import side_of
 
 LONGEST_S = 60.0
 """Longest part in the player of the page; `oarlock view` shows the whole track."""
+FOLDED = ("cycles", "sides")
 LEAST_MOVEMENT_DEG = 5.0
 """Angles that move less are not drawn over cycles."""
 
@@ -39,15 +40,13 @@ def sections_of(movement: Movement, csv_name: str) -> list[Section]:
     if not movement.angles:
         return []
     parts = [
-        ("ranges", "Range of motion", _ranges(movement)),
         ("moving", "The movement", _player(movement)),
+        ("ranges", "Range of motion", _ranges(movement)),
         ("cycles", "Over a cycle", _cycles(movement, csv_name)),
         ("sides", "Right and left", _sides(movement)),
     ]
-    sections = [Section(key, name, markup) for key, name, markup in parts if markup]
-    spoken, figures = tuple(sentences(movement)), tuple(key_figures(movement))
-    first = replace(sections[0], sentences=spoken, figures=figures, script=sort_script())
-    return [first, *sections[1:]]
+    sections = [Section(key, name, markup, folded=key in FOLDED) for key, name, markup in parts if markup]
+    return [replace(sections[0], script=sort_script()), *sections[1:]]
 
 
 def _ranges(movement: Movement) -> str:

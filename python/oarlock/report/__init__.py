@@ -5,25 +5,32 @@ A field of application, such as rowing, builds its own sections from these names
 
 from oarlock.report.chart import Series
 from oarlock.report.course import Axis, Mark, Zone, course_chart, plane_chart, row_chart
+from oarlock.report.front import Course, Front, Point, Sourced, named_file, who_and_when
 from oarlock.report.markup import Column, grid, notes_list
 from oarlock.report.markup import table as plain_table
 from oarlock.report.page import shell
 from oarlock.report.section import KeyFigure, Section, tiles
 from oarlock.report.sortable import sort_script, sortable_table, value_cell
+from oarlock.report.summary_page import write_summary
 from oarlock.report.text import fixed
 from oarlock.report.write import write_report
 
 __all__ = [
     "Axis",
     "Column",
+    "Course",
+    "Front",
     "KeyFigure",
     "Mark",
+    "Point",
     "Section",
     "Series",
+    "Sourced",
     "Zone",
     "course_chart",
     "fixed",
     "grid",
+    "named_file",
     "notes_list",
     "plain_table",
     "plane_chart",
@@ -33,5 +40,7 @@ __all__ = [
     "sortable_table",
     "tiles",
     "value_cell",
+    "who_and_when",
     "write_report",
+    "write_summary",
 ]

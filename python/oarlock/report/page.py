@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Sequence
+from html import escape
 from importlib.resources import files
+
+from markupsafe import Markup
 
 from oarlock.evaluation.consistency import sensor_scores
 from oarlock.evaluation.interval import Interval
 from oarlock.evaluation.scores import Evaluation, SensorScore
 from oarlock.evaluation.summary import observed_joints
-from oarlock.recording.session_info import session_info, session_text
 from oarlock.report import curves, health, slow, tables, verdict
+from oarlock.report.front import Front, front_markup, who_and_when
 from oarlock.report.markup import bar_legend, notes_list, rendered
 from oarlock.report.section import Section, refuse_doubles, tiles
+from oarlock.report.trust import trust
 from oarlock.tracking.track import Track
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
@@ -22,6 +26,9 @@ WITH_SCRIPT = f"{POLICY} blob:; script-src 'unsafe-inline'"
 """The same for a page with scripts."""
 FOLDED = ("positions", "slow", "provenance")
 """Sections that are folded."""
+MEASURED = "How it was measured"
+OWN_KEYS = ("measured", "points", "compared")
+"""Keys of the page's own parts beside the general sections."""
 
 
 def render(
@@ -30,35 +37,54 @@ def render(
     truth: Track | None,
     title: str | None,
     handed: Sequence[Section] = (),
+    front: Front | None = None,
 ) -> str:
-    """The whole page as text; `handed` sections come before the general ones."""
-    heading = (
-        title or f"Track of {getattr(track.model, 'name', None) or track.provenance.get('model', 'a model')}"
-    )
-    session = session_text(session_info(track.provenance))
-    heading = f"{heading}: {session}" if session else heading
-    sensors = evaluation.sensors if evaluation else sensor_scores(track, Interval.after(track.time_s, 0.0))
-    own = _sections(track, evaluation, truth, sensors)
-    refuse_doubles(handed, [key for key, _, _ in own])
+    """The whole page as text; `handed` sections come before "How it was measured", which has the general ones."""
+    sensors = sensors_of(track, evaluation)
+    own = _sections(track, evaluation, truth, sensors, [note for section in handed for note in section.notes])
+    refuse_doubles(handed, [*(key for key, _, _ in own), *OWN_KEYS])
     sentences = [sentence for section in handed for sentence in section.sentences]
     figures = [figure for section in handed for figure in section.figures]
-    lead = (
-        f'<div class="lead">{verdict.summary(track, evaluation, sensors, sentences)}</div>'
-        f"{tiles([*figures, *verdict.key_figures(track, evaluation)])}"
-    )
-    sections = [*((section.key, section.name, section.markup) for section in handed), *own]
+    belief = trust(track, evaluation, sensors)
+    heading, rest = heading_of(track, title)
+    anchor = "measured-in" if handed else "measured"
+    suspects = verdict.suspect_sentences(track.notes)
+    lead = rest + front_markup(front or Front(), belief, suspects, sentences, figures, anchor)
     # The drawings of a field of application are more useful than the curves of all joints.
     folded = [key for key, _, _ in own if key in FOLDED or (handed and key == "curves")]
-    folded += [section.key for section in handed if section.folded]
+    measured = rendered(
+        "measured",
+        sentences=verdict.sentences(track, evaluation, sensors),
+        tiles=tiles(verdict.key_figures(track, evaluation)),
+        sections=own,
+        folded=folded,
+    )
     return shell(
         heading,
         lead,
-        sections,
+        [
+            *((section.key, section.name, section.markup) for section in handed),
+            ("measured", MEASURED, measured),
+        ],
         definitions(),
-        folded=folded,
+        folded=[*(section.key for section in handed if section.folded), *(["measured"] if handed else [])],
         style="\n".join(dict.fromkeys(section.style for section in handed)),
         scripts=tuple(dict.fromkeys(section.script for section in handed if section.script)),
     )
+
+
+def sensors_of(track: Track, evaluation: Evaluation | None) -> tuple[SensorScore, ...]:
+    """The scores of all sensors, over the time of the evaluation if there is one."""
+    return evaluation.sensors if evaluation else sensor_scores(track, Interval.after(track.time_s, 0.0))
+
+
+def heading_of(track: Track, title: str | None) -> tuple[str, str]:
+    """The title of a page, who and when first, and the rest of the session as markup."""
+    what = (
+        title or f"Track of {getattr(track.model, 'name', None) or track.provenance.get('model', 'a model')}"
+    )
+    who, rest = who_and_when(track.provenance)
+    return (f"{who}: {what}" if who else what), f'<p class="about">{escape(rest)}</p>' if rest else ""
 
 
 def shell(
@@ -98,11 +124,15 @@ def _unbroken(markup: str) -> str:
 
 
 def _sections(
-    track: Track, evaluation: Evaluation | None, truth: Track | None, sensors: tuple[SensorScore, ...]
+    track: Track,
+    evaluation: Evaluation | None,
+    truth: Track | None,
+    sensors: tuple[SensorScore, ...],
+    notes: Sequence[str],
 ) -> list[tuple[str, str, str]]:
     nees = tables.states_sentence(evaluation.states if evaluation else None)
     sections = [
-        ("notes", "Notes", _notes(track)),
+        ("notes", "Notes", _notes(track, notes)),
         ("joints", "Joints", tables.joints_table(track, evaluation) + nees),
         ("curves", "Curves", curves.curves_section(track, truth, evaluation)),
     ]
@@ -126,7 +156,7 @@ def _sections(
     return sections
 
 
-def _notes(track: Track) -> str:
+def _notes(track: Track, others: Sequence[str]) -> str:
     notes = list(track.notes)
     nominal = [str(name) for name in track.provenance.get("nominal_mounts", ())]
     if nominal and not any("nominal" in note for note in notes):
@@ -137,7 +167,7 @@ def _notes(track: Track) -> str:
     unobserved = [n for n in track.joint_names if n not in seen and not any(n in note for note in notes)]
     if unobserved:
         notes.append(f"Not observed: {', '.join(unobserved)}.")
-    return notes_list(notes) if notes else "<p>No notes.</p>"
+    return notes_list([*map(Markup, others), *notes]) if notes or others else "<p>No notes.</p>"
 
 
 def definitions() -> str:

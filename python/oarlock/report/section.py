@@ -14,11 +14,12 @@ _KEY = re.compile(r"[a-z][a-z0-9-]*")
 
 
 class KeyFigure(NamedTuple):
-    """A key figure as text: its name, the number with its unit, and one remark."""
+    """A key figure as text: its name, the number with its unit, one remark, and what it means."""
 
     name: str
     value: str
     detail: str = ""
+    meaning: str = ""
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,9 @@ class Section:
         figures: key figures, below the summary.
         style: additional CSS rules.
         script: JavaScript without markup, run once after the page has loaded. The page must be readable without it.
-        folded: only its heading is shown until the reader opens it, or follows a link to its content.
+        folded: only its heading is shown until the reader opens it, or follows a link to its content. A page stays
+            short on a telephone if all but one or two are folded.
+        notes: what to know about its data, such as what was left out; markup each, below "How it was measured".
     """
 
     key: str
@@ -44,6 +47,7 @@ class Section:
     style: str = ""
     script: str = ""
     folded: bool = False
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not _KEY.fullmatch(self.key):

@@ -22,24 +22,10 @@ NIS_TOO_LARGE = 1.25
 """NIS per reading above which the innovations of a sensor are clearly larger than expected."""
 
 
-def summary(
-    track: Track,
-    evaluation: Evaluation | None,
-    sensors: tuple[SensorScore, ...],
-    others: Sequence[str] = (),
-) -> str:
-    """A few sentences: suspect sensors, what was tracked, its errors, and the coverage of the bands.
-
-    `others` are sentences of other sections, each as markup; they follow the suspects.
-    """
-    sentences = [
-        *suspect_sentences(track.notes),
-        *others,
-        _what(track),
-        _how_well(evaluation),
-        _verdict(evaluation, sensors),
-    ]
-    return "".join(f"<p>{sentence}</p>" for sentence in sentences if sentence)
+def sentences(track: Track, evaluation: Evaluation | None, sensors: tuple[SensorScore, ...]) -> list[str]:
+    """What was tracked, its errors, and the coverage of the bands; markup each."""
+    found = (_what(track), _how_well(evaluation), _verdict(evaluation, sensors))
+    return [sentence for sentence in found if sentence]
 
 
 def suspect_sentences(notes: Sequence[str]) -> list[str]:

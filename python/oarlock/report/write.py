@@ -8,6 +8,7 @@ from pathlib import Path
 from oarlock.evaluation.common_clock import on_clock_of
 from oarlock.evaluation.evaluate import evaluate
 from oarlock.evaluation.scores import Evaluation
+from oarlock.report.front import Front
 from oarlock.report.page import render
 from oarlock.report.section import Section
 from oarlock.storage.errors import DataError
@@ -22,6 +23,7 @@ def write_report(
     truth: Track | None = None,
     title: str | None = None,
     sections: Sequence[Section] = (),
+    front: Front | None = None,
 ) -> Path:
     """Write a report that works offline: no requests, only scripts of `sections`, readable on paper and telephone.
 
@@ -32,6 +34,7 @@ def write_report(
         truth: reference that is drawn beside the estimate.
         title: heading; default names the model.
         sections: sections of a field of application, before the general ones.
+        front: what a field of application shows first.
 
     Returns:
         Path: the file written.
@@ -49,5 +52,5 @@ def write_report(
     if target.is_dir():
         target = target / "report.html"
     target.parent.mkdir(parents=True, exist_ok=True)
-    write_file(target, render(track, evaluation, truth, title, sections))
+    write_file(target, render(track, evaluation, truth, title, sections, front))
     return target

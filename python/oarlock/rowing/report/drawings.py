@@ -99,6 +99,11 @@ def _over_strokes(piece: Piece, name: str) -> Series:
 
 
 def curves(pieces: Sequence[Piece]) -> str:
+    """All mean curves, side by side; "" without any."""
+    return grid(curve_drawings(pieces))
+
+
+def curve_drawings(pieces: Sequence[Piece]) -> list[str]:
     """Mean and SD over the strokes: one drawing with both sides of a piece, or one per side with both pieces."""
     figures = []
     for name in CURVES:
@@ -110,7 +115,7 @@ def curves(pieces: Sequence[Piece]) -> str:
             [tuple(sided)] if sided and not plain and len(pieces) == 1 else [*apart]
         )
         figures += [_curve_figure(pieces, names) for names in groups]
-    return grid(figures)
+    return figures
 
 
 def _curve_figure(pieces: Sequence[Piece], names: tuple[str, ...]) -> str:

@@ -37,13 +37,13 @@ def sections_of(pieces: Sequence[Piece], csv_names: Sequence[str]) -> list[Secti
         for name, target in first.technique.targets.items()
     }
     parts = [
+        ("moving", "The strokes, moving", player(pieces)),
         (
             "compared-pieces",
             "Side by side",
             comparison_table("compared-pieces", *pieces) if pieces[1:] else "",
         ),
-        ("moving", "The strokes, moving", player(pieces)),
-        ("strokes", "Strokes", _strokes(pieces, csv_names)),
+        ("strokes", "Stroke by stroke", _strokes(pieces, csv_names)),
         ("trends", "Over the piece", _trends(pieces, zones)),
         (
             "courses",
@@ -60,20 +60,20 @@ def sections_of(pieces: Sequence[Piece], csv_names: Sequence[str]) -> list[Secti
         ("numbers", "All numbers", _numbers(pieces, zones)),
         ("meanings", "What each number means", _meanings(pieces)),
     ]
-    sections = [Section(key, name, markup, folded=key == "meanings") for key, name, markup in parts if markup]
+    sections = [Section(key, name, markup, folded=key != "moving") for key, name, markup in parts if markup]
     return [_speaking(sections[0], pieces), *sections[1:]]
 
 
 def _speaking(section: Section, pieces: Sequence[Piece]) -> Section:
-    """The first section with the summary, key figures, style and script of the page."""
+    """The first section with the comparison in words, style and script of the page."""
     told = [*sentences(pieces[0], pieces[1]), _whose(pieces)] if len(pieces) > 1 else []
     style, script = (
         files(__package__).joinpath(name).read_text("utf-8") for name in ("style.css", "strokes.js")
     )
     return replace(
         section,
-        sentences=(*told, *words.summary(pieces[0])),
-        figures=tuple(words.key_figures(pieces[0])),
+        sentences=tuple(told),
+        notes=tuple(words.notes(pieces[0])),
         style=style,
         script=sort_script() + script,
     )
@@ -81,7 +81,7 @@ def _speaking(section: Section, pieces: Sequence[Piece]) -> Section:
 
 def _whose(pieces: Sequence[Piece]) -> str:
     first, second = (f"<b>{escape(piece.name)}</b>" for piece in pieces)
-    text = f"The following sentences, and all sections from Notes on, describe {first}."
+    text = f"Figures, findings and “How it was measured” describe {first}."
     if pieces[0].track.smoothed != pieces[1].track.smoothed:
         how = ("smoothed", "filtered") if pieces[0].track.smoothed else ("filtered", "smoothed")
         text += f" It was {how[0]} and {second} {how[1]}: small differences may be caused by this."
@@ -151,8 +151,9 @@ def _numbers(pieces: Sequence[Piece], zones: dict[str, Zone]) -> str:
     for k, piece in enumerate(pieces):
         sided = {f"{side}_{name}" for side in "rl" for name in piece.sides}
         found = [one for name, one in piece.averages.items() if name not in sided]
+        whose = f"{piece.name}. " if piece.name else ""
         caption = (
-            f"Means over the strokes. {PLUS_MINUS}: standard deviation of the mean; SD: "
+            f"{whose}Means over the strokes. {PLUS_MINUS}: standard deviation of the mean; SD: "
             "standard deviation between strokes. Numbers of both sides are in the section Right and left."
         )
         parts.append(_heading(piece) + averages_table(f"numbers-{k}", caption, found, published))

@@ -202,15 +202,19 @@ def sides_table(key: str, piece: Piece) -> str:
         ),
     ]
     caption = (
-        f"Means over the strokes; small: SD between strokes. {PLUS_MINUS}: one standard deviation of the "
-        "difference; exceeds both uncertainties: statistically significant (95 %). The rower faces the "
-        "stern: the right hand holds the port oar, the left hand the starboard oar."
+        f"{_whose(piece)}Means over the strokes; small: SD between strokes. {PLUS_MINUS}: one standard "
+        "deviation of the difference; exceeds both uncertainties: statistically significant (95 %). The "
+        "rower faces the stern: the right hand holds the port oar, the left hand the starboard oar."
     )
     if piece.track.provenance.get("nominal_mounts"):
         caption += (
             " Sensors were not calibrated: mounts may cause differences of several degrees between the arms."
         )
     return sortable_table(key, caption, columns, rows)
+
+
+def _whose(piece: Piece) -> str:
+    return f"{piece.name}. " if piece.name else ""
 
 
 def beyond_words(beyond: bool | None) -> str:

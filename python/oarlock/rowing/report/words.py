@@ -1,4 +1,4 @@
-"""The summary sentences of a rower's report: strokes, rate, length, notable findings."""
+"""Sentences and key figures of a rower's report: strokes, rate, length, and what was left out."""
 
 from __future__ import annotations
 
@@ -7,18 +7,11 @@ from html import escape
 import numpy as np
 
 from oarlock.report import KeyFigure
-from oarlock.rowing.findings.find import compares_sides, findings
 from oarlock.rowing.report.averages import Average, feature_of
 from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.report.shown import joined_unit, shown, spread, with_unit
 
-MOST_FINDINGS = 4
 TILES = ("rate_per_min", "arc_rad", "catch_angle_rad", "finish_angle_rad", "rhythm")
-
-
-def summary(piece: Piece) -> list[str]:
-    """Sentences as markup, the most important first."""
-    return [text for text in (_strokes(piece), _length(piece), _standing_out(piece), *_notes(piece)) if text]
 
 
 def key_figures(piece: Piece) -> list[KeyFigure]:
@@ -30,7 +23,12 @@ def key_figures(piece: Piece) -> list[KeyFigure]:
         found = piece.averages.get(name)
         if found is not None and found.known:
             figures.append(
-                KeyFigure(found.feature.label, with_unit(found.feature, found.over.mean), _scatter(found))
+                KeyFigure(
+                    found.feature.label,
+                    with_unit(found.feature, found.over.mean),
+                    _scatter(found),
+                    found.feature.in_words,
+                )
             )
     return figures
 
@@ -41,17 +39,18 @@ def _scatter(found: Average) -> str:
     return f"SD {spread(found.feature, found.over.sd)}{joined_unit(found.feature)} between strokes"
 
 
-def _strokes(piece: Piece) -> str:
+def strokes(piece: Piece) -> str:
+    """How many strokes, how long, at which rates; text."""
     count = len(piece.table)
     duration = float(piece.track.time_s[-1] - piece.track.time_s[0])
-    text = f"<b>{count} {'stroke' if count == 1 else 'strokes'}</b> in {duration:.0f} s"
+    text = f"{count} {'stroke' if count == 1 else 'strokes'} in {duration:.0f} s"
     rate = piece.averages.get("rate_per_min")
     if rate is not None and rate.known:
-        text += f" at <b>{escape(with_unit(rate.feature, rate.over.mean))}</b>"
+        text += f" at {with_unit(rate.feature, rate.over.mean)}"
         if rate.over.count > 1:
             text += f", from {shown(rate.feature, rate.over.least)} to {shown(rate.feature, rate.over.most)}"
     if not piece.counted.all():
-        text += f"; {int((~piece.counted).sum())} left out of all averages ({escape(_why_left_out(piece))})"
+        text += f"; {int((~piece.counted).sum())} left out of all averages ({_why_left_out(piece)})"
     return f"{text}."
 
 
@@ -62,7 +61,8 @@ def _why_left_out(piece: Piece) -> str:
     return "; ".join(f"{count} times {reason}" if count > 1 else reason for reason, count in counts.items())
 
 
-def _length(piece: Piece) -> str:
+def length(piece: Piece) -> str:
+    """Arc, catch, finish and rhythm; text, empty if unknown."""
     arc, catch, finish, rhythm = (
         piece.averages.get(name) for name in ("arc_rad", "catch_angle_rad", "finish_angle_rad", "rhythm")
     )
@@ -70,31 +70,15 @@ def _length(piece: Piece) -> str:
     if arc is not None and arc.known and catch is not None and finish is not None:
         swept, caught = (with_unit(one.feature, one.over.mean) for one in (arc, catch))
         ended = with_unit(finish.feature, finish.over.mean, signed=True)
-        parts.append(f"The oar sweeps <b>{swept}</b>, from {caught} at the catch to {ended} at the finish")
+        parts.append(f"The oar sweeps {swept}, from {caught} at the catch to {ended} at the finish")
     if rhythm is not None and rhythm.known:
         share = with_unit(rhythm.feature, rhythm.over.mean)
         parts.append(f"{'the' if parts else 'The'} drive takes {share} of the stroke")
     return f"{'; '.join(parts)}." if parts else ""
 
 
-def _standing_out(piece: Piece) -> str:
-    if not piece.counted.any():
-        return (
-            "<strong>Notable:</strong> all strokes are excluded from averages, so technique is not assessed."
-        )
-    found = findings(piece)
-    if not found:
-        sides = "Right and left agree, no" if compares_sides(piece) else "No"
-        return (
-            f"<strong>Notable:</strong> nothing. {sides} stroke is unusual, and no relevant drift was found."
-        )
-    told = " ".join(escape(finding.sentence) for finding in found[:MOST_FINDINGS])
-    more = len(found) - MOST_FINDINGS
-    rest = f" And {more} smaller {'finding' if more == 1 else 'findings'}; see below." if more > 0 else ""
-    return f"<strong>Notable:</strong> {told}{rest}"
-
-
-def _notes(piece: Piece) -> list[str]:
+def notes(piece: Piece) -> list[str]:
+    """What was missing or left out, as markup: of the strokes, and targets without a number."""
     return [escape(note) for note in piece.technique.found.notes] + _unmet(piece)
 
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
 from oarlock import DataError, Evaluation, Track
-from oarlock.report import Section, write_report
+from oarlock.report import Front, Section, who_and_when, write_report
 from oarlock.rowing.analysis.technique import technique
 from oarlock.rowing.exports.activity import Activity
 from oarlock.rowing.report.beside import alongside_sections
+from oarlock.rowing.report.front import front_of
 from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.report.sections import sections_of
 from oarlock.rowing.strokes.table import StrokeTable
@@ -44,6 +46,8 @@ def write_rowing_report(
     names: tuple[str, str] = ("", ""),
     targets: str | PathLike[str] | None = None,
     export: tuple[StrokeTable | Activity, float | None] | None = None,
+    last: tuple[str, Track] | None = None,
+    best: tuple[str, Track] | None = None,
 ) -> list[Path]:
     """Write a rower's report, and beside it the strokes as CSV.
 
@@ -58,6 +62,8 @@ def write_rowing_report(
         targets: a boat class of `oarlock.rowing.TARGET_CLASSES` or a file: published targets to draw.
         export: what another device measured during this piece, for sections on pace, heart rate and force; and the
             offset of its clock, s, if it is known.
+        last: name and track of the athlete's piece before this one.
+        best: name and track of the athlete's own best piece.
 
     Returns:
         list: the files written, the report first. Without strokes only the report is written, with the reason.
@@ -84,10 +90,12 @@ def write_rowing_report(
     sections = sections_of(pieces, [table.name for table in tables])
     if export is not None:
         sections[1:1] = alongside_sections(export[0], pieces[0].technique, export[1])
+    front = front_of(pieces[0], _earlier(last), _earlier(best))
     heading = title or _heading(pieces)
-    written = write_report(track, target, evaluation, truth, heading, sections)
+    written = write_report(track, target, evaluation, truth, heading, sections, front)
     for piece, table in zip(pieces, tables, strict=True):
-        piece.table.to_csv(table)
+        session = ", ".join(filter(None, who_and_when(piece.track.provenance)))
+        replace(piece.table, source=": ".join(filter(None, (session, piece.table.source)))).to_csv(table)
     return [written, *tables]
 
 
@@ -99,6 +107,24 @@ def _pieces(
     shown = names if names[0] != names[1] else (f"{names[0]} (first)".strip(), f"{names[1]} (second)".strip())
     both = zip(shown, (track, other), strict=True)
     return [Piece(name, one, technique(one, targets=targets)) for name, one in both]
+
+
+def rowing_front(
+    track: Track, last: tuple[str, Track] | None = None, best: tuple[str, Track] | None = None
+) -> tuple[str, Front]:
+    """The title and the front of a rower's track, for the summary on paper and the picture for a chat.
+
+    Raises:
+        DataError: no strokes were found.
+    """
+    piece = Piece("", track, technique(track))
+    if not len(piece.table):
+        raise DataError(f"no strokes were found. {' '.join(piece.table.notes)}")
+    return _heading([piece]), front_of(piece, _earlier(last), _earlier(best))
+
+
+def _earlier(named: tuple[str, Track] | None) -> Piece | None:
+    return None if named is None else Piece(named[0], named[1], technique(named[1]))
 
 
 def _heading(pieces: list[Piece]) -> str:

@@ -1,0 +1,142 @@
+"""The front of a report: who and when, belief in one line, findings with sources, earlier pieces, sheet and picture."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import oarlock
+from command_line import run
+from fake_track import noisy_track, true_track
+from html_page import Page, assert_references_lead_somewhere
+from oarlock.evaluation.suspects.text import SUSPECT_NOTE
+from oarlock.report import Front, Point, Sourced, named_file, who_and_when, write_report, write_summary
+from oarlock.report.page import sensors_of
+from oarlock.report.trust import trust
+from oarlock.rowing.report.write import rowing_front, write_rowing_report
+from oarlock.storage.errors import DataError
+from rowed_truth import rowed
+
+SESSION = {"athlete": "A07", "date": "2026-05-01", "place": "Rotsee", "boat": "single"}
+TIME_S = np.arange(1001) * 0.01
+FRONT = Front(
+    did="Two strokes.",
+    points=[
+        Point(
+            "Right and left",
+            "The right hand is <late>.",
+            "+30 ± 6 ms",
+            advice=Sourced("Row on the square.", "Coach 2020"),
+            why=None,
+            meaning="Time between both hands.",
+        )
+    ]
+    * 4,
+    compared="<p>As before.</p>",
+)
+
+
+@pytest.fixture
+def track():
+    return noisy_track(true_track(TIME_S, ("seat", "elbow"), ("m", "rad")), 0.01)
+
+
+@pytest.fixture(scope="module")
+def piece() -> oarlock.Track:
+    track = rowed("S-NB", 20.0, 24.0, 5)
+    return replace(track, provenance={**track.provenance, "session": SESSION})
+
+
+def test_who_and_when_make_title_and_file_name():
+    assert who_and_when({"session": SESSION}) == ("A07, 2026-05-01", "Rotsee, boat single")
+    assert who_and_when({}) == ("", "")
+    assert named_file({"session": SESSION}, "card.png") == "A07-2026-05-01-card.png"
+    assert named_file({"session": {"athlete": "../Ü b"}}, "report.html") == "Ü-b-report.html"
+    assert named_file({}, "report.html") == "report.html"
+
+
+def test_the_page_answers_in_order_who_what_stands_out_and_compared(track, tmp_path):
+    known = replace(track, provenance={**track.provenance, "session": SESSION})
+    text = write_report(known, tmp_path / "r.html", front=FRONT).read_text(encoding="utf-8")
+    read = Page(text)
+    assert read.errors == []
+    assert_references_lead_somewhere(read)
+    words = ("A07, 2026-05-01", "Rotsee", "Two strokes.", "What stands out", "+30 ± 6 ms", "is <late>")
+    words += ("Try: Row on the square. Coach 2020", "1 smaller finding", "As before.", "How it was measured")
+    places = [read.text.rindex(one) if one == words[-1] else read.text.index(one) for one in words]
+    assert places == sorted(places)
+    assert "Why it matters" not in read.text
+    targets = [a["popovertarget"] for a in read.all("button")]
+    ids = {a["id"] for _, a in read.tags if "id" in a}
+    assert targets and set(targets) <= ids
+
+
+def test_belief_is_the_worst_that_is_known(track):
+    sensors = sensors_of(track, None)
+    calibrated = replace(track, provenance={}, notes=())
+    assert trust(calibrated, None, sensors).level == "good"
+    nominal = replace(calibrated, provenance={"nominal_mounts": ("back",)})
+    assert trust(nominal, None, sensors).level == "care"
+    suspect = replace(nominal, notes=(f"{SUSPECT_NOTE}back: frozen. It stood still.",))
+    assert trust(suspect, None, sensors).level == "bad"
+    assert trust(suspect, None, sensors).reason == "back: frozen."
+    loud = tuple(
+        score._replace(nis=4.0) if hasattr(score, "_replace") else replace(score, nis=4.0)
+        for score in sensors
+    )
+    assert f"{len(loud)} of {len(loud)} sensors disagree" in trust(calibrated, None, loud).reason
+    assert trust(calibrated, None, ()).level == "care"
+
+
+def test_earlier_pieces_are_compared_on_the_front(piece, tmp_path):
+    earlier = rowed("S-NB", 20.0, 30.0, 6)
+    files = write_rowing_report(piece, tmp_path, last=("tuesday", earlier), best=("record", piece))
+    read = Page(files[0].read_text(encoding="utf-8"))
+    assert read.errors == []
+    front = read.text[read.text.index("Compared with earlier") : read.text.index("The strokes, moving")]
+    assert "Last time: tuesday. Own best: record." in front
+    assert "The stroke rates differ" in front
+    assert "A07, 2026-05-01, Rotsee, boat single" in files[1].read_text(encoding="utf-8").splitlines()[0]
+
+
+def test_without_an_earlier_piece_the_page_says_how_to_give_one(piece, tmp_path):
+    read = Page(write_rowing_report(piece, tmp_path)[0].read_text(encoding="utf-8"))
+    assert "oarlock report TRACK --last EARLIER" in read.text
+
+
+def test_the_sheet_has_no_link_no_script_and_the_front(piece, tmp_path):
+    title, front = rowing_front(piece)
+    read = Page(write_summary(piece, tmp_path / "s.html", title, front).read_text(encoding="utf-8"))
+    assert read.errors == []
+    assert not read.all("a") and not read.all("script")
+    assert "A07, 2026-05-01" in read.text and front.did in read.text
+
+
+def test_the_picture_is_a_square_without_a_link(piece, tmp_path):
+    pytest.importorskip("matplotlib")
+    from oarlock.report.card import write_card
+
+    title, front = rowing_front(piece)
+    png = write_card(piece, tmp_path / "c.png", title, front).read_bytes()
+    assert png[:8] == b"\x89PNG\r\n\x1a\n"
+    assert [int.from_bytes(png[at : at + 4]) for at in (16, 20)] == [1080, 1080]
+    assert b"http" not in png
+
+
+def test_a_track_without_samples_has_neither(track, tmp_path):
+    empty = replace(track, time_s=TIME_S[:0])
+    with pytest.raises(DataError, match="no samples"):
+        write_summary(empty, tmp_path / "s.html", None, FRONT)
+
+
+def test_the_verb_names_files_by_athlete_and_says_who(piece, tmp_path: Path):
+    piece.save(tmp_path / "out")
+    (tmp_path / "send").mkdir()
+    told = json.loads(
+        run("report", tmp_path / "out", "--summary", "--to", tmp_path / "send", "--json").stdout
+    )
+    assert told["session"] == SESSION
+    assert Path(told["report"]).name == "A07-2026-05-01-summary.html"
+    assert "A07, 2026-05-01" in run("report", tmp_path / "out", "--to", tmp_path / "x.html").stdout
