@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import os
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
-from . import api, commands, gallery, model_keys, stage
+from . import api, commands, gallery, model_keys, moving_figure, stage
 from .stage import ROOT
 
 OUT = ROOT / "out/site"
@@ -27,6 +28,7 @@ def main(arguments: list[str] | None = None) -> int:
     api.write_pages(docs)
     commands.write_pages(docs)
     model_keys.write_pages(docs)
+    moving_figure.write_picture(docs / "moving-sculler.svg")
     gallery.write_pages(docs, OUT / "work", made=not asked.without_gallery)
     return build(asked.builder)
 
@@ -34,7 +36,7 @@ def main(arguments: list[str] | None = None) -> int:
 def build(builder: str) -> int:
     """Turn the prepared pages into HTML; a warning is an error."""
     program = Path(sys.executable).with_name(builder)
-    found = subprocess.run([program, "build", "--strict", "--clean"], cwd=ROOT, check=False)
+    found = subprocess.run([program, "build", "--strict", "--clean"], cwd=ROOT, env={**os.environ, "NO_COLOR": "1"}, check=False)
     return found.returncode
 
 

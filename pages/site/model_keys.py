@@ -9,7 +9,7 @@ from pathlib import Path
 import oarlock
 from oarlock.model.shipped_files import model_names
 
-from .stage import ROOT, write
+from .stage import ROOT, linked, write
 
 PAGE = ROOT / "docs/model-files.md"
 TABLES: Mapping[str, str] = {
@@ -37,10 +37,11 @@ def write_pages(docs: Path) -> None:
     check_keys()
     text = PAGE.read_text(encoding="utf-8").split("\n## Reference\n")[1]
     text = re.sub(r"^(#+)# ", r"\1 ", text, flags=re.M)
-    text = re.sub(r"\]\((?!#|\w+:)([^)]+)\)", r"](../\1)", text)
-    text = re.sub(r"\]\(#(extend-a-model|numbers-and-expressions)", r"](../model-files.md#\1", text)
+    text = re.sub(r"\]\(#(extend-a-model|numbers-and-expressions)", r"](model-files.md#\1", text)
+    page = docs / "reference/model-file.md"
+    text = linked(text, PAGE, page, docs)
     begin = "# Model file\n\nThe keys are those that the engine reads; the build of this page compares both. "
-    write(docs / "reference/model-file.md", f"{begin}Recipes: [Change a model](../model-files.md).\n{text}")
+    write(page, f"{begin}Recipes: [Change a model](../model-files.md).\n{text}")
     write(docs / "reference/models.md", _models())
 
 

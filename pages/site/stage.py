@@ -46,11 +46,12 @@ def _copy(source: Path, target: Path, docs: Path) -> None:
         shutil.copyfile(source, target)
         return
     parts = FENCE.split(source.read_text(encoding="utf-8"))
-    parts[::2] = [_equations(_links(part, source, target, docs)) for part in parts[::2]]
+    parts[::2] = [_equations(linked(part, source, target, docs)) for part in parts[::2]]
     write(target, "".join(parts))
 
 
-def _links(text: str, source: Path, target: Path, docs: Path) -> str:
+def linked(text: str, source: Path, target: Path, docs: Path) -> str:
+    """Text of a page of the repository with links that are right where it goes in the site."""
     def moved(found: re.Match[str]) -> str:
         before, link, after = (one for one in found.groups() if one is not None)
         path, mark, anchor = link.partition("#")
