@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 from . import api, commands, gallery, model_keys, moving_figure, stage
+from .finish import finish
 from .stage import ROOT
 
 OUT = ROOT / "out/site"
@@ -30,7 +31,10 @@ def main(arguments: list[str] | None = None) -> int:
     model_keys.write_pages(docs)
     moving_figure.write_picture(docs / "moving-sculler.svg")
     gallery.write_pages(docs, OUT / "work", made=not asked.without_gallery)
-    return build(asked.builder)
+    status = build(asked.builder)
+    if status == 0:
+        finish(OUT / "html")
+    return status
 
 
 def build(builder: str) -> int:

@@ -81,7 +81,8 @@ def _signature(found: Any, name: str) -> list[str]:
     if found.is_attribute:
         kind = f": {found.annotation}" if found.annotation else ""
         return ["```python", f"{name}{kind}", "```\n"]
-    shown = re.sub(rf"^{found.name}", name, found.signature()) if hasattr(found, "signature") else f"class {name}"
+    shown = re.sub(rf"^{found.name}", name, found.signature() if hasattr(found, "signature") else "")
+    shown = shown or f"class {name}"
     if len(shown) > WIDTH and "(" in shown:
         shown = _by_lines(shown)
     return ["```python", shown, "```\n"]
@@ -134,11 +135,42 @@ def _markdown(text: str) -> str:
 
 
 def _members(found: Any, value: Any) -> list[str]:
-    lines: list[str] = []
-    for name, member in sorted(found.all_members.items(), key=lambda one: one[1].is_function):
+    meaning = _meanings(found)
+    rows, methods = [], []
+    for name, member in found.all_members.items():
         member = member.final_target if member.is_alias else member
         if name.startswith("_") or not (member.is_function or member.is_attribute):
             continue
         text = _text(member, inspect.getattr_static(value, name, None))
-        lines += [f"\n## {name}\n", *_signature(member, name), _sections(member, text)]
-    return lines
+        if member.is_function:
+            methods += [f"\n## {name}\n", *_signature(member, name), _sections(member, text)]
+        elif text or name not in _parameters(found):
+            kind = f"`{member.annotation}`".replace("|", "\\|") if member.annotation else ""
+            rows.append(f"| `{name}` | {kind} | {_cell(text) or meaning.get(name, '')} |")
+    table = ["\n| attribute | type | meaning |", "| --- | --- | --- |", *rows] if rows else []
+    return [*table, *methods]
+
+
+def _parameters(found: Any) -> set[str]:
+    """Names that the docstring of a class explains itself."""
+    return set(_explained(found)) if found.docstring else set()
+
+
+def _meanings(found: Any) -> dict[str, str]:
+    """What the docstrings of a class and of those that it extends say about each attribute."""
+    every = [found]
+    try:
+        every += found.mro()
+    except ValueError:  # a base from a compiled module
+        pass
+    return {name: text for one in reversed(every) if one.docstring for name, text in _explained(one).items()}
+
+
+def _explained(found: Any) -> dict[str, str]:
+    sections = griffe.Docstring(inspect.cleandoc(found.docstring.value), parent=found).parse("google", warnings=False)
+    lists = [one.value for one in sections if one.kind.value in ("parameters", "attributes")]
+    return {item.name: _cell(item.description) for one in lists for item in one}
+
+
+def _cell(text: str) -> str:
+    return _markdown(text).replace("\n", " ").replace("|", "\\|")
