@@ -13,6 +13,7 @@ import griffe
 from .stage import ROOT, write
 
 PACKAGES = ("oarlock", "oarlock.rowing", "oarlock.live", "oarlock.season")
+PARSED = {"warnings": False, "returns_multiple_items": False, "returns_named_value": False}
 WIDTH = 88
 """Signatures longer than this have a line for each parameter."""
 
@@ -107,7 +108,7 @@ def _sections(found: Any, text: str) -> str:
     if not text:
         return ""
     lines: list[str] = []
-    for section in griffe.Docstring(text, parent=found).parse("google", warnings=False):
+    for section in griffe.Docstring(text, parent=found).parse("google", **PARSED):
         if section.kind.value == "text":
             lines.append(f"{_markdown(section.value)}\n")
         elif section.kind.value == "examples":
@@ -167,7 +168,7 @@ def _meanings(found: Any) -> dict[str, str]:
 
 
 def _explained(found: Any) -> dict[str, str]:
-    sections = griffe.Docstring(inspect.cleandoc(found.docstring.value), parent=found).parse("google", warnings=False)
+    sections = griffe.Docstring(inspect.cleandoc(found.docstring.value), parent=found).parse("google", **PARSED)
     lists = [one.value for one in sections if one.kind.value in ("parameters", "attributes")]
     return {item.name: _cell(item.description) for one in lists for item in one}
 

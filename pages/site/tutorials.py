@@ -1,6 +1,6 @@
 """Runs the tutorials as they are written, and measures the time of each command.
 
-A block of `sh` is run line by line. A block with `title="FILE"` is written to that file first. `$ pip install oarlock` has a page of its own and is not run.
+A line of an `sh` block is a command; a block with `title="FILE"` is written to that file. `console` blocks install and are not run.
 """
 
 from __future__ import annotations
@@ -8,7 +8,6 @@ from __future__ import annotations
 import os
 import platform
 import re
-import shutil
 import subprocess
 import sys
 import time
@@ -18,7 +17,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from pages.record import Record
+from pages.record import Record, made_text
 from pages.sections import table
 
 from .stage import ROOT
@@ -79,7 +78,7 @@ def run(name: str, programs: Path, folder: Path) -> list[tuple[str, float]]:
 def _environment(programs: Path) -> dict[str, str]:
     """Without what would let the checkout's package be found before the one that is installed there."""
     kept = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "OARLOCK", "VIRTUAL_ENV"))}
-    if programs == Path(sys.executable).parent and "PYTHONPATH" in os.environ:
+    if programs == Path(sys.executable).parent and "PYTHONPATH" in os.environ:  # the checkout itself
         kept["PYTHONPATH"] = os.environ["PYTHONPATH"]
     return {**kept, "PATH": f"{programs}{os.pathsep}{kept.get('PATH', '')}", "BROWSER": "true"}
 
@@ -106,8 +105,7 @@ def machine() -> str:
 
 def sections(record: Record) -> Mapping[str, Mapping[str, str]]:
     """The table of each tutorial's commands and times."""
-    made = f"Measured on {record['made']['date']} with Oarlock {record['made']['oarlock']} on {record['machine']}; "
-    made += "`make pages PAGES=tutorials` measures it anew."
+    made = f"{made_text(record)}, installed from a wheel, on {record['machine']}; `make pages PAGES=tutorials` measures it anew."
     found = {}
     for name, commands in record["tutorials"].items():
         rows = [[f"`{one['command'].replace('|', chr(92) + '|')}`", f"{one['s']:.1f}"] for one in commands]
@@ -116,11 +114,3 @@ def sections(record: Record) -> Mapping[str, Mapping[str, str]]:
         found[f"docs/tutorials/{name}.md"] = {"times": f"{shown}\n\n{made}"}
     return found
 
-
-def installed(folder: Path, wheel: Path) -> Path:
-    """Install a wheel into a new environment, and give its Python."""
-    subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True)
-    python = folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
-    subprocess.run([python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", wheel], check=True)
-    assert shutil.which("oarlock", path=str(python.parent))
-    return python
