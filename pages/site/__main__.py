@@ -20,7 +20,9 @@ def main(arguments: list[str] | None = None) -> int:
     """Exit 0, or the exit status of the builder."""
     parser = argparse.ArgumentParser(prog="python -m pages.site", description=__doc__)
     parser.add_argument("--builder", choices=("zensical", "mkdocs"), default="zensical")
-    parser.add_argument("--without-gallery", action="store_true", help="links instead of reports, to look at prose")
+    parser.add_argument(
+        "--without-gallery", action="store_true", help="links instead of reports, to look at prose"
+    )
     asked = parser.parse_args(arguments)
     docs = OUT / "docs"
     shutil.rmtree(docs, ignore_errors=True)
@@ -40,7 +42,9 @@ def main(arguments: list[str] | None = None) -> int:
 def build(builder: str) -> int:
     """Turn the prepared pages into HTML; a warning is an error."""
     program = Path(sys.executable).with_name(builder)
-    found = subprocess.run([program, "build", "--strict", "--clean"], cwd=ROOT, env={**os.environ, "NO_COLOR": "1"}, check=False)
+    found = subprocess.run(
+        [program, "build", "--strict", "--clean"], cwd=ROOT, env={**os.environ, "NO_COLOR": "1"}, check=False
+    )
     return found.returncode
 
 

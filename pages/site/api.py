@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import inspect
 import re
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -118,7 +119,9 @@ def _sections(found: Any, text: str) -> str:
             lines += [_item(one) for one in section.value]
             lines.append("")
         else:
-            lines.append(f"**{(section.title or section.kind.value).capitalize()}**\n\n{section.value.contents}\n")
+            lines.append(
+                f"**{(section.title or section.kind.value).capitalize()}**\n\n{section.value.contents}\n"
+            )
     return "\n".join(lines)
 
 
@@ -160,15 +163,15 @@ def _parameters(found: Any) -> set[str]:
 def _meanings(found: Any) -> dict[str, str]:
     """What the docstrings of a class and of those that it extends say about each attribute."""
     every = [found]
-    try:
+    with suppress(ValueError):  # a base from a compiled module
         every += found.mro()
-    except ValueError:  # a base from a compiled module
-        pass
     return {name: text for one in reversed(every) if one.docstring for name, text in _explained(one).items()}
 
 
 def _explained(found: Any) -> dict[str, str]:
-    sections = griffe.Docstring(inspect.cleandoc(found.docstring.value), parent=found).parse("google", **PARSED)
+    sections = griffe.Docstring(inspect.cleandoc(found.docstring.value), parent=found).parse(
+        "google", **PARSED
+    )
     lists = [one.value for one in sections if one.kind.value in ("parameters", "attributes")]
     return {item.name: _cell(item.description) for one in lists for item in one}
 

@@ -29,7 +29,9 @@ def helps(verb: str) -> Iterator[tuple[str, str]]:
 
 
 def _helps(command: Any, path: str) -> Iterator[tuple[str, str]]:
-    context = command.make_context(path, [], resilient_parsing=True, max_content_width=WIDTH, terminal_width=WIDTH)
+    context = command.make_context(
+        path, [], resilient_parsing=True, max_content_width=WIDTH, terminal_width=WIDTH
+    )
     yield path, command.get_help(context).strip()
     for name, one in sorted(getattr(command, "commands", {}).items()):
         yield from _helps(one, f"{path} {name}")

@@ -27,7 +27,9 @@ def finish(site: Path) -> None:
     for page in site.rglob("*.html"):
         text = page.read_text(encoding="utf-8")
         if SHIM_URL in text:
-            page.write_text(text.replace(SHIM_URL, os.path.relpath(site / "iframe-worker.js", page.parent)), "utf-8")
+            page.write_text(
+                text.replace(SHIM_URL, os.path.relpath(site / "iframe-worker.js", page.parent)), "utf-8"
+            )
     if found := requests(site):
         raise ValueError("the site makes requests: " + "; ".join(found[:5]))
 

@@ -37,7 +37,7 @@ PIECES = (
         "A sculler, simulated, with ground truth",
         "Estimates, 95 % bands and the true angles in the same curves.",
         ("demo --out demo",),
-        "demo/sculler/report.html",
+        "demo/sculler/smoother/report.html",
     ),
     Piece(
         "demo-pendulum.html",
@@ -116,7 +116,10 @@ def write_pages(docs: Path, work: Path, made: bool = True) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     shutil.rmtree(work, ignore_errors=True)
     work.mkdir(parents=True)
-    lines = ["# Gallery\n", "Each page is one file that works offline. Beside it stand the commands that made it.\n"]
+    lines = [
+        "# Gallery\n",
+        "Each page is one file that works offline. Beside it stand the commands that made it.\n",
+    ]
     for piece in PIECES:
         if made:
             for command in piece.commands:
@@ -126,7 +129,11 @@ def write_pages(docs: Path, work: Path, made: bool = True) -> None:
             (folder / piece.file).write_text("<!doctype html><title>not made</title>", encoding="utf-8")
         shown = "\n".join(f"oarlock {command}" for command in piece.commands)
         code = f"```sh\n{shown}\n```\n" if shown else ""
-        lines += [f"## {piece.title}\n", f"{piece.text} [Open](gallery/{piece.file}){{target=_blank}}\n", code]
+        lines += [
+            f"## {piece.title}\n",
+            f"{piece.text} [Open](gallery/{piece.file}){{target=_blank}}\n",
+            code,
+        ]
     write(docs / "gallery.md", "\n".join(lines))
 
 
@@ -140,5 +147,3 @@ def run(command: str, folder: Path) -> None:
     done = subprocess.run(arguments, cwd=folder, capture_output=True, text=True, check=False)
     if done.returncode:
         raise RuntimeError(f"oarlock {command}\n{done.stdout[-1000:]}\n{done.stderr[-2000:]}")
-
-

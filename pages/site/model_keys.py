@@ -22,7 +22,7 @@ TABLES: Mapping[str, str] = {
     "`[[closure]]`": '[[closure]]\nname = "a"\nno_key = 1\n',
     "`[[base_acceleration]]`": '[[base_acceleration]]\nname = "a"\nno_key = 1\n',
 }
-"""Title of a table in the page, and a file with an unknown key, to which the engine answers with those that it knows."""
+"""Title of a table in the page, and a file with an unknown key: the engine answers with the keys that it knows."""
 BEFORE = {"extends", "mirror", "part"}
 """Keys that are resolved before the engine reads a model."""
 SHOWN = re.compile(r"unknown key `no_key`; valid: (.*?)$", re.M)
@@ -55,7 +55,9 @@ def check_keys() -> None:
         known, count = _known(probe)
         written = keys_of(title) - BEFORE if title == "Top of the file" else keys_of(title)
         if not known <= written or (count != len(written) and title != "Top of the file"):
-            raise ValueError(f"{title}: {PAGE.name} has {sorted(written)}; the engine knows {count}: {sorted(known)}")
+            raise ValueError(
+                f"{title}: {PAGE.name} has {sorted(written)}; the engine knows {count}: {sorted(known)}"
+            )
 
 
 def keys_of(title: str) -> set[str]:
@@ -85,11 +87,18 @@ def _known(probe: str) -> tuple[set[str], int]:
 
 def _models() -> str:
     """All shipped models: joints, sensors, parameters."""
-    lines = ["# Models that ship\n", "`oarlock model show NAME` prints one in full, `oarlock model copy` makes a copy to change."]
+    lines = [
+        "# Models that ship\n",
+        "`oarlock model show NAME` prints one in full, `oarlock model copy` makes a copy to change.",
+    ]
     for name in model_names():
         shown = oarlock.load_model(name).describe()
         lines += [f"\n## {name}\n", f"{shown.description}\n", "| | |", "| --- | --- |"]
-        for title, each in (("joints", shown.joints), ("sensors", shown.sensors), ("parameters", shown.parameters)):
+        for title, each in (
+            ("joints", shown.joints),
+            ("sensors", shown.sensors),
+            ("parameters", shown.parameters),
+        ):
             names = ", ".join(f"`{one.name}`" for one in each)
             lines.append(f"| {len(each)} {title} | {names} |")
     return "\n".join(lines)

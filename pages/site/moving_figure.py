@@ -22,8 +22,11 @@ SCALE = 230.0
 TO_PICTURE = np.array([[0.30, 0.16], [0.0, 1.0], [1.0, 0.0]])
 """From root axes (left, up, along the boat) to the picture: seen from the side, a little from behind and above."""
 COLOURS = {"body": "#7a8ca3", "right": "#c0392b", "left": "#2e7d5b", "tool": "#666", "seat": "#8a6d3b"}
-STYLE = """<style>g{{visibility:hidden;animation:show {cycle}s steps(1) infinite}}@keyframes show{{0%{{visibility:visible}}{share:.4f}%{{visibility:hidden}}}}
-@media (prefers-reduced-motion:reduce){{g{{animation:none}}g:first-of-type{{visibility:visible}}}}</style>"""
+STYLE = """<style>
+g{{visibility:hidden;animation:show {cycle}s steps(1) infinite}}
+@keyframes show{{0%{{visibility:visible}}{share:.4f}%{{visibility:hidden}}}}
+@media (prefers-reduced-motion:reduce){{g{{animation:none}}g:first-of-type{{visibility:visible}}}}
+</style>"""
 
 
 def write_picture(file: Path) -> None:

@@ -1,4 +1,4 @@
-"""Copies the written pages to where the site is built from, so that each of their links leads to a page or file of the site."""
+"""Copies the written pages to where the site is built from. Each of their links then leads to a page of the site."""
 
 from __future__ import annotations
 
@@ -52,6 +52,7 @@ def _copy(source: Path, target: Path, docs: Path) -> None:
 
 def linked(text: str, source: Path, target: Path, docs: Path) -> str:
     """Text of a page of the repository with links that are right where it goes in the site."""
+
     def moved(found: re.Match[str]) -> str:
         before, link, after = (one for one in found.groups() if one is not None)
         path, mark, anchor = link.partition("#")

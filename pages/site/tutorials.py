@@ -1,6 +1,7 @@
 """Runs the tutorials as they are written, and measures the time of each command.
 
-A line of an `sh` block is a command; a block with `title="FILE"` is written to that file. `console` blocks install and are not run.
+A line of an `sh` block is a command; a block with `title="FILE"` is written to that file. `console` blocks install and
+are not run.
 """
 
 from __future__ import annotations
@@ -68,7 +69,9 @@ def run(name: str, programs: Path, folder: Path) -> list[tuple[str, float]]:
             (folder / step.file).write_text(step.text, encoding="utf-8")
             continue
         begin = time.perf_counter()
-        result = subprocess.run(step.text, shell=True, cwd=folder, env=_environment(programs), capture_output=True, text=True)
+        result = subprocess.run(
+            step.text, shell=True, cwd=folder, env=_environment(programs), capture_output=True, text=True
+        )
         if result.returncode:
             raise RuntimeError(f"{name}: {step.text}\n{result.stdout[-2000:]}\n{result.stderr[-2000:]}")
         done.append((step.text, time.perf_counter() - begin))
@@ -77,7 +80,11 @@ def run(name: str, programs: Path, folder: Path) -> list[tuple[str, float]]:
 
 def _environment(programs: Path) -> dict[str, str]:
     """Without what would let the checkout's package be found before the one that is installed there."""
-    kept = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "OARLOCK", "VIRTUAL_ENV"))}
+    kept = {
+        name: value
+        for name, value in os.environ.items()
+        if not name.startswith(("PYTHON", "OARLOCK", "VIRTUAL_ENV"))
+    }
     if programs == Path(sys.executable).parent and "PYTHONPATH" in os.environ:  # the checkout itself
         kept["PYTHONPATH"] = os.environ["PYTHONPATH"]
     return {**kept, "PATH": f"{programs}{os.pathsep}{kept.get('PATH', '')}", "BROWSER": "true"}
@@ -92,7 +99,9 @@ def measured(python: Path = Path(sys.executable)) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for name in TUTORIALS:
         with TemporaryDirectory() as folder:
-            found[name] = [{"command": text, "s": round(s, 1)} for text, s in run(name, python.parent, Path(folder))]
+            found[name] = [
+                {"command": text, "s": round(s, 1)} for text, s in run(name, python.parent, Path(folder))
+            ]
     return {"machine": machine(), "tutorials": found}
 
 
@@ -105,7 +114,8 @@ def machine() -> str:
 
 def sections(record: Record) -> Mapping[str, Mapping[str, str]]:
     """The table of each tutorial's commands and times."""
-    made = f"{made_text(record)}, installed from a wheel, on {record['machine']}; `make pages PAGES=tutorials` measures it anew."
+    made = f"{made_text(record)}, installed from a wheel, on {record['machine']}; "
+    made += "`make pages PAGES=tutorials` measures it anew."
     found = {}
     for name, commands in record["tutorials"].items():
         rows = [[f"`{one['command'].replace('|', chr(92) + '|')}`", f"{one['s']:.1f}"] for one in commands]
@@ -113,4 +123,3 @@ def sections(record: Record) -> Mapping[str, Mapping[str, str]]:
         shown = table(("command", "s"), [*rows, ["all", f"{total:.1f}"]])
         found[f"docs/tutorials/{name}.md"] = {"times": f"{shown}\n\n{made}"}
     return found
-
