@@ -128,7 +128,7 @@ def write_pages(docs: Path, work: Path, made: bool = True) -> None:
         else:
             (folder / piece.file).write_text("<!doctype html><title>not made</title>", encoding="utf-8")
         shown = "\n".join(f"oarlock {command}" for command in piece.commands)
-        code = f"```sh\n{shown}\n```\n" if shown else ""
+        code = f"```sh\n{shown}\n```\n" if shown else "Made by the commands above.\n"
         lines += [
             f"## {piece.title}\n",
             f"{piece.text} [Open](gallery/{piece.file}){{target=_blank}}\n",

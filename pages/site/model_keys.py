@@ -93,7 +93,7 @@ def _models() -> str:
     ]
     for name in model_names():
         shown = oarlock.load_model(name).describe()
-        lines += [f"\n## {name}\n", f"{shown.description}\n", "| | |", "| --- | --- |"]
+        lines += [f"\n## {name}\n", f"{shown.description}\n", "| what | names |", "| --- | --- |"]
         for title, each in (
             ("joints", shown.joints),
             ("sensors", shown.sensors),
