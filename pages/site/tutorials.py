@@ -18,10 +18,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from pages.record import Record, made_text
+from pages.record import ROOT, Record, made_text
 from pages.sections import table
 
-from .stage import ROOT
 
 TUTORIALS = ("first-arm", "first-piece", "own-body")
 BLOCK = re.compile(r'^```(\w+)(?: title="([\w.-]+)")?\n(.*?)^```$', re.M | re.S)
