@@ -21,7 +21,6 @@ from typing import Any
 from pages.record import ROOT, Record, made_text
 from pages.sections import table
 
-
 TUTORIALS = ("first-arm", "first-piece", "own-body")
 BLOCK = re.compile(r'^```(\w+)(?: title="([\w.-]+)")?\n(.*?)^```$', re.M | re.S)
 
