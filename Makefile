@@ -19,7 +19,7 @@ export PYO3_PYTHON := $(CURDIR)/$(BIN)/python
 
 RUST_SOURCES := Cargo.toml Cargo.lock $(wildcard crates/*/Cargo.toml) $(shell find crates/*/src -name '*.rs')
 
-.PHONY: help demo test test-all test-long fuzz bench bench-others bench-page bench-live soak pages player pictures lint format docs validation wheel sdist release-checks lock clean
+.PHONY: help demo test test-all test-long fuzz bench bench-others bench-page bench-live soak pages player pictures lint format docs site validation wheel sdist release-checks lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -101,6 +101,9 @@ format: $(VENV)/.dev ## let ruff and rustfmt lay out the code
 docs: $(VENV)/.package $(VENV)/.dev ## check the links of the documentation and run its commands and examples
 	$(BIN)/python -m checks
 	$(BIN)/python -m pytest tests/test_docs.py
+
+site: $(VENV)/.package $(VENV)/.dev ## build the documentation site strictly into out/site/html, with reports of shipped examples
+	$(BIN)/python -m pages.site
 
 validation: $(VENV)/.package $(VENV)/.validation ## track public recordings with Oarlock and with other software, and compare
 	$(BIN)/python -m validation --out out/validation

@@ -7,6 +7,9 @@ from checks.project_files import ROOT, name_of, text_of
 
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "examples").rglob("*.md")])
 
+MADE = ("docs/reference/", "docs/gallery.md", "docs/numbers.md", "docs/moving-sculler.svg")
+"""What `make site` makes; its strict build checks these links."""
+
 
 def findings() -> list[str]:
     """Links of all pages that lead nowhere."""
@@ -20,6 +23,8 @@ def broken_links(page: Path) -> list[str]:
         path, _, anchor = target.partition("#")
         file = (page.parent / path).resolve() if path else page
         if "://" in target:
+            continue
+        if file.is_relative_to(ROOT) and file.relative_to(ROOT).as_posix().startswith(MADE):
             continue
         if not file.exists():
             found.append(f"{target} does not exist")

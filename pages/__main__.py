@@ -9,6 +9,7 @@ from pathlib import Path
 
 from . import coverage, emulated, record, robustness, status, validation
 from .sections import into_page
+from .site import tutorials
 
 SECTIONS: Mapping[str, Callable[[record.Record], Mapping[str, Mapping[str, str]]]] = {
     "status": status.sections,
@@ -17,6 +18,7 @@ SECTIONS: Mapping[str, Callable[[record.Record], Mapping[str, Mapping[str, str]]
     "robustness_quick": robustness.sections,
     "robustness": robustness.sections,
     "emulated": emulated.sections,
+    "tutorials": tutorials.sections,
 }
 
 
@@ -27,6 +29,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--seeds", type=int, help="robustness, coverage: only N seeds")
     parser.add_argument("--jobs", type=int, help="robustness: processes; else all cores")
     parser.add_argument("--sets", nargs="+", choices=list(validation.SETS), help="validation: only these")
+    parser.add_argument("--python", type=Path, help="tutorials: a Python in which a wheel is installed")
     parser.add_argument("--recorded", action="store_true", help="write the pages, measure nothing")
     asked = parser.parse_args(arguments)
     if unknown := sorted(set(asked.names) - set(SECTIONS)):
@@ -49,6 +52,8 @@ def _measured(name: str, asked: argparse.Namespace) -> Iterator[record.Record]:
     elif name == "coverage":
         seeds = coverage.SEEDS if asked.seeds is None else coverage.SEEDS[: asked.seeds]
         yield record.stamped(coverage.measured(seeds))
+    elif name == "tutorials":
+        yield record.stamped(tutorials.measured(asked.python or Path(sys.executable)))
     elif name == "emulated":
         yield record.stamped(emulated.measured())
     else:

@@ -1,6 +1,7 @@
 """The command line: help, exit status, one JSON document, errors as one block on stderr."""
 
 import json
+import re
 import tomllib
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import pytest
 
 import oarlock
 from command_line import run
+from oarlock.cli import VERBS as EVERY
 from oarlock.cli import settings, terminal
 
 VERBS = (
@@ -60,8 +62,11 @@ def test_version():
     assert shown.stdout.startswith("oarlock ")
 
 
-def test_without_a_verb_the_help_is_shown():
-    assert "model" in run(status=2).output
+def test_without_a_verb_three_ways_to_begin_are_shown():
+    shown = run().stdout
+    commands = re.findall(r"^  oarlock (\S+)", shown, re.M)
+    assert {"demo", "run", "track", "strokes", "model"} <= set(commands) <= set(EVERY)
+    assert max(map(len, shown.splitlines())) <= terminal.WIDTH
 
 
 # --- model --------------------------------------------------------------------------------------------

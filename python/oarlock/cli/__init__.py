@@ -57,11 +57,35 @@ def load_verb(name: str) -> Any:
     return get_group(verbs).commands[name]
 
 
+START = """\
+Oarlock: joint angles with uncertainty, from wearable and mounted sensors.
+
+  oarlock demo                                a sculler and a real pendulum, in a minute
+
+An arm, from a recording to angles
+  oarlock simulate --model arm --stature 1.78 --mass 75 --out session
+  oarlock run session --body arm --session session --stature 1.78 --mass 75 --out reach
+
+A boat, from sensors to strokes
+  oarlock simulate --field careful --rate-spm 24 --duration-s 60 --out piece
+  oarlock track piece --model sculler --smooth --out tracked
+  oarlock strokes tracked                     or `oarlock strokes FILE`: export of another device
+
+A body of your own, from a text file
+  oarlock model copy arm7 my.toml             then change it in any editor
+  oarlock model check my.toml
+  oarlock model show my.toml
+
+Your own recording: oarlock run FILE --body arm --out reach
+All commands: oarlock --help
+"""
+"""What `oarlock` alone prints: three ways to a first result."""
+
 # Plain help text keeps the line breaks of examples in files, pagers and narrow windows.
 app = typer.Typer(
     name="oarlock",
     cls=LazyVerbs,
-    no_args_is_help=True,
+    invoke_without_command=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     add_completion=True,
@@ -77,18 +101,16 @@ def _version(asked: bool) -> None:
         raise typer.Exit
 
 
-@app.callback(
-    epilog="\b\nStart here:\n"
-    "  oarlock demo                        a sculler and a real pendulum, tracked in a minute\n"
-    "  oarlock model show sculler          the contents of a model\n"
-    "  oarlock track trial --model sculler --out out"
-)
+@app.callback(epilog="\b\n`oarlock` alone shows how to begin.")
 def root(
+    context: typer.Context,
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
     ] = False,
 ) -> None:
     """Track articulated bodies from wearable and mounted sensors, with uncertainty."""
+    if context.invoked_subcommand is None:
+        typer.echo(START, nl=False)
 
 
 def _unused() -> None:

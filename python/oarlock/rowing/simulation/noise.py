@@ -40,6 +40,7 @@ TABLE_4_NOISE: Mapping[str, ImuNoise] = MappingProxyType(
         "l_forearm": ImuNoise(4.46e-3, 1.92e-3, 0.863),
     }
 )
+"""Standard deviations of the paper's five inertial units (its Table 4), by the name of the unit."""
 
 # Ten times what the authors measured on their units at rest.
 TABLE_5_GYRO_BIAS_RAD_S = 0.01
@@ -53,6 +54,7 @@ CONDITIONS: Mapping[str, SimulatedCondition] = MappingProxyType(
         "B-B": SimulatedCondition("B-B", True, TABLE_5_GYRO_BIAS_RAD_S, TABLE_5_ACCEL_BIAS_M_S2),
     }
 )
+"""The four conditions of the paper by name: boat still (S) or surging (B), sensors without (NB) or with (B) biases."""
 
 
 def condition_named(name: str) -> SimulatedCondition:

@@ -69,3 +69,4 @@ QUESTIONS = (
     Question("session_drifts", "Last third against first; one row a recording."),
     Question("outings", "Catch relative to the stroke seat; one row a recording.", of_metric=False),
 )
+"""All ready questions that a season answers, with one line each."""
