@@ -89,7 +89,9 @@ def write_rowing_report(
     tables = [_beside(target, k) for k in range(len(pieces))]
     sections = sections_of(pieces, [table.name for table in tables])
     if export is not None:
-        sections[1:1] = alongside_sections(export[0], pieces[0].technique, export[1])
+        sections[1:1] = [
+            replace(one, folded=True) for one in alongside_sections(export[0], pieces[0].technique, export[1])
+        ]
     front = front_of(pieces[0], _earlier(last), _earlier(best))
     heading = title or _heading(pieces)
     written = write_report(track, target, evaluation, truth, heading, sections, front)
