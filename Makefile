@@ -140,7 +140,7 @@ lock: $(VENV)/.created ## compute the pinned versions in requirements/ again
 	$(COMPILE) --constraint requirements/dev.txt --extra bench --output-file requirements/bench.txt pyproject.toml
 
 clean: ## remove everything that was built or installed
-	rm -rf $(VENV) target dist out viewer/node_modules .pytest_cache .mypy_cache .ruff_cache .hypothesis python/oarlock/*.so
+	rm -rf $(VENV) target dist out viewer/node_modules python/oarlock/data .pytest_cache .mypy_cache .ruff_cache .hypothesis python/oarlock/*.so
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # Stamps: a step is done again only if what it depends on has changed.

@@ -8,8 +8,8 @@ from pathlib import Path
 
 def _folders() -> tuple[Path, Path]:
     package = Path(str(files("oarlock")))
-    # beside the package's modules in a wheel; in examples/ of a working copy
-    return package / "data", package.parent.parent / "examples"
+    # of a working copy, whose build leaves copies beside the modules that may be older; and of a wheel
+    return package.parent.parent / "examples", package / "data"
 
 
 def path(name: str) -> Path:
