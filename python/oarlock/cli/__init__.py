@@ -47,8 +47,15 @@ MODULES = {"import": "import_"}
 class LazyVerbs(TyperGroup):
     """Lists all verbs, but imports only the module of the verb in use."""
 
+    # Typer would end without a word on Ctrl-C.
+
+    def make_context(self, *args: Any, **kwargs: Any) -> Any:
+        """Read the command line."""
+        with stopped_in_words():
+            return super().make_context(*args, **kwargs)
+
     def invoke(self, ctx: Any) -> Any:
-        """Import and run the verb; typer would end without a word on Ctrl-C."""
+        """Import and run the verb."""
         with stopped_in_words():
             return super().invoke(ctx)
 

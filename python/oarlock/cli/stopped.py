@@ -16,5 +16,15 @@ def stopped_in_words() -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
+        end_by_status()
         sys.stderr.write("error: stopped by Ctrl-C\n")
         sys.exit(EXIT_STOPPED)
+
+
+def end_by_status() -> None:
+    """After a Ctrl-C that was handled: let the process end with its status, not by the signal.
+
+    CPython notes a Ctrl-C inside of `exec` of a text, as a dataclass does it, and ends by the signal however it was
+    handled (`run_eval_code_obj` in pythonrun.c); the next `exec` of a text clears the note.
+    """
+    exec("")

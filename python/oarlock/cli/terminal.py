@@ -23,7 +23,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from oarlock.cli.stopped import EXIT_STOPPED
+from oarlock.cli.stopped import EXIT_STOPPED, end_by_status
 
 WIDTH: Final = 100
 EXIT_DATA: Final = 1
@@ -210,6 +210,7 @@ def _wrapped(function: Callable[Parameters, Result], kept: str) -> Callable[Para
         except UsageError as error:
             fail("usage", str(error), EXIT_USAGE, as_json)
         except KeyboardInterrupt:
+            end_by_status()
             fail("stopped", f"stopped by Ctrl-C; {kept}", EXIT_STOPPED, as_json)
         except BrokenPipeError:
             # The reader of the pipe (such as `head`) has closed it. Without this Python prints a second error at exit.
