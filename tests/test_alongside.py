@@ -229,7 +229,9 @@ def test_splits_are_at_marks_of_500_m():
 
 @pytest.mark.parametrize("name", ["rp3", "painsled_desktop", "speedcoach_empower", "nk_logbook", "hero"])
 def test_every_export_has_a_page_that_loads_nothing(tmp_path, name):
-    file = write_strokes_report(load_export(EXAMPLES / f"{name}.csv"), tmp_path)
+    shares: list[float] = []
+    file = write_strokes_report(load_export(EXAMPLES / f"{name}.csv"), tmp_path, progress=shares.append)
+    assert shares == [1.0]
     page = Page(file.read_text("utf-8"))
     assert not page.errors
     assert_loads_nothing(page)

@@ -71,7 +71,10 @@ def compared(
     track: oarlock.Track, other: oarlock.Track, tmp_path_factory: pytest.TempPathFactory
 ) -> list[Path]:
     file = tmp_path_factory.mktemp("two") / "both.html"
-    return write_rowing_report(track, file, other=other, names=("after", "before"))
+    shares: list[float] = []
+    files = write_rowing_report(track, file, other=other, names=("after", "before"), progress=shares.append)
+    assert shares == sorted(shares) and len(shares) > 2 and shares[-1] == 1.0
+    return files
 
 
 def test_page_is_well_formed_small_and_loads_nothing(page, text):

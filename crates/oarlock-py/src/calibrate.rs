@@ -1,7 +1,8 @@
 //! Python functions of the calibrations: mounts, lever arms, joints, magnetic field. `oarlock.calibration` calls them.
 
 use crate::array::{items, reals, Any};
-use crate::errors::{raise, DataError};
+use crate::errors::DataError;
+use crate::run::detached;
 use oarlock::calibrate::chain_sensor::{ChainOptions, ChainSensor};
 use oarlock::calibrate::hinge_axes::{hinge_axis, AxisOptions, NominalAxis};
 use oarlock::calibrate::hinge_chain::{mounts, FoundMount};
@@ -11,6 +12,7 @@ use oarlock::calibrate::local_field::{local_field, FieldOptions, MagneticUnit};
 use oarlock::calibrate::magnetic::{magnetic_field, FoundField, MagneticOptions};
 use oarlock::calibrate::pose_mounts::{pose_mounts, PoseOptions, PosedUnit};
 use oarlock::calibrate::signals::Signals;
+use oarlock::calibrate::GoOn;
 use oarlock::rotation::Mat3;
 use pyo3::prelude::*;
 use serde::Serialize;
@@ -82,11 +84,12 @@ impl Link {
 }
 
 /// What a search finds without the interpreter's lock, for Python: dictionaries by field name, lists; NaN becomes None.
+/// Ctrl-C stops it.
 fn found<'py, T: Serialize + Send>(
     py: Python<'py>,
-    search: impl FnOnce() -> oarlock::Result<T> + Send,
+    search: impl FnOnce(GoOn) -> oarlock::Result<T> + Send,
 ) -> PyResult<Any<'py>> {
-    let found = py.detach(search).map_err(|e| raise(py, e))?;
+    let found = detached(py, None, |told| search(&mut || told(0.0)))?;
     let json = serde_json::to_string(&found).map_err(|e| DataError::new_err(e.to_string()))?;
     py.import("json")?.call_method1("loads", (json,))
 }
@@ -112,11 +115,11 @@ pub fn find_hinge_chain<'py>(
     let links = sensors.iter().map(Link::read).collect::<PyResult<Vec<_>>>()?;
     let options = ChainOptions { still_s, first_turn_positive, ..ChainOptions::default() };
     let levers = LeverOptions { gravity_m_s2, ..LeverOptions::default() };
-    found(py, || {
+    found(py, |go_on| {
         let chain: Vec<ChainSensor> = links.iter().map(Link::borrow).collect();
         let mounts = mounts(&chain, up_in_world, &options)?;
-        let arms = lever_arms(&chain, &mounts, up_in_world, &levers)?;
-        let field = field_of(&links, &chain, &mounts)?;
+        let arms = lever_arms(&chain, &mounts, up_in_world, &levers, go_on)?;
+        let field = field_of(&links, &chain, &mounts, go_on)?;
         Ok(json!({ "mounts": mounts, "lever_arms": arms, "field": field }))
     })
 }
@@ -133,7 +136,7 @@ pub fn find_joint_center<'py>(
 ) -> PyResult<Any<'py>> {
     let (first, second) = (Unit::read(&first)?, Unit::read(&second)?);
     let options = CenterOptions { window_s, prior_std_m, ..CenterOptions::default() };
-    found(py, || joint_center([&first.signals(), &second.signals()], expected, &options))
+    found(py, |go_on| joint_center([&first.signals(), &second.signals()], expected, &options, go_on))
 }
 
 /// The axis of the hinge between the bodies of two units, in each one's sensor axes. `nominal` has the axis in both, by
@@ -150,7 +153,7 @@ pub fn find_hinge_axis<'py>(
     let (one, two) = (Unit::read(&first)?, Unit::read(&second)?);
     let options = AxisOptions { window_s, ..AxisOptions::default() };
     let nominal = NominalAxis { axes: nominal, std_rad: prior_std_rad };
-    found(py, || hinge_axis([&one.signals(), &two.signals()], &nominal, &options))
+    found(py, |go_on| hinge_axis([&one.signals(), &two.signals()], &nominal, &options, go_on))
 }
 
 /// Mounts of units at rest in a known posture: each also has link_from_sensor and world_from_link (3, 3), lists.
@@ -170,7 +173,7 @@ pub fn find_pose_mounts<'py>(
     };
     let posed = owned.iter().enumerate().map(posed).collect::<PyResult<Vec<_>>>()?;
     let options = PoseOptions { still_s, posture_std_rad, ..PoseOptions::default() };
-    found(py, || pose_mounts(&posed, up_in_world, &options))
+    found(py, |_| pose_mounts(&posed, up_in_world, &options))
 }
 
 /// Norm and dip of the magnetic field around units that all have a magnetometer.
@@ -179,11 +182,16 @@ pub fn find_local_field<'py>(py: Python<'py>, sensors: Vec<Any<'py>>) -> PyResul
     let owned = units(&sensors)?;
     let magnetic: Vec<MagneticUnit> =
         owned.iter().filter_map(|unit| Some((unit.signals(), unit.mag_ut.as_deref()?))).collect();
-    found(py, || local_field(&magnetic, &FieldOptions::default()))
+    found(py, |_| local_field(&magnetic, &FieldOptions::default()))
 }
 
 /// Readings of the sensors that have a magnetometer.
-fn field_of(links: &[Link], chain: &[ChainSensor], found: &[FoundMount]) -> oarlock::Result<Option<FoundField>> {
+fn field_of(
+    links: &[Link],
+    chain: &[ChainSensor],
+    found: &[FoundMount],
+    go_on: GoOn,
+) -> oarlock::Result<Option<FoundField>> {
     let (mut sensors, mut columns, mut mounts) = (Vec::new(), Vec::new(), Vec::new());
     for ((link, sensor), mount) in links.iter().zip(chain).zip(found) {
         if let Some(mag_ut) = &link.unit.mag_ut {
@@ -195,5 +203,5 @@ fn field_of(links: &[Link], chain: &[ChainSensor], found: &[FoundMount]) -> oarl
     if sensors.is_empty() {
         return Ok(None);
     }
-    magnetic_field(&sensors, &columns, &mounts, &MagneticOptions::default()).map(Some)
+    magnetic_field(&sensors, &columns, &mounts, &MagneticOptions::default(), go_on).map(Some)
 }

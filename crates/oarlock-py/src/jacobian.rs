@@ -1,18 +1,21 @@
 //! Jacobians of frames and readings, as arrays.
 
 use crate::motion::{Lengths, Motion, Roots};
+use crate::run::each_row;
 use oarlock::jacobian::{Instant, Jacobians};
 use oarlock::kinematics::FrameMotion;
 use oarlock::rotation::Vec3;
+use pyo3::prelude::*;
 
 /// By coordinate (rows, frames, 6, n_coordinates) and by length (rows, frames, 3, n_lengths).
 pub fn of_frames(
+    py: Python<'_>,
     jacobians: &Jacobians,
     frames: &[usize],
     q: &[f64],
     lengths: Option<&Lengths>,
     rows: usize,
-) -> [Vec<f64>; 2] {
+) -> PyResult<[Vec<f64>; 2]> {
     let n = jacobians.coordinate_count();
     let still = vec![0.0; n];
     let root = FrameMotion::resting(Vec3([0.0; 3]));
@@ -21,7 +24,7 @@ pub fn of_frames(
     let count = rows * frames.len();
     let mut by_coordinate = Vec::with_capacity(count * 6 * n);
     let mut by_length = Vec::with_capacity(count * 3 * jacobians.length_count());
-    for row in 0..rows {
+    each_row(py, rows, |row| {
         let q = &q[row * n..(row + 1) * n];
         jacobians.stand(
             root,
@@ -33,18 +36,18 @@ pub fn of_frames(
             one.chunks(width.max(1)).for_each(|row| by_coordinate.extend(&row[..n]));
             one.chunks(width.max(1)).take(3).for_each(|row| by_length.extend(&row[3 * n..]));
         }
-    }
-    [by_coordinate, by_length]
+    })?;
+    Ok([by_coordinate, by_length])
 }
 
 /// By q, qd, qdd (rows, n_measurements, n_coordinates) and by length (rows, n_measurements, n_lengths).
-pub fn of_readings(jacobians: &Jacobians, motion: &Motion, roots: &Roots) -> [Vec<f64>; 4] {
+pub fn of_readings(py: Python<'_>, jacobians: &Jacobians, motion: &Motion, roots: &Roots) -> PyResult<[Vec<f64>; 4]> {
     let (n, width) = (jacobians.coordinate_count(), jacobians.width());
     let mut room = jacobians.room();
     let mut one = vec![0.0; jacobians.row_count() * width];
     let mut out =
         [n, n, n, jacobians.length_count()].map(|c| Vec::with_capacity(motion.rows * jacobians.row_count() * c));
-    for row in 0..motion.rows {
+    each_row(py, motion.rows, |row| {
         let ((root, field), [q, qd, qdd]) = (roots.at(row), motion.row(row));
         jacobians.stand(root, Instant { q, qd, qdd, lengths: jacobians.lengths() }, &mut room);
         jacobians.readings(field, &mut room, &mut one);
@@ -53,6 +56,6 @@ pub fn of_readings(jacobians: &Jacobians, motion: &Motion, roots: &Roots) -> [Ve
                 out.extend(&row[k * n..if k == 3 { width } else { (k + 1) * n }]);
             }
         }
-    }
-    out
+    })?;
+    Ok(out)
 }

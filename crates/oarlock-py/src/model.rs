@@ -4,6 +4,7 @@ use crate::array::{items, shaped, Any, Array};
 use crate::errors::{raise, DataError};
 use crate::jacobian::{of_frames, of_readings};
 use crate::motion::{poses, Bases, Lengths, Motion, Roots};
+use crate::run::each_row;
 use crate::streams;
 use oarlock::body::Body;
 use oarlock::describe::describe;
@@ -139,7 +140,7 @@ impl PyModel {
         let (q, rows) = items(q, "q", &[self.model.coordinate_count()])?;
         let lengths = lengths.map(|l| Lengths::read(l, self.length_names().len(), rows)).transpose()?;
         let tree = if lengths.is_some() { self.jacobians().tree() } else { &self.body.tree };
-        let out = py.detach(|| poses(tree, &q.values, lengths.as_ref(), rows));
+        let out = poses(py, tree, &q.values, lengths.as_ref(), rows)?;
         shaped(py, out, &q.shape[..q.shape.len() - 1], &[tree.len(), 4, 4])
     }
 
@@ -160,12 +161,13 @@ impl PyModel {
     ) -> PyResult<Array<'py>> {
         let (roots, motion) = (self.roots(), Motion::read(q, qd, qdd, self.model.coordinate_count())?);
         let roots = Roots { bases: base.map(|b| Bases::read(b, motion.rows)).transpose()?, ..roots };
-        let out = (0..motion.rows).flat_map(|row| {
+        let mut out = Vec::with_capacity(motion.rows * self.body.suite.len());
+        each_row(py, motion.rows, |row| {
             let (root, field) = roots.at(row);
             let [q, qd, qdd] = motion.row(row);
-            readings_from(&self.body, root, field, q, qd, qdd)
-        });
-        shaped(py, out.collect(), &motion.lead, &[self.body.suite.len()])
+            out.extend(readings_from(&self.body, root, field, q, qd, qdd));
+        })?;
+        shaped(py, out, &motion.lead, &[self.body.suite.len()])
     }
 
     /// How frames move with every coordinate and every length: q (..., n_coordinates), rad or m -> `FrameJacobian` of
@@ -182,7 +184,7 @@ impl PyModel {
         let frames = self.frames(frames)?;
         let jacobians = self.jacobians();
         let lengths = lengths.map(|l| Lengths::read(l, jacobians.length_count(), rows)).transpose()?;
-        let [by_q, by_length] = py.detach(|| of_frames(jacobians, &frames, &q.values, lengths.as_ref(), rows));
+        let [by_q, by_length] = of_frames(py, jacobians, &frames, &q.values, lengths.as_ref(), rows)?;
         let lead = [&q.shape[..q.shape.len() - 1], &[frames.len()]].concat();
         let by_q = shaped(py, by_q, &lead, &[6, jacobians.coordinate_count()])?;
         let by_length = shaped(py, by_length, &lead, &[3, jacobians.length_count()])?;
@@ -203,7 +205,7 @@ impl PyModel {
         let motion = Motion::read(q, qd, qdd, self.model.coordinate_count())?;
         let bases = base.map(|b| Bases::read(b, motion.rows)).transpose()?;
         let (roots, jacobians) = (Roots { bases, ..self.roots() }, self.jacobians());
-        let found = py.detach(|| of_readings(jacobians, &motion, &roots));
+        let found = of_readings(py, jacobians, &motion, &roots)?;
         let lead = [&motion.lead[..], &[jacobians.row_count()]].concat();
         let (n, lengths) = (jacobians.coordinate_count(), jacobians.length_count());
         let arrays = found.into_iter().zip([n, n, n, lengths]).map(|(v, width)| shaped(py, v, &lead, &[width]));

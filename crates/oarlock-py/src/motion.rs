@@ -2,6 +2,7 @@
 
 use crate::array::{items, matrix_of, Any};
 use crate::errors::DataError;
+use crate::run::each_row;
 use oarlock::kinematics::{FrameMotion, JointMotion, Tree};
 use oarlock::rotation::Vec3;
 use pyo3::prelude::*;
@@ -112,13 +113,13 @@ impl Lengths {
 }
 
 /// Poses of all frames at every row, 16 numbers each.
-pub fn poses(tree: &Tree, q: &[f64], lengths: Option<&Lengths>, rows: usize) -> Vec<f64> {
+pub fn poses(py: Python<'_>, tree: &Tree, q: &[f64], lengths: Option<&Lengths>, rows: usize) -> PyResult<Vec<f64>> {
     let width = q.len() / rows.max(1);
     let still = vec![0.0; width];
     let root = FrameMotion::resting(Vec3([0.0; 3]));
     let (mut frames, all) = (vec![root; tree.len()], vec![true; tree.len()]);
     let mut out = Vec::with_capacity(rows * tree.len() * 16);
-    for row in 0..rows {
+    each_row(py, rows, |row| {
         let lengths = lengths.map_or(&[][..], |l| l.at(row));
         let q = &q[row * width..(row + 1) * width];
         tree.motions(root, JointMotion { q, qd: &still, qdd: &still, lengths, anchors: &[] }, &all, &mut frames);
@@ -128,6 +129,6 @@ pub fn poses(tree: &Tree, q: &[f64], lengths: Option<&Lengths>, rows: usize) -> 
             }
             out.extend([0.0, 0.0, 0.0, 1.0]);
         }
-    }
-    out
+    })?;
+    Ok(out)
 }

@@ -10,6 +10,7 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use oarlock::track::many::{track_many as engine_track_many, Job};
 use oarlock::track::notes::{at_nominal_mounts, notes};
 use oarlock::track::run::{track as engine_track, Report, Run};
+use oarlock::Error;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -54,6 +55,20 @@ pub fn detached<T: Send>(
         Some(e) => Err(e),
         None => done.map_err(|e| raise(py, e)),
     }
+}
+
+/// Runs `work` for each row without the interpreter's lock; Ctrl-C stops it.
+pub fn each_row(py: Python<'_>, rows: usize, mut work: impl FnMut(usize) + Send) -> PyResult<()> {
+    const ASK_EVERY: usize = 512;
+    detached(py, None, |told| {
+        for row in 0..rows {
+            if row % ASK_EVERY == ASK_EVERY - 1 && !told(row as f64 / rows as f64) {
+                return Err(Error::Stopped);
+            }
+            work(row);
+        }
+        Ok(())
+    })
 }
 
 /// Tracks a recording; see `oarlock.track`.

@@ -3,6 +3,7 @@
 use crate::array::{items, Any};
 use crate::errors::{raise, DataError};
 use crate::model::PyModel;
+use crate::run::each_row;
 use crate::streams;
 use numpy::{PyArray1, PyArray3, PyArrayMethods};
 use oarlock::body::Field;
@@ -44,15 +45,13 @@ pub fn imu_signals<'py>(
     let spots: Vec<Spot> = model.sensors.iter().zip(&mounts).filter_map(spot).collect();
     let (tree, field) = (Tree::new(&model, &parameters), Field::new(&model.world, &parameters));
     let magnetic_field = field.magnetic(azimuth_rad).0;
-    let out: Vec<f64> = py.detach(|| {
-        let row = |t: usize| {
-            let at: [&[f64]; STENCIL] =
-                std::array::from_fn(|k| &q.values[(t * STENCIL + k) * width..(t * STENCIL + k + 1) * width]);
-            let a = &acceleration.values[3 * t..3 * t + 3];
-            let around = Around { lift: field.lift, magnetic_field, root_acceleration: [a[0], a[1], a[2]] };
-            signals(&tree, &at, step_s, &around, &spots)
-        };
-        (0..rows).flat_map(row).flatten().collect()
-    });
+    let mut out: Vec<f64> = Vec::with_capacity(rows * spots.len() * 9);
+    each_row(py, rows, |t| {
+        let at: [&[f64]; STENCIL] =
+            std::array::from_fn(|k| &q.values[(t * STENCIL + k) * width..(t * STENCIL + k + 1) * width]);
+        let a = &acceleration.values[3 * t..3 * t + 3];
+        let around = Around { lift: field.lift, magnetic_field, root_acceleration: [a[0], a[1], a[2]] };
+        out.extend(signals(&tree, &at, step_s, &around, &spots).into_iter().flatten());
+    })?;
     PyArray1::from_vec(py, out).reshape([rows, spots.len(), 9])
 }

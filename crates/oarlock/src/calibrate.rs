@@ -31,3 +31,14 @@ mod spin_axis;
 mod swing_sense;
 mod turning;
 mod windows;
+
+/// Called at intervals by a search; false stops it with [`Error::Stopped`](crate::Error::Stopped).
+pub type GoOn<'a> = &'a mut dyn FnMut() -> bool;
+
+fn ask(go_on: GoOn) -> crate::Result<()> {
+    if go_on() {
+        Ok(())
+    } else {
+        Err(crate::Error::Stopped)
+    }
+}

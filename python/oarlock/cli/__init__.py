@@ -5,12 +5,15 @@ Exit status: 0 success, 1 a problem in the data, 2 wrong usage, 130 stopped by C
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import Annotated, Any
+from oarlock.cli.stopped import stopped_in_words
 
-import typer
-from typer.core import TyperGroup
-from typer.main import get_group
+with stopped_in_words():  # half of the time before a verb starts
+    from importlib import import_module
+    from typing import Annotated, Any
+
+    import typer
+    from typer.core import TyperGroup
+    from typer.main import get_group
 
 VERBS = {
     "demo": "Track a simulated sculler and a real pendulum.",
@@ -43,6 +46,18 @@ MODULES = {"import": "import_"}
 
 class LazyVerbs(TyperGroup):
     """Lists all verbs, but imports only the module of the verb in use."""
+
+    # Typer would end without a word on Ctrl-C.
+
+    def make_context(self, *args: Any, **kwargs: Any) -> Any:
+        """Read the command line."""
+        with stopped_in_words():
+            return super().make_context(*args, **kwargs)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Import and run the verb."""
+        with stopped_in_words():
+            return super().invoke(ctx)
 
     def resolve_command(self, *args: Any) -> tuple[Any, Any, list[str]]:
         """Return the name of the verb, its command and the remaining arguments."""
@@ -123,7 +138,8 @@ for _name, _short_help in VERBS.items():
 
 def main() -> None:
     """Entry point of the `oarlock` command."""
-    app(prog_name="oarlock")
+    with stopped_in_words():
+        app(prog_name="oarlock")
 
 
 __all__ = ["app", "main"]

@@ -77,7 +77,7 @@ def crew(
     pieces = [_loaded(folder) for folder in seats]
     found = crew_seats(pieces, names(named) if named else None, given, source)
     timing = crew_timing(found, against, None if clock_ms is None else clock_ms / 1e3)
-    files = write_crew_report(timing, page)
+    files = write_crew_report(timing, page, progress=True)
     if json_output:
         return print_json(_document(timing, files))
     _show(timing)

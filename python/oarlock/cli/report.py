@@ -218,7 +218,7 @@ def write_any_report(
 
     earlier = earlier or Earlier()
     if is_of_rower(track):
-        with progress("writing the report"):
+        with progress("writing the report") as told:
             return write_rowing_report(
                 track,
                 path,
@@ -230,10 +230,11 @@ def write_any_report(
                 last=earlier.last,
                 best=earlier.best,
                 export=export,
+                progress=told,
             )
     asked = {"--compare": other, "--targets": targets, "--last": earlier.last, "--best": earlier.best}
     _refuse_of_others(track, {**asked, "--with": export})
     from oarlock.movement.report import write_movement_report
 
-    with progress("writing the report"):
-        return write_movement_report(track, path, evaluation, truth)
+    with progress("writing the report") as told:
+        return write_movement_report(track, path, evaluation, truth, progress=told)

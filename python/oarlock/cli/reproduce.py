@@ -11,6 +11,7 @@ import typer
 from oarlock.cli.options import Force, Jobs, Json, OutFolder, example
 from oarlock.cli.terminal import (
     UsageError,
+    continuing_verb,
     heading,
     output_folder,
     print_json,
@@ -18,7 +19,6 @@ from oarlock.cli.terminal import (
     say,
     steps,
     table,
-    verb,
 )
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def add_to(app: typer.Typer) -> None:
     )(reproduce)
 
 
-@verb
+@continuing_verb
 def reproduce(
     what: Annotated[
         list[What],

@@ -13,6 +13,7 @@ from oarlock.cli.season_options import CutGps, SeasonAt, Tombstones, opened
 from oarlock.cli.terminal import (
     EXIT_DATA,
     UsageError,
+    continuing_verb,
     heading,
     pairs,
     print_json,
@@ -81,7 +82,7 @@ def init(
         "oarlock season add season rp3.csv --athlete K7QMVA --date 2026-05-01",
     ),
 )
-@verb
+@continuing_verb
 def add(
     at: SeasonAt,
     sources: Annotated[

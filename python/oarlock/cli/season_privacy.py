@@ -13,6 +13,7 @@ from oarlock.cli.season_options import CutGps, SeasonAt, Tombstones, opened
 from oarlock.cli.terminal import (
     EXIT_DATA,
     UsageError,
+    continuing_verb,
     heading,
     pairs,
     print_json,
@@ -102,7 +103,7 @@ def export(
         say(f"Left out without consent to {scope}: {', '.join(left_out)}")
 
 
-@verb
+@continuing_verb
 def erase(
     at: SeasonAt,
     athlete: Annotated[

@@ -14,6 +14,7 @@ from oarlock.cli.season_options import SeasonAt, opened
 from oarlock.cli.terminal import (
     EXIT_DATA,
     UsageError,
+    continuing_verb,
     heading,
     page,
     pairs,
@@ -85,7 +86,7 @@ def setup(
     steps(f"oarlock season run {at} --dry-run", f"oarlock season run {at}")
 
 
-@verb
+@continuing_verb
 def run(
     at: SeasonAt,
     workers: Annotated[

@@ -8,7 +8,7 @@ import typer
 
 from oarlock.cli.options import Jobs, Json, example
 from oarlock.cli.season_options import SeasonAt
-from oarlock.cli.terminal import print_json, progress, say, steps, verb
+from oarlock.cli.terminal import continuing_verb, print_json, progress, say, steps
 
 
 def add_to(group: typer.Typer) -> None:
@@ -22,7 +22,7 @@ def add_to(group: typer.Typer) -> None:
     )(synthetic)
 
 
-@verb
+@continuing_verb
 def synthetic(
     at: SeasonAt,
     recordings: Annotated[

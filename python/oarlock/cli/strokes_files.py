@@ -78,7 +78,7 @@ def write_page(
     if page.is_dir():
         raise UsageError(f"--report {page}: is a folder; name a file, such as {page / 'strokes.html'}")
     free_file(page, force)
-    write_strokes_report(found, page, last, session_text(read_session(source.parent)))
+    write_strokes_report(found, page, last, session_text(read_session(source.parent)), progress=True)
 
 
 def show_activity(found: Activity, wanted: Wanted, json_output: bool, page: Path | None = None) -> None:

@@ -10,6 +10,7 @@ import typer
 from oarlock.cli.options import Force, Jobs, Json, example
 from oarlock.cli.terminal import (
     UsageError,
+    continuing_verb,
     heading,
     number,
     output_folder,
@@ -18,7 +19,6 @@ from oarlock.cli.terminal import (
     say,
     steps,
     table,
-    verb,
 )
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def add_to(app: typer.Typer) -> None:
     )(study)
 
 
-@verb
+@continuing_verb
 def study(
     file: Annotated[
         str,

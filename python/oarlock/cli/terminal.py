@@ -23,10 +23,11 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from oarlock.cli.stopped import EXIT_STOPPED, end_by_status
+
 WIDTH: Final = 100
 EXIT_DATA: Final = 1
 EXIT_USAGE: Final = 2
-EXIT_STOPPED: Final = 130
 EXIT_PIPE: Final = 141
 TRACEBACK_VARIABLE: Final = "OARLOCK_TRACEBACK"
 
@@ -190,7 +191,15 @@ def verb(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]
     Status 1: a problem in the data. 2: wrong usage. 130: stopped by Ctrl-C. With `--json` the error is also the
     document on stdout.
     """
+    return _wrapped(function, "nothing unfinished is in the output folders")
 
+
+def continuing_verb(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+    """As `verb`, for one that keeps what is finished when it is stopped, and continues there."""
+    return _wrapped(function, "what is finished is kept; the same command continues from there")
+
+
+def _wrapped(function: Callable[Parameters, Result], kept: str) -> Callable[Parameters, Result]:
     @functools.wraps(function)
     def run(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
         as_json = bool(kwargs.get("json_output", False))
@@ -201,12 +210,8 @@ def verb(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]
         except UsageError as error:
             fail("usage", str(error), EXIT_USAGE, as_json)
         except KeyboardInterrupt:
-            fail(
-                "stopped",
-                "stopped by Ctrl-C; nothing unfinished is in the output folders",
-                EXIT_STOPPED,
-                as_json,
-            )
+            end_by_status()
+            fail("stopped", f"stopped by Ctrl-C; {kept}", EXIT_STOPPED, as_json)
         except BrokenPipeError:
             # The reader of the pipe (such as `head`) has closed it. Without this Python prints a second error at exit.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

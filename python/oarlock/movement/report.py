@@ -10,6 +10,7 @@ from oarlock.movement.movement import cycles_table, movement_of
 from oarlock.movement.sections import sections_of
 from oarlock.report import Front, write_report
 from oarlock.storage import csv_cells
+from oarlock.storage.progress import Progress, mark, share, shown
 
 
 def write_movement_report(
@@ -18,18 +19,26 @@ def write_movement_report(
     evaluation: Evaluation | None = None,
     truth: Track | None = None,
     title: str | None = None,
+    *,
+    progress: Progress = None,
 ) -> list[Path]:
     """Write the report, and cycles.csv beside it if the movement repeats. Return the written files, the report first.
+
+    `progress`: True shows a bar or lines; a function is called regularly with the share done, 0 to 1.
 
     Raises:
         DataError: the track has no samples.
     """
     if track.model is None or not len(track):
-        return [write_report(track, path, evaluation, truth, title)]
-    movement = movement_of(track)
-    front = front_of(movement) if movement.angles else None
+        return [write_report(track, path, evaluation, truth, title, progress=progress)]
     table = path.with_name("cycles.csv" if path.stem == "report" else f"{path.stem}-cycles.csv")
-    written = [write_report(track, path, evaluation, truth, title, sections_of(movement, table.name), front)]
+    with shown(progress, "writing the report") as told:
+        movement = movement_of(track)
+        front = front_of(movement) if movement.angles else None
+        sections = sections_of(movement, table.name)
+        mark(told, 0.5)
+        rest = share(told, 0.5, 1.0)
+        written = [write_report(track, path, evaluation, truth, title, sections, front, progress=rest)]
     if movement.main is not None:
         csv_cells.write_csv(cycles_table(movement, movement.main), table)
         written.append(table)

@@ -60,6 +60,7 @@ def _on_disk(
                     [sys.executable, "-c", _WORKER], stdin=subprocess.PIPE, stdout=subprocess.PIPE
                 )
             )
+            stack.callback(process.terminate)  # after Ctrl-C; nothing happens to one that has ended
             assert process.stdin is not None
             pickle.dump((str(place.root), sought, files[first::workers]), process.stdin)
             process.stdin.close()

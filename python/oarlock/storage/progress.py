@@ -40,6 +40,12 @@ def share(progress: Told | None, start: float, end: float) -> Told | None:
     return None if progress is None else lambda done: progress(start + (end - start) * done)
 
 
+def mark(progress: Told | None, done: float) -> None:
+    """Tell the share done, if anybody wants to know."""
+    if progress is not None:
+        progress(done)
+
+
 def display(text: str) -> AbstractContextManager[Callable[[float], None]]:
     """Progress where the user looks: a bar in a notebook or on a terminal, elsewhere lines on stderr."""
     if _in_marimo():

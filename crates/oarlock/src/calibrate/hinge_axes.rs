@@ -11,6 +11,7 @@
 use super::robust_fit::{fit_as_scattered, Fit, Problem, Scatter};
 use super::signals::Signals;
 use super::windows::{PairedWindows, Window};
+use super::GoOn;
 use crate::Result;
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix4, Matrix6x4, Rotation3, SymmetricEigen, Vector3, Vector4};
 use serde::Serialize;
@@ -83,12 +84,17 @@ pub struct FoundAxis {
 ///
 /// # Errors
 /// [`Error::Data`](crate::Error::Data) for malformed columns or no common stretch of time without gaps.
-pub fn hinge_axis(units: [&Signals; 2], nominal: &NominalAxis, options: &AxisOptions) -> Result<FoundAxis> {
+pub fn hinge_axis(
+    units: [&Signals; 2],
+    nominal: &NominalAxis,
+    options: &AxisOptions,
+    go_on: GoOn,
+) -> Result<FoundAxis> {
     let windows = PairedWindows::new(units, options.window_s)?;
     let expected = nominal.axes.map(|axis| Vector3::from(axis).normalize());
     let problem = Axes { pairs: &windows.pairs, expected, prior_std: nominal.std_rad, options };
     let scatter = Scatter { least: 1e-5, rows_per_error: windows.within(options.correlation_s) };
-    let found = fit_as_scattered(&problem, &problem.starts(), &scatter, OWN)?;
+    let found = fit_as_scattered(&problem, &problem.starts(), &scatter, OWN, go_on)?;
     Ok(problem.told(&found, &windows))
 }
 

@@ -11,6 +11,7 @@
 use super::robust_fit::{fit_as_scattered, Fit, Problem, Scatter};
 use super::signals::Signals;
 use super::windows::{PairedWindows, Window};
+use super::GoOn;
 use crate::{Error, Result};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, RowVector3, SymmetricEigen, Vector3};
 use serde::Serialize;
@@ -91,7 +92,12 @@ pub struct LooseDirection {
 /// # Errors
 /// [`Error::Data`] for malformed columns, an expected value that is not finite, or no common stretch of time without
 /// gaps.
-pub fn joint_center(units: [&Signals; 2], expected: [[f64; 3]; 2], options: &CenterOptions) -> Result<FoundCenter> {
+pub fn joint_center(
+    units: [&Signals; 2],
+    expected: [[f64; 3]; 2],
+    options: &CenterOptions,
+    go_on: GoOn,
+) -> Result<FoundCenter> {
     if !expected.iter().flatten().all(|x| x.is_finite()) {
         return Err(Error::Data(format!(
             "sensors `{}` and `{}`: the joint is expected at {expected:?} m, which is not finite",
@@ -107,7 +113,7 @@ pub fn joint_center(units: [&Signals; 2], expected: [[f64; 3]; 2], options: &Cen
         options,
     };
     let scatter = Scatter { least: 1e-4, rows_per_error };
-    let found = fit_as_scattered(&problem, &starts(options.prior_std_m), &scatter, FIRST_BIAS)?;
+    let found = fit_as_scattered(&problem, &starts(options.prior_std_m), &scatter, FIRST_BIAS, go_on)?;
     Ok(problem.told(&found, &windows))
 }
 

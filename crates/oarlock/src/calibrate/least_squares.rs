@@ -1,11 +1,14 @@
 //! Linear least squares with a prior, the one solver of all calibrations. Blocks in time are kept apart, so that a jackknife
 //! gives the uncertainty. `robust_fit` linearises for it; [`SensorRows`] estimates the noise of each sensor with it.
 
+use super::{ask, GoOn};
 use crate::{Error, Result};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 /// Number of consecutive parts of a recording that the jackknife leaves out in turn.
 pub(crate) const BLOCKS: usize = 8;
+/// Times between two calls of [`GoOn`].
+const ASK_EVERY: usize = 256;
 
 /// Normal equations of one block: information matrix and information vector.
 #[derive(Debug, Clone)]
@@ -140,24 +143,28 @@ pub(crate) trait SensorRows {
         prior_std: &DVector<f64>,
         start_std: f64,
         noise: impl Fn(Vec<f64>) -> Vec<f64>,
+        go_on: GoOn,
     ) -> Result<Estimate> {
         let mut std = vec![start_std; self.sensors()];
         for _ in 0..2 {
-            let value = self.equations(prior_std, &std).value()?;
+            let value = self.equations(prior_std, &std, go_on)?.value()?;
             std = noise((0..self.sensors()).map(|i| self.residual(i, &value)).collect());
         }
-        self.equations(prior_std, &std).solve()
+        self.equations(prior_std, &std, go_on)?.solve()
     }
 
-    fn equations(&self, prior_std: &DVector<f64>, std: &[f64]) -> LeastSquares {
+    fn equations(&self, prior_std: &DVector<f64>, std: &[f64], go_on: GoOn) -> Result<LeastSquares> {
         let mut squares = LeastSquares::new(prior_std.clone());
         for (n, &k) in self.times().iter().enumerate() {
+            if n % ASK_EVERY == 0 {
+                ask(go_on)?;
+            }
             for (i, &std) in std.iter().enumerate() {
                 let (coefficients, reading) = self.row(i, k);
                 squares.add(n * BLOCKS / self.times().len(), &coefficients, &reading, std);
             }
         }
-        squares
+        Ok(squares)
     }
 
     /// Root mean square residual of sensor `i` per axis.

@@ -9,6 +9,7 @@ use super::chain_motion::ChainMotion;
 use super::chain_sensor::ChainSensor;
 use super::hinge_chain::FoundMount;
 use super::least_squares::SensorRows;
+use super::GoOn;
 use crate::Result;
 use nalgebra::{DMatrix, DVector, Vector3};
 use serde::Serialize;
@@ -65,6 +66,7 @@ pub fn lever_arms(
     mounts: &[FoundMount],
     up_in_world: [f64; 3],
     options: &LeverOptions,
+    go_on: GoOn,
 ) -> Result<Vec<FoundLever>> {
     let motion = ChainMotion::new(sensors, mounts, options.smooth_s)?;
     let gravity = Vector3::from(up_in_world).normalize() * options.gravity_m_s2;
@@ -74,8 +76,8 @@ pub fn lever_arms(
     }
     let rows: Vec<usize> = (0..motion.time_s.len()).filter(|&k| motion.swings[k] && motion.is_inner(k)).collect();
     let fit = Fit { motion, forces, gravity, rows };
-    let estimate =
-        fit.reweighted(&fit.prior_std(options), 0.1, |residuals| residuals.iter().map(|r| r.max(1e-6)).collect())?;
+    let noise = |residuals: Vec<f64>| residuals.iter().map(|r| r.max(1e-6)).collect();
+    let estimate = fit.reweighted(&fit.prior_std(options), 0.1, noise, go_on)?;
     Ok((0..sensors.len())
         .map(|i| {
             let at = |v: &DVector<f64>, first: usize| [v[first], v[first + 1], v[first + 2]];

@@ -10,6 +10,7 @@ use super::chain_sensor::ChainSensor;
 use super::hinge_chain::FoundMount;
 use super::least_squares::{Estimate, SensorRows};
 use super::matrix::matrix;
+use super::GoOn;
 use crate::{Error, Result};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use serde::Serialize;
@@ -67,6 +68,7 @@ pub fn magnetic_field(
     mag_ut: &[&[[f64; 3]]],
     mounts: &[FoundMount],
     options: &MagneticOptions,
+    go_on: GoOn,
 ) -> Result<FoundField> {
     check_columns(sensors, mag_ut)?;
     // The magnetometer is not differentiated, so a window of one grid step is enough.
@@ -77,9 +79,9 @@ pub fn magnetic_field(
     }
     let rows = (0..motion.time_s.len()).filter(|&k| motion.swings[k]).collect();
     let fit = Fit { motion, readings, rows };
-    let with = fit.solve(options.offset_std_ut, options)?;
+    let with = fit.solve(options.offset_std_ut, options, go_on)?;
     // Zero has no information matrix.
-    let without = fit.solve(1e-6, options)?;
+    let without = fit.solve(1e-6, options, go_on)?;
     let offsets = (0..sensors.len()).map(|i| fit.offset(i, &with, &without, sensors, mounts)).collect();
     let three = |v: &DVector<f64>| [v[0], v[1], v[2]];
     Ok(FoundField { field_in_world_ut: three(&with.value), field_std_ut: three(&with.std), offsets })
@@ -92,14 +94,15 @@ struct Fit {
 }
 
 impl Fit {
-    fn solve(&self, offset_std_ut: f64, options: &MagneticOptions) -> Result<Estimate> {
+    fn solve(&self, offset_std_ut: f64, options: &MagneticOptions, go_on: GoOn) -> Result<Estimate> {
         let mut prior = DVector::from_element(3 + 3 * self.readings.len(), offset_std_ut);
         prior.rows_mut(0, 3).fill(options.field_std_ut);
         // Differences of the field between places limit the fit, more than the sensor's noise; they are alike for all.
-        self.reweighted(&prior, 1.0, |residuals| {
+        let noise = |residuals: Vec<f64>| {
             let squares: f64 = residuals.iter().map(|r| r.powi(2)).sum();
             vec![(squares / residuals.len() as f64).sqrt().max(1e-3); residuals.len()]
-        })
+        };
+        self.reweighted(&prior, 1.0, noise, go_on)
     }
 
     fn offset(

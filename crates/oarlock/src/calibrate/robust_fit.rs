@@ -2,6 +2,7 @@
 //! `hinge_axes` use it.
 
 use super::least_squares::{Estimate, LeastSquares, BLOCKS};
+use super::{ask, GoOn};
 use crate::Result;
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
@@ -65,11 +66,16 @@ const MOST_STEPS: usize = 60;
 const LAST_STEPS: usize = 6;
 
 /// Returns the best fit over all starts.
-pub(crate) fn fit<P: Problem>(problem: &P, starts: &[P::State], scatter: &Scatter) -> Result<Fit<P::State>> {
+pub(crate) fn fit<P: Problem>(
+    problem: &P,
+    starts: &[P::State],
+    scatter: &Scatter,
+    go_on: GoOn,
+) -> Result<Fit<P::State>> {
     let mut found = Vec::with_capacity(starts.len());
     for start in starts {
         let spreads = scatter.spreads(&problem.errors(start));
-        found.push(Descent { problem, scatter, spreads, loss: Loss::Square }.from(start)?);
+        found.push(Descent { problem, scatter, spreads, loss: Loss::Square }.from(start, go_on)?);
     }
     let smallest = |states: &[P::State]| {
         let errors = states.iter().map(|s| problem.errors(s));
@@ -79,7 +85,7 @@ pub(crate) fn fit<P: Problem>(problem: &P, starts: &[P::State], scatter: &Scatte
     for _ in 0..3 {
         let descent = Descent { problem, scatter, spreads: smallest(&found), loss: Loss::Cauchy };
         for state in &mut found {
-            *state = descent.from(state)?;
+            *state = descent.from(state, go_on)?;
         }
         found.sort_by(|a, b| descent.cost(a).total_cmp(&descent.cost(b)));
         found.truncate(1);
@@ -88,6 +94,7 @@ pub(crate) fn fit<P: Problem>(problem: &P, starts: &[P::State], scatter: &Scatte
     let spreads = smallest(std::slice::from_ref(&state));
     let descent = Descent { problem, scatter, spreads, loss: Loss::Cauchy };
     for _ in 0..LAST_STEPS {
+        ask(go_on)?;
         state = problem.plus(&state, &(descent.without_noise(&state).value()? - problem.departure(&state).0));
     }
     let estimate = descent.without_noise(&state).solve()?;
@@ -102,14 +109,15 @@ pub(crate) fn fit_as_scattered<P: Problem>(
     starts: &[P::State],
     scatter: &Scatter,
     own: usize,
+    go_on: GoOn,
 ) -> Result<Fit<P::State>> {
-    let found = fit(problem, starts, scatter)?;
+    let found = fit(problem, starts, scatter, go_on)?;
     let excess = excess(&found.estimate, &problem.departure(&found.state).1, own);
     if excess <= 1.0 {
         return Ok(found);
     }
     let longer = Scatter { least: scatter.least, rows_per_error: scatter.rows_per_error * excess };
-    fit(problem, std::slice::from_ref(&found.state), &longer)
+    fit(problem, std::slice::from_ref(&found.state), &longer, go_on)
 }
 
 /// By how much estimates from parts of the recording scatter more than the residuals explain, as a ratio of variances. A
@@ -176,9 +184,10 @@ struct Descent<'a, P: Problem> {
 }
 
 impl<P: Problem> Descent<'_, P> {
-    fn from(&self, start: &P::State) -> Result<P::State> {
+    fn from(&self, start: &P::State, go_on: GoOn) -> Result<P::State> {
         let (mut state, mut cost) = (start.clone(), self.cost(start));
         for _ in 0..MOST_STEPS {
+            ask(go_on)?;
             let wanted = self.equations(&state).value()? - self.problem.departure(&state).0;
             let tried = (0..12).map(|halvings| self.problem.plus(&state, &(&wanted * 0.5_f64.powi(halvings))));
             let better = tried.map(|s| (self.cost(&s), s)).find(|(c, _)| *c < cost);

@@ -38,7 +38,8 @@ Floats = NDArray[np.float64]
 SETTLED_S = 2.0
 """As `evaluate` scores tracks: until then errors are larger than the filter can know."""
 _YOUNG = f"it began in the first {SETTLED_S:.0f} s of filtering"
-_STROKES_AT_ONCE = 16
+_STROKES_AT_ONCE = 8
+"""Ctrl-C waits for the parts at work: fewer strokes are less efficient, more take over a second."""
 _ARM = ("elbow", "shoulder", "arm_plane", "forearm")
 
 

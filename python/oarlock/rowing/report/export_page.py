@@ -25,6 +25,7 @@ from oarlock.rowing.report.beside import export_sections
 from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, places, with_unit
 from oarlock.rowing.strokes.table import StrokeTable
 from oarlock.storage.epoch import moment_text
+from oarlock.storage.progress import Progress, mark, shown
 from oarlock.storage.write_file import write_file
 
 _MOST_FINDINGS = 3
@@ -37,6 +38,8 @@ def write_strokes_report(
     path: str | Path,
     other: StrokeTable | None = None,
     who: str = "",
+    *,
+    progress: Progress = None,
 ) -> Path:
     """Write the page of an export: who rowed what, what stands out, compared, can it be believed; then the sections.
 
@@ -45,6 +48,7 @@ def write_strokes_report(
         path: the file to write, or an existing folder, which gets ``strokes.html``.
         other: an export to compare with, such as last time's.
         who: who rowed, when and where, in one line.
+        progress: True shows a bar or lines; a function is called regularly with the share done, 0 to 1.
 
     Returns:
         Path: the file written.
@@ -52,7 +56,10 @@ def write_strokes_report(
     target = Path(path)
     target = target / "strokes.html" if target.is_dir() else target
     target.parent.mkdir(parents=True, exist_ok=True)
-    write_file(target, strokes_page(found, other, who))
+    with shown(progress, "writing the report") as told:
+        page = strokes_page(found, other, who)
+        mark(told, 1.0)
+    write_file(target, page)
     return target
 
 

@@ -15,6 +15,7 @@ from oarlock.rowing.report.front import front_of
 from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.report.sections import sections_of
 from oarlock.rowing.strokes.table import StrokeTable
+from oarlock.storage.progress import Progress, mark, share, shown
 
 _ROWER = {"seat", "trunk"}
 
@@ -48,6 +49,7 @@ def write_rowing_report(
     export: tuple[StrokeTable | Activity, float | None] | None = None,
     last: tuple[str, Track] | None = None,
     best: tuple[str, Track] | None = None,
+    progress: Progress = None,
 ) -> list[Path]:
     """Write a rower's report, and beside it the strokes as CSV.
 
@@ -64,6 +66,7 @@ def write_rowing_report(
             offset of its clock, s, if it is known.
         last: name and track of the athlete's piece before this one.
         best: name and track of the athlete's own best piece.
+        progress: True shows a bar or lines; a function is called regularly with the share done, 0 to 1.
 
     Returns:
         list: the files written, the report first. Without strokes only the report is written, with the reason.
@@ -73,32 +76,38 @@ def write_rowing_report(
     """
     target = Path(path)
     target = target / "report.html" if target.is_dir() else target
-    try:
-        pieces = _pieces(track, other, names, targets)
-    except DataError as error:
-        if other is not None or targets is not None:
-            raise
-        return [
-            write_report(track.with_notes(f"No strokes found: {error}"), target, evaluation, truth, title)
-        ]
-    empty = [piece for piece in pieces if not len(piece.table)]
-    if empty and other is not None:
-        raise DataError(f"'{empty[0].name}' has no stroke to compare. {' '.join(empty[0].table.notes)}")
-    if empty:
-        return [write_report(track.with_notes(*empty[0].table.notes), target, evaluation, truth, title)]
-    tables = [_beside(target, k) for k in range(len(pieces))]
-    sections = sections_of(pieces, [table.name for table in tables])
-    if export is not None:
-        sections[1:1] = [
-            replace(one, folded=True) for one in alongside_sections(export[0], pieces[0].technique, export[1])
-        ]
-    front = front_of(pieces[0], _earlier(last), _earlier(best))
-    heading = title or _heading(pieces)
-    written = write_report(track, target, evaluation, truth, heading, sections, front)
-    for piece, table in zip(pieces, tables, strict=True):
-        session = ", ".join(filter(None, who_and_when(piece.track.provenance)))
-        replace(piece.table, source=": ".join(filter(None, (session, piece.table.source)))).to_csv(table)
-    return [written, *tables]
+    with shown(progress, "writing the report") as told:
+        try:
+            pieces = _pieces(track, other, names, targets)
+            mark(told, 0.2)
+        except DataError as error:
+            if other is not None or targets is not None:
+                raise
+            noted = track.with_notes(f"No strokes found: {error}")
+            return [write_report(noted, target, evaluation, truth, title, progress=told)]
+        empty = [piece for piece in pieces if not len(piece.table)]
+        if empty and other is not None:
+            raise DataError(f"'{empty[0].name}' has no stroke to compare. {' '.join(empty[0].table.notes)}")
+        if empty:
+            noted = track.with_notes(*empty[0].table.notes)
+            return [write_report(noted, target, evaluation, truth, title, progress=told)]
+        tables = [_beside(target, k) for k in range(len(pieces))]
+        sections = sections_of(pieces, [table.name for table in tables])
+        if export is not None:
+            sections[1:1] = [
+                replace(one, folded=True)
+                for one in alongside_sections(export[0], pieces[0].technique, export[1])
+            ]
+        mark(told, 0.5)
+        front = front_of(pieces[0], _earlier(last), _earlier(best))
+        heading = title or _heading(pieces)
+        written = write_report(
+            track, target, evaluation, truth, heading, sections, front, progress=share(told, 0.6, 1.0)
+        )
+        for piece, table in zip(pieces, tables, strict=True):
+            session = ", ".join(filter(None, who_and_when(piece.track.provenance)))
+            replace(piece.table, source=": ".join(filter(None, (session, piece.table.source)))).to_csv(table)
+        return [written, *tables]
 
 
 def _pieces(

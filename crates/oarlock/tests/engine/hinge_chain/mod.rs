@@ -165,7 +165,7 @@ fn hinges_that_are_not_parallel_swing_one_at_a_time() {
         let error = error(mount, hinge);
         assert!(error.norm() < DIFFERENTIATION_RAD, "{error:?} {mount:?}");
     }
-    let levers = lever_arms(&sensors, &mounts, UP.into(), &LeverOptions::default()).expect("good");
+    let levers = lever_arms(&sensors, &mounts, UP.into(), &LeverOptions::default(), &mut || true).expect("good");
     let off = Vector3::from(levers[1].offset_m) - chain[1].sensor;
     let axis = chain[1].axis.normalize();
     assert!((off - axis * axis.dot(&off)).norm() < 0.005, "{off:?} {:?}", levers[1]);
@@ -205,7 +205,7 @@ fn lever_arms_and_link_lengths_are_found_within_their_bands() {
         let sensors = sensors(&chain, &data);
         let mounts = found(&sensors, &ChainOptions::default());
         let options = LeverOptions::default();
-        let levers = lever_arms(&sensors, &mounts, UP.into(), &options).expect("good data");
+        let levers = lever_arms(&sensors, &mounts, UP.into(), &options, &mut || true).expect("good data");
         for (lever, hinge) in levers.iter().zip(&chain) {
             let mut checks = vec![(lever.offset_m, lever.offset_std_m, hinge.sensor)];
             checks.extend(lever.to_next_hinge_m.map(|(value, std)| (value, std, hinge.to_next)));
@@ -233,7 +233,8 @@ fn magnetometer_offsets_and_field_are_found() {
     let sensors = sensors(&chain, &data);
     let mounts = found(&sensors, &ChainOptions::default());
     let columns: Vec<&[[f64; 3]]> = data.iter().map(|r| r.mag.as_slice()).collect();
-    let field = magnetic_field(&sensors, &columns, &mounts, &MagneticOptions::default()).expect("good data");
+    let field =
+        magnetic_field(&sensors, &columns, &mounts, &MagneticOptions::default(), &mut || true).expect("good data");
     for axis in 0..3 {
         let off = (field.field_in_world_ut[axis] - FIELD_UT[axis]).abs();
         // 0.3 uT: what a mount's error of 5 mrad does to a field of 50 uT.

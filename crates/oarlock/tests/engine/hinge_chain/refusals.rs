@@ -130,13 +130,15 @@ fn lever_arms_and_magnetometers() {
     data[1].mag.iter_mut().for_each(|row| *row = [0.0; 3]);
     let mut sensors = sensors(&chain, &data);
     let mounts = mounts(&sensors, UP.into(), &ChainOptions::default()).expect("good data");
-    let too_few = lever_arms(&sensors, &mounts[..2], UP.into(), &LeverOptions::default());
+    let too_few = lever_arms(&sensors, &mounts[..2], UP.into(), &LeverOptions::default(), &mut || true);
     assert_says(&text_of(too_few), &["3 sensors and 2 mounts"]);
     let columns: Vec<&[[f64; 3]]> = data.iter().map(|r| r.mag.as_slice()).collect();
-    let zero = magnetic_field(&sensors, &columns, &mounts, &MagneticOptions::default());
+    let zero = magnetic_field(&sensors, &columns, &mounts, &MagneticOptions::default(), &mut || true);
     assert_says(&text_of(zero), &["`middle`", "reads zero throughout"]);
+    let stopped = lever_arms(&sensors, &mounts, UP.into(), &LeverOptions::default(), &mut || false);
+    assert_eq!(stopped, Err(Error::Stopped));
     let later: Vec<f64> = data[2].time_s.iter().map(|t| t + 100.0).collect();
     sensors[2].time_s = &later;
-    let apart = lever_arms(&sensors, &mounts, UP.into(), &LeverOptions::default());
+    let apart = lever_arms(&sensors, &mounts, UP.into(), &LeverOptions::default(), &mut || true);
     assert_says(&text_of(apart), &["sensors share", "on one clock"]);
 }

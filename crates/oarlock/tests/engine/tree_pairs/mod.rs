@@ -8,6 +8,7 @@ use bodies::{signals, Bodies, HINGE};
 use nalgebra::{Matrix6, Vector3, Vector6};
 use oarlock::calibrate::hinge_axes::{hinge_axis, AxisOptions, FoundAxis, NominalAxis};
 use oarlock::calibrate::joint_centers::{joint_center, CenterOptions, FoundCenter};
+use oarlock::Error;
 use signals::{Noise, Readings};
 
 const NOISE: Noise = Noise { gyro: 0.005, accel: 0.05, mag: 0.5 };
@@ -18,15 +19,20 @@ const SIGMAS: f64 = 7.0;
 const NOWHERE: [[f64; 3]; 2] = [[0.0; 3]; 2];
 
 fn center(read: &[Readings; 2], expected: [[f64; 3]; 2]) -> FoundCenter {
-    joint_center([&signals("one", &read[0]), &signals("two", &read[1])], expected, &CenterOptions::default())
-        .expect("the recording is a good one")
+    joint_center(
+        [&signals("one", &read[0]), &signals("two", &read[1])],
+        expected,
+        &CenterOptions::default(),
+        &mut || true,
+    )
+    .expect("the recording is a good one")
 }
 
 /// Mounts of which nothing is known.
 const ANYHOW: NominalAxis = NominalAxis { axes: [[1.0, 0.0, 0.0]; 2], std_rad: [std::f64::consts::FRAC_PI_2; 2] };
 
 fn axis(read: &[Readings; 2], nominal: &NominalAxis) -> FoundAxis {
-    hinge_axis([&signals("one", &read[0]), &signals("two", &read[1])], nominal, &AxisOptions::default())
+    hinge_axis([&signals("one", &read[0]), &signals("two", &read[1])], nominal, &AxisOptions::default(), &mut || true)
         .expect("the recording is a good one")
 }
 
@@ -189,7 +195,7 @@ fn bad_recordings_are_refused_by_name() {
         let mut broken = Bodies::ball(1).read(5.0, NOISE, 1);
         change(&mut broken);
         let units = [&signals("one", &broken[0]), &signals("two", &broken[1])];
-        joint_center(units, NOWHERE, &CenterOptions::default()).expect_err("it is bad").to_string()
+        joint_center(units, NOWHERE, &CenterOptions::default(), &mut || true).expect_err("it is bad").to_string()
     };
     assert!(refused(|r| r[1].gyro.truncate(9)).contains("`two`: 500 time stamps, 9 rows"));
     assert!(refused(|r| r[0].time_s[3] = 0.0).contains("time does not increase"));
@@ -198,6 +204,20 @@ fn bad_recordings_are_refused_by_name() {
     assert!(refused(|r| (0..500).filter(|k| k % 12 < 6).for_each(|k| r[1].accel[k][2] = f64::NAN))
         .contains("without a gap"));
     let units = [&signals("one", &read[0]), &signals("two", &read[1])];
-    let nowhere = joint_center(units, [[f64::NAN; 3]; 2], &CenterOptions::default());
+    let nowhere = joint_center(units, [[f64::NAN; 3]; 2], &CenterOptions::default(), &mut || true);
     assert!(nowhere.expect_err("it is bad").to_string().contains("not finite"));
+}
+
+#[test]
+fn a_search_stops_on_request() {
+    let read = Bodies::ball(1).read(5.0, NOISE, 1);
+    let units = [&signals("one", &read[0]), &signals("two", &read[1])];
+    let mut left = 3;
+    let mut thrice = || {
+        left -= 1;
+        left > 0
+    };
+    assert_eq!(joint_center(units, NOWHERE, &CenterOptions::default(), &mut thrice), Err(Error::Stopped));
+    assert_eq!(hinge_axis(units, &ANYHOW, &AxisOptions::default(), &mut thrice), Err(Error::Stopped));
+    assert_eq!(left, -1, "each ends at the first refusal");
 }

@@ -23,6 +23,7 @@ from oarlock.rowing.report.crew.sections import (
     timing_table,
     who_table,
 )
+from oarlock.storage.progress import Progress, mark, shown
 from oarlock.storage.write_file import write_file
 
 _MOST_UNFOLDED = 3
@@ -32,7 +33,11 @@ STYLE = (
 
 
 def write_crew_report(
-    timing: CrewTiming, path: str | PathLike[str], title: str | None = None
+    timing: CrewTiming,
+    path: str | PathLike[str],
+    title: str | None = None,
+    *,
+    progress: Progress = None,
 ) -> tuple[Path, Path]:
     """Write a page that works offline, and a CSV file with every stroke beside it.
 
@@ -40,6 +45,7 @@ def write_crew_report(
         timing: from `crew_timing`.
         path: the file to write, or an existing folder, which gets ``crew.html``. Missing parents are made.
         title: heading.
+        progress: True shows a bar or lines; a function is called regularly with the share done, 0 to 1.
 
     Returns:
         The page and the CSV file.
@@ -48,7 +54,10 @@ def write_crew_report(
     target = target / "crew.html" if target.is_dir() else target
     target.parent.mkdir(parents=True, exist_ok=True)
     beside = target.with_suffix(".csv")
-    write_file(target, crew_page(timing, title or "Crew: timing between seats", beside.name))
+    with shown(progress, "writing the report") as told:
+        page = crew_page(timing, title or "Crew: timing between seats", beside.name)
+        mark(told, 1.0)
+    write_file(target, page)
     write_file(beside, _csv(timing))
     return target, beside
 

@@ -1,0 +1,30 @@
+"""Ctrl-C while the command starts, before a verb handles it: a line on stderr and exit status 130."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Final
+
+EXIT_STOPPED: Final = 130
+
+
+@contextmanager
+def stopped_in_words() -> Iterator[None]:
+    """Within it Ctrl-C ends the process with one line on stderr instead of a traceback."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        end_by_status()
+        sys.stderr.write("error: stopped by Ctrl-C\n")
+        sys.exit(EXIT_STOPPED)
+
+
+def end_by_status() -> None:
+    """After a Ctrl-C that was handled: let the process end with its status, not by the signal.
+
+    CPython notes a Ctrl-C inside of `exec` of a text, as a dataclass does it, and ends by the signal however it was
+    handled (`run_eval_code_obj` in pythonrun.c); the next `exec` of a text clears the note.
+    """
+    exec("")
