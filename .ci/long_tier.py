@@ -53,6 +53,7 @@ USUAL_S = {
     "test_release_built": 500.0,
     "test_reproduce": 20.0,
     "test_strokes": 15.0,
+    "test_strokes_crew_browser": 40.0,
     "test_stopped": 120.0,
     "test_suspects": 190.0,
     "test_season_cluster": 60.0,
