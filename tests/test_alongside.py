@@ -251,7 +251,9 @@ def test_every_export_has_a_page_that_loads_nothing(tmp_path, name):
 
 def test_the_page_begins_with_who_and_what():
     found = load_export(EXAMPLES / "speedcoach_empower.csv")
-    text = strokes_page(found, found, {"athlete": "A07", "place": "Lake"}).partition("<body")[2]
+    whole = strokes_page(found, found, {"athlete": "A07", "place": "Lake"})
+    assert_references_lead_somewhere(Page(whole))
+    text = whole.partition("<body")[2]
     order = [
         "<h1>A07: ",
         " strokes, ",

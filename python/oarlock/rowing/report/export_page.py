@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from html import escape
+from importlib.resources import files
 from pathlib import Path
 from types import MappingProxyType
 
@@ -30,9 +31,11 @@ from oarlock.rowing.findings.rowed import FEWEST_STROKES
 from oarlock.rowing.report import words
 from oarlock.rowing.report.averages import feature_of
 from oarlock.rowing.report.beside import export_sections
+from oarlock.rowing.report.definitions import definitions
 from oarlock.rowing.report.export_piece import ExportPiece, device_of
 from oarlock.rowing.report.front import compared, point
 from oarlock.rowing.report.shown import places
+from oarlock.rowing.report.tables import link
 from oarlock.rowing.strokes.table import StrokeTable
 from oarlock.storage.epoch import moment_text
 from oarlock.storage.write_file import write_file
@@ -79,6 +82,7 @@ def strokes_page(
     if isinstance(found, StrokeTable):
         front, trust = _front_of_strokes(found, last), _trust(found)
         sections.append(("numbers", "All numbers", _numbers(found)))
+        sections.append(("meanings", "What each number means", definitions(found.columns)))
     else:
         front, trust = Front(did=_did(found), figures=_pace(found)), Trust("care", _OWN)
     sections.append(("measured", "How it was measured", _measured(found)))
@@ -88,7 +92,8 @@ def strokes_page(
         heading,
         about + front_markup(front, trust, anchor="measured-in"),
         sections,
-        folded=("numbers", "measured"),
+        style=files(__package__).joinpath("style.css").read_text("utf-8"),
+        folded=("numbers", "meanings", "measured"),
     )
 
 
@@ -169,7 +174,7 @@ def _numbers(found: StrokeTable) -> str:
     for row in summarise_strokes(found):
         digits = places(feature_of(row.name))
         cells = [fixed(value, digits) for value in (row.median, row.low, row.high)]
-        rows.append([escape(row.label), escape(row.unit), str(row.strokes), *cells])
+        rows.append([link(row.name, row.label), escape(row.unit), str(row.strokes), *cells])
     heads = [Column(name) for name in ("quantity", "unit", "strokes", "median", "5 %", "95 %")]
     return plain_table("numbers-all", "Over all rows of the file; nothing is left out.", heads, rows)
 
