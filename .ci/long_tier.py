@@ -36,7 +36,7 @@ USUAL_S = {
     "test_consider": 25.0,
     "test_docs": 35.0,
     "test_docs_commands": 150.0,
-    "test_site": 90.0,
+    "test_site": 120.0,
     "test_emulated_over_the_air": 60.0,
     "test_emulated_transports": 800.0,
     "test_exact_recordings": 50.0,

@@ -68,4 +68,4 @@ def quiet_tabs(browser: Any, expected: tuple[str, ...]) -> Iterator[Opened]:
     for context in contexts:
         context.close()
     loud = [text for text in complaints if not any(sign in text for sign in expected)]
-    assert not loud
+    assert not loud, loud
