@@ -35,6 +35,19 @@ def chromium(not_tried: str) -> Iterator[Any]:
         launched.close()
 
 
+def serious_violations(tab: Any) -> list[str]:
+    """What axe finds serious or critical, with every part folded and then unfolded."""
+    axe = pytest.importorskip(
+        "axe_playwright_python.sync_playwright", reason="pip install axe-playwright-python"
+    )
+    found = []
+    for unfolded in ("false", "true"):
+        tab.evaluate(f"document.querySelectorAll('details').forEach(part => {{ part.open = {unfolded}; }})")
+        violations = axe.Axe().run(tab).response["violations"]
+        found += [one["id"] for one in violations if one["impact"] in ("serious", "critical")]
+    return found
+
+
 @contextmanager
 def quiet_tabs(browser: Any, expected: tuple[str, ...]) -> Iterator[Opened]:
     """Opens files without a network; whatever else than `expected` the console says fails the test."""
@@ -55,4 +68,4 @@ def quiet_tabs(browser: Any, expected: tuple[str, ...]) -> Iterator[Opened]:
     for context in contexts:
         context.close()
     loud = [text for text in complaints if not any(sign in text for sign in expected)]
-    assert not loud
+    assert not loud, loud

@@ -1,5 +1,6 @@
 """Exports beside the motion: clocks related by stroke onsets, force placed on its stroke, and the page of an export."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +12,13 @@ from html_page import Page, assert_loads_nothing, assert_references_lead_somewhe
 from local_data import local_folder
 from oarlock.rowing import StrokeTable, load_export
 from oarlock.rowing.alongside.align import NO_ONSET, align_strokes
-from oarlock.rowing.alongside.changes import changes_within
 from oarlock.rowing.alongside.clock_match import match_clocks
 from oarlock.rowing.alongside.course import course_of, pace_text, parts_of
 from oarlock.rowing.alongside.force_curves import FORCES, force_stacks, forces_on_strokes
-from oarlock.rowing.report.export_page import strokes_page, write_strokes_report
+from oarlock.rowing.analysis.technique import technique
+from oarlock.rowing.report.export_page import findings_of_export, strokes_page, write_strokes_report
 from oarlock.storage.errors import DataError
+from rowed_truth import rowed
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "strokes"
 WITHIN_S = 0.020
@@ -202,15 +204,26 @@ def fading(seed: int, lost_m: float) -> StrokeTable:
 
 
 def test_a_planted_change_is_named_first_and_nothing_where_nothing_changed():
-    named = [changes_within(fading(seed, 0.06)) for seed in range(10)]
+    named = [findings_of_export(fading(seed, 0.06)) for seed in range(10)]
     assert sum(bool(found) and found[0].name == "handle_travel_m" for found in named) >= 9
-    assert sum(not changes_within(fading(seed, 0.0)) for seed in range(20)) >= 19
+    assert sum(not findings_of_export(fading(seed, 0.0)) for seed in range(20)) >= 19
+
+
+def test_last_time_is_compared_only_with_the_same_device():
+    earlier, now = (
+        replace(fading(seed, lost_m), source=f"{seed}.csv: RP3") for seed, lost_m in ((1, 0.0), (2, 0.0))
+    )
+    shorter = replace(now, columns={**now.columns, "handle_travel_m": now["handle_travel_m"] - 0.08})
+    assert [one.kind for one in findings_of_export(shorter, earlier)] == ["against last"]
+    other = replace(earlier, source="1.csv: Concept2")
+    assert findings_of_export(shorter, other) == []
+    assert "not assessed, because the devices differ (RP3, Concept2)" in strokes_page(shorter, other)
 
 
 def test_the_effect_of_the_rate_is_no_change():
     rate = np.linspace(18.0, 34.0, 90)
     scatter = np.random.default_rng(0).normal(0.0, 0.01, 90)
-    assert not changes_within(
+    assert not findings_of_export(
         StrokeTable({"rate_per_min": rate, "handle_travel_m": 1.5 - 0.01 * (rate - 18.0) + scatter})
     )
 
@@ -240,8 +253,17 @@ def test_every_export_has_a_page_that_loads_nothing(tmp_path, name):
 
 def test_the_page_begins_with_who_and_what():
     found = load_export(EXAMPLES / "speedcoach_empower.csv")
-    text = strokes_page(found, found, "A07, Lake")
-    order = ["A07", "Rowed.", "Stands out.", "Compared.", "Can it be believed?", "<h2"]
+    whole = strokes_page(found, found, {"athlete": "A07", "place": "Lake"})
+    assert_references_lead_somewhere(Page(whole))
+    text = whole.partition("<body")[2]
+    order = [
+        "<h1>A07: ",
+        " strokes, ",
+        "Lake",
+        "What stands out",
+        "Compared with earlier",
+        "How it was measured</h2",
+    ]
     places = [text.index(word) for word in order]
     assert places == sorted(places)
 
@@ -253,8 +275,31 @@ def test_the_verb_writes_a_page_and_compares(tmp_path):
     page = tmp_path / "piece.html"
     file = str(EXAMPLES / "speedcoach_empower.csv")
     run("strokes", file, "--report", str(page), "--last", file)
-    assert "Compared." in page.read_text("utf-8")
+    assert "since last time" in page.read_text("utf-8")
     assert "exists" in run("strokes", file, "--report", str(page), status=2).output
+
+
+def test_the_report_of_a_track_shows_force_beside_the_motion(tmp_path):
+    track = rowed("B-NB", 40.0, 24.0, 0)
+    catch_s = technique(track).strokes["catch_time_s"]
+    track.save(tmp_path / "out")
+    export = made.rp3(tmp_path / "rp3.csv", catch_s + 200.0)
+    # Strokes of a steady simulation are too regular to be related by their intervals.
+    run(
+        "report",
+        str(tmp_path / "out"),
+        "--with",
+        str(export),
+        "--offset",
+        "-200",
+        "--to",
+        str(tmp_path / "piece.html"),
+    )
+    page = Page((tmp_path / "piece.html").read_text("utf-8"))
+    assert not page.errors
+    assert_loads_nothing(page)
+    assert_references_lead_somewhere(page)
+    assert "Force beside the motion" in page.text and "Force of rp3.csv: RP3" in page.text
 
 
 @pytest.mark.parametrize(

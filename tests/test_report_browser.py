@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import oarlock
-from headless_chromium import Opened, chromium, quiet_tabs
+from headless_chromium import Opened, chromium, quiet_tabs, serious_violations
 from oarlock.report import Point, Sourced, write_summary
 from oarlock.rowing.analysis.technique import technique
 from oarlock.rowing.report.write import rowing_front, write_rowing_report
@@ -182,14 +182,7 @@ def test_how_it_was_measured_is_folded_and_one_link_away(opened):
 
 @pytest.mark.parametrize(("width", "scheme"), [(1280, "dark"), (390, "light")])
 def test_axe_finds_no_serious_violation(opened, width, scheme):
-    axe = pytest.importorskip(
-        "axe_playwright_python.sync_playwright", reason="pip install axe-playwright-python"
-    )
-    tab = opened(width, color_scheme=scheme)
-    for unfolded in ("false", "true"):
-        tab.evaluate(f"document.querySelectorAll('details').forEach(part => {{ part.open = {unfolded}; }})")
-        violations = axe.Axe().run(tab).response["violations"]
-        assert [v["id"] for v in violations if v["impact"] in ("serious", "critical")] == []
+    assert serious_violations(opened(width, color_scheme=scheme)) == []
 
 
 def test_the_sheet_is_one_page_of_a4(browser, track, tmp_path):

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from command_line import run
-from headless_chromium import chromium, quiet_tabs
+from headless_chromium import chromium, quiet_tabs, serious_violations
 from html_page import Page, assert_loads_nothing, assert_references_lead_somewhere
 from oarlock import DataError
 from oarlock.season import Database, Selection, write_season_page
@@ -113,6 +113,7 @@ def test_the_page_in_a_browser(made, browser, width: int, scheme: str) -> None:
         tab = open_(made[3], width, color_scheme=scheme)
         assert tab.evaluate("document.documentElement.scrollWidth") <= width
         assert tab.evaluate("document.documentElement.scrollHeight") < 6000
+        assert serious_violations(tab) == []
         head = tab.locator("#heat-table thead th:nth-child(3) button")
         head.focus()
         tab.keyboard.press("Enter")

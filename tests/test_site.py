@@ -9,6 +9,7 @@ from pages.site import __main__ as site
 from pages.site import api, commands, finish, gallery, model_keys, stage
 
 import oarlock
+from headless_chromium import chromium, quiet_tabs, serious_violations
 from oarlock.cli import VERBS
 
 
@@ -71,11 +72,25 @@ def test_the_gallery_names_the_commands_of_each_page(tmp_path):
     assert "oarlock report ramped --compare tracked" in text
 
 
-@pytest.mark.long
-def test_the_site_builds_strictly():
+@pytest.fixture(scope="module")
+def built():
     pytest.importorskip("zensical")
     assert site.main([]) == 0
-    built = site.OUT / "html"
+    return site.OUT / "html"
+
+
+@pytest.mark.long
+def test_the_site_builds_strictly(built):
     assert finish.requests(built) == []
     assert all((built / "gallery" / one.file).stat().st_size > 10_000 for one in gallery.PIECES)
     assert oarlock.__version__ in (built / "changelog.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("width", "scheme"), [(1280, "dark"), (390, "light")])
+def test_axe_finds_no_serious_violation_in_pages_of_the_site(built, width, scheme):
+    # axe itself asks for the style sheets, which a page from a disk may not read.
+    blocked = ("CORS policy", "net::ERR_FAILED", "load preload assets")
+    with chromium("THE SITE WAS NOT TRIED IN A BROWSER") as browser, quiet_tabs(browser, blocked) as opened:
+        for page in ("index.html", "stroke-exports.html", "explanation/filter.html"):
+            assert serious_violations(opened(built / page, width, color_scheme=scheme)) == [], page

@@ -5,10 +5,12 @@ from __future__ import annotations
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from .stage import write
+from .crew_pieces import write_crew
+from .stage import ROOT, write
 
 
 @dataclass(frozen=True)
@@ -21,6 +23,7 @@ class Piece:
         text: what to look at.
         commands: that make it, without `oarlock`.
         made: the file that they write.
+        needs: writes into a folder what the commands read.
     """
 
     file: str
@@ -28,6 +31,12 @@ class Piece:
     text: str
     commands: tuple[str, ...]
     made: str
+    needs: Callable[[Path], None] | None = None
+
+
+def copy_exports(folder: Path) -> None:
+    """The sample exports of the repository."""
+    shutil.copytree(ROOT / "examples/strokes", folder / "examples/strokes")
 
 
 SIMULATE = "simulate --field careful --rate-spm 24 --duration-s 60 --out piece"
@@ -88,6 +97,22 @@ PIECES = (
         "reach/calibration.html",
     ),
     Piece(
+        "export.html",
+        "An export alone",
+        "A SpeedCoach with EmPower: angles, force and power of another device, without any inertial unit.",
+        ("strokes examples/strokes/speedcoach_empower.csv --report export.html",),
+        "export.html",
+        copy_exports,
+    ),
+    Piece(
+        "crew.html",
+        "A crew of four",
+        "Recordings of four seats with encoders on the oars, simulated: bow is 25 ms late at the catch.",
+        ("crew bow two three stroke --seats bow,2,3,stroke --clock-ms 0 --out crew.html",),
+        "crew.html",
+        write_crew,
+    ),
+    Piece(
         "moving-figure.html",
         "The moving figure beside its curves",
         "Space plays, the mouse turns, 1 to 9 are views.",
@@ -122,6 +147,8 @@ def write_pages(docs: Path, work: Path, made: bool = True) -> None:
     ]
     for piece in PIECES:
         if made:
+            if piece.needs:
+                piece.needs(work)
             for command in piece.commands:
                 run(command, work)
             shutil.copyfile(work / piece.made, folder / piece.file)

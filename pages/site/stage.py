@@ -83,7 +83,9 @@ def _place(file: Path, docs: Path) -> Path | None:
 
 
 def _equations(text: str) -> str:
-    text = EQUATION.sub(lambda found: f'<div class="equation">{_mathml(found[1], "block")}</div>', text)
+    text = EQUATION.sub(
+        lambda found: f'<div class="equation" tabindex="0">{_mathml(found[1], "block")}</div>', text
+    )
     return INLINE.sub(lambda found: f"<span>{_mathml(found[1], 'inline')}</span>", text)
 
 

@@ -129,7 +129,7 @@ def _document(timing: CrewTiming, files: tuple[Path, ...]) -> dict[str, object]:
 
 def _show(timing: CrewTiming) -> None:
     from oarlock.rowing import crew_findings
-    from oarlock.rowing.report.crew.words import capital, label, plain_finding
+    from oarlock.rowing.report.crew.words import capital, finding, label
 
     against = timing.against if timing.against == "crew mean" else label(timing.against)
     say(f"{len(timing.seats)} seats, {int(timing.complete.sum())} strokes together", style="bold")
@@ -145,7 +145,7 @@ def _show(timing: CrewTiming) -> None:
     if found := crew_findings(timing):
         heading("What stands out")
         for one in found:
-            say(f"- {plain_finding(one, timing.against)}", indent=2)
+            say(f"- {finding(one, timing.against)}", indent=2)
 
 
 def _cell(mean_s: float, half_s: float) -> str:

@@ -69,7 +69,7 @@ def write_page(
     Raises:
         UsageError: the page exists or is a folder, or `last` has no strokes.
     """
-    from oarlock.recording.session_info import read_session, session_text
+    from oarlock.recording.session_info import read_session
     from oarlock.rowing import StrokeTable
     from oarlock.rowing.report.export_page import write_strokes_report
 
@@ -78,7 +78,7 @@ def write_page(
     if page.is_dir():
         raise UsageError(f"--report {page}: is a folder; name a file, such as {page / 'strokes.html'}")
     free_file(page, force)
-    write_strokes_report(found, page, last, session_text(read_session(source.parent)), progress=True)
+    write_strokes_report(found, page, last, read_session(source.parent), progress=True)
 
 
 def show_activity(found: Activity, wanted: Wanted, json_output: bool, page: Path | None = None) -> None:

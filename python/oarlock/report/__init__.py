@@ -5,7 +5,7 @@ A field of application, such as rowing, builds its own sections from these names
 
 from oarlock.report.chart import Series
 from oarlock.report.course import Axis, Mark, Zone, course_chart, plane_chart, row_chart
-from oarlock.report.front import Course, Front, Point, Sourced, named_file, who_and_when
+from oarlock.report.front import Course, Front, Point, Sourced, front_markup, named_file, who_and_when
 from oarlock.report.markup import Column, grid, notes_list
 from oarlock.report.markup import table as plain_table
 from oarlock.report.page import shell
@@ -13,6 +13,7 @@ from oarlock.report.section import KeyFigure, Section, tiles
 from oarlock.report.sortable import sort_script, sortable_table, value_cell
 from oarlock.report.summary_page import write_summary
 from oarlock.report.text import fixed
+from oarlock.report.trust import Trust
 from oarlock.report.write import write_report
 
 __all__ = [
@@ -26,9 +27,11 @@ __all__ = [
     "Section",
     "Series",
     "Sourced",
+    "Trust",
     "Zone",
     "course_chart",
     "fixed",
+    "front_markup",
     "grid",
     "named_file",
     "notes_list",

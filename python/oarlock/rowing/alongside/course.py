@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.rowing.alongside.changes import counted_strokes
+from oarlock.rowing.alongside.counted import counted_strokes
 from oarlock.rowing.exports.activity import Activity
 from oarlock.rowing.strokes.table import Floats, StrokeTable, running
 

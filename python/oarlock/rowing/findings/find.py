@@ -8,7 +8,7 @@ from oarlock.rowing.findings.causes import by_cause
 from oarlock.rowing.findings.finding import Finding
 from oarlock.rowing.findings.rowed import Rowed, rowing_kind
 from oarlock.rowing.findings.sentences import finding
-from oarlock.rowing.findings.watched import LEAST
+from oarlock.rowing.findings.watched import LEAST, WATCHED
 from oarlock.rowing.report.piece import Piece
 
 FALSE_SHARE = 0.02
@@ -50,4 +50,6 @@ def compares_sides(piece: Piece) -> bool:
 
 def least(feature: Feature) -> float:
     """The smallest reported difference, in the feature's own unit; NaN if none is defined."""
-    return LEAST.get(feature.shown_unit, float("nan")) / feature.shown_scale
+    watched = WATCHED.get(feature.name)
+    shown = watched.least if watched else LEAST.get(feature.shown_unit, float("nan"))
+    return shown / feature.shown_scale

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.rowing.analysis.targets import Target
 from oarlock.rowing.report.piece import Piece
+from oarlock.rowing.strokes.table import StrokeTable
 
 Floats = NDArray[np.float64]
 
@@ -22,12 +23,12 @@ class Rowed:
     """Counted strokes of one piece, (N,) each, SI and radians.
 
     Attributes:
-        kind: "sculling", "sweep" or "ergometer".
+        kind: "sculling", "sweep" or "ergometer"; "" if it is not known.
         columns: numbers by name; NaN where unknown.
         stds: standard deviations of single strokes by the same names; errors of mounts and lengths are the same in all.
         numbers: of the strokes in the piece, the first is 1.
         targets: by column; empty if none were chosen.
-        source: signal from which the strokes were found.
+        source: signal from which the strokes were found, or the device that counted them.
     """
 
     kind: str
@@ -40,15 +41,18 @@ class Rowed:
     @classmethod
     def of(cls, piece: Piece) -> Rowed:
         """Of a piece."""
-        counted, table = piece.counted, piece.table
-        return cls(
-            rowing_kind(piece),
-            {name: table[name][counted] for name in table.columns},
-            {name: table.std(name)[counted] for name in table.columns},
-            np.asarray(np.flatnonzero(counted) + 1, dtype=np.float64),
-            piece.technique.targets,
-            piece.technique.found.source,
-        )
+        technique = piece.technique
+        rowed = cls.of_table(piece.table, piece.counted, rowing_kind(piece), technique.found.source)
+        return replace(rowed, targets=technique.targets)
+
+    @classmethod
+    def of_table(cls, table: StrokeTable, counted: NDArray[np.bool_], kind: str, source: str) -> Rowed:
+        """Of the counted strokes (N,) of a table; without rates there is nothing of the rate to remove."""
+        columns = {name: table[name][counted] for name in table.columns}
+        columns.setdefault("rate_per_min", np.zeros(int(counted.sum())))
+        stds = {name: table.std(name)[counted] for name in table.columns}
+        numbers = np.asarray(np.flatnonzero(counted) + 1, dtype=np.float64)
+        return cls(kind, columns, stds, numbers, {}, source)
 
     def good(self, name: str) -> NDArray[np.bool_]:
         """Strokes that have this number and a rate, (N,)."""

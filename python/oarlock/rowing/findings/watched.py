@@ -20,6 +20,7 @@ LEAST = {
     "m": 0.02,
     "m/s": 0.1,
     "1/min": 1.0,
+    "beats/min": 5.0,
 }
 """In shown units. Smaller differences are not reported, even when statistically certain. The play of a swivel
 alone is 1.3 deg (Kleshnev, biorow.com/rbn2025_10)."""
@@ -97,8 +98,9 @@ class Watched:
         return self.tries["either"] if self.sides else self.tries["grew" if size > 0.0 else "fell"]
 
     def usual_of(self, kind: str) -> Told:
-        """Usual values of a boat kind."""
-        words = self.usual.get(kind, self.usual.get("", ""))
+        """Usual values of a boat kind; of all kinds if it is "", not known."""
+        either = "" if kind else "; ".join(f"{boat}: {words}" for boat, words in self.usual.items())
+        words = self.usual.get(kind, self.usual.get("", either))
         return Told(words, self.usual_source if words else "")
 
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from oarlock.report import Axis, Column, Mark, Section, Series, course_chart, fixed, plain_table
 from oarlock.rowing.alongside.align import Alignment, align_strokes
-from oarlock.rowing.alongside.changes import counted_strokes
 from oarlock.rowing.alongside.clock_match import Places
+from oarlock.rowing.alongside.counted import counted_strokes
 from oarlock.rowing.alongside.course import Course, Part, clock_text, course_of, pace_text, parts_of
 from oarlock.rowing.alongside.force_curves import LABELS, SPEED, ForceStack, force_stacks, forces_on_strokes
 from oarlock.rowing.analysis.technique import Technique

@@ -2,42 +2,60 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from html import escape
+from importlib.resources import files
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
-from oarlock.report import Column, KeyFigure, fixed, notes_list, plain_table, shell, tiles
-from oarlock.rowing.alongside.changes import (
-    SIGMAS,
-    USUAL,
-    Change,
-    changes_between,
-    changes_within,
-    counted_strokes,
+from oarlock.report import (
+    Column,
+    Front,
+    KeyFigure,
+    Trust,
+    fixed,
+    front_markup,
+    notes_list,
+    plain_table,
+    shell,
+    who_and_when,
 )
 from oarlock.rowing.alongside.course import clock_text, course_of, pace_text
-from oarlock.rowing.analysis.features import FEATURES, Feature
 from oarlock.rowing.analysis.stroke_summary import summarise_strokes
 from oarlock.rowing.exports.activity import Activity
+from oarlock.rowing.findings.find import FALSE_SHARE, findings_of
+from oarlock.rowing.findings.finding import Finding
+from oarlock.rowing.findings.rowed import FEWEST_STROKES
+from oarlock.rowing.report import words
 from oarlock.rowing.report.averages import feature_of
 from oarlock.rowing.report.beside import export_sections
-from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, places, with_unit
+from oarlock.rowing.report.definitions import definitions
+from oarlock.rowing.report.export_piece import ExportPiece, device_of
+from oarlock.rowing.report.front import compared, point
+from oarlock.rowing.report.shown import places
+from oarlock.rowing.report.tables import link
 from oarlock.rowing.strokes.table import StrokeTable
 from oarlock.storage.epoch import moment_text
 from oarlock.storage.progress import Progress, mark, shown
 from oarlock.storage.write_file import write_file
 
-_MOST_FINDINGS = 3
 _ENOUGH = 0.9
 """Share of counted strokes from which on a page says that its numbers can be believed."""
+_ODD = ("leaves out", "comes again", "cut off")
+"""Words of notes that say that strokes are missing or doubled."""
+_TILES = ("rate_per_min", "heart_rate_per_min", "power_w", "peak_force_n", "handle_travel_m", "arc_rad")
+_COMMAND = "oarlock strokes FILE --report PAGE --last EARLIER"
+_OWN = "The numbers are the device's own and were not compared with a reference."
+_NOBODY: Mapping[str, str] = MappingProxyType({})
 
 
 def write_strokes_report(
     found: StrokeTable | Activity,
     path: str | Path,
-    other: StrokeTable | None = None,
-    who: str = "",
+    last: StrokeTable | None = None,
+    session: Mapping[str, str] = _NOBODY,
     *,
     progress: Progress = None,
 ) -> Path:
@@ -46,8 +64,8 @@ def write_strokes_report(
     Args:
         found: of `load_export`.
         path: the file to write, or an existing folder, which gets ``strokes.html``.
-        other: an export to compare with, such as last time's.
-        who: who rowed, when and where, in one line.
+        last: an export to compare with, such as last time's.
+        session: who rowed, when and where, as `session.toml` has it; the file's own date if it gives none.
         progress: True shows a bar or lines; a function is called regularly with the share done, 0 to 1.
 
     Returns:
@@ -57,47 +75,76 @@ def write_strokes_report(
     target = target / "strokes.html" if target.is_dir() else target
     target.parent.mkdir(parents=True, exist_ok=True)
     with shown(progress, "writing the report") as told:
-        page = strokes_page(found, other, who)
+        page = strokes_page(found, last, session)
         mark(told, 1.0)
     write_file(target, page)
     return target
 
 
-def strokes_page(found: StrokeTable | Activity, other: StrokeTable | None, who: str) -> str:
+def strokes_page(
+    found: StrokeTable | Activity, last: StrokeTable | None = None, session: Mapping[str, str] = _NOBODY
+) -> str:
     """The page as text."""
-    lead = [("Rowed", _rowed(found))]
-    if isinstance(found, StrokeTable):
-        lead.append(("Stands out", _stands_out(changes_within(found))))
-        if other is not None:
-            lead.append(("Compared", _compared(found, other)))
-        lead.append(("Can it be believed?", _believed(found)))
-    told = "".join(f"<p><b>{head}.</b> {text}</p>".replace("?.", "?") for head, text in lead)
     sections = [(one.key, one.name, one.markup) for one in export_sections(found)]
     if isinstance(found, StrokeTable):
+        front, trust = _front_of_strokes(found, last), _trust(found)
         sections.append(("numbers", "All numbers", _numbers(found)))
+        sections.append(("meanings", "What each number means", definitions(found.columns)))
+    else:
+        front, trust = Front(did=_did(found), figures=_pace(found)), Trust("care", _OWN)
     sections.append(("measured", "How it was measured", _measured(found)))
+    heading, rest = _heading(found, session)
+    about = f'<p class="about">{escape(rest)}</p>' if rest else ""
     return shell(
-        _heading(found, who),
-        f'<div class="lead">{told}</div>{tiles(_figures(found))}',
+        heading,
+        about + front_markup(front, trust, anchor="measured-in"),
         sections,
-        folded=("numbers", "measured"),
+        style=files(__package__).joinpath("style.css").read_text("utf-8"),
+        folded=("numbers", "meanings", "measured"),
     )
 
 
-def _heading(found: StrokeTable | Activity, who: str) -> str:
+def _heading(found: StrokeTable | Activity, session: Mapping[str, str]) -> tuple[str, str]:
     day = moment_text(found.epoch)[:10]
-    when = "" if day in who else day
-    kind = (found.source.partition(": ")[2] or found.source).partition(",")[0]
-    rows = f"{int(counted_strokes(found).sum())} strokes" if isinstance(found, StrokeTable) else "course"
-    return ": ".join(part for part in (", ".join(filter(None, (who, when))), f"{rows}, {kind}") if part)
+    who, rest = who_and_when({"session": {**({"date": day} if day else {}), **session}})
+    what = f"{len(found)} strokes" if isinstance(found, StrokeTable) else "Course"
+    return ": ".join(filter(None, (who, f"{what}, {device_of(found.source)}"))), rest
 
 
-def _rowed(found: StrokeTable | Activity) -> str:
+def _front_of_strokes(found: StrokeTable, last: StrokeTable | None) -> Front:
+    piece, earlier = ExportPiece(found), None if last is None else ExportPiece(last)
+    apart = ""
+    if earlier is not None and not piece.rowed().comparable(earlier.rowed()):
+        devices = f"({piece.device}, {earlier.device})"
+        apart = f" Differences from last time are not assessed, because the devices differ {devices}."
+    return Front(
+        did=_did(found),
+        points=[point(one) for one in findings_of_export(found, last)],
+        quiet=_quiet(piece) + apart,
+        figures=_pace(found) + words.key_figures(piece, _TILES),
+        compared=compared(piece, earlier, command=_COMMAND),
+    )
+
+
+def findings_of_export(found: StrokeTable, last: StrokeTable | None = None) -> list[Finding]:
+    """What stands out of an export, by itself and against last time's; no single strokes, which devices misread."""
+    compared_with = {} if last is None else {"against last": ExportPiece(last).rowed()}
+    named = findings_of(ExportPiece(found).rowed(), compared_with)
+    return [one for one in named if one.kind != "odd stroke"]
+
+
+def _quiet(piece: ExportPiece) -> str:
+    counted = int(piece.counted.sum())
+    if counted < FEWEST_STROKES:
+        return f"Not assessed: {counted} whole strokes, {FEWEST_STROKES} are needed."
+    return "Nothing changed over the piece beyond the scatter of its strokes."
+
+
+def _did(found: StrokeTable | Activity) -> str:
     course = course_of(found)
     parts = []
     if isinstance(found, StrokeTable):
-        counted = int(counted_strokes(found).sum())
-        parts.append(f"{counted} strokes" + (f" of {len(found)} in the file" if counted < len(found) else ""))
+        parts.append(f"{len(found)} strokes")
     intervals = len(set(course.interval[np.isfinite(course.interval)].tolist()))
     if intervals > 1:
         parts.append(f"{intervals} intervals")
@@ -107,96 +154,26 @@ def _rowed(found: StrokeTable | Activity) -> str:
     if np.isfinite(course.distance_m).any():
         parts.append(f"{fixed(float(np.nanmax(course.distance_m) - np.nanmin(course.distance_m)), 0)} m")
     begun = moment_text(found.epoch)[:16]
-    return escape(f"{', '.join(parts)}{f'; started {begun}' if begun else ''}.")
+    return f"{', '.join(parts)}{f'; started {begun}' if begun else ''}."
 
 
-def _stands_out(found: list[Change]) -> str:
-    if not found:
-        return (
-            "Nothing: between the first and the last third nothing changed beyond the scatter of strokes, once the "
-            "effect of the rate is removed."
-        )
-    return f"From the first to the last third, at equal rate:{_listed(found)}"
+def _pace(found: StrokeTable | Activity) -> list[KeyFigure]:
+    course = course_of(found)
+    speed = course.values.get("speed_m_s", np.zeros(len(course.counted)))[course.counted]
+    speed = speed[speed > 0.0]
+    if not len(speed):
+        return []
+    middle, slow, fast = (pace_text(float(v)) for v in np.percentile(speed, (50.0, 5.0, 95.0)))
+    meaning = "Time for 500 m at the device's speed: median of the counted strokes."
+    return [KeyFigure("pace, per 500 m", middle, f"90 % within {fast} to {slow}", meaning)]
 
 
-def _compared(found: StrokeTable, other: StrokeTable) -> str:
-    changes = changes_between(found, other)
-    beside = f"With {escape(other.source.partition(': ')[0])}, at equal rate"
-    if not changes:
-        return f"{beside}: no difference beyond the scatter of strokes."
-    return f"{beside}:{_listed(changes)}"
-
-
-def _listed(changes: list[Change]) -> str:
-    items = "".join(f"<li>{_sentence(change)}</li>" for change in changes[:_MOST_FINDINGS])
-    return f"<ul>{items}</ul>"
-
-
-def _sentence(change: Change) -> str:
-    feature = change.feature
-    verb = "rose" if change.size > 0 else "fell"
-    texts = [
-        _size(feature, v) for v in (abs(change.size), 1.96 * change.size_1sd, change.before, change.after)
-    ]
-    size, width, before, after = (escape(text) for text in texts)
-    return (
-        f"<b>{escape(feature.label.capitalize())}</b> {verb} by {size} ({PLUS_MINUS} {width}, 95 %), from {before} "
-        f"to {after}. {escape(USUAL.get(change.name, ''))}".rstrip()
-    )
-
-
-def _size(feature: Feature, value: float) -> str:
-    """A value with its unit; heart rates without decimals."""
-    if feature.name == "heart_rate_per_min":
-        return f"{fixed(value, 0)} beats/min"
-    return with_unit(feature, value)
-
-
-def _believed(found: StrokeTable) -> str:
-    share = float(counted_strokes(found).mean())
-    odd = [
-        note for note in found.notes if any(word in note for word in ("leaves out", "comes again", "cut off"))
-    ]
-    good = share >= _ENOUGH and not odd
-    mark = '<span class="mark good">✓</span> Yes' if good else '<span class="mark warn">▲</span> In part'
+def _trust(found: StrokeTable) -> Trust:
+    share = float(ExportPiece(found).counted.mean())
+    odd = [note for note in found.notes if any(word in note for word in _ODD)]
     why = f"{fixed(100.0 * share, 0)} % of the rows are whole strokes at a rate of rowing"
-    more = f"; {escape(odd[0])}" if odd else ""
-    return (
-        f"{mark}: {why}{more}. The numbers are the device's own and were not compared with a reference: "
-        '<a href="#measured-in">how it was measured</a>.'
-    )
-
-
-_TILES = {
-    "speed_m_s": "pace, per 500 m",
-    "rate_per_min": "stroke rate",
-    "heart_rate_per_min": "heart rate",
-    "power_w": "power",
-    "peak_force_n": "peak force",
-    "handle_travel_m": "handle travel",
-    "arc_rad": "arc",
-}
-
-
-def _figures(found: StrokeTable | Activity) -> list[KeyFigure]:
-    rows = counted_strokes(found) if isinstance(found, StrokeTable) else np.ones(len(found), dtype=bool)
-    figures = []
-    for name, label in _TILES.items():
-        values = found[name][rows] if name in found else np.zeros(0)
-        values = values[np.isfinite(values)]
-        if not len(values):
-            continue
-        middle, low, high = (float(v) for v in np.percentile(values, (50.0, 5.0, 95.0)))
-        if name == "speed_m_s":
-            ends = sorted((pace_text(low), pace_text(high)))
-            figures.append(KeyFigure(label, pace_text(middle), f"90 % within {ends[0]} to {ends[1]}"))
-            continue
-        feature, digits = FEATURES[name], 0 if name == "heart_rate_per_min" else places(FEATURES[name])
-        texts = [fixed(value * feature.shown_scale, digits) for value in (middle, low, high)]
-        figures.append(
-            KeyFigure(label, texts[0] + joined_unit(feature), f"90 % within {texts[1]} to {texts[2]}")
-        )
-    return figures
+    level = "good" if share >= _ENOUGH and not odd else "care"
+    return Trust(level, f"{'; '.join([why, *odd[:1]])}. {_OWN}")
 
 
 def _numbers(found: StrokeTable) -> str:
@@ -204,7 +181,7 @@ def _numbers(found: StrokeTable) -> str:
     for row in summarise_strokes(found):
         digits = places(feature_of(row.name))
         cells = [fixed(value, digits) for value in (row.median, row.low, row.high)]
-        rows.append([escape(row.label), escape(row.unit), str(row.strokes), *cells])
+        rows.append([link(row.name, row.label), escape(row.unit), str(row.strokes), *cells])
     heads = [Column(name) for name in ("quantity", "unit", "strokes", "median", "5 %", "95 %")]
     return plain_table("numbers-all", "Over all rows of the file; nothing is left out.", heads, rows)
 
@@ -217,9 +194,10 @@ def _measured(found: StrokeTable | Activity) -> str:
         notes += [
             "Strokes count at 14 to 50 a minute with at least half of the median length; others are paddling, "
             "starts or misread.",
-            f"A change is reported if it is larger than {SIGMAS:.0f} standard deviations of the scatter between "
-            "strokes, and than 2 deg, 2 cm, 0.03 s, 5 % of force and power, 5 beats. The effect of the stroke rate is "
-            "removed by least squares.",
+            "The effect of the stroke rate is removed by a robust regression (Huber 1964). A change is named if it is "
+            "larger than the smallest relevant size and if chance explains it in fewer than "
+            f"{fixed(100.0 * FALSE_SHARE, 0)} % of pieces without any change (Holm 1979). Single strokes are not "
+            "judged, since devices misread some.",
             "Published: Concept2 reads 11 to 15 % and Peach 8 to 17 % less power than a reference (doi "
             "10.3389/fphys.2021.758015); EmPower reads about 23 % less wash than a sensor on the "
             "handle (BioRow, 2017).",

@@ -14,7 +14,7 @@ from oarlock.rowing.findings.finding import Finding
 from oarlock.rowing.report import words
 from oarlock.rowing.report.averages import SIGMAS_95, Average, difference, feature_of
 from oarlock.rowing.report.drawings import SPEEDS, curve_drawings, speeds
-from oarlock.rowing.report.piece import Piece
+from oarlock.rowing.report.piece import Counted, Piece
 from oarlock.rowing.report.shown import DECIMALS, PLUS_MINUS, joined_unit, shown, spread, with_unit
 from oarlock.rowing.report.tables import link
 
@@ -23,9 +23,14 @@ COMPARED = (
     "arc_rad",
     "catch_angle_rad",
     "finish_angle_rad",
+    "handle_travel_m",
     "rhythm",
     "power_w",
+    "peak_force_n",
     "speed_m_s",
+    "slip_rad",
+    "wash_rad",
+    "heart_rate_per_min",
 )
 """Numbers that the front compares with earlier pieces."""
 HEADS = {
@@ -45,10 +50,10 @@ def front_of(piece: Piece, last: Piece | None = None, best: Piece | None = None)
     """The front of one piece, with up to two earlier ones of the same athlete."""
     return Front(
         did=" ".join(text for text in (words.strokes(piece), words.length(piece)) if text),
-        points=[_point(found) for found in findings(piece, last, best)] if piece.counted.any() else [],
+        points=[point(found) for found in findings(piece, last, best)] if piece.counted.any() else [],
         quiet=_quiet(piece),
         figures=words.key_figures(piece),
-        compared=_compared(piece, last, best),
+        compared=compared(piece, last, best),
         changes=[text for name, one in _earlier(last, best) for text in [_change(piece, one, name)] if text],
         drawings=[*speeds([piece]), *curve_drawings([piece])],
         course=_course(piece),
@@ -62,7 +67,8 @@ def _quiet(piece: Piece) -> str:
     return f"Nothing. {sides} stroke is unusual, and nothing changed over the piece beyond its uncertainty."
 
 
-def _point(found: Finding) -> Point:
+def point(found: Finding) -> Point:
+    """A finding for the front."""
     known = FEATURES.get(found.name) or FEATURES.get(f"r_{found.name}")
     return Point(
         head=HEADS.get(found.kind, found.kind),
@@ -88,17 +94,20 @@ def _size(found: Finding) -> str:
     return f"{sign}{fixed(found.size, digits)}{half}{unit}"
 
 
-def _earlier(last: Piece | None, best: Piece | None) -> list[tuple[str, Piece]]:
+def _earlier(last: Counted | None, best: Counted | None) -> list[tuple[str, Counted]]:
     return [(name, one) for name, one in (("last time", last), ("own best", best)) if one is not None]
 
 
-def _compared(piece: Piece, last: Piece | None, best: Piece | None) -> str:
+def compared(
+    piece: Counted,
+    last: Counted | None,
+    best: Counted | None = None,
+    command: str = "oarlock report TRACK --last EARLIER --best BEST",
+) -> str:
+    """Numbers beside those of earlier pieces, as markup; without one, the `command` that gives one."""
     earlier = _earlier(last, best)
     if not earlier:
-        return (
-            '<p class="hint">No earlier piece was given: <code>oarlock report TRACK --last EARLIER '
-            "--best BEST</code>.</p>"
-        )
+        return f'<p class="hint">No earlier piece was given: <code>{escape(command)}</code>.</p>'
     names = [name for name in COMPARED if name in piece.averages and piece.averages[name].known]
     rows = [
         [
@@ -114,7 +123,7 @@ def _compared(piece: Piece, last: Piece | None, best: Piece | None) -> str:
     return f"<p>{_which(earlier)}</p>{table}{_rate_hint(piece, earlier)}"
 
 
-def _which(earlier: Sequence[tuple[str, Piece]]) -> str:
+def _which(earlier: Sequence[tuple[str, Counted]]) -> str:
     return ". ".join(f"{name.capitalize()}: <b>{escape(one.name)}</b>" for name, one in earlier) + "."
 
 
@@ -130,7 +139,7 @@ def _cell(now: Average, then: Average | None) -> str:
     return f"<b>{escape(text)}</b>" if clear else f'<span class="mark">{escape(text)}</span>'
 
 
-def _rate_hint(piece: Piece, earlier: Sequence[tuple[str, Piece]]) -> str:
+def _rate_hint(piece: Counted, earlier: Sequence[tuple[str, Counted]]) -> str:
     now = piece.averages.get("rate_per_min")
     then = [one.averages["rate_per_min"] for _, one in earlier if "rate_per_min" in one.averages]
     if now is None or all(abs(now.over.mean - one.over.mean) < SAME_RATE_PER_MIN for one in then):
@@ -138,7 +147,7 @@ def _rate_hint(piece: Piece, earlier: Sequence[tuple[str, Piece]]) -> str:
     return '<p class="hint">The stroke rates differ: a part of the other differences comes from the rate.</p>'
 
 
-def _change(piece: Piece, earlier: Piece, name: str) -> str:
+def _change(piece: Counted, earlier: Counted, name: str) -> str:
     """The largest certain change of the compared numbers in one sentence; "" if there is none."""
     changes = []
     for key in COMPARED[1:]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,26 @@ from oarlock.rowing.analysis.technique import Technique
 from oarlock.rowing.report.averages import Average, averages, feature_of
 from oarlock.rowing.report.phase import Stack, frame_courses, stack
 from oarlock.rowing.strokes.table import Floats, StrokeTable
+
+
+class Counted(Protocol):
+    """A piece or an export: strokes, which of them count, and averages of those."""
+
+    @property
+    def name(self) -> str:
+        """For people."""
+
+    @property
+    def table(self) -> StrokeTable:
+        """The strokes."""
+
+    @property
+    def counted(self) -> NDArray[np.bool_]:
+        """Which strokes count in averages, (N,)."""
+
+    @property
+    def averages(self) -> dict[str, Average]:
+        """Averages of every number over the counted strokes."""
 
 
 @dataclass(frozen=True)

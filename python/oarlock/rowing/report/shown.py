@@ -17,6 +17,7 @@ DECIMALS = {
     "mm": 0,
     "cm2": 0,
     "1/min": 1,
+    "beats/min": 0,
     "N": 0,
     "J": 0,
     "W": 0,

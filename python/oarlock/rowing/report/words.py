@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from html import escape
 
 import numpy as np
 
 from oarlock.report import KeyFigure
 from oarlock.rowing.report.averages import Average, feature_of
-from oarlock.rowing.report.piece import Piece
+from oarlock.rowing.report.piece import Counted, Piece
 from oarlock.rowing.report.shown import joined_unit, shown, spread, with_unit
 
 TILES = ("rate_per_min", "arc_rad", "catch_angle_rad", "finish_angle_rad", "rhythm")
 
 
-def key_figures(piece: Piece) -> list[KeyFigure]:
-    """The key figures: strokes, rate and oar angles."""
+def key_figures(piece: Counted, names: Sequence[str] = TILES) -> list[KeyFigure]:
+    """The key figures: strokes, and those of `names` that are known."""
     left_out = int((~piece.counted).sum())
     detail = f"{left_out} left out of averages" if left_out else "all count in averages"
     figures = [KeyFigure("strokes", str(len(piece.table)), detail)]
-    for name in TILES:
+    for name in names:
         found = piece.averages.get(name)
         if found is not None and found.known:
             figures.append(

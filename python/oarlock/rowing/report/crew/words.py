@@ -1,4 +1,4 @@
-"""Sentences of a crew's page: who rowed what, what stands out, and whether it can be believed."""
+"""Sentences of a crew's page: what was rowed, what stands out, and whether it can be believed."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from html import escape
 
 import numpy as np
 
+from oarlock.report import Trust
 from oarlock.rowing.crew.findings import LEAST_S, CrewFinding
 from oarlock.rowing.crew.seats import CrewSeat
 from oarlock.rowing.crew.timing import CrewTiming
@@ -52,29 +53,28 @@ def named(names: Sequence[str]) -> str:
     return " and ".join([", ".join(shown[:-1]), shown[-1]] if len(shown) > 1 else shown)
 
 
-def who(timing: CrewTiming) -> str:
-    """Boat, day, seats, strokes and rate."""
-    sessions = [seat.session for seat in timing.seats]
-    about = [
-        next((escape(one[key]) for one in sessions if key in one), "") for key in ("boat", "date", "place")
-    ]
-    begin = ", ".join(part for part in about if part)
-    begin = f"<b>{begin}</b>: " if begin else ""
+def did(timing: CrewTiming) -> str:
+    """Seats, strokes and rate."""
     cycle = timing.end_s - timing.catch_s
     rate = 60.0 / np.nanmedian(cycle) if np.isfinite(cycle).any() else np.nan
     people = [
-        f"{label(seat.name)} {escape(seat.session['athlete'])}"
-        for seat in timing.seats
-        if "athlete" in seat.session
+        f"{label(seat.name)} {seat.session['athlete']}" for seat in timing.seats if "athlete" in seat.session
     ]
     whom = f" ({', '.join(people)})" if people else ""
     at = f" at {rate:.1f} strokes per minute" if np.isfinite(rate) else ""
-    return f"{begin}{len(timing.seats)} seats{whom} rowed {int(timing.complete.sum())} strokes together{at}."
+    return f"{len(timing.seats)} seats{whom} rowed {int(timing.complete.sum())} strokes together{at}."
+
+
+def about(timing: CrewTiming) -> str:
+    """Boat, day and place, as far as a seat's session names them."""
+    sessions = [seat.session for seat in timing.seats]
+    found = (next((one[key] for one in sessions if key in one), "") for key in ("boat", "date", "place"))
+    return ", ".join(filter(None, found))
 
 
 def finding(one: CrewFinding, against: str) -> str:
     """A finding as a sentence with its size and band."""
-    whom = f"<b>{capital(named(one.seats))}</b>"
+    whom = capital(named(one.seats))
     if one.kind == "scatter":
         return (
             f"{whom}: catches less evenly than the others. From stroke to stroke they scatter by {ms(one.size_s)} ms "
@@ -94,11 +94,6 @@ def finding(one: CrewFinding, against: str) -> str:
     return f"{whom} {verb} {ms(abs(one.size_s))} ms {way} {than}{both} ({band}){too}."
 
 
-def plain_finding(one: CrewFinding, against: str) -> str:
-    """`finding` for a terminal."""
-    return finding(one, against).replace("<b>", "").replace("</b>", "")
-
-
 def nothing(timing: CrewTiming) -> str:
     """What is said if nothing stands out: how small a difference would have been seen."""
     if not timing.clocks.known:
@@ -113,25 +108,20 @@ def nothing(timing: CrewTiming) -> str:
     )
 
 
-def believed(timing: CrewTiming) -> str:
-    """One line: clocks, strokes, movement."""
-    name = MOVEMENTS[timing.source][0]
-    good = timing.clocks.known
-    mark = "Believable" if good else "Only in part"
+def trust(timing: CrewTiming) -> Trust:
+    """Whether it can be believed: clocks and movement."""
     parts = [timing.clocks.sentence]
     if timing.clocks.why:
         parts.append(f"Why: {timing.clocks.why}.")
-        parts.append(
-            "With a unit named hull on each logger, or --clock-ms if you know how well the clocks agree, timing "
-            "can be told."
-        )
     if timing.source not in ("oars", "handle"):
         parts.append(
-            f"The {name}s are compared, because not all seats measured an oar: blades may differ by up to 50 ms "
-            f"from this."
+            f"The {MOVEMENTS[timing.source][0]}s are compared, because not all seats measured an oar: blades may "
+            "differ by up to 50 ms from this."
         )
-    style = "good" if good else "bad"
-    return f'<span class="verdict {style}">{mark}.</span> {escape(" ".join(parts))}'
+    if timing.clocks.known:
+        return Trust("good", " ".join(parts))
+    remedy = "Put a unit named hull on each logger, or give --clock-ms if you know how well the clocks agree."
+    return Trust("care", " ".join(parts), remedy)
 
 
 def basis(timing: CrewTiming) -> list[str]:

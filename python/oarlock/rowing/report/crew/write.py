@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from oarlock.report import KeyFigure, notes_list, shell, tiles
+from oarlock.report import Front, KeyFigure, Point, front_markup, notes_list, shell
 from oarlock.rowing.crew.findings import crew_findings
 from oarlock.rowing.crew.overlays import crew_overlays
 from oarlock.rowing.crew.timing import CrewTiming
@@ -26,10 +26,13 @@ from oarlock.rowing.report.crew.sections import (
 from oarlock.storage.progress import Progress, mark, shown
 from oarlock.storage.write_file import write_file
 
-_MOST_UNFOLDED = 3
-STYLE = (
-    ".crew-findings { padding-left: 1.3rem; margin: .2rem 0 .7rem; } .crew-findings li { margin: .3rem 0; }"
-)
+HEADS = {
+    "catch": "At the catch",
+    "finish": "At the finish",
+    "drive": "Length of the drive",
+    "scatter": "Evenness",
+}
+FOLDED = ("each", "overlays", "who", "measured")
 
 
 def write_crew_report(
@@ -86,23 +89,21 @@ def crew_page(timing: CrewTiming, title: str, csv_name: str) -> str:
         ("each", "Stroke by stroke", each + strokes_charts(timing)),
         ("overlays", "Over a stroke", over + overlay_charts(timing, overlays) if overlays else ""),
         ("who", "Who rowed", who_table(timing)),
-        ("basis", "How it was measured", notes_list(words.basis(timing))),
+        ("measured", "How it was measured", notes_list(words.basis(timing))),
     ]
-    folded = ["basis"] + (["each"] if len(timing.seats) - 1 > _MOST_UNFOLDED else [])
-    lead = f'<div class="lead">{_lead(timing)}</div>{tiles(_figures(timing))}'
-    return shell(title, lead, [one for one in sections if one[2]], style=_style(), folded=folded)
+    lead = front_markup(_front(timing), words.trust(timing), anchor="measured-in")
+    heading = ": ".join(filter(None, (words.about(timing), title)))
+    style = files("oarlock.rowing.report").joinpath("style.css").read_text("utf-8")
+    return shell(heading, lead, [one for one in sections if one[2]], style=style, folded=FOLDED)
 
 
-def _style() -> str:
-    """That of a rower's report, whose charts these are, and of this page."""
-    return files("oarlock.rowing.report").joinpath("style.css").read_text("utf-8") + STYLE
-
-
-def _lead(timing: CrewTiming) -> str:
-    found = crew_findings(timing)
-    told = "".join(f"<li>{words.finding(one, timing.against)}</li>" for one in found)
-    middle = f'<ol class="crew-findings">{told}</ol>' if found else f"<p>{words.nothing(timing)}</p>"
-    return f"<p>{words.who(timing)}</p>{middle}<p>{words.believed(timing)}</p>"
+def _front(timing: CrewTiming) -> Front:
+    return Front(
+        did=words.did(timing),
+        points=[Point(HEADS[one.kind], words.finding(one, timing.against)) for one in crew_findings(timing)],
+        quiet=words.nothing(timing),
+        figures=_figures(timing),
+    )
 
 
 def _figures(timing: CrewTiming) -> list[KeyFigure]:
