@@ -23,6 +23,7 @@ def front_of(movement: Movement) -> Front:
         did=" ".join(text for text in said if text),
         points=[*_sides(movement), *_rhythm(movement)],
         quiet=_quiet(movement),
+        next_step="Record the same movement again to see a change.",
         figures=key_figures(movement),
         course=_course(movement),
     )
@@ -31,7 +32,7 @@ def front_of(movement: Movement) -> Front:
 def _quiet(movement: Movement) -> str:
     sides = "Right and left agree within their uncertainty. " if movement.sides else ""
     even = "The cycles are even. " if movement.main is not None else ""
-    return f"Nothing. {sides}{even}Record the same movement again to see a change."
+    return f"Nothing. {sides}{even}".strip()
 
 
 def _sides(movement: Movement) -> list[Point]:

@@ -7,6 +7,7 @@ from math import isfinite
 from oarlock.movement.movement import Movement
 from oarlock.movement.ranges import BAND_95, MotionRange
 from oarlock.report import KeyFigure, fixed
+from oarlock.report.viewer.sides import side_of
 
 MOST_NAMED = 3
 CYCLE = "Mean time from one largest value of the leading angle to the next."
@@ -53,8 +54,20 @@ def key_figures(movement: Movement) -> list[KeyFigure]:
 
 
 def plain(name: str) -> str:
-    """The name of an angle for people."""
-    return name.replace("_", " ")
+    """The name of an angle for people: `right elbow flexion` of `elbow_flexion_r`."""
+    joint, space, axis = name.partition(" ")
+    side, stem = side_of(joint)
+    return f"{side} {stem}{space}{axis}".strip().replace("_", " ")
+
+
+def heading(movement: Movement) -> str | None:
+    """What was done, for the title of a page; None without angles."""
+    if movement.main is not None:
+        return f"{movement.main.count} cycles of {plain(movement.main.lead)}"
+    if not movement.ranges:
+        return None
+    most = max(movement.ranges.values(), key=lambda one: one.range_deg)
+    return f"movement, most in {plain(most.name)}"
 
 
 def _span(one: MotionRange) -> str:

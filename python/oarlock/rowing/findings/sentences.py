@@ -8,7 +8,11 @@ from oarlock.rowing.findings.finding import Finding
 from oarlock.rowing.report.shown import with_unit
 
 _MOST_FOLLOWED = 2
-_THAN = {"against last": "than last time", "against best": "than in your best piece"}
+_THAN = {
+    "against last": "than last time",
+    "against best": "than in your best piece",
+    "against other": "than in the other piece",
+}
 
 
 def finding(cause: Cause, kind_of_boat: str) -> Finding:

@@ -11,8 +11,10 @@ from oarlock.report import Course, Front, Point, Sourced, fixed, plain_table
 from oarlock.rowing.analysis.features import FEATURES
 from oarlock.rowing.findings.find import compares_sides, findings, least
 from oarlock.rowing.findings.finding import Finding
+from oarlock.rowing.findings.rowed import Rowed, rowing_kind
 from oarlock.rowing.report import words
 from oarlock.rowing.report.averages import SIGMAS_95, Average, difference, feature_of
+from oarlock.rowing.report.compared import SAME_RATE_PER_MIN
 from oarlock.rowing.report.drawings import SPEEDS, curve_drawings, speeds
 from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.report.shown import DECIMALS, PLUS_MINUS, joined_unit, shown, spread, with_unit
@@ -35,18 +37,21 @@ HEADS = {
     "against usual": "Against usual values",
     "against last": "Against last time",
     "against best": "Against own best",
+    "against other": "Against the other piece",
 }
+_CLASS = {"sculling": "sculling_men", "sweep": "sweep_men", "ergometer": "ergometer"}
 UNITS = {"deg": "°", "1/min": "/min", "cm2": " cm²", "1": ""}
-SAME_RATE_PER_MIN = 1.0
-"""Pieces whose rates differ by more are compared with a warning."""
 
 
-def front_of(piece: Piece, last: Piece | None = None, best: Piece | None = None) -> Front:
-    """The front of one piece, with up to two earlier ones of the same athlete."""
+def front_of(
+    piece: Piece, last: Piece | None = None, best: Piece | None = None, other: Piece | None = None
+) -> Front:
+    """The front of one piece, with up to two earlier ones of the same athlete, and any other one beside it."""
     return Front(
-        did=" ".join(text for text in (words.strokes(piece), words.length(piece)) if text),
-        points=[_point(found) for found in findings(piece, last, best)] if piece.counted.any() else [],
-        quiet=_quiet(piece),
+        did=words.strokes(piece),
+        points=[_point(found) for found in findings(piece, last, best, other)] if piece.counted.any() else [],
+        quiet=_quiet(piece, [*_earlier(last, best), *([(other.name, other)] if other else [])]),
+        next_step=_next_step(piece, last is not None or best is not None or other is not None),
         figures=words.key_figures(piece),
         compared=_compared(piece, last, best),
         changes=[text for name, one in _earlier(last, best) for text in [_change(piece, one, name)] if text],
@@ -55,11 +60,22 @@ def front_of(piece: Piece, last: Piece | None = None, best: Piece | None = None)
     )
 
 
-def _quiet(piece: Piece) -> str:
+def _quiet(piece: Piece, others: Sequence[tuple[str, Piece]]) -> str:
     if not piece.counted.any():
         return "All strokes are excluded from averages, so technique is not assessed."
     sides = "Right and left agree, no" if compares_sides(piece) else "No"
-    return f"Nothing. {sides} stroke is unusual, and nothing changed over the piece beyond its uncertainty."
+    rowed = Rowed.of(piece)
+    against = "".join(f" or against {name}" for name, one in others if rowed.comparable(Rowed.of(one)))
+    return f"Nothing. {sides} stroke is unusual, and nothing changed over the piece{against} beyond its uncertainty."
+
+
+def _next_step(piece: Piece, compared: bool) -> str:
+    """How to compare this piece with more, as markup; "" if it was compared with all."""
+    steps = [] if compared else ["with an earlier piece: <code>--last TRACK</code>"]
+    if not piece.technique.targets:
+        example = _CLASS[rowing_kind(piece)]
+        steps.append(f"with published values of a boat class: <code>--targets {example}</code>")
+    return f"Compare {', or '.join(steps)} (<code>oarlock report</code>)." if steps else ""
 
 
 def _point(found: Finding) -> Point:
@@ -95,10 +111,7 @@ def _earlier(last: Piece | None, best: Piece | None) -> list[tuple[str, Piece]]:
 def _compared(piece: Piece, last: Piece | None, best: Piece | None) -> str:
     earlier = _earlier(last, best)
     if not earlier:
-        return (
-            '<p class="hint">No earlier piece was given: <code>oarlock report TRACK --last EARLIER '
-            "--best BEST</code>.</p>"
-        )
+        return ""
     names = [name for name in COMPARED if name in piece.averages and piece.averages[name].known]
     rows = [
         [
