@@ -9,7 +9,7 @@ from oarlock.movement.ranges import BAND_95, MotionRange
 from oarlock.report import KeyFigure, fixed
 from oarlock.report.viewer.sides import side_of
 
-MOST_NAMED = 3
+MOST_NAMED = 4
 CYCLE = "Mean time from one largest value of the leading angle to the next."
 RANGE = "Largest minus smallest value of the angle over the whole track, with its 95 % interval."
 
@@ -26,13 +26,6 @@ def repeats(movement: Movement) -> list[str]:
     return found
 
 
-def largest(movement: Movement) -> str:
-    """The largest ranges in one sentence; "" without angles."""
-    ranked = sorted(movement.ranges.values(), key=lambda one: -one.range_deg)[:MOST_NAMED]
-    texts = [f"{plain(one.name)} {_span(one)}" for one in ranked]
-    return f"Largest ranges: {'; '.join(texts)}." if texts else ""
-
-
 def key_figures(movement: Movement) -> list[KeyFigure]:
     """Number and duration of the cycles, if it repeats, and the largest range."""
     found = []
@@ -45,10 +38,15 @@ def key_figures(movement: Movement) -> list[KeyFigure]:
                 "cycle", f"{fixed(main.period_s, 2)} s", f"{fixed(60.0 / main.period_s, 0)} per minute", CYCLE
             ),
         ]
-    for one in sorted(movement.ranges.values(), key=lambda one: -one.range_deg)[: MOST_NAMED - 1]:
+    for one in sorted(movement.ranges.values(), key=lambda one: -one.range_deg)[:MOST_NAMED]:
         half = f"± {fixed(BAND_95 * one.range_std_deg, 1)}°" if isfinite(one.range_std_deg) else ""
         found.append(
-            KeyFigure(plain(one.name), f"{fixed(one.range_deg, 0)}°", f"range {half}".strip(), RANGE)
+            KeyFigure(
+                plain(one.name),
+                f"{fixed(one.range_deg, 0)}°",
+                "; ".join(filter(None, (_span(one), half))),
+                RANGE,
+            )
         )
     return found
 

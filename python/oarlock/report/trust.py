@@ -46,9 +46,7 @@ def trust(track: Track, evaluation: Evaluation | None, sensors: Sequence[SensorS
         return Trust("bad", bad[0] + _more(bad), "Check this sensor and its cable, then record again.")
     reasons = _reasons(track, evaluation, sensors)
     if reasons:
-        return Trust(
-            "care", reasons[0] + _more(reasons), "For exact angles, calibrate:", "oarlock calibrate motion"
-        )
+        return Trust("care", reasons[0] + _more(reasons), "Calibrate:", "oarlock calibrate motion")
     return Trust("good", "the sensors agree with each other and with the calibration.")
 
 
@@ -77,7 +75,7 @@ def _reasons(track: Track, evaluation: Evaluation | None, sensors: Sequence[Sens
         )
     if track.provenance.get("nominal_mounts"):
         found.append(
-            "the sensors were not calibrated: angles can be off by several degrees, their changes by less."
+            "the sensors were not calibrated: angles can be off by several degrees, changes by less."
         )
     share = evaluation.mean_coverage() if evaluation else math.nan
     if share < NARROW_COVERAGE:

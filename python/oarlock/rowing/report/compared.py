@@ -80,7 +80,7 @@ def sentences(this: Piece, other: Piece) -> list[str]:
     if rates is not None and abs(rates[2].value) >= SAME_RATE_PER_MIN:
         now, then = (with_unit(one.feature, one.over.mean) for one in rates[:2])
         return [
-            f"{names}: stroke rate {now}, there {then}. {beyond} of {len(found)} numbers differ by more than both "
+            f"{names}: stroke rate {now} against {then}. {beyond} of {len(found)} numbers differ by more than both "
             f"uncertainties, but many follow the rate. {_LIKE if abs(rates[2].value) <= RATES_APART else _APART}"
         ]
     if not telling:

@@ -13,6 +13,7 @@ from oarlock.rowing.report.averages import Average, feature_of
 from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.report.shown import joined_unit, shown, spread, with_unit
 
+_SHARE = {"rhythm": "drive of the stroke"}
 SCATTER = "SD: standard deviation between strokes."
 TILES = ("rate_per_min", "arc_rad", "catch_angle_rad", "finish_angle_rad", "rhythm")
 
@@ -33,14 +34,18 @@ def key_figures(piece: Piece) -> list[KeyFigure]:
 def _key_figure(found: Average, watched: Watched | None, kind: str) -> KeyFigure:
     """A number with its scatter and usual values; their source is in the definition."""
     usual = watched.usual_of(kind) if watched is not None else Told()
-    short = watched.usual_range.get(kind, "") if watched is not None else ""
+    short = (
+        watched.usual_range.get(kind, "").replace(" ", "\N{NO-BREAK SPACE}") if watched is not None else ""
+    )
     meaning = f"{found.feature.in_words} {SCATTER}"
     if usual.text:
         meaning += f" Usual: {usual.text} ({usual.source})."
     return KeyFigure(
         found.feature.label,
         with_unit(found.feature, found.over.mean),
-        "; ".join(text for text in (_scatter(found), f"usual {short}" if short else "") if text),
+        "; ".join(
+            filter(None, (_SHARE.get(found.feature.name), _scatter(found), f"usual {short}" if short else ""))
+        ),
         meaning,
     )
 
