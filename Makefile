@@ -182,4 +182,5 @@ $(VENV)/.deny: | $(VENV)/.created
 
 $(VENV)/.package: $(RUST_SOURCES) pyproject.toml | $(VENV)/.run
 	env -u CONDA_PREFIX PIP_QUIET=1 VIRTUAL_ENV=$(CURDIR)/$(VENV) $(BIN)/maturin develop --release --locked --quiet
+	rm -rf python/oarlock/data # copies of examples/, which only wheels need
 	@touch $@

@@ -103,7 +103,7 @@ def test_earlier_pieces_are_compared_on_the_front(piece, tmp_path):
 
 def test_without_an_earlier_piece_the_page_says_how_to_give_one(piece, tmp_path):
     read = Page(write_rowing_report(piece, tmp_path)[0].read_text(encoding="utf-8"))
-    assert "oarlock report TRACK --last EARLIER" in read.text
+    assert "Next: Compare with an earlier piece: --last TRACK" in read.text
 
 
 def test_the_sheet_has_no_link_no_script_and_the_front(piece, tmp_path):

@@ -25,7 +25,6 @@ SOFTWARE_WEBGL = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "
 DRIVE_S = 20.6
 """A moment in the middle of a drive of the demo."""
 PARTS = {
-    "report-summary.png": "header",
     "report-player.png": "#moving",
     "report-stroke.png": "#courses",
     "report-speeds.png": "#speeds",
@@ -77,6 +76,8 @@ def take(report: Path) -> Iterator[Path]:
     """Pictures of the parts and of the first curves at a desk's width, and of the first screen of a telephone."""
     with chromium() as browser:
         page = opened(browser, report, WIDE)
+        page.screenshot(path=HERE / "report-summary.png")
+        yield HERE / "report-summary.png"
         for name, part in PARTS.items():
             page.evaluate(
                 "part => document.querySelectorAll(`${part} details`).forEach(d => (d.open = true))", part

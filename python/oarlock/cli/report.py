@@ -185,11 +185,12 @@ def _write_front(track: Track, path: Path, earlier: Earlier, card: bool) -> Path
     from oarlock.report.card import write_card
     from oarlock.rowing.report.write import is_of_rower, rowing_front
 
+    title: str | None
     if is_of_rower(track):
         title, front = rowing_front(track, *earlier)
     else:
         _refuse_of_others(track, {"--last": earlier.last, "--best": earlier.best})
-        title, front = None, movement_front(track)
+        title, front = movement_front(track)
     with progress("writing the report"):
         return (write_card if card else write_summary)(track, path, title, front)
 

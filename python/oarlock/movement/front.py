@@ -7,7 +7,7 @@ import numpy as np
 from oarlock.movement.cycles import cycle_courses
 from oarlock.movement.movement import Movement
 from oarlock.movement.ranges import BAND_95, SideDifference
-from oarlock.movement.words import CYCLE, key_figures, largest, plain, repeats
+from oarlock.movement.words import CYCLE, key_figures, plain, repeats
 from oarlock.report import Course, Front, Point, fixed
 
 SIDES = "Range on the right minus range on the left; named if above 2° and outside its 95 % interval."
@@ -18,11 +18,11 @@ MOST_CURVES = 3
 
 def front_of(movement: Movement) -> Front:
     """The front of a movement."""
-    said = [*repeats(movement), largest(movement)]
     return Front(
-        did=" ".join(text for text in said if text),
+        did=" ".join(repeats(movement)),
         points=[*_sides(movement), *_rhythm(movement)],
         quiet=_quiet(movement),
+        next_step="Record the same movement again to see a change.",
         figures=key_figures(movement),
         course=_course(movement),
     )
@@ -31,7 +31,7 @@ def front_of(movement: Movement) -> Front:
 def _quiet(movement: Movement) -> str:
     sides = "Right and left agree within their uncertainty. " if movement.sides else ""
     even = "The cycles are even. " if movement.main is not None else ""
-    return f"Nothing. {sides}{even}Record the same movement again to see a change."
+    return f"Nothing. {sides}{even}".strip()
 
 
 def _sides(movement: Movement) -> list[Point]:

@@ -8,6 +8,7 @@ from oarlock import Evaluation, Track
 from oarlock.movement.front import front_of
 from oarlock.movement.movement import cycles_table, movement_of
 from oarlock.movement.sections import sections_of
+from oarlock.movement.words import heading
 from oarlock.report import Front, write_report
 from oarlock.storage import csv_cells
 from oarlock.storage.progress import Progress, mark, share, shown
@@ -36,6 +37,7 @@ def write_movement_report(
         movement = movement_of(track)
         front = front_of(movement) if movement.angles else None
         sections = sections_of(movement, table.name)
+        title = title or heading(movement)
         mark(told, 0.5)
         rest = share(told, 0.5, 1.0)
         written = [write_report(track, path, evaluation, truth, title, sections, front, progress=rest)]
@@ -45,7 +47,9 @@ def write_movement_report(
     return written
 
 
-def movement_front(track: Track) -> Front:
-    """The front of any body's track, for the summary on paper and the picture for a chat; empty without angles."""
+def movement_front(track: Track) -> tuple[str | None, Front]:
+    """Title and front of any body's track, for its summary and its picture for a chat; empty without angles."""
     movement = movement_of(track) if track.model is not None and len(track) else None
-    return front_of(movement) if movement is not None and movement.angles else Front()
+    if movement is None or not movement.angles:
+        return None, Front()
+    return heading(movement), front_of(movement)

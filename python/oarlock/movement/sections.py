@@ -20,16 +20,21 @@ from oarlock.report import (
     Series,
     course_chart,
     fixed,
+    folded_help,
     plain_table,
     sort_script,
     sortable_table,
     value_cell,
 )
-from oarlock.report.viewer import embed, joint_curves, scene
+from oarlock.report.viewer import Curve, embed, scene
 from oarlock.report.viewer.sides import side_of
 
 LONGEST_S = 60.0
 """Longest part in the player of the page; `oarlock view` shows the whole track."""
+HELP = (
+    "Figure and curves share one cursor. Drag to rotate, wheel or + and − to zoom; space plays, arrows step. Loop "
+    "repeats a cycle, Ghost draws another one over it. Uncertainty shows where each joint is with 95 % probability."
+)
 FOLDED = ("cycles", "sides")
 LEAST_MOVEMENT_DEG = 5.0
 """Angles that move less are not drawn over cycles."""
@@ -90,14 +95,34 @@ def _player(movement: Movement) -> str:
         marks = [
             (float(a), float(b), f"cycle {k}") for k, (a, b) in enumerate(pairs, 1) if a >= start and b <= end
         ]
-    shown = scene(track, marks=marks, curves=joint_curves(track), start_s=start, end_s=end)
-    hint = (
-        "Drag to rotate, wheel or + and − to zoom; space plays, arrows step. Loop repeats a cycle, Ghost draws another "
-        "one over it. Uncertainty shows where each joint is with 95 % probability."
-    )
+    curves = _curves(movement)
+    shown = scene(track, marks=marks, curves=curves, start_s=start, end_s=end)
+    hint = ""
     if end - start < last - first - 1e-9:
-        hint += f" It shows {start:.0f} to {end:.0f} s; <code>oarlock view</code> shows the whole track."
-    return f'<p class="hint">{hint}</p>{embed(shown, "player")}'
+        hint = f"It shows {start:.0f} to {end:.0f} s; <code>oarlock view</code> shows the whole track."
+    shown_hint = f'<p class="hint">{hint}</p>' if hint else ""
+    return shown_hint + embed(shown, "player") + folded_help(HELP)
+
+
+def _curves(movement: Movement) -> list[Curve]:
+    """The angles of the tables by their names, as the scene opens those that move most."""
+    found = []
+    for angle in movement.angles:
+        joint, space, axis = angle.name.partition(" ")
+        side, stem = side_of(joint)
+        found.append(
+            Curve(
+                angle.name,
+                side or plain(angle.name),
+                "deg",
+                angle.value_deg,
+                angle.std_deg,
+                stem + space + axis if side else "",
+                side,
+                angle.label,
+            )
+        )
+    return found
 
 
 def _cycles(movement: Movement, csv_name: str) -> str:

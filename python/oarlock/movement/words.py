@@ -7,8 +7,9 @@ from math import isfinite
 from oarlock.movement.movement import Movement
 from oarlock.movement.ranges import BAND_95, MotionRange
 from oarlock.report import KeyFigure, fixed
+from oarlock.report.viewer.sides import side_of
 
-MOST_NAMED = 3
+MOST_NAMED = 4
 CYCLE = "Mean time from one largest value of the leading angle to the next."
 RANGE = "Largest minus smallest value of the angle over the whole track, with its 95 % interval."
 
@@ -25,13 +26,6 @@ def repeats(movement: Movement) -> list[str]:
     return found
 
 
-def largest(movement: Movement) -> str:
-    """The largest ranges in one sentence; "" without angles."""
-    ranked = sorted(movement.ranges.values(), key=lambda one: -one.range_deg)[:MOST_NAMED]
-    texts = [f"{plain(one.name)} {_span(one)}" for one in ranked]
-    return f"Largest ranges: {'; '.join(texts)}." if texts else ""
-
-
 def key_figures(movement: Movement) -> list[KeyFigure]:
     """Number and duration of the cycles, if it repeats, and the largest range."""
     found = []
@@ -44,17 +38,34 @@ def key_figures(movement: Movement) -> list[KeyFigure]:
                 "cycle", f"{fixed(main.period_s, 2)} s", f"{fixed(60.0 / main.period_s, 0)} per minute", CYCLE
             ),
         ]
-    for one in sorted(movement.ranges.values(), key=lambda one: -one.range_deg)[: MOST_NAMED - 1]:
+    for one in sorted(movement.ranges.values(), key=lambda one: -one.range_deg)[:MOST_NAMED]:
         half = f"± {fixed(BAND_95 * one.range_std_deg, 1)}°" if isfinite(one.range_std_deg) else ""
         found.append(
-            KeyFigure(plain(one.name), f"{fixed(one.range_deg, 0)}°", f"range {half}".strip(), RANGE)
+            KeyFigure(
+                plain(one.name),
+                f"{fixed(one.range_deg, 0)}°",
+                "; ".join(filter(None, (_span(one), half))),
+                RANGE,
+            )
         )
     return found
 
 
 def plain(name: str) -> str:
-    """The name of an angle for people."""
-    return name.replace("_", " ")
+    """The name of an angle for people: `right elbow flexion` of `elbow_flexion_r`."""
+    joint, space, axis = name.partition(" ")
+    side, stem = side_of(joint)
+    return f"{side} {stem}{space}{axis}".strip().replace("_", " ")
+
+
+def heading(movement: Movement) -> str | None:
+    """What was done, for the title of a page; None without angles."""
+    if movement.main is not None:
+        return f"{movement.main.count} cycles of {plain(movement.main.lead)}"
+    if not movement.ranges:
+        return None
+    most = max(movement.ranges.values(), key=lambda one: one.range_deg)
+    return f"movement, most in {plain(most.name)}"
 
 
 def _span(one: MotionRange) -> str:

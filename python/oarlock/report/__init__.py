@@ -5,8 +5,17 @@ A field of application, such as rowing, builds its own sections from these names
 
 from oarlock.report.chart import Series
 from oarlock.report.course import Axis, Mark, Zone, course_chart, plane_chart, row_chart
-from oarlock.report.front import Course, Front, Point, Sourced, front_markup, named_file, who_and_when
-from oarlock.report.markup import Column, grid, notes_list
+from oarlock.report.front import (
+    Course,
+    Front,
+    Point,
+    Sourced,
+    belief_markup,
+    front_markup,
+    named_file,
+    who_and_when,
+)
+from oarlock.report.markup import Column, folded_help, grid, notes_list
 from oarlock.report.markup import table as plain_table
 from oarlock.report.page import shell
 from oarlock.report.section import KeyFigure, Section, tiles
@@ -29,8 +38,10 @@ __all__ = [
     "Sourced",
     "Trust",
     "Zone",
+    "belief_markup",
     "course_chart",
     "fixed",
+    "folded_help",
     "front_markup",
     "grid",
     "named_file",

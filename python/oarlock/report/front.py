@@ -73,6 +73,7 @@ class Front:
         did: what was done in one sentence: "27 strokes in 60 s at 27.9/min."
         points: what stands out, the most important first; only the first three are shown.
         quiet: the sentence if nothing stands out.
+        next_step: with what else it could be compared; markup.
         figures: key figures, each with its definition.
         compared: against earlier ones; markup.
         changes: the same in sentences, for the picture; text.
@@ -83,6 +84,7 @@ class Front:
     did: str = ""
     points: Sequence[Point] = ()
     quiet: str = ""
+    next_step: str = ""
     figures: Sequence[KeyFigure] = ()
     compared: str = ""
     changes: Sequence[str] = ()
@@ -105,24 +107,26 @@ def named_file(provenance: Mapping[str, object], ending: str) -> str:
     return f"{stem}-{ending}" if stem else ending
 
 
+def belief_markup(trust: Trust, anchor: str) -> str:
+    """Whether the track can be believed, in one line with a link."""
+    return rendered("belief", trust=trust, anchor=anchor)
+
+
 def front_markup(
     front: Front,
-    trust: Trust,
     warnings: Sequence[str] = (),
     sentences: Sequence[str] = (),
     others: Sequence[KeyFigure] = (),
-    anchor: str = "measured",
 ) -> str:
-    """The header's content below its title: belief, `warnings` and `sentences` (markup), figures, and so on."""
+    """What was done: `warnings` and `sentences` (markup), figures, what stands out, against earlier."""
     told = [*warnings, *([escape(front.did)] if front.did else []), *sentences]
     return rendered(
         "front",
-        trust=trust,
-        anchor=anchor,
         sentences=told,
         tiles=tiles([*front.figures, *others]),
         points=list(front.points)[:MOST_POINTS],
         more=max(len(front.points) - MOST_POINTS, 0),
         quiet=front.quiet,
+        next_step=front.next_step,
         compared=front.compared,
     )

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
+from html import escape
 from typing import TYPE_CHECKING, NamedTuple
 
 from oarlock.report.text import breakable
@@ -77,6 +78,13 @@ def bar_legend(entries: Iterable[tuple[str, str]]) -> str:
 def notes_list(notes: Iterable[str]) -> str:
     """A list of sentences."""
     return rendered("notes", notes=list(notes))
+
+
+def folded_help(text: str) -> str:
+    """How to use what stands above, as text; folded."""
+    return (
+        f'<details class="help"><summary>How to use it</summary><p class="hint">{escape(text)}</p></details>'
+    )
 
 
 def grid(drawings: Iterable[str], style: str = "") -> str:

@@ -14,7 +14,7 @@ from oarlock.evaluation.interval import Interval
 from oarlock.evaluation.scores import Evaluation, SensorScore
 from oarlock.evaluation.summary import observed_joints
 from oarlock.report import curves, health, slow, tables, verdict
-from oarlock.report.front import Front, front_markup, who_and_when
+from oarlock.report.front import Front, belief_markup, front_markup, who_and_when
 from oarlock.report.markup import bar_legend, notes_list, rendered
 from oarlock.report.section import Section, refuse_doubles, tiles
 from oarlock.report.trust import trust
@@ -49,7 +49,9 @@ def render(
     heading, rest = heading_of(track, title)
     anchor = "measured-in" if handed else "measured"
     suspects = verdict.suspect_sentences(track.notes)
-    lead = rest + front_markup(front or Front(), belief, suspects, sentences, figures, anchor)
+    answers = front_markup(front or Front(), suspects, sentences, figures)
+    lead = rest + belief_markup(belief, anchor)
+    beside = bool(handed) and not handed[0].folded
     # The drawings of a field of application are more useful than the curves of all joints.
     folded = [key for key, _, _ in own if key in FOLDED or (handed and key == "curves")]
     measured = rendered(
@@ -61,7 +63,7 @@ def render(
     )
     return shell(
         heading,
-        lead,
+        lead if beside else lead + answers,
         [
             *((section.key, section.name, section.markup) for section in handed),
             ("measured", MEASURED, measured),
@@ -70,6 +72,7 @@ def render(
         folded=[*(section.key for section in handed if section.folded), *(["measured"] if handed else [])],
         style="\n".join(dict.fromkeys(section.style for section in handed)),
         scripts=tuple(dict.fromkeys(section.script for section in handed if section.script)),
+        answers=answers if beside else "",
     )
 
 
@@ -95,10 +98,12 @@ def shell(
     style: str = "",
     scripts: Sequence[str] = (),
     folded: Collection[str] = (),
+    answers: str = "",
 ) -> str:
     """A page with a heading, a summary, and sections (key, name, markup) with links to them.
 
-    Sections whose key is in `folded` show only their heading until the reader opens them.
+    Sections whose key is in `folded` show only their heading until the reader opens them. `answers`, markup, stands
+    beside the first section where the page is wide, and before it on a telephone.
     """
     policy = WITH_SCRIPT if scripts or any("<script" in content for _, _, content in sections) else POLICY
     return rendered(
@@ -107,6 +112,7 @@ def shell(
         lead=_unbroken(lead),
         sections=[(key, name, _unbroken(content)) for key, name, content in sections],
         folded=folded,
+        answers=_unbroken(answers),
         definitions=definitions,
         style=files(__package__).joinpath("style.css").read_text(encoding="utf-8") + style,
         scripts=scripts,

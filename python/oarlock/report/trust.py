@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from oarlock.evaluation.scores import Evaluation, SensorScore
 from oarlock.evaluation.summary import readings
 from oarlock.evaluation.suspects.text import SUSPECT_NOTE
-from oarlock.report.text import fixed, percent
+from oarlock.report.text import percent
 from oarlock.report.verdict import MISLEADING_COVERAGE, NARROW_COVERAGE, NIS_TOO_LARGE
 from oarlock.tracking.track import Track
 
@@ -21,11 +21,12 @@ MARKS = {"good": "✓", "care": "!", "bad": "✗"}
 
 @dataclass(frozen=True)
 class Trust:
-    """A level ("good", "care" or "bad") with its reason, one sentence, and what to do about it."""
+    """A level ("good", "care" or "bad") with its reason, one sentence, and what to do about it, with its command."""
 
     level: str
     reason: str
     remedy: str = ""
+    command: str = ""
 
     @property
     def words(self) -> str:
@@ -45,7 +46,7 @@ def trust(track: Track, evaluation: Evaluation | None, sensors: Sequence[SensorS
         return Trust("bad", bad[0] + _more(bad), "Check this sensor and its cable, then record again.")
     reasons = _reasons(track, evaluation, sensors)
     if reasons:
-        return Trust("care", reasons[0] + _more(reasons), "Run oarlock calibrate motion.")
+        return Trust("care", reasons[0] + _more(reasons), "Calibrate:", "oarlock calibrate motion")
     return Trust("good", "the sensors agree with each other and with the calibration.")
 
 
@@ -69,11 +70,13 @@ def _reasons(track: Track, evaluation: Evaluation | None, sensors: Sequence[Sens
     loud = sorted((s for s in sensors if s.nis > NIS_TOO_LARGE), key=lambda s: -s.nis)
     if loud:
         found.append(
-            f"{len(loud)} of {len(sensors)} sensors disagree with the model, most {loud[0].name} "
-            f"(NIS {fixed(loud[0].nis, 1)}; 1 is expected)."
+            f"{len(loud)} of {len(sensors)} sensors disagree with the assumed mounts and lengths, "
+            f"{loud[0].name} most."
         )
     if track.provenance.get("nominal_mounts"):
-        found.append("the sensors were not calibrated; angles can be off by several degrees.")
+        found.append(
+            "the sensors were not calibrated: angles can be off by several degrees, changes by less."
+        )
     share = evaluation.mean_coverage() if evaluation else math.nan
     if share < NARROW_COVERAGE:
         found.append(f"the 95 % bands contain the reference only {percent(share)} of the time.")

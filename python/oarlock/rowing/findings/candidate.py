@@ -17,8 +17,6 @@ the same in all strokes. Measured on 14 tracks of the field simulator (seeds 201
 calibrated): root mean square 0.04 to 0.13 for lean, seat and oars, 0.3 for arms."""
 _ALIKE = 2.3
 """Variance of a mean of strokes of which neighbours correlate by 0.4, relative to independent ones."""
-_RATES_APART = 6.0
-"""Pieces whose usual rates differ by more strokes a minute are not compared."""
 _SINGLE_STROKE = 2.0
 """A single stroke must differ by so many times the smallest size; it counts that much less, too."""
 _MANY = 1e6
@@ -98,9 +96,9 @@ def sides(rowed: Rowed) -> Iterator[Candidate]:
 
 def against(rowed: Rowed, other: Rowed, kind: str) -> Iterator[Candidate]:
     """This piece against another one at like rate; nothing if they are not comparable."""
-    apart = rowed.rate_per_min - other.rate_per_min
-    if not rowed.comparable(other) or not abs(apart) <= _RATES_APART:
+    if not rowed.comparable(other):
         return
+    apart = rowed.rate_per_min - other.rate_per_min
     enough = {watched.name for watched in _columns(other)}
     for watched in _columns(rowed):
         if watched.name not in enough:

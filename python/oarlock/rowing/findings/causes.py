@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from oarlock.rowing.findings.candidate import Candidate
 
-_COMPARED = ("against last", "against best")
+_COMPARED = ("against last", "against best", "against other")
 _EXPLAINED = 0.65
 """A difference is explained if this share of it follows from its cause, or all but half of the smallest size."""
 

@@ -15,7 +15,9 @@ FALSE_SHARE = 0.02
 """Probability that anything is named in a piece in which nothing differs, by chance alone."""
 
 
-def findings(piece: Piece, last: Piece | None = None, best: Piece | None = None) -> list[Finding]:
+def findings(
+    piece: Piece, last: Piece | None = None, best: Piece | None = None, other: Piece | None = None
+) -> list[Finding]:
     """What stands out, the most important first; empty if nothing does.
 
     A difference is named if it is larger than the smallest relevant size and beyond chance among all comparisons of
@@ -26,14 +28,15 @@ def findings(piece: Piece, last: Piece | None = None, best: Piece | None = None)
         piece: what was rowed.
         last: the piece of last time, of the same rower; None, or one that is not comparable, is left out.
         best: the rower's best piece, likewise.
+        other: any piece beside it, likewise.
     """
-    others = {"against last": last, "against best": best}
-    compared = {kind: Rowed.of(other) for kind, other in others.items() if other is not None}
+    others = {"against last": last, "against best": best, "against other": other}
+    compared = {kind: Rowed.of(one) for kind, one in others.items() if one is not None}
     return findings_of(Rowed.of(piece), compared)
 
 
 def findings_of(rowed: Rowed, compared: dict[str, Rowed]) -> list[Finding]:
-    """As `findings`, of strokes; `compared` by kind, "against last" and "against best"."""
+    """As `findings`, of strokes; `compared` by kind, such as "against last"."""
     if not len(rowed.numbers):
         return []
     candidates = [*sides(rowed), *within(rowed), *against_usual(rowed)]

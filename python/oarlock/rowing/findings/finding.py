@@ -11,7 +11,8 @@ class Finding:
 
     Attributes:
         name: column of the stroke table that says it best; of two sides the name without the side.
-        kind: "sides", "drift", "odd stroke", "against usual", "against last" or "against best".
+        kind: "sides", "drift", "odd stroke", "against usual", "against last", "against best"
+            or "against other".
         sentence: what, in plain words with sizes.
         size: in `unit`; with its sign.
         size_1sd: standard deviation of `size`; 95 % is 1.96 times this. NaN if unknown.

@@ -14,6 +14,8 @@ from oarlock.rowing.strokes.table import StrokeTable
 
 Floats = NDArray[np.float64]
 
+RATES_APART = 6.0
+"""Pieces whose usual rates differ by more strokes a minute are not compared."""
 FEWEST_STROKES = 6
 """Smallest number of strokes of one number for anything but a difference of sides."""
 
@@ -72,8 +74,9 @@ class Rowed:
         return float(np.sqrt(np.mean(stds**2))) if len(stds) else 0.0
 
     def comparable(self, other: Rowed) -> bool:
-        """Whether numbers of both mean the same: the same boat kind, strokes found in the same signal."""
-        return self.kind == other.kind and self.source == other.source
+        """Whether numbers of both mean the same: boat kind, signal of the strokes, and about the stroke rate."""
+        apart = abs(self.rate_per_min - other.rate_per_min)
+        return self.kind == other.kind and self.source == other.source and apart <= RATES_APART
 
 
 def rowing_kind(piece: Piece) -> str:

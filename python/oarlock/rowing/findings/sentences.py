@@ -5,17 +5,22 @@ from __future__ import annotations
 from oarlock.rowing.findings.candidate import Candidate
 from oarlock.rowing.findings.causes import Cause
 from oarlock.rowing.findings.finding import Finding
+from oarlock.rowing.findings.watched import Told
 from oarlock.rowing.report.shown import with_unit
 
 _MOST_FOLLOWED = 2
-_THAN = {"against last": "than last time", "against best": "than in your best piece"}
+_THAN = {
+    "against last": "than last time",
+    "against best": "than in your best piece",
+    "against other": "than in the other piece",
+}
 
 
 def finding(cause: Cause, kind_of_boat: str) -> Finding:
     """The finding of a cause."""
     lead = cause.lead
     watched = lead.watched
-    usual, tries = watched.usual_of(kind_of_boat), watched.to_try(lead.size)
+    usual, why, tries = watched.usual_of(kind_of_boat), _why(cause), _try(cause)
     return Finding(
         name=watched.name,
         kind=lead.kind,
@@ -25,12 +30,25 @@ def finding(cause: Cause, kind_of_boat: str) -> Finding:
         unit=watched.feature.shown_unit,
         usual=usual.text,
         usual_source=usual.source,
-        why=watched.why.text,
-        why_source=watched.why.source,
+        why=why.text,
+        why_source=why.source,
         advice="" if lead.stroke else tries.text,
         advice_source="" if lead.stroke else tries.source,
         weight=cause.weight,
     )
+
+
+def _why(cause: Cause) -> Told:
+    """Why the lead matters, or else the largest of those that the sentence names with it."""
+    return next(
+        (one.watched.why for one in (cause.lead, *_named_with(cause)[1]) if one.watched.why.text), Told()
+    )
+
+
+def _try(cause: Cause) -> Told:
+    """What to try against the lead, or else against the largest of those that the sentence names with it."""
+    tries = (one.watched.to_try(one.size) for one in (cause.lead, *_named_with(cause)[1]))
+    return next((told for told in tries if told.text), Told())
 
 
 def sentence(cause: Cause) -> str:
@@ -56,11 +74,16 @@ def sentence(cause: Cause) -> str:
 
 
 def _followed(cause: Cause) -> str:
+    start, ones = _named_with(cause)
+    return f"{start} {' and '.join(_changed(one) for one in ones)}." if ones else ""
+
+
+def _named_with(cause: Cause) -> tuple[str, list[Candidate]]:
+    """Those that the sentence names after the lead, and how it begins to."""
     for start, ones in ((" With it", cause.followed), (" Besides,", cause.beside)):
-        largest = sorted(ones, key=lambda one: -one.weight)[:_MOST_FOLLOWED]
-        if largest:
-            return f"{start} {' and '.join(_changed(one) for one in largest)}."
-    return ""
+        if ones:
+            return start, sorted(ones, key=lambda one: -one.weight)[:_MOST_FOLLOWED]
+    return "", []
 
 
 def _changed(one: Candidate) -> str:

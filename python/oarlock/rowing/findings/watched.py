@@ -58,6 +58,7 @@ class Watched:
         goes_with: columns that change with it by no fixed amount.
         beside: columns that may be a reason of this change; they are named with it.
         usual: in words by boat kind, "" for all.
+        usual_range: the same in short, for a key figure.
         usual_source: of it.
         why: why it matters.
         tries: a drill or cue against a larger ("grew") or smaller value ("fell"), or "either".
@@ -79,6 +80,7 @@ class Watched:
     goes_with: tuple[str, ...] = ()
     beside: tuple[str, ...] = ()
     usual: Mapping[str, str] = field(default_factory=dict)
+    usual_range: Mapping[str, str] = field(default_factory=dict)
     usual_source: str = ""
     why: Told = Told()
     tries: Mapping[str, Told] = field(default_factory=dict)

@@ -6,12 +6,17 @@ from html import escape
 
 from oarlock.report import Column, sortable_table, value_cell
 from oarlock.rowing.findings.find import least
+from oarlock.rowing.findings.rowed import RATES_APART
 from oarlock.rowing.report.averages import Average, Difference, difference
 from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.report.shown import PLUS_MINUS, shown, spread, unit_of, with_unit
 from oarlock.rowing.report.tables import beyond_words, link
 
 MOST_TOLD = 4
+_LIKE = "What stands out is compared at like rate."
+_APART = f"Rates more than {RATES_APART:.0f}/min apart are not compared further."
+SAME_RATE_PER_MIN = 1.0
+"""Pieces whose rates differ by more are compared with a warning."""
 
 
 def differences(this: Piece, other: Piece) -> dict[str, tuple[Average, Average, Difference]]:
@@ -71,6 +76,13 @@ def sentences(this: Piece, other: Piece) -> list[str]:
     telling = sorted((name for name in sure if weights[name] > 1.0), key=lambda name: -weights[name])
     beyond = sum(bool(held[2].beyond) for held in found.values())
     start = f"{names}: {beyond} of {len(found)} differences exceed both uncertainties"
+    rates = found.get("rate_per_min")
+    if rates is not None and abs(rates[2].value) >= SAME_RATE_PER_MIN:
+        now, then = (with_unit(one.feature, one.over.mean) for one in rates[:2])
+        return [
+            f"{names}: stroke rate {now} against {then}. {beyond} of {len(found)} numbers differ by more than both "
+            f"uncertainties, but many follow the rate. {_LIKE if abs(rates[2].value) <= RATES_APART else _APART}"
+        ]
     if not telling:
         return [f"{start}; none is large enough to be relevant."]
     told = "; ".join(_told(*sure[name]) for name in telling[:MOST_TOLD])

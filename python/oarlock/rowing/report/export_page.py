@@ -15,6 +15,7 @@ from oarlock.report import (
     Front,
     KeyFigure,
     Trust,
+    belief_markup,
     fixed,
     front_markup,
     notes_list,
@@ -97,7 +98,7 @@ def strokes_page(
     about = f'<p class="about">{escape(rest)}</p>' if rest else ""
     return shell(
         heading,
-        about + front_markup(front, trust, anchor="measured-in"),
+        about + belief_markup(trust, "measured-in") + front_markup(front),
         sections,
         style=files(__package__).joinpath("style.css").read_text("utf-8"),
         folded=("numbers", "meanings", "measured"),

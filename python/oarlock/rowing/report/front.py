@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 
 import numpy as np
@@ -11,8 +11,10 @@ from oarlock.report import Course, Front, Point, Sourced, fixed, plain_table
 from oarlock.rowing.analysis.features import FEATURES
 from oarlock.rowing.findings.find import compares_sides, findings, least
 from oarlock.rowing.findings.finding import Finding
+from oarlock.rowing.findings.rowed import Rowed, rowing_kind
 from oarlock.rowing.report import words
 from oarlock.rowing.report.averages import SIGMAS_95, Average, difference, feature_of
+from oarlock.rowing.report.compared import SAME_RATE_PER_MIN
 from oarlock.rowing.report.drawings import SPEEDS, curve_drawings, speeds
 from oarlock.rowing.report.piece import Counted, Piece
 from oarlock.rowing.report.shown import DECIMALS, PLUS_MINUS, joined_unit, shown, spread, with_unit
@@ -40,19 +42,22 @@ HEADS = {
     "against usual": "Against usual values",
     "against last": "Against last time",
     "against best": "Against own best",
+    "against other": "Against the other piece",
 }
+_CLASS = {"sculling": "sculling_men", "sweep": "sweep_men", "ergometer": "ergometer"}
 UNITS = {"deg": "°", "1/min": "/min", "cm2": " cm²", "1": ""}
-SAME_RATE_PER_MIN = 1.0
-"""Pieces whose rates differ by more are compared with a warning."""
 
 
-def front_of(piece: Piece, last: Piece | None = None, best: Piece | None = None) -> Front:
-    """The front of one piece, with up to two earlier ones of the same athlete."""
+def front_of(
+    piece: Piece, last: Piece | None = None, best: Piece | None = None, other: Piece | None = None
+) -> Front:
+    """The front of one piece, with up to two earlier ones of the same athlete, and any other one beside it."""
     return Front(
-        did=" ".join(text for text in (words.strokes(piece), words.length(piece)) if text),
-        points=[point(found) for found in findings(piece, last, best)] if piece.counted.any() else [],
-        quiet=_quiet(piece),
-        figures=words.key_figures(piece),
+        did=words.strokes(piece),
+        points=[point(found) for found in findings(piece, last, best, other)] if piece.counted.any() else [],
+        quiet=_quiet(piece, {"last time": last, "own best": best, other.name if other else "": other}),
+        next_step=_next_step(piece, last is not None or best is not None or other is not None),
+        figures=words.key_figures(piece, kind=rowing_kind(piece)),
         compared=compared(piece, last, best),
         changes=[text for name, one in _earlier(last, best) for text in [_change(piece, one, name)] if text],
         drawings=[*speeds([piece]), *curve_drawings([piece])],
@@ -60,11 +65,23 @@ def front_of(piece: Piece, last: Piece | None = None, best: Piece | None = None)
     )
 
 
-def _quiet(piece: Piece) -> str:
+def _quiet(piece: Piece, others: Mapping[str, Piece | None]) -> str:
     if not piece.counted.any():
         return "All strokes are excluded from averages, so technique is not assessed."
     sides = "Right and left agree, no" if compares_sides(piece) else "No"
-    return f"Nothing. {sides} stroke is unusual, and nothing changed over the piece beyond its uncertainty."
+    rowed = Rowed.of(piece)
+    compared = [name for name, one in others.items() if one and rowed.comparable(Rowed.of(one))]
+    against = "".join(f" or against {name}" for name in compared)
+    return f"Nothing. {sides} stroke is unusual, and nothing changed over the piece{against} beyond its uncertainty."
+
+
+def _next_step(piece: Piece, compared: bool) -> str:
+    """How to compare this piece with more, as markup; "" if it was compared with all."""
+    steps = [] if compared else ["with an earlier piece: <code>--last TRACK</code>"]
+    if not piece.technique.targets:
+        example = _CLASS[rowing_kind(piece)]
+        steps.append(f"with published values of a boat class: <code>--targets {example}</code>")
+    return f"Compare {', or '.join(steps)} (<code>oarlock report</code>)." if steps else ""
 
 
 def point(found: Finding) -> Point:
@@ -102,12 +119,16 @@ def compared(
     piece: Counted,
     last: Counted | None,
     best: Counted | None = None,
-    command: str = "oarlock report TRACK --last EARLIER --best BEST",
+    command: str = "",
 ) -> str:
-    """Numbers beside those of earlier pieces, as markup; without one, the `command` that gives one."""
+    """Numbers beside those of earlier pieces, as markup; without one, the `command` that gives one, if any."""
     earlier = _earlier(last, best)
     if not earlier:
-        return f'<p class="hint">No earlier piece was given: <code>{escape(command)}</code>.</p>'
+        return (
+            f'<p class="hint">No earlier piece was given: <code>{escape(command)}</code>.</p>'
+            if command
+            else ""
+        )
     names = [name for name in COMPARED if name in piece.averages and piece.averages[name].known]
     rows = [
         [

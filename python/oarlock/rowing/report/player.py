@@ -7,6 +7,7 @@ from dataclasses import replace
 from html import escape
 from typing import Any
 
+from oarlock.report import folded_help
 from oarlock.report.viewer import Curve, embed, joint_curves, scene
 from oarlock.rowing.figure.shapes import rowing_look, stroke_marks
 from oarlock.rowing.report.piece import Piece
@@ -15,6 +16,11 @@ LONGEST_S = 60.0
 """Longest part in the page (about 1 MB per minute); `oarlock view` shows the whole piece."""
 SHOWN = ("oar_phi", "handle", "seat", "trunk", "elbow_flexion", "shoulder_flexion", "shoulder_abduction")
 """Joints with curves beside the figure; all joints are in the section Curves."""
+HELP = (
+    "Figure and curves share one cursor. Drag to rotate, wheel or + and − to zoom; space plays, arrows step. Loop "
+    "repeats a stroke, Ghost draws another one over it; aligned by phase, both have the same length. Uncertainty shows "
+    "where each joint is with 95 % probability. Closed loop: the constraint that keeps the hand on the handle."
+)
 NAMES = {"oar_phi": "oar angle"}
 """Labels of joints that differ from those of the model file."""
 
@@ -24,7 +30,9 @@ def player(pieces: Sequence[Piece]) -> str:
     start_s, end_s = _stretch(pieces[0])
     ghost = _scene(pieces[1], *_stretch(pieces[1]), bare=True) if len(pieces) > 1 else None
     shown = _scene(pieces[0], start_s, end_s, ghost)
-    return f'<p class="hint">{_hint(pieces, start_s, end_s)}</p>{embed(shown, "player")}'
+    hint = _hint(pieces, start_s, end_s)
+    shown_hint = f'<p class="hint">{hint}</p>' if hint else ""
+    return shown_hint + embed(shown, "player") + folded_help(HELP)
 
 
 def _scene(piece: Piece, start_s: float, end_s: float, ghost: Any = None, bare: bool = False) -> Any:
@@ -71,18 +79,12 @@ def _stretch(piece: Piece) -> tuple[float, float]:
 
 
 def _hint(pieces: Sequence[Piece], start_s: float, end_s: float) -> str:
-    first = pieces[0]
-    text = (
-        "The tracked motion; figure and curves share one cursor. Drag to rotate, wheel "
-        "or + and − to zoom; space plays, arrows step. Loop repeats a stroke, Ghost draws another one over it; "
-        "aligned by phase, both have the same length. Uncertainty shows where each joint is with 95 % "
-        "probability. Closed loop: the constraint that keeps the hand on the handle."
-    )
+    first, text = pieces[0], ""
     if end_s - start_s < float(first.track.time_s[-1] - first.track.time_s[0]) - 1e-9:
-        text += f" It shows {start_s:.0f} to {end_s:.0f} s; <code>oarlock view</code> shows the whole piece."
+        text += f"It shows {start_s:.0f} to {end_s:.0f} s; <code>oarlock view</code> shows the whole piece."
     if len(pieces) > 1:
         text += (
             f" <b>{escape(first.name)}</b> in colours, <b>{escape(pieces[1].name)}</b> as the ghost, "
             "if selected under Ghost."
         )
-    return text
+    return text.strip()

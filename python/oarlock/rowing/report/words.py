@@ -8,36 +8,51 @@ from html import escape
 import numpy as np
 
 from oarlock.report import KeyFigure
+from oarlock.rowing.findings.watched import WATCHED, Told, Watched
 from oarlock.rowing.report.averages import Average, feature_of
 from oarlock.rowing.report.piece import Counted, Piece
 from oarlock.rowing.report.shown import joined_unit, shown, spread, with_unit
 
+_SHARE = {"rhythm": "drive of the stroke"}
+SCATTER = "SD: standard deviation between strokes."
 TILES = ("rate_per_min", "arc_rad", "catch_angle_rad", "finish_angle_rad", "rhythm")
 
 
-def key_figures(piece: Counted, names: Sequence[str] = TILES) -> list[KeyFigure]:
-    """The key figures: strokes, and those of `names` that are known."""
+def key_figures(piece: Counted, names: Sequence[str] = TILES, kind: str = "") -> list[KeyFigure]:
+    """The key figures: strokes, and those of `names` that are known; `kind` of rowing, for usual values."""
     left_out = int((~piece.counted).sum())
-    detail = f"{left_out} left out of averages" if left_out else "all count in averages"
+    detail = f"{left_out} not in averages" if left_out else "all in averages"
     figures = [KeyFigure("strokes", str(len(piece.table)), detail)]
     for name in names:
         found = piece.averages.get(name)
         if found is not None and found.known:
-            figures.append(
-                KeyFigure(
-                    found.feature.label,
-                    with_unit(found.feature, found.over.mean),
-                    _scatter(found),
-                    found.feature.in_words,
-                )
-            )
+            figures.append(_key_figure(found, WATCHED.get(name), kind))
     return figures
+
+
+def _key_figure(found: Average, watched: Watched | None, kind: str) -> KeyFigure:
+    """A number with its scatter and usual values; their source is in the definition."""
+    usual = watched.usual_of(kind) if watched is not None else Told()
+    short = (
+        watched.usual_range.get(kind, "").replace(" ", "\N{NO-BREAK SPACE}") if watched is not None else ""
+    )
+    meaning = f"{found.feature.in_words} {SCATTER}"
+    if usual.text:
+        meaning += f" Usual: {usual.text} ({usual.source})."
+    return KeyFigure(
+        found.feature.label,
+        with_unit(found.feature, found.over.mean),
+        "; ".join(
+            filter(None, (_SHARE.get(found.feature.name), _scatter(found), f"usual {short}" if short else ""))
+        ),
+        meaning,
+    )
 
 
 def _scatter(found: Average) -> str:
     if np.isnan(found.over.sd):
         return "of a single stroke"
-    return f"SD {spread(found.feature, found.over.sd)}{joined_unit(found.feature)} between strokes"
+    return f"SD {spread(found.feature, found.over.sd)}{joined_unit(found.feature)}"
 
 
 def strokes(piece: Piece) -> str:
@@ -50,9 +65,16 @@ def strokes(piece: Piece) -> str:
         text += f" at {with_unit(rate.feature, rate.over.mean)}"
         if rate.over.count > 1:
             text += f", from {shown(rate.feature, rate.over.least)} to {shown(rate.feature, rate.over.most)}"
-    if not piece.counted.all():
-        text += f"; {int((~piece.counted).sum())} left out of all averages ({_why_left_out(piece)})"
     return f"{text}."
+
+
+def _left_out(piece: Piece) -> list[str]:
+    count = int((~piece.counted).sum())
+    if not count:
+        return []
+    return [
+        escape(f"{count} of {len(piece.table)} strokes left out of all averages: {_why_left_out(piece)}.")
+    ]
 
 
 def _why_left_out(piece: Piece) -> str:
@@ -62,25 +84,9 @@ def _why_left_out(piece: Piece) -> str:
     return "; ".join(f"{count} times {reason}" if count > 1 else reason for reason, count in counts.items())
 
 
-def length(piece: Piece) -> str:
-    """Arc, catch, finish and rhythm; text, empty if unknown."""
-    arc, catch, finish, rhythm = (
-        piece.averages.get(name) for name in ("arc_rad", "catch_angle_rad", "finish_angle_rad", "rhythm")
-    )
-    parts = []
-    if arc is not None and arc.known and catch is not None and finish is not None:
-        swept, caught = (with_unit(one.feature, one.over.mean) for one in (arc, catch))
-        ended = with_unit(finish.feature, finish.over.mean, signed=True)
-        parts.append(f"The oar sweeps {swept}, from {caught} at the catch to {ended} at the finish")
-    if rhythm is not None and rhythm.known:
-        share = with_unit(rhythm.feature, rhythm.over.mean)
-        parts.append(f"{'the' if parts else 'The'} drive takes {share} of the stroke")
-    return f"{'; '.join(parts)}." if parts else ""
-
-
 def notes(piece: Piece) -> list[str]:
     """What was missing or left out, as markup: of the strokes, and targets without a number."""
-    return [escape(note) for note in piece.technique.found.notes] + _unmet(piece)
+    return [*map(escape, piece.technique.found.notes), *_left_out(piece), *_unmet(piece)]
 
 
 def _unmet(piece: Piece) -> list[str]:

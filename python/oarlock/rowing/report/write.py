@@ -10,6 +10,7 @@ from oarlock import DataError, Evaluation, Track
 from oarlock.report import Front, Section, who_and_when, write_report
 from oarlock.rowing.analysis.technique import technique
 from oarlock.rowing.exports.activity import Activity
+from oarlock.rowing.findings.rowed import rowing_kind
 from oarlock.rowing.report.beside import alongside_sections
 from oarlock.rowing.report.front import front_of
 from oarlock.rowing.report.piece import Piece
@@ -18,6 +19,7 @@ from oarlock.rowing.strokes.table import StrokeTable
 from oarlock.storage.progress import Progress, mark, share, shown
 
 _ROWER = {"seat", "trunk"}
+_ROWED = {"sculling": "of sculling", "sweep": "of sweep rowing", "ergometer": "on the ergometer"}
 
 
 def is_of_rower(track: Track) -> bool:
@@ -58,7 +60,7 @@ def write_rowing_report(
         path: the file to write, or an existing folder, which gets `report.html`.
         evaluation: scores against truth; computed if only `truth` is given.
         truth: reference that is drawn beside the estimate.
-        title: heading; default says how many strokes of which model, or names the pieces.
+        title: heading; default says how many strokes of what, or names the pieces.
         other: a second piece to compare with.
         names: of the two pieces, for people.
         targets: a boat class of `oarlock.rowing.TARGET_CLASSES` or a file: published targets to draw.
@@ -99,7 +101,7 @@ def write_rowing_report(
                 for one in alongside_sections(export[0], pieces[0].technique, export[1])
             ]
         mark(told, 0.5)
-        front = front_of(pieces[0], _earlier(last), _earlier(best))
+        front = front_of(pieces[0], _earlier(last), _earlier(best), pieces[1] if other is not None else None)
         heading = title or _heading(pieces)
         written = write_report(
             track, target, evaluation, truth, heading, sections, front, progress=share(told, 0.6, 1.0)
@@ -139,13 +141,10 @@ def _earlier(named: tuple[str, Track] | None) -> Piece | None:
 
 
 def _heading(pieces: list[Piece]) -> str:
-    model = pieces[0].track.model
-    body = model.name if model is not None else "a rower"
-    return (
-        f"{len(pieces[0].table)} strokes of {body}"
-        if len(pieces) == 1
-        else " beside ".join(p.name for p in pieces)
-    )
+    if len(pieces) > 1:
+        return " beside ".join(piece.name for piece in pieces)
+    count = len(pieces[0].table)
+    return f"{count} {'stroke' if count == 1 else 'strokes'} {_ROWED[rowing_kind(pieces[0])]}"
 
 
 def _beside(report: Path, place: int) -> Path:

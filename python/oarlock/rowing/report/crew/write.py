@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from oarlock.report import Front, KeyFigure, Point, front_markup, notes_list, shell
+from oarlock.report import Front, KeyFigure, Point, belief_markup, front_markup, notes_list, shell
 from oarlock.rowing.crew.findings import crew_findings
 from oarlock.rowing.crew.overlays import crew_overlays
 from oarlock.rowing.crew.timing import CrewTiming
@@ -91,7 +91,7 @@ def crew_page(timing: CrewTiming, title: str, csv_name: str) -> str:
         ("who", "Who rowed", who_table(timing)),
         ("measured", "How it was measured", notes_list(words.basis(timing))),
     ]
-    lead = front_markup(_front(timing), words.trust(timing), anchor="measured-in")
+    lead = belief_markup(words.trust(timing), "measured-in") + front_markup(_front(timing))
     heading = ": ".join(filter(None, (words.about(timing), title)))
     style = files("oarlock.rowing.report").joinpath("style.css").read_text("utf-8")
     return shell(heading, lead, [one for one in sections if one[2]], style=style, folded=FOLDED)
