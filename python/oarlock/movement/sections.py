@@ -20,12 +20,12 @@ from oarlock.report import (
     Series,
     course_chart,
     fixed,
+    folded_help,
     plain_table,
     sort_script,
     sortable_table,
     value_cell,
 )
-from oarlock.report.markup import folded_help
 from oarlock.report.viewer import Curve, embed, scene
 from oarlock.report.viewer.sides import side_of
 

@@ -6,7 +6,7 @@ A field of application, such as rowing, builds its own sections from these names
 from oarlock.report.chart import Series
 from oarlock.report.course import Axis, Mark, Zone, course_chart, plane_chart, row_chart
 from oarlock.report.front import Course, Front, Point, Sourced, named_file, who_and_when
-from oarlock.report.markup import Column, grid, notes_list
+from oarlock.report.markup import Column, folded_help, grid, notes_list
 from oarlock.report.markup import table as plain_table
 from oarlock.report.page import shell
 from oarlock.report.section import KeyFigure, Section, tiles
@@ -29,6 +29,7 @@ __all__ = [
     "Zone",
     "course_chart",
     "fixed",
+    "folded_help",
     "grid",
     "named_file",
     "notes_list",

@@ -7,7 +7,7 @@ from dataclasses import replace
 from html import escape
 from typing import Any
 
-from oarlock.report.markup import folded_help
+from oarlock.report import folded_help
 from oarlock.report.viewer import Curve, embed, joint_curves, scene
 from oarlock.rowing.figure.shapes import rowing_look, stroke_marks
 from oarlock.rowing.report.piece import Piece
