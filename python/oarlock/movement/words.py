@@ -27,7 +27,7 @@ def repeats(movement: Movement) -> list[str]:
 
 
 def key_figures(movement: Movement) -> list[KeyFigure]:
-    """Number and duration of the cycles, if it repeats, and the largest range."""
+    """Number and duration of the cycles, if it repeats, and the largest ranges that exceed their 95 % interval."""
     found = []
     main = movement.main
     if main is not None:
@@ -38,7 +38,8 @@ def key_figures(movement: Movement) -> list[KeyFigure]:
                 "cycle", f"{fixed(main.period_s, 2)} s", f"{fixed(60.0 / main.period_s, 0)} per minute", CYCLE
             ),
         ]
-    for one in sorted(movement.ranges.values(), key=lambda one: -one.range_deg)[:MOST_NAMED]:
+    sure = [one for one in movement.ranges.values() if not BAND_95 * one.range_std_deg > one.range_deg]
+    for one in sorted(sure, key=lambda one: -one.range_deg)[:MOST_NAMED]:
         half = f"± {fixed(BAND_95 * one.range_std_deg, 1)}°" if isfinite(one.range_std_deg) else ""
         found.append(
             KeyFigure(
