@@ -237,7 +237,7 @@ def test_every_rower_has_a_look(name):
     drawn = scene(track, look=look)
     assert {shape["part"] for shape in drawn["shapes"]} <= set(PARTS)
     labels = {shape.label for shape in look.shapes}
-    assert {"trunk", "head", "seat", "stretcher"} <= labels
+    assert {"shape of the trunk", "head", "seat", "stretcher"} <= labels
     assert ("flywheel" if name == "ergometer" else "hull") in labels
     assert look.ground == ("ground" if name == "ergometer" else "water")
     assert [strand.label for strand in look.strands][2:] == ["chain"] * (name == "ergometer")

@@ -52,7 +52,8 @@ def trust(track: Track, evaluation: Evaluation | None, sensors: Sequence[SensorS
 
 def _more(reasons: Sequence[str]) -> str:
     others = len(reasons) - 1
-    return f" {others} more {'reason' if others == 1 else 'reasons'} below." if others else ""
+    named = "one more reason" if others == 1 else f"{others} more reasons"
+    return f" The last section names {named}." if others else ""
 
 
 def _worst(track: Track, evaluation: Evaluation | None) -> list[str]:

@@ -79,7 +79,7 @@ class Rower:
         ]
         head = ellipsoid(top + np.array([0.0, 0.225 * s, 0.015]), [0.075 * s, 0.115 * s, 0.095 * s], 18)
         return (
-            self.carried(chest, loft(np.stack(rings)), "body", "trunk"),
+            self.carried(chest, loft(np.stack(rings)), "body", "shape of the trunk"),
             self.carried(chest, head, "body", "head"),
         )
 

@@ -42,8 +42,6 @@ from oarlock.storage.epoch import moment_text
 from oarlock.storage.progress import Progress, mark, shown
 from oarlock.storage.write_file import write_file
 
-_ENOUGH = 0.9
-"""Share of counted strokes from which on a page says that its numbers can be believed."""
 _ODD = ("leaves out", "comes again", "cut off")
 """Words of notes that say that strokes are missing or doubled."""
 _TILES = ("rate_per_min", "heart_rate_per_min", "power_w", "peak_force_n", "handle_travel_m", "arc_rad")
@@ -173,8 +171,7 @@ def _trust(found: StrokeTable) -> Trust:
     share = float(ExportPiece(found).counted.mean())
     odd = [note for note in found.notes if any(word in note for word in _ODD)]
     why = f"{fixed(100.0 * share, 0)} % of the rows are whole strokes at a rate of rowing"
-    level = "good" if share >= _ENOUGH and not odd else "care"
-    return Trust(level, f"{'; '.join([why, *odd[:1]])}. {_OWN}")
+    return Trust("care", f"{'; '.join([why, *odd[:1]])}. {_OWN}")
 
 
 def _numbers(found: StrokeTable) -> str:

@@ -68,11 +68,14 @@ def front_of(
 def _quiet(piece: Piece, others: Mapping[str, Piece | None]) -> str:
     if not piece.counted.any():
         return "All strokes are excluded from averages, so technique is not assessed."
-    sides = "Right and left agree, no" if compares_sides(piece) else "No"
+    sides = "difference of right and left, no " if compares_sides(piece) else ""
     rowed = Rowed.of(piece)
     compared = [name for name, one in others.items() if one and rowed.comparable(Rowed.of(one))]
     against = "".join(f" or against {name}" for name in compared)
-    return f"Nothing. {sides} stroke is unusual, and nothing changed over the piece{against} beyond its uncertainty."
+    return (
+        f"Nothing that this recording can show: no {sides}stroke and no change over the piece{against} is larger "
+        "than its uncertainty. Where a number differs from usual values, the placement of the sensors may be the cause."
+    )
 
 
 def _next_step(piece: Piece, compared: bool) -> str:
