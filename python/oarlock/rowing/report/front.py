@@ -84,7 +84,12 @@ def _next_step(piece: Piece, compared: bool) -> str:
     if not piece.technique.targets:
         example = _CLASS[rowing_kind(piece)]
         steps.append(f"with published values of a boat class: <code>--targets {example}</code>")
-    return f"Compare {', or '.join(steps)} (<code>oarlock report</code>)." if steps else ""
+    told = [f"Compare {', or '.join(steps)} (<code>oarlock report</code>)."] if steps else []
+    if piece.track.provenance.get("nominal_mounts"):
+        told.insert(
+            0, "Calibrate (<code>oarlock calibrate motion</code>), so that angles compare with usual values."
+        )
+    return " ".join(told)
 
 
 def point(found: Finding) -> Point:
