@@ -30,7 +30,7 @@ UNITS: Mapping[str, float] = MappingProxyType(
             ("", "1", "m", "s", "rad", "N", "J", "W", "m/s", "rad/s", "m/s2", "1/min", "m2"), 1.0
         ),
         **{"mm": 1e-3, "cm": 1e-2, "ms": 1e-3, "deg": np.pi / 180.0, "deg/s": np.pi / 180.0, "%": 1e-2},
-        **{"cm2": 1e-4, "1e-6 kg m2": 1.0, "lbs": 4.4482216152605, "spm": 1.0, "bpm": 1.0},
+        **{"cm2": 1e-4, "1e-6 kg m2": 1.0, "lbs": 4.4482216152605, "spm": 1.0, "bpm": 1.0, "beats/min": 1.0},
     }
 )
 """A number in this unit times this is in SI or radians."""
