@@ -1,5 +1,6 @@
 """Settings of all tests and what several files use: made once by each worker of a parallel run."""
 
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,9 @@ from oarlock.rowing import SIMULATORS
 # A deadline would fail on a busy machine.
 settings.register_profile("oarlock", deadline=None)
 settings.load_profile("oarlock")
+
+# A run in the background of a shell ignores Ctrl-C, and with it every process that a test stops by it.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 RUN = pytest.StashKey[frozenset[str]]()
 
