@@ -21,9 +21,14 @@ fn copy(from: &Path, to: &Path) -> io::Result<()> {
     for entry in fs::read_dir(from)? {
         let path = entry?.path();
         let name = path.file_name().unwrap_or_default();
-        if path.is_dir() && name != "__pycache__" {
+        let text = name.to_string_lossy();
+        // Caches of tools that read the examples.
+        if text.starts_with('.') || text == "__pycache__" {
+            continue;
+        }
+        if path.is_dir() {
             copy(&path, &to.join(name))?;
-        } else if path.is_file() {
+        } else {
             fs::copy(&path, to.join(name))?;
         }
     }
