@@ -11,7 +11,7 @@
 //! divided by the trace of P_zz, and that trace bounds what the difference loses: where readings are far more exact than what was
 //! known before them, the update is left to the information form, whose P+ is a square.
 
-use super::information::{Carried, Force, Nis, WeightedReadings};
+use super::information::{Carried, Force, Nis, WeightedReadings, NOWHERE};
 use super::sigma::PredictedReadings;
 use super::Partition;
 use crate::kernels::arch::{madd, with_simd, Arch, Kernel};
@@ -20,9 +20,6 @@ use crate::kernels::registers::{F64x4, Part, Simd};
 use crate::kernels::sparse_jacobian::{RowTriple, Slope, SparseJacobian};
 use crate::kernels::tiles::{add_symmetric, factor, gram, padded, product, substitute, Panel, Rows, Sweep, VECTOR};
 use std::ops::Range;
-
-/// Slot of a row that is not in use.
-const NOWHERE: usize = usize::MAX;
 
 /// Fewest states for which this form is taken: what it saves grows with their cube. Smaller systems keep the information form and its digits.
 const FEWEST_STATES: usize = 128;
@@ -201,12 +198,9 @@ impl CovarianceUpdate {
     /// Takes a row out of the update: it becomes a row of the unit matrix with K = 0 and y = 0.
     pub fn reject(&mut self, row: usize) {
         let slot = self.slots[row];
-        if slot == NOWHERE {
-            return;
+        if slot != NOWHERE {
+            self.z_k_y.make_unit(slot);
         }
-        (0..slot).for_each(|i| self.z_k_y.row_mut(i)[slot] = 0.0);
-        self.z_k_y.row_mut(slot)[slot..].fill(0.0);
-        self.z_k_y.row_mut(slot)[slot] = 1.0;
     }
 
     /// U11 up to the NIS.

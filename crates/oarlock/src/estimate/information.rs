@@ -15,7 +15,7 @@ use std::ops::Range;
 pub use carry::{Carried, Force};
 
 /// Slot of a row that is not in use.
-const NOWHERE: usize = usize::MAX;
+pub(super) const NOWHERE: usize = usize::MAX;
 
 /// Workspace of the update.
 #[derive(Debug, Clone)]
@@ -189,13 +189,9 @@ impl InformationUpdate {
 
     /// Takes a row out of the update: it becomes a row of the unit matrix with H = 0 and y = 0.
     pub fn reject(&mut self, row: usize) {
-        let slot = self.slots[row];
-        if slot == NOWHERE {
-            return;
+        if let Some(slot) = self.slot(row) {
+            self.s_h_y.make_unit(slot);
         }
-        (0..slot).for_each(|i| self.s_h_y.row_mut(i)[slot] = 0.0);
-        self.s_h_y.row_mut(slot)[slot..].fill(0.0);
-        self.s_h_y.row_mut(slot)[slot] = 1.0;
     }
 
     /// U6 and U7.

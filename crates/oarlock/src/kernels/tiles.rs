@@ -105,6 +105,13 @@ impl Panel {
         self.data[..end].copy_from_slice(&other.data[..end]);
     }
 
+    /// Row and column `k` of an upper triangle become those of the unit matrix; the rest of the row becomes zero.
+    pub fn make_unit(&mut self, k: usize) {
+        (0..k).for_each(|i| self.row_mut(i)[k] = 0.0);
+        self.row_mut(k)[k..].fill(0.0);
+        self.row_mut(k)[k] = 1.0;
+    }
+
     /// The part from (i, j) on.
     #[inline(always)]
     pub fn part(&self, i: usize, j: usize) -> Part<'_> {
