@@ -88,6 +88,10 @@ def _half(found: Average) -> str:
 def _within(found: Average, unsure: bool) -> str:
     if not np.isfinite(found.uncertainty):
         return ""
+    if not found.over.std:
+        return (
+            f"{PLUS_MINUS}: 95 % interval of the mean from its strokes; the device's own error is not known."
+        )
     top = " The unit was not calibrated: several degrees come on top." if unsure else ""
     return (
         f"{PLUS_MINUS}: 95 % interval of the mean, with the known errors of sensors, mounts and lengths.{top}"
