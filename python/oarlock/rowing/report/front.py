@@ -63,7 +63,7 @@ def _next_step(piece: Piece, rowed: Rowed, found: bool) -> str:
     again = "Row this piece again"
     if found:
         again = "Try what the first finding says, then row this piece again"
-    rate = f" at {rowed.rate_per_min:.0f}/min" if np.isfinite(rowed.rate_per_min) else ""
+    rate = " at the same rates" if words.is_ramp(piece) else f" at {rowed.rate_per_min:.0f}/min"
     sizes = next_sizes(rowed)
     shows = f": a difference of {sizes} will show" if sizes else ""
     return " ".join([*steps, f"{again}{rate} and compare{shows}."])
