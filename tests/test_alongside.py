@@ -16,7 +16,8 @@ from oarlock.rowing.alongside.clock_match import match_clocks
 from oarlock.rowing.alongside.course import course_of, pace_text, parts_of
 from oarlock.rowing.alongside.force_curves import FORCES, force_stacks, forces_on_strokes
 from oarlock.rowing.analysis.technique import technique
-from oarlock.rowing.report.export_page import findings_of_export, strokes_page, write_strokes_report
+from oarlock.rowing.report.export_front import findings_of_export
+from oarlock.rowing.report.export_page import strokes_page, write_strokes_report
 from oarlock.storage.errors import DataError
 from rowed_truth import rowed
 

@@ -173,7 +173,7 @@ def beyond_chance(candidates: Sequence[Candidate], false_share: float) -> list[C
 
 def _columns(rowed: Rowed) -> list[Watched]:
     return [
-        watched
+        rowed.own(watched)
         for watched in WATCHED.values()
         if not watched.sides
         and (not watched.kinds or rowed.kind in watched.kinds)
