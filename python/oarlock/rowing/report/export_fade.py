@@ -17,6 +17,7 @@ from oarlock.rowing.findings.watched import WATCHED
 from oarlock.rowing.report.averages import SIGMAS_95, feature_of
 from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, shown, spread
 from oarlock.rowing.report.tables import link
+from oarlock.rowing.strokes.table import Floats
 
 _NUMBERS = (
     "speed_m_s",
@@ -35,6 +36,8 @@ _NUMBERS = (
     "heart_rate_per_min",
 )
 FORCES = ("mean_force_n", "peak_force_n", "curve_peak_force_n")
+_MIDDLE = (5.0, 95.0)
+"""Percentiles of the rates that count as occurring in a group."""
 LENGTHS = ("effective_arc_rad", "arc_rad", "curve_arc_rad", "handle_travel_m")
 
 
@@ -81,22 +84,41 @@ def faded_of(rowed: Rowed, course: Course) -> dict[str, Faded]:
     first, last = (place[rows] for rows in quarters(course))
     found = {}
     for name in _NUMBERS:
-        good = rowed.good(name)
-        rows = np.concatenate([first[good[first]], last[good[last]]])
-        later = np.arange(len(rows)) >= int(good[first].sum())
-        if min(int(later.sum()), int((~later).sum())) < FEWEST_STROKES:
+        if name not in rowed.columns:
             continue
-        feature, values = feature_of(name), rowed.columns[name][rows]
-        watched, scale = WATCHED.get(name), feature.shown_scale
-        is_rate = name == "rate_per_min"
-        rate = np.zeros(len(rows)) if is_rate else rowed.columns["rate_per_min"][rows]
-        least = rowed.own(watched).least / scale if watched else 1.0
-        slope_sd = watched.per_rate * least if watched else 1.0
-        between = change(values, rate, later, slope_sd)
-        sd = float(np.sqrt(between.scatter_sd**2 + between.rate_sd**2 + rowed.shared_std(name) ** 2))
-        ends = (float(values[~later].mean()), float(values[later].mean()))
-        found[name] = Faded(feature, *ends, between.size, sd, least)
+        good = rowed.good(name)
+        one = _faded(rowed, name, first[good[first]], last[good[last]])
+        if one is not None:
+            found[name] = one
     return found
+
+
+def _faded(rowed: Rowed, name: str, first: Places, last: Places) -> Faded | None:
+    """One number in two groups of strokes; None if too few have it at rates that occur in both."""
+    feature, values, rate = feature_of(name), rowed.columns[name], rowed.columns["rate_per_min"]
+    if min(len(first), len(last)) < FEWEST_STROKES:
+        return None
+    ends = (float(values[first].mean()), float(values[last].mean()))
+    if name == "rate_per_min":
+        rate = np.zeros(len(rate))
+    else:
+        first, last = _at_common_rates(rate, first, last)
+    if min(len(first), len(last)) < FEWEST_STROKES:
+        return None
+    rows, later = np.concatenate([first, last]), np.repeat([False, True], [len(first), len(last)])
+    watched = WATCHED.get(name)
+    least = rowed.own(watched).least / feature.shown_scale if watched else 1.0
+    between = change(values[rows], rate[rows], later, watched.per_rate * least if watched else 1.0)
+    sd = float(np.sqrt(between.scatter_sd**2 + between.rate_sd**2 + rowed.shared_std(name) ** 2))
+    return Faded(feature, *ends, between.size, sd, least)
+
+
+def _at_common_rates(rate: Floats, first: Places, last: Places) -> tuple[Places, Places]:
+    """The strokes at rates that occur in both groups: a start at a high rate has no like in the last quarter."""
+    ends = np.array([np.percentile(rate[rows], _MIDDLE) for rows in (first, last)])
+    low, high = ends[:, 0].max(), ends[:, 1].min()
+    kept = [rows[(rate[rows] >= low) & (rate[rows] <= high)] for rows in (first, last)]
+    return kept[0], kept[1]
 
 
 def fade_section(faded: dict[str, Faded], course: Course) -> Section | None:
@@ -115,16 +137,16 @@ def fade_section(faded: dict[str, Faded], course: Course) -> Section | None:
     heads = [Column(name) for name in ("number", "first quarter", "last quarter", "change at like rate")]
     whose = "the longest piece" if len(course.stretches) > 1 else "the rowed part"
     caption = (
-        f"Means of the first and last quarter of {whose}. Change {PLUS_MINUS} its 95 % interval, after removing what "
-        "the stroke rate does, so it can differ from the plain difference. Bold: clear. Small: within its interval or "
-        "too small to matter."
+        f"Means of the first and last quarter of {whose}. Change {PLUS_MINUS} its 95 % interval, of strokes at rates "
+        "that occur in both, after removing what the rate does: it can differ from the plain difference. Bold: clear. "
+        "Small: within its interval or too small to matter."
     )
     return Section(
-        "fade", "From start to end", plain_table("fade-table", caption, heads, rows, style="splits")
+        "fade", "From start to end", plain_table("fade-numbers", caption, heads, rows, style="splits")
     )
 
 
-def where_lost(faded: dict[str, Faded]) -> str:
+def where_lost(faded: dict[str, Faded], course: Course) -> str:
     """Which of rate, force and length went down with power or speed; "" if neither fell clearly."""
     led = next((faded[k] for k in ("power_w", "speed_m_s", "impeller_speed_m_s") if k in faded), None)
     if led is None or not led.clear or led.change > 0.0:
@@ -136,15 +158,16 @@ def where_lost(faded: dict[str, Faded]) -> str:
         if name in faded
     }
     label = led.feature.label
-    start = f"From the first to the last quarter {label} fell by {abs(led.percent):.0f} %"
+    whose = " of the longest piece" if len(course.stretches) > 1 else ""
+    start = f"From the first to the last quarter{whose} {label} fell by {abs(led.percent):.0f} %"
     if not parts:
         return f"{start}."
     told = ", ".join(f"{one.feature.label} {_signed(one.percent)} %" for one in parts.values())
     lost = {word: one for word, one in parts.items() if one.clear and one.change < 0.0}
     if not lost:
         return f"{start} ({told})."
-    most = min(lost.values(), key=lambda one: one.percent)
-    return f"{start} ({told}). Look at the {most.feature.label} first: it went down most."
+    most = min(lost, key=lambda word: lost[word].percent)
+    return f"{start} ({told}). Look at the {most} first: it went down most."
 
 
 def _signed(percent: float) -> str:

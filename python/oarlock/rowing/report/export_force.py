@@ -76,8 +76,8 @@ def _where(export: StrokeTable) -> str:
         told = "The force is that at the handle, as the ergometer gives it."
     if "effective_arc_rad" in export:
         told += (
-            " Arc: from catch to finish. Effective arc: the part with load on the blade, without slip (before the force "
-            "passes 100 N in sculling, 200 N in sweep) and wash (after it has fallen below)."
+            " Arc: from catch to finish. Effective arc: the part with load on the blade, without slip (before the "
+            "force passes 100 N in sculling, 200 N in sweep) and wash (after it has fallen below)."
         )
     if "peak_force_angle_rad" in export:
         told += (

@@ -28,7 +28,6 @@ _TILES = (
     "power_w",
     "peak_force_n",
     "arc_rad",
-    "effective_arc_rad",
     "handle_travel_m",
     "heart_rate_per_min",
 )
@@ -89,11 +88,7 @@ def _did(found: StrokeTable | Activity, course: Course, ends: str) -> str:
     what = f"{count} strokes rowed" if course.is_strokes else "Rowed"
     told = what + (f" in {pieces} pieces" if pieces > 1 else "")
     if pieces:
-        told += (
-            f" in {clock_text(course.duration_s)} min"
-            if pieces == 1
-            else f", {clock_text(course.duration_s)} min"
-        )
+        told += f"{' in' if pieces == 1 else ','} {_lasted(course.duration_s)}"
     if course.distance_m > 0.0:
         told += (
             f": {fixed(course.distance_m, 0)} m, {pace_text(course.distance_m / course.duration_s)} for 500 m"
@@ -102,8 +97,12 @@ def _did(found: StrokeTable | Activity, course: Course, ends: str) -> str:
     if pieces and (rows > count or course.total_s > course.duration_s + 1.0):
         far = f" and {fixed(course.total_m, 0)} m" if np.isfinite(course.total_m) else ""
         left = f"; {rows - count} of its {rows} rows are waiting, paddling or misread" if rows > count else ""
-        sentences.append(f"The whole file: {clock_text(course.total_s)} min{far}{left}.")
+        sentences.append(f"The whole file: {_lasted(course.total_s)}{far}{left}.")
     return " ".join([*sentences, ends]).strip()
+
+
+def _lasted(duration_s: float) -> str:
+    return f"{clock_text(duration_s)} {'h' if duration_s >= 3600.0 else 'min'}"
 
 
 def _ends(piece: ExportPiece) -> str:
@@ -139,13 +138,13 @@ def _next(piece: ExportPiece, is_compared: bool) -> str:
     """What to look at, and what the same piece again could show."""
     if int(piece.counted.sum()) < FEWEST_STROKES:
         return "Record a longer piece."
-    lost = where_lost(piece.faded)
+    lost = where_lost(piece.faded, piece.course)
     if is_compared:
         return lost
     shown = ", ".join(_could_show(piece))
     rate = piece.averages.get("rate_per_min")
     at = f" at {with_unit(rate.feature, rate.over.mean)}" if rate is not None and rate.known else ""
-    again = f"Row the same piece again{at} and compare"
+    again = f"Row the same {'pieces' if len(piece.course.stretches) > 1 else 'piece'} again{at} and compare"
     size = f": differences from about {shown} can be shown; wind and stream come on top" if shown else ""
     return " ".join(filter(None, (lost, f"{again}{size}.")))
 

@@ -17,6 +17,11 @@ _PAUSE_MIN = 0.5
 _SMOOTH = 5
 """Strokes of a running median in charts of heart rate and pace: single outliers of receivers would set the scale."""
 _MOST_PIECES = 12
+_RACE_SPLITS = 4
+_RACE = (
+    '<p class="hint">Championship races over 2000 m: the four quarters at 103.3, 99.0, 98.3 and 99.7 % of the mean '
+    "speed on the water, 101.5, 99.8, 99.0 and 99.7 % on ergometers (Garland 2005, doi 10.1136/bjsm.2003.010801).</p>"
+)
 _WIDE = 24.0
 """Half the width of the bars, px."""
 _NAMES = {
@@ -90,11 +95,12 @@ def _pieces_table(course: Course) -> str:
     shown = sorted(sorted(pieces, key=lambda one: -one.duration_s)[:_MOST_PIECES], key=pieces.index)
     rest = [one for one in pieces if one not in shown]
     caption = (
-        "What was rowed between pauses. Pace is distance over time; waiting, drifting and paddling count nowhere. "
+        "What was rowed between pauses; small: how long the pause before it was, if the clock ran. Pace is distance "
+        "over time; waiting, drifting and paddling count nowhere. "
         "Bars and signs: slower (+) or faster (−) than the mean of all pieces."
     )
     foot = [_joined(f"{len(rest)} shorter", rest)] if rest else []
-    return _table("pace-pieces", caption, course, shown, [*foot, _joined("together", pieces)], paused=True)
+    return _table("pace-pieces", caption, course, shown, [*foot, _joined("together", pieces)])
 
 
 def _splits_table(course: Course) -> str:
@@ -105,7 +111,8 @@ def _splits_table(course: Course) -> str:
     k = course.stretches.index(course.longest) + 1 if many and course.longest else 0
     whose = f"Piece {k}, the longest. " if many else "The rowed part. "
     caption = f"{whose}Bars and signs: slower (+) or faster (−) than the mean of the piece."
-    return _table("pace-splits", caption, course, splits, [_joined("together", splits)])
+    table = _table("pace-splits", caption, course, splits, [_joined("together", splits)])
+    return table + (_RACE if len(splits) == _RACE_SPLITS and splits[0].name.startswith("to 500") else "")
 
 
 def _joined(name: str, parts: Sequence[Part]) -> Part:
@@ -118,9 +125,7 @@ def _joined(name: str, parts: Sequence[Part]) -> Part:
     )
 
 
-def _table(
-    key: str, caption: str, course: Course, parts: Sequence[Part], foot: Sequence[Part], paused: bool = False
-) -> str:
+def _table(key: str, caption: str, course: Course, parts: Sequence[Part], foot: Sequence[Part]) -> str:
     held = [name for name in _NAMES if name in course.values]
     heads = [
         Column("part"),
@@ -132,27 +137,30 @@ def _table(
     heads.append(Column("distance", "m"))
     if course.is_strokes:
         heads.append(Column("strokes"))
-    if paused:
-        heads.append(Column("pause before", "min:s"))
     mean_s = _pace_s(foot[-1])
     apart_s = [_pace_s(one) - mean_s for one in parts]
     widest_s = max((abs(one) for one in apart_s if np.isfinite(one)), default=1.0)
     rows = [
-        _row(one, held, course.is_strokes, _apart(late_s, widest_s), paused)
+        _row(one, held, course.is_strokes, _apart(late_s, widest_s))
         for one, late_s in zip(parts, apart_s, strict=True)
     ]
-    feet = [_row(one, held, course.is_strokes, "", paused) for one in foot]
+    feet = [_row(one, held, course.is_strokes, "") for one in foot]
     return plain_table(key, caption, heads, rows, foot=feet, style="splits")
 
 
-def _row(part: Part, held: Sequence[str], is_strokes: bool, apart: str, paused: bool) -> list[str]:
-    cells = [escape(part.name), pace_text(part.speed_m_s), apart, clock_text(part.duration_s, tenths=True)]
+def _row(part: Part, held: Sequence[str], is_strokes: bool, apart: str) -> list[str]:
+    cells = [_named(part), pace_text(part.speed_m_s), apart, clock_text(part.duration_s, tenths=True)]
     cells += [fixed(part.medians[name], _NAMES[name][2]) if part.medians else "" for name in held]
     cells += [fixed(part.distance_m, 0), *([str(part.strokes)] if is_strokes else [])]
-    if paused:
-        pause = "" if not part.medians or part.pause_s == 0.0 else clock_text(part.pause_s)
-        cells.append(pause if np.isfinite(part.pause_s) else "not recorded")
     return cells
+
+
+def _named(part: Part) -> str:
+    """The name of a part, and the pause before it."""
+    if part.pause_s == 0.0:
+        return escape(part.name)
+    pause = f"after {clock_text(part.pause_s)}" if np.isfinite(part.pause_s) else "after a pause"
+    return f"{escape(part.name)} <small>{pause}</small>"
 
 
 def _pace_s(part: Part) -> float:

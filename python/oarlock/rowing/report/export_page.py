@@ -44,12 +44,16 @@ _HOW_TO_NAME = (
     "The athlete is not named: add <code>--athlete NAME --boat BOAT --place PLACE</code>, or put a "
     "<code>session.toml</code> beside the file."
 )
+_CONCEPT2 = "Concept2 ergometers read 11 to 15 % less power than a reference (doi 10.3389/fphys.2021.758015)."
 _PUBLISHED = {
-    "Concept2": "Concept2 ergometers read 11 to 15 % less power than a reference (doi 10.3389/fphys.2021.758015).",
-    "Peach": "Peach reads 8 to 17 % less power than a reference (doi 10.3389/fphys.2021.758015).",
-    "NK": "EmPower reads about 23 % less wash than a sensor on the handle (BioRow, 2017).",
+    **dict.fromkeys(("Concept2", "Painsled", "ErgData", "ErgStick"), ("power_w", _CONCEPT2)),
+    "Peach": (
+        "power_w",
+        "Peach reads 8 to 17 % less power than a reference (doi 10.3389/fphys.2021.758015).",
+    ),
+    "NK": ("wash_rad", "EmPower reads about 23 % less wash than a sensor on the handle (BioRow, 2017)."),
 }
-"""What is known of a device's errors, by the begin of its name."""
+"""What is known of a device's errors, by the begin of its name: of which column, and the sentence."""
 
 
 def write_strokes_report(
@@ -116,7 +120,8 @@ def _heading(found: StrokeTable | Activity, course: Course, session: Mapping[str
     what = f"{int(course.counted.sum())} strokes" if isinstance(found, StrokeTable) else "Course"
     heading = ": ".join(filter(None, (who, f"{what}, {device_of(found.source)}")))
     named = next((note.removeprefix(NAMED) for note in found.notes if note.startswith(NAMED)), "")
-    about = escape(", ".join(filter(None, (rest, named, f"file {found.source.partition(': ')[0]}"))))
+    parts = ", ".join(filter(None, (rest, named, f"file {found.source.partition(': ')[0]}")))
+    about = escape(parts[0].upper() + parts[1:])
     asked = "" if session.get("athlete") else f" {_HOW_TO_NAME}"
     return heading, f'<p class="about">{about}.{asked}</p>'
 
@@ -124,7 +129,10 @@ def _heading(found: StrokeTable | Activity, course: Course, session: Mapping[str
 def _trust(found: StrokeTable | Activity) -> Trust:
     """What is known of the device: its numbers are shown as it gives them."""
     device = device_of(found.source)
-    known = next((text for name, text in _PUBLISHED.items() if device.startswith(name)), "")
+    known = next(
+        (text for name, (of, text) in _PUBLISHED.items() if device.startswith(name) and of in found.columns),
+        "",
+    )
     own = f"the numbers are those of the device ({device}), not compared with a reference here."
     return Trust("care", " ".join(filter(None, (own, known))))
 
@@ -158,4 +166,4 @@ def _measured(found: StrokeTable | Activity, course: Course) -> str:
             f"{fixed(100.0 * FALSE_SHARE, 0)} % of pieces without any change (Holm 1979). Single strokes are not "
             "judged, since devices misread some.",
         ]
-    return notes_list([*notes, *_PUBLISHED.values()])
+    return notes_list(notes)
