@@ -84,7 +84,7 @@ def faded_of(rowed: Rowed, course: Course) -> dict[str, Faded]:
     first, last = (place[rows] for rows in quarters(course))
     found = {}
     for name in _NUMBERS:
-        if name not in rowed.columns:
+        if name not in rowed.columns or (name == "curve_peak_force_n" and "peak_force_n" in found):
             continue
         good = rowed.good(name)
         one = _faded(rowed, name, first[good[first]], last[good[last]])

@@ -33,6 +33,7 @@ _TILES = (
 )
 _ALIKE = 2.3
 """Variance of a mean of strokes of which neighbours correlate by 0.4, relative to independent ones."""
+_LAST_THIRD = (1.0 / 3.0, 2.0 / 3.0)
 _PACE = (
     "Rowed distance over rowed time, for 500 m. Pauses, waiting, drifting and paddling count in neither; "
     "the tables below show the parts."
@@ -102,7 +103,7 @@ def _did(found: StrokeTable | Activity, course: Course, ends: str) -> str:
 
 
 def _lasted(duration_s: float) -> str:
-    return f"{clock_text(duration_s)} {'h' if duration_s >= 3600.0 else 'min'}"
+    return f"{clock_text(duration_s)}\N{NO-BREAK SPACE}{'h' if duration_s >= 3600.0 else 'min'}"
 
 
 def _ends(piece: ExportPiece) -> str:
@@ -129,7 +130,7 @@ def _quiet(piece: ExportPiece) -> str:
     counted = int(piece.counted.sum())
     if counted < FEWEST_STROKES:
         return f"Not assessed: {counted} whole strokes, {FEWEST_STROKES} are needed."
-    shown = ", ".join(_could_show(piece))
+    shown = ", ".join(_could_show(piece, _LAST_THIRD))
     from_size = f" It would have to be larger than about {shown}." if shown else ""
     return f"No change in the last third is larger than chance and large enough to matter.{from_size}"
 
@@ -141,16 +142,24 @@ def _next(piece: ExportPiece, is_compared: bool) -> str:
     lost = where_lost(piece.faded, piece.course)
     if is_compared:
         return lost
-    shown = ", ".join(_could_show(piece))
+    shown = " and ".join(list(_could_show(piece))[:2])
     rate = piece.averages.get("rate_per_min")
     at = f" at {with_unit(rate.feature, rate.over.mean)}" if rate is not None and rate.known else ""
     again = f"Row the same {'pieces' if len(piece.course.stretches) > 1 else 'piece'} again{at} and compare"
-    size = f": differences from about {shown} can be shown; wind and stream come on top" if shown else ""
+    size = (
+        f": differences from about {shown} can be shown; on the water wind and stream come on top"
+        if shown
+        else ""
+    )
     return " ".join(filter(None, (lost, f"{again}{size}.")))
 
 
-def _could_show(piece: ExportPiece) -> Iterator[str]:
-    """The smallest differences of two such pieces that would be named, of speed, power, force and length."""
+def _could_show(piece: ExportPiece, shares: tuple[float, float] = (1.0, 1.0)) -> Iterator[str]:
+    """The smallest differences that would be named, of speed, power, force and length.
+
+    `shares` are those of the strokes in both groups that are compared; by default two such pieces.
+    """
+    groups_per_stroke = sum(1.0 / share for share in shares)
     groups = (("speed_m_s", "impeller_speed_m_s"), ("power_w",), FORCES, LENGTHS[1:])
     names = [next((n for n in group if n in piece.averages and n in WATCHED), "") for group in groups]
     certain = NormalDist().inv_cdf(1.0 - FALSE_SHARE / (2.0 * max(len(piece.averages), 1)))
@@ -160,7 +169,10 @@ def _could_show(piece: ExportPiece) -> Iterator[str]:
             continue
         watched = piece.rowed.own(WATCHED[name])
         sd = float(
-            np.hypot(one.over.sd * np.sqrt(2.0 * _ALIKE / one.over.count), piece.rowed.shared_std(name))
+            np.hypot(
+                one.over.sd * np.sqrt(groups_per_stroke * _ALIKE / one.over.count),
+                piece.rowed.shared_std(name),
+            )
         )
         size = max(certain * sd, watched.least / watched.feature.shown_scale)
         yield f"{spread(one.feature, size)}{joined_unit(one.feature)} {one.feature.label}"

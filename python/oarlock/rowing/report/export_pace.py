@@ -8,6 +8,7 @@ from html import escape
 import numpy as np
 
 from oarlock.report import Axis, Column, Section, Series, course_chart, fixed, plain_table
+from oarlock.report.plot import BUCKETS
 from oarlock.rowing.alongside.course import Course, Part, clock_text, pace_text, pieces_of, splits_of
 from oarlock.rowing.report.drawings import grid
 from oarlock.rowing.strokes.table import Floats
@@ -75,7 +76,9 @@ def _over_time(key: str, caption: str, course: Course, name: str, unit: str) -> 
     minutes = (course.time_s[good] - course.time_s[good][0]) / 60.0
     middle = _running_median(course.values[name][good])
     pauses = np.flatnonzero(np.diff(minutes) > _PAUSE_MIN) + 1
-    minutes, middle = np.insert(minutes, pauses, minutes[pauses]), np.insert(middle, pauses, np.nan)
+    # Drawings thin out long series: a gap must be longer than what becomes one point.
+    gaps = np.repeat(pauses, 1 + 2 * len(minutes) // BUCKETS)
+    minutes, middle = np.insert(minutes, gaps, minutes[gaps]), np.insert(middle, gaps, np.nan)
     return course_chart(
         key, caption, [Series(caption, minutes, middle)], Axis("time", "min"), Axis("", unit, least=1.0)
     )
@@ -129,8 +132,8 @@ def _table(key: str, caption: str, course: Course, parts: Sequence[Part], foot: 
     held = [name for name in _NAMES if name in course.values]
     heads = [
         Column("part"),
-        Column("pace", "/ 500 m"),
-        Column("± mean", "s / 500 m"),
+        Column("pace", "/500 m"),
+        Column("± mean", "s"),
         Column("time", "min:s"),
     ]
     heads += [Column(*_NAMES[name][:2]) for name in held]
