@@ -94,7 +94,7 @@ def faded_of(rowed: Rowed, course: Course) -> dict[str, Faded]:
 
 
 def _faded(rowed: Rowed, name: str, first: Places, last: Places) -> Faded | None:
-    """One number in two groups of strokes; None if too few have it at rates that occur in both."""
+    """One number in two groups of strokes; None if too few have it. NaN if too few have a rate that occurs in both."""
     feature, values, rate = feature_of(name), rowed.columns[name], rowed.columns["rate_per_min"]
     if min(len(first), len(last)) < FEWEST_STROKES:
         return None
@@ -104,7 +104,7 @@ def _faded(rowed: Rowed, name: str, first: Places, last: Places) -> Faded | None
     else:
         first, last = _at_common_rates(rate, first, last)
     if min(len(first), len(last)) < FEWEST_STROKES:
-        return None
+        return Faded(feature, *ends, float("nan"), float("nan"), 0.0)
     rows, later = np.concatenate([first, last]), np.repeat([False, True], [len(first), len(last)])
     watched = WATCHED.get(name)
     least = rowed.own(watched).least / feature.shown_scale if watched else 1.0
@@ -128,10 +128,9 @@ def fade_section(faded: dict[str, Faded], course: Course) -> Section | None:
     rows = []
     for name, one in faded.items():
         label = f"{link(name, one.feature.label)} <small>{escape(joined_unit(one.feature).strip())}</small>"
-        text = (
-            f"{shown(one.feature, one.change, signed=True)} {PLUS_MINUS} "
-            f"{spread(one.feature, SIGMAS_95 * one.sd)}"
-        )
+        half = spread(one.feature, SIGMAS_95 * one.sd)
+        text = f"{shown(one.feature, one.change, signed=True)} {PLUS_MINUS} {half}"
+        text = text if np.isfinite(one.change) else "no common rate"
         told = f"<b>{escape(text)}</b>" if one.clear else f'<span class="mark">{escape(text)}</span>'
         rows.append([label, shown(one.feature, one.first), shown(one.feature, one.last), told])
     heads = [Column(name) for name in ("number", "first quarter", "last quarter", "change at like rate")]

@@ -120,7 +120,7 @@ def _ends(piece: ExportPiece) -> str:
         ]
         return ", ".join(parts)
 
-    if not piece.faded:
+    if not piece.faded.keys() & {"speed_m_s", "impeller_speed_m_s", "power_w"}:
         return ""
     whose = " of the longest piece" if len(piece.course.stretches) > 1 else ""
     return f"First quarter{whose}: {quarter('first')}. Last quarter: {quarter('last')}."

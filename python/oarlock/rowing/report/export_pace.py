@@ -8,13 +8,14 @@ from html import escape
 import numpy as np
 
 from oarlock.report import Axis, Column, Section, Series, course_chart, fixed, plain_table
-from oarlock.report.plot import BUCKETS
 from oarlock.rowing.alongside.course import Course, Part, clock_text, pace_text, pieces_of, splits_of
 from oarlock.rowing.report.drawings import grid
 from oarlock.rowing.strokes.table import Floats
 
 _PAUSE_MIN = 0.5
 """Charts over time have a gap there."""
+_GAP_SHARE = 0.01
+"""Drawings thin out long series to some hundred points: a gap of this share of them stays visible."""
 _SMOOTH = 5
 """Strokes of a running median in charts of heart rate and pace: single outliers of receivers would set the scale."""
 _MOST_PIECES = 12
@@ -76,8 +77,7 @@ def _over_time(key: str, caption: str, course: Course, name: str, unit: str) -> 
     minutes = (course.time_s[good] - course.time_s[good][0]) / 60.0
     middle = _running_median(course.values[name][good])
     pauses = np.flatnonzero(np.diff(minutes) > _PAUSE_MIN) + 1
-    # Drawings thin out long series: a gap must be longer than what becomes one point.
-    gaps = np.repeat(pauses, 1 + 2 * len(minutes) // BUCKETS)
+    gaps = np.repeat(pauses, 1 + int(_GAP_SHARE * len(minutes)))
     minutes, middle = np.insert(minutes, gaps, minutes[gaps]), np.insert(middle, gaps, np.nan)
     return course_chart(
         key, caption, [Series(caption, minutes, middle)], Axis("time", "min"), Axis("", unit, least=1.0)
