@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.rowing.analysis.targets import Target
+from oarlock.rowing.findings.watched import Watched
 from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.strokes.table import StrokeTable
 
@@ -31,6 +32,7 @@ class Rowed:
         numbers: of the strokes in the piece, the first is 1.
         targets: by column; empty if none were chosen.
         source: signal from which the strokes were found, or the device that counted them.
+        least: smallest sizes that matter, in shown units, where this rower's own differ from the general ones.
     """
 
     kind: str
@@ -39,6 +41,7 @@ class Rowed:
     numbers: Floats
     targets: Mapping[str, Target]
     source: str
+    least: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, piece: Piece) -> Rowed:
@@ -72,6 +75,10 @@ class Rowed:
         stds = self.stds[name][self.good(name)]
         stds = stds[np.isfinite(stds)]
         return float(np.sqrt(np.mean(stds**2))) if len(stds) else 0.0
+
+    def own(self, watched: Watched) -> Watched:
+        """The number with the smallest size that matters in this piece."""
+        return replace(watched, own_least=self.least.get(watched.name, watched.own_least))
 
     def comparable(self, other: Rowed) -> bool:
         """Whether numbers of both mean the same: boat kind, signal of the strokes, and about the stroke rate."""
