@@ -72,8 +72,11 @@ class Front:
     Attributes:
         did: what was done in one sentence: "27 strokes in 60 s at 27.9/min."
         points: what stands out, the most important first; only the first three are shown.
-        quiet: the sentence if nothing stands out.
-        next_step: with what else it could be compared; markup.
+        quiet: what is said if nothing stands out, with the differences that would have been seen.
+        remark: a sentence below what stands out, such as usual values that differ.
+        checked: everything that was compared, folded; markup.
+        next_step: what to do next, in the reader's words.
+        commands: what each further step is for, and its command; folded.
         figures: key figures, each with its definition.
         compared: against earlier ones; markup.
         changes: the same in sentences, for the picture; text.
@@ -84,7 +87,10 @@ class Front:
     did: str = ""
     points: Sequence[Point] = ()
     quiet: str = ""
+    remark: str = ""
+    checked: str = ""
     next_step: str = ""
+    commands: Sequence[tuple[str, str]] = ()
     figures: Sequence[KeyFigure] = ()
     compared: str = ""
     changes: Sequence[str] = ()
@@ -126,7 +132,5 @@ def front_markup(
         tiles=tiles([*front.figures, *others]),
         points=list(front.points)[:MOST_POINTS],
         more=max(len(front.points) - MOST_POINTS, 0),
-        quiet=front.quiet,
-        next_step=front.next_step,
-        compared=front.compared,
+        front=front,
     )

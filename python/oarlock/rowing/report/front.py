@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from html import escape
 
 import numpy as np
 
 from oarlock.report import Course, Front, Point, Sourced, fixed, plain_table
 from oarlock.rowing.analysis.features import FEATURES
-from oarlock.rowing.findings.find import compares_sides, findings, least
+from oarlock.rowing.findings.find import comparisons, least, named
 from oarlock.rowing.findings.finding import Finding
 from oarlock.rowing.findings.rowed import Rowed, rowing_kind
 from oarlock.rowing.report import words
 from oarlock.rowing.report.averages import SIGMAS_95, Average, difference, feature_of
+from oarlock.rowing.report.checked import HEADS, checked, next_sizes, outside_usual, quiet
 from oarlock.rowing.report.compared import SAME_RATE_PER_MIN
 from oarlock.rowing.report.drawings import SPEEDS, curve_drawings, speeds
 from oarlock.rowing.report.piece import Counted, Piece
@@ -35,15 +36,6 @@ COMPARED = (
     "heart_rate_per_min",
 )
 """Numbers that the front compares with earlier pieces."""
-HEADS = {
-    "sides": "Right and left",
-    "drift": "Over the piece",
-    "odd stroke": "One stroke",
-    "against usual": "Against usual values",
-    "against last": "Against last time",
-    "against best": "Against own best",
-    "against other": "Against the other piece",
-}
 _CLASS = {"sculling": "sculling_men", "sweep": "sweep_men", "ergometer": "ergometer"}
 UNITS = {"deg": "°", "1/min": "/min", "cm2": " cm²", "1": ""}
 
@@ -52,12 +44,20 @@ def front_of(
     piece: Piece, last: Piece | None = None, best: Piece | None = None, other: Piece | None = None
 ) -> Front:
     """The front of one piece, with up to two earlier ones of the same athlete, and any other one beside it."""
+    others = {"against last": last, "against best": best, "against other": other}
+    rowed = Rowed.of(piece)
+    against = {kind: Rowed.of(one) for kind, one in others.items() if one is not None}
+    candidates = comparisons(rowed, against)
+    found = named(rowed, candidates)
     return Front(
         did=words.strokes(piece),
-        points=[point(found) for found in findings(piece, last, best, other)] if piece.counted.any() else [],
-        quiet=_quiet(piece, {"last time": last, "own best": best, other.name if other else "": other}),
-        next_step=_next_step(piece, last is not None or best is not None or other is not None),
-        figures=words.key_figures(piece, kind=rowing_kind(piece)),
+        points=[point(one) for one in found],
+        quiet=quiet(candidates),
+        remark=outside_usual(piece, rowed.kind),
+        checked=checked(candidates),
+        next_step=_next_step(piece, rowed, bool(found)),
+        commands=_commands(piece, bool(against)),
+        figures=words.key_figures(piece, kind=rowed.kind, calibrated=not _nominal(piece)),
         compared=compared(piece, last, best),
         changes=[text for name, one in _earlier(last, best) for text in [_change(piece, one, name)] if text],
         drawings=[*speeds([piece]), *curve_drawings([piece])],
@@ -65,31 +65,39 @@ def front_of(
     )
 
 
-def _quiet(piece: Piece, others: Mapping[str, Piece | None]) -> str:
-    if not piece.counted.any():
-        return "All strokes are excluded from averages, so technique is not assessed."
-    sides = "difference of right and left, no " if compares_sides(piece) else ""
-    rowed = Rowed.of(piece)
-    compared = [name for name, one in others.items() if one and rowed.comparable(Rowed.of(one))]
-    against = "".join(f" or against {name}" for name in compared)
-    return (
-        f"Nothing that this recording can show: no {sides}stroke and no change over the piece{against} is larger "
-        "than its uncertainty. Where a number differs from usual values, the placement of the sensors may be the cause."
-    )
+def _next_step(piece: Piece, rowed: Rowed, found: bool) -> str:
+    """What to do next, in the words of rowing."""
+    steps = []
+    if _nominal(piece):
+        steps.append("Calibrate the sensors: angles of trunk and arms then compare with usual values.")
+    again = "Row this piece again"
+    if found:
+        again = "Try what the first finding says, then row this piece again"
+    rate = f" at {rowed.rate_per_min:.0f}/min" if np.isfinite(rowed.rate_per_min) else ""
+    sizes = next_sizes(rowed)
+    shows = f": a difference of {sizes} will show" if sizes else ""
+    return " ".join([*steps, f"{again}{rate} and compare{shows}."])
 
 
-def _next_step(piece: Piece, compared: bool) -> str:
-    """How to compare this piece with more, as markup; "" if it was compared with all."""
-    steps = [] if compared else ["with an earlier piece: <code>--last TRACK</code>"]
+def _nominal(piece: Piece) -> bool:
+    """Whether mounts of units were assumed, not calibrated."""
+    return bool(piece.track.provenance.get("nominal_mounts"))
+
+
+def _commands(piece: Piece, compared: bool) -> list[tuple[str, str]]:
+    """What each further step is for, and its command."""
+    told = []
+    if _nominal(piece):
+        told += [
+            ("Calibrate with two minutes of movements", "oarlock calibrate session --help"),
+            ("Calibrate from ordinary rowing", "oarlock calibrate motion --help"),
+        ]
+    if not compared:
+        told.append(("Compare with an earlier piece", "oarlock report TRACK --last EARLIER"))
     if not piece.technique.targets:
         example = _CLASS[rowing_kind(piece)]
-        steps.append(f"with published values of a boat class: <code>--targets {example}</code>")
-    told = [f"Compare {', or '.join(steps)} (<code>oarlock report</code>)."] if steps else []
-    if piece.track.provenance.get("nominal_mounts"):
-        told.insert(
-            0, "Calibrate (<code>oarlock calibrate motion</code>), so that angles compare with usual values."
-        )
-    return " ".join(told)
+        told.append(("Compare with a boat class", f"oarlock report TRACK --targets {example}"))
+    return told
 
 
 def point(found: Finding) -> Point:
