@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import datetime
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple
 
 from oarlock import Calibration, Model, ModelError, Track
-from oarlock.model.description import ImuDescription
 from oarlock.recording.session_info import session_info
-from oarlock.rowing import find_strokes
-from oarlock.rowing.findings.rowed import FEWEST_STROKES, RATES_APART, Rowed, kind_of
-from oarlock.rowing.report.compared import SAME_RATE_PER_MIN
+from oarlock.rowing.findings.rowed import kind_of
 from oarlock.rowing.report.stored_piece import StoredPiece
 from oarlock.rowing.strokes.files import parsed_strokes
 from oarlock.season.add import start_of
+from oarlock.season.comparable import Compared, end_of, is_day, mounts_differ
 from oarlock.season.efforts import Efforts
 from oarlock.season.layout import STROKES_FILE, result_folder
 from oarlock.season.questions.database import Database
@@ -27,9 +23,9 @@ from oarlock.storage.errors import DataError
 
 AS_LONG = 0.9
 """An own best has at least so many counted strokes, relative to the piece: shorter pieces are rowed faster."""
+RATES_ALIKE = 1.0
+"""Largest difference of usual rates for an own best, 1/min: power and speed follow the rate."""
 _MOST_NAMED = 3
-_NOON = datetime.time(12)
-"""The time of a recording of which only the day is known, see `start_of`."""
 
 
 class Earlier(NamedTuple):
@@ -54,7 +50,7 @@ def earlier_pieces(
     rates differ by at most `RATES_APART`, which the same version of Oarlock computed, and which were calibrated if
     the track was. Last time is the latest of them. The own best is the one with the highest mean boat speed
     (ergometer: power) that a device's export of the same time in the season contains, among those at the same rate
-    (`SAME_RATE_PER_MIN`) with at least `AS_LONG` as many counted strokes; without such an export none is claimed.
+    (`RATES_ALIKE`) with at least `AS_LONG` as many counted strokes; without such an export none is claimed.
 
     Args:
         season: where; its tables are brought up to date.
@@ -67,98 +63,56 @@ def earlier_pieces(
         Earlier: what is missing is None, and a note says why.
 
     Raises:
-        DataError: DuckDB is not installed, or the track has no strokes.
+        DataError: DuckDB is not installed, or the session's date is none.
     """
-    info = session_info(track.provenance)
-    person = info.get("athlete", "")
-    where = f'the season "{season.name}"'
-    if not person:
-        return Earlier(
-            notes=(f"Not compared with {where}: the track does not say whose it is (session.toml).",)
-        )
-    pseudonym = (names or {}).get(person, person)
-    if season.athlete(pseudonym) is None or season.is_erased_now(pseudonym):
-        hint = (
-            ""
-            if names
-            else " If the season knows the athlete by a pseudonym, give the file of names (--names)."
-        )
-        return Earlier(notes=(f"Not compared with {where}: it contains nothing of {person}.{hint}",))
-    start = start_of(season, track.provenance.get("epoch"), float(track.time_s[0]), info)
-    if start is None:
-        said = f"Not compared with {where}: neither the recording's clock nor session.toml says the date."
-        return Earlier(notes=(said,))
-    now = _Now.of(season, track, start)
+    asked = _asked(season, track, names or {})
+    if isinstance(asked, str):
+        return Earlier(notes=(f'Not compared with the season "{season.name}": {asked}',))
+    now, pseudonym = asked
     with Database(season, Selection(athlete=pseudonym)) as database:
         rows = [row for row in _rows(database) if now.follows(row)]
-        if not rows:
-            return Earlier(notes=(f"{where.capitalize()} has no earlier piece of {person}.",))
-        search = _Search(now, rows)
-        efforts = Efforts.of(database, now.rowed.kind) if best else None
+        efforts = Efforts.of(database, now.rowed.kind) if best and rows else None
+    if not rows:
+        return Earlier(
+            notes=(f'Not compared: the season "{season.name}" has no earlier piece of this athlete.',)
+        )
+    search = _Search(now, rows)
     found, notes = search.last() if last else (None, [])
     record, more = (None, []) if efforts is None else search.best(efforts, found)
     return Earlier(found, record, (*notes, *more))
 
 
-@dataclass(frozen=True)
-class _Now:
-    """The piece that is compared."""
-
-    season: Season
-    rowed: Rowed
-    start: datetime.datetime
-    engine: str
-    nominal: frozenset[str]
-
-    @classmethod
-    def of(cls, season: Season, track: Track, start: datetime.datetime) -> _Now:
-        found = find_strokes(track)
-        kind = kind_of(track.joint_names)
-        rowed = Rowed.of_table(found.table(), found.in_averages, kind, found.source)
-        about = track.provenance
-        return cls(
-            season, rowed, start, str(about.get("oarlock", "")), frozenset(about.get("nominal_mounts", ()))
-        )
-
-    def follows(self, row: Mapping[str, Any]) -> bool:
-        """Whether a recording ended before this one; where only days are known, on a day before."""
-        zone = self.season.zone()
-        days = [moment.astimezone(zone) for moment in (row["started"], self.start)]
-        if any(day.time() == _NOON for day in days):
-            return days[0].date() < days[1].date()
-        return bool(_end(row) <= self.start)
-
-    def differs(self, row: Mapping[str, Any]) -> str:
-        """Why a recording does not compare, as far as the tables say; "" if it may."""
-        if row["status"] != "done":
-            return (
-                "could not be computed"
-                if row["status"] == "failed"
-                else "is not computed yet: `oarlock season run`"
-            )
-        if not row["counted"] or row["counted"] < FEWEST_STROKES:
-            return f"has {row['counted'] or 0} strokes that count, at least {FEWEST_STROKES} are needed"
-        if row["rate"] is None or not abs(row["rate"] - self.rowed.rate_per_min) <= RATES_APART:
-            rate = "an unknown rate" if row["rate"] is None else f"{row['rate']:.0f}/min"
-            return f"has {rate}, this piece {self.rowed.rate_per_min:.0f}/min"
-        if row["engine"] != self.engine:
-            return (
-                f"was computed by Oarlock {row['engine']}, this piece by {self.engine}: `oarlock season run`"
-            )
-        return ""
+def _asked(season: Season, track: Track, names: Mapping[str, str]) -> tuple[Compared, str] | str:
+    """The piece and the pseudonym of its athlete, or why there is nothing to look for."""
+    info = session_info(track.provenance)
+    person = info.get("athlete", "")
+    if not person:
+        return 'the track does not say whose it is. Write athlete = "..." into its session.toml.'
+    pseudonym = names.get(person, person)
+    if season.athlete(pseudonym) is None or season.is_erased_now(pseudonym):
+        hint = "" if names else " If it knows the athlete by a pseudonym, give the file of names (--names)."
+        return f"it contains nothing of {person}.{hint}"
+    start = start_of(season, track.provenance.get("epoch"), float(track.time_s[0]), info)
+    if start is None:
+        return 'the date of this piece is not known. Write date = "2026-05-01" into its session.toml.'
+    try:
+        now = Compared.of(season, track, start)
+    except DataError as error:
+        return f"no strokes were found in this piece: {error}"
+    return (now, pseudonym) if len(now.rowed.numbers) else "no stroke of this piece counts in averages."
 
 
 class _Search:
     """Looks among the earlier recordings of the athlete, the latest first."""
 
-    def __init__(self, now: _Now, rows: Sequence[Mapping[str, Any]]) -> None:
+    def __init__(self, now: Compared, rows: Sequence[Mapping[str, Any]]) -> None:
         self.now, self.rows = now, rows
         self._setup = cache(self._opened)
         self._looked: dict[str, StoredPiece | str] = {}
 
     def last(self) -> tuple[StoredPiece | None, list[str]]:
         """The latest that compares, and notes."""
-        passed = []
+        passed: list[str] = []
         for row in self.rows:
             found = self.piece(row)
             if isinstance(found, StoredPiece):
@@ -167,7 +121,7 @@ class _Search:
                     f"Last time: {rule} in the season.",
                     *_passed(passed, "Later, but not compared"),
                 ]
-            passed.append(f"{self._when(row)} {found}")
+            passed.append(f"{self.now.when(row)} {found}")
         return None, ["Last time: no earlier piece in the season compares.", *_passed(passed, "Not compared")]
 
     def best(self, efforts: Efforts, last: StoredPiece | None) -> tuple[StoredPiece | None, list[str]]:
@@ -175,11 +129,13 @@ class _Search:
         speed = efforts.measure == "speed_m_s"
         what, digits, unit = ("boat speed", 2, "m/s") if speed else ("power", 0, "W")
         rule = (
-            f"the highest mean {what} at this rate (within {SAME_RATE_PER_MIN:.0f}/min) "
+            f"the highest mean {what} at this rate (within {RATES_ALIKE:.0f}/min) "
             f"and at least {100.0 * AS_LONG:.0f} % as many strokes"
         )
         known = [
-            (value, row) for row in self.rows if self._alike(row) and (value := _effort(efforts, row)) > 0.0
+            (value, row)
+            for row in self.rows
+            if self._alike(row) and (value := self._effort(efforts, row)) > 0.0
         ]
         for value, row in sorted(known, key=lambda one: -one[0]):
             found = self.piece(row)
@@ -207,16 +163,16 @@ class _Search:
         model, calibration = setup
         if (kind := kind_of(model.joint_names)) != self.now.rowed.kind:
             return f"is {kind}, this piece {self.now.rowed.kind}"
-        if told := _calibrated(model, calibration, self.now.nominal):
+        if told := mounts_differ(model, calibration, self.now.nominal):
             return told
         file = f"{result_folder(row['recording'], row['run'])}/{STROKES_FILE}"
         try:
             table = parsed_strokes(self.now.season.place.read(file), self.now.season.where(file))
         except (DataError, FileNotFoundError):
             return "is damaged: `oarlock season check`"
-        found = StoredPiece(
-            f"{self._when(row)}, {row['counted']} strokes at {row['rate']:.0f}/min", table, kind
-        )
+        when = self.now.when(row)
+        name = f"{when}, {row['counted']} strokes at {row['rate']:.0f}/min"
+        found = StoredPiece(name, table, kind, when[:10])
         source = found.rowed().source
         own = self.now.rowed.source
         return found if source == own else f"has strokes found in {source}, this piece in {own}"
@@ -232,45 +188,26 @@ class _Search:
             return False
         own = self.now.rowed
         return bool(
-            abs(row["rate"] - own.rate_per_min) <= SAME_RATE_PER_MIN
+            abs(row["rate"] - own.rate_per_min) <= RATES_ALIKE
             and row["counted"] >= AS_LONG * len(own.numbers)
         )
 
-    def _when(self, row: Mapping[str, Any]) -> str:
-        """Day and time in the season's zone; only the day where the time is not known."""
-        local = row["started"].astimezone(self.now.season.zone())
-        return f"{local:%Y-%m-%d}" if local.time() == _NOON else f"{local:%Y-%m-%d %H:%M}"
+    def _effort(self, efforts: Efforts, row: Mapping[str, Any]) -> float:
+        if is_day(self.now.local(row)):
+            return float("nan")
+        return efforts.during(row["started"].timestamp(), end_of(row).timestamp())
 
 
 def _rows(database: Database) -> list[dict[str, Any]]:
     """The recordings of the athlete, the latest first, with counted strokes and their usual rate."""
-    return database.table(
+    rows: list[dict[str, Any]] = database.table(
         "SELECT r.recording, r.run, r.started, r.duration_s, r.status, r.engine, u.setup, s.counted, s.rate "
         "FROM recordings r LEFT JOIN runs u USING (recording, run) LEFT JOIN ("
         "SELECT recording, count(*) AS counted, median(rate) AS rate FROM stroke_values('rate_per_min') "
         "GROUP BY recording) s USING (recording) "
         "WHERE r.kind = 'recording' AND r.started IS NOT NULL ORDER BY r.started DESC, recording"
     ).to_pylist()
-
-
-def _end(row: Mapping[str, Any]) -> datetime.datetime:
-    return row["started"] + datetime.timedelta(seconds=row["duration_s"] or 0.0)
-
-
-def _effort(efforts: Efforts, row: Mapping[str, Any]) -> float:
-    if row["started"].time() == _NOON:
-        return float("nan")
-    return efforts.during(row["started"].timestamp(), _end(row).timestamp())
-
-
-def _calibrated(model: Model, calibration: Calibration | None, nominal: frozenset[str]) -> str:
-    """Why mounts differ: errors of nominal ones, several degrees, would look like a change; "" if they are alike."""
-    if calibration is None:
-        units = any(isinstance(sensor, ImuDescription) for sensor in model.describe().sensors)
-        return "is not calibrated, this piece is" if units and not nominal else ""
-    return (
-        "is calibrated, this piece is not: `oarlock calibrate`" if nominal & set(calibration.mounts) else ""
-    )
+    return rows
 
 
 def _passed(said: Sequence[str], head: str) -> list[str]:

@@ -25,11 +25,13 @@ class StoredPiece:
         name: for people.
         table: the strokes with their standard deviations.
         kind: "sculling", "sweep" or "ergometer"; "" if it is not known.
+        date: the day, such as 2026-05-01; "" if it is not known.
     """
 
     name: str
     table: StrokeTable
     kind: str
+    date: str = ""
 
     @property
     def counted(self) -> NDArray[np.bool_]:
