@@ -118,7 +118,7 @@ class _Search:
             if isinstance(found, StoredPiece):
                 rule = "the latest earlier piece of the same kind, signal and about the same rate"
                 return found, [
-                    f"Last time: {rule} in the season.",
+                    f"Last time: {found.name}; {rule} in the season.",
                     *_passed(passed, "Later, but not compared"),
                 ]
             passed.append(f"{self.now.when(row)} {found}")
@@ -142,7 +142,7 @@ class _Search:
             if isinstance(found, StoredPiece):
                 same = " It is last time's piece." if found is last else ""
                 wind = " Wind and stream are not removed." if speed else ""
-                said = f"Own best: {rule} among earlier pieces, {value:.{digits}f} {unit}.{wind}{same}"
+                said = f"Own best: {found.name}, {value:.{digits}f} {unit}; {rule} among earlier pieces.{wind}{same}"
                 return (None if same else found), [said]
         return None, [
             f"Own best: none is claimed. It would be {rule}; the season has no such earlier piece with "
