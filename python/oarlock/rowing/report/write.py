@@ -148,7 +148,7 @@ def _earlier(given: tuple[str, Track] | Kept | None) -> Piece | Kept | None:
 
 
 def _with_notes(front: Front, notes: Sequence[str]) -> Front:
-    said = "".join(f'<p class="hint">{escape(note)}</p>' for note in notes)
+    said = f'<p class="hint">{escape(" ".join(notes))}</p>' if notes else ""
     return replace(front, compared=front.compared + said)
 
 
