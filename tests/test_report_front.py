@@ -108,6 +108,7 @@ def test_earlier_pieces_are_compared_on_the_front(piece, tmp_path):
     front = read.text[read.text.index("Compared with earlier") : read.text.index("The strokes, moving")]
     assert "Last time: tuesday. Own best: record." in front
     assert "The stroke rates differ" in front
+    assert "± " in front and "(as rowed)" in front
     assert "A07, 2026-05-01, Rotsee, boat single" in files[1].read_text(encoding="utf-8").splitlines()[0]
 
 

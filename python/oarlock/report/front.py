@@ -78,7 +78,9 @@ class Front:
         next_step: what to do next, in the reader's words.
         commands: what each further step is for, and its command; folded.
         figures: key figures, each with its definition.
-        compared: against earlier ones; markup.
+        compared: against earlier ones, or a second one; markup.
+        compared_head: its heading.
+        compared_first: whether it stands above the key figures and what stands out.
         changes: the same in sentences, for the picture; text.
         drawings: for the summary on paper; markup of drawings.
         course: of the picture: name, unit, and by name the share in percent, mean, lower and upper bound.
@@ -93,6 +95,8 @@ class Front:
     commands: Sequence[tuple[str, str]] = ()
     figures: Sequence[KeyFigure] = ()
     compared: str = ""
+    compared_head: str = "Compared with earlier"
+    compared_first: bool = False
     changes: Sequence[str] = ()
     drawings: Sequence[str] = ()
     course: Course | None = None

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from html import escape
 
-from oarlock.report import fixed, plain_table
+from oarlock.report import plain_table
 from oarlock.rowing.findings.candidate import Candidate, against
 from oarlock.rowing.findings.rowed import Rowed
 from oarlock.rowing.findings.watched import WATCHED
 from oarlock.rowing.report.averages import SIGMAS_95
 from oarlock.rowing.report.piece import Piece
-from oarlock.rowing.report.shown import DECIMALS, PLUS_MINUS, joined_unit, spread, with_unit
+from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, shown, spread, with_unit
 from oarlock.rowing.report.tables import link
 from oarlock.rowing.report.words import usual_span
 
@@ -36,11 +36,11 @@ def quiet(candidates: Sequence[Candidate]) -> str:
         return "Too few strokes count, so nothing was compared."
     late = _sizes(candidates, "sides", _OF_SIDES)
     changed = _sizes(candidates, "drift", _OF_DRIFT)
-    shown = [
+    told = [
         *(f"one oar {size} late at the catch" for _, size in late),
         *([f"a change over the piece of {_listed(changed)}"] if changed else []),
     ]
-    would = f" It would have shown: {'; '.join(shown)}." if shown else ""
+    would = f" It would have shown: {'; '.join(told)}." if told else ""
     return f"Nothing: no difference is larger than its uncertainty.{would}"
 
 
@@ -64,21 +64,21 @@ def _listed(sizes: Sequence[tuple[str, str]]) -> str:
     return " or ".join(filter(None, (", ".join(told[:-1]), *told[-1:])))
 
 
-def _size(one: Candidate, size: float, sign: str = "") -> str:
+def _size(one: Candidate, size: float) -> str:
     feature = one.watched.feature
-    return f"{sign}{fixed(size, DECIMALS.get(feature.shown_unit, 2))}{joined_unit(feature)}"
+    return with_unit(feature, size / feature.shown_scale)
 
 
 def checked(candidates: Sequence[Candidate]) -> str:
     """A table of all comparisons with what was found and the size from which it is named; markup."""
     rows = [
         [
-            escape(HEADS[one.kind] + (f" ({one.stroke})" if one.stroke else "")),
+            escape(f"Stroke {one.stroke}" if one.stroke else HEADS[one.kind]),
             link(one.watched.name, one.watched.feature.label),
-            escape(f"{_size(one, one.size, '+' if one.size > 0 else '')} {PLUS_MINUS} {_half(one)}"),
+            escape(_with_interval(one)),
             escape(_size(one, one.named_from(len(candidates)))),
         ]
-        for one in candidates
+        for one in sorted(candidates, key=lambda one: list(HEADS).index(one.kind))
     ]
     caption = (
         "The differences that were compared; the stroke rate's effect is removed. "
@@ -89,9 +89,11 @@ def checked(candidates: Sequence[Candidate]) -> str:
     return plain_table("checked", caption, heads, rows) if rows else ""
 
 
-def _half(one: Candidate) -> str:
-    scale = one.watched.feature.shown_scale
-    return spread(one.watched.feature, SIGMAS_95 * one.sd / scale)
+def _with_interval(one: Candidate) -> str:
+    feature = one.watched.feature
+    size, sd = one.size / feature.shown_scale, one.sd / feature.shown_scale
+    half = spread(feature, SIGMAS_95 * sd)
+    return f"{shown(feature, size, signed=True)} {PLUS_MINUS} {half}{joined_unit(feature)}"
 
 
 def outside_usual(piece: Piece, kind: str) -> str:

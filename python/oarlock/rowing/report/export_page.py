@@ -34,8 +34,9 @@ from oarlock.rowing.report import words
 from oarlock.rowing.report.averages import feature_of
 from oarlock.rowing.report.beside import export_sections
 from oarlock.rowing.report.definitions import definitions
+from oarlock.rowing.report.earlier import compared, earlier_pieces
 from oarlock.rowing.report.export_piece import ExportPiece, device_of
-from oarlock.rowing.report.front import compared, point
+from oarlock.rowing.report.front import point
 from oarlock.rowing.report.shown import places
 from oarlock.rowing.report.tables import link
 from oarlock.rowing.strokes.table import StrokeTable
@@ -122,7 +123,7 @@ def _front_of_strokes(found: StrokeTable, last: StrokeTable | None) -> Front:
         points=[point(one) for one in findings_of_export(found, last)],
         quiet=_quiet(piece) + apart,
         figures=_pace(found) + words.key_figures(piece, _TILES),
-        compared=compared(piece, earlier, command=_COMMAND),
+        compared=compared(piece, earlier_pieces(earlier, None), command=_COMMAND),
     )
 
 

@@ -12,14 +12,15 @@ from oarlock.rowing.findings.watched import WATCHED, Told, Watched
 from oarlock.rowing.report.averages import SIGMAS_95, Average, feature_of
 from oarlock.rowing.report.piece import Counted, Piece
 from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, shown, spread, with_unit
+from oarlock.rowing.strokes.table import Floats
 
 _SHARE = {"rhythm": "drive of the stroke"}
 TILES = (
     "rate_per_min",
-    "rhythm",
     "arc_rad",
     "catch_angle_rad",
     "finish_angle_rad",
+    "rhythm",
     "catch_lean_rad",
     "finish_lean_rad",
     "seat_travel_m",
@@ -88,6 +89,10 @@ def _half(found: Average) -> str:
 def _within(found: Average, unsure: bool) -> str:
     if not np.isfinite(found.uncertainty):
         return ""
+    if not found.over.std:
+        return (
+            f"{PLUS_MINUS}: 95 % interval of the mean from its strokes; the device's own error is not known."
+        )
     top = " The unit was not calibrated: several degrees come on top." if unsure else ""
     return (
         f"{PLUS_MINUS}: 95 % interval of the mean, with the known errors of sensors, mounts and lengths.{top}"
@@ -109,22 +114,38 @@ def strokes(piece: Piece) -> str:
     rate = piece.averages.get("rate_per_min")
     if rate is not None and rate.known:
         text += f" at {with_unit(rate.feature, rate.over.mean)}"
-        text += _course_of_rate(piece, rate)
+        if rate.over.count > 1:
+            text += _course_of_rate(piece, rate)
     return f"{text}."
 
 
 def _course_of_rate(piece: Piece, rate: Average) -> str:
-    """How the stroke rate went: ", rising from 21 to 34"; "" of a single stroke."""
-    rates = piece.table["rate_per_min"][piece.counted]
-    rates = rates[np.isfinite(rates)]
-    if len(rates) < 2 * _AT_THE_ENDS:
-        return ""
-    first, last = rates[:_AT_THE_ENDS].mean(), rates[-_AT_THE_ENDS:].mean()
-    outside = max(first, last) + _RAMP_PER_MIN < rates.max() or min(first, last) - _RAMP_PER_MIN > rates.min()
-    if abs(last - first) < _RAMP_PER_MIN or outside:
+    """How the stroke rate went: ", rising from 21 to 34"."""
+    if not is_ramp(piece):
         return f", between {shown(rate.feature, rate.over.least)} and {shown(rate.feature, rate.over.most)}"
-    way = "rising" if last > first else "falling"
-    return f", {way} from {first:.0f} to {last:.0f}"
+    first, last = _rates_at_ends(piece)
+    return f", {'rising' if last > first else 'falling'} from {first:.0f} to {last:.0f}"
+
+
+def is_ramp(piece: Piece) -> bool:
+    """Whether the stroke rate rises or falls from the start of the piece to its end."""
+    first, last = _rates_at_ends(piece)
+    rates = _rates(piece)
+    low, high = sorted((first, last))
+    between = bool(rates.size and rates.max() <= high + _RAMP_PER_MIN and rates.min() >= low - _RAMP_PER_MIN)
+    return high - low >= _RAMP_PER_MIN and between
+
+
+def _rates_at_ends(piece: Piece) -> tuple[float, float]:
+    rates = _rates(piece)
+    if len(rates) < 2 * _AT_THE_ENDS:
+        return float("nan"), float("nan")
+    return float(rates[:_AT_THE_ENDS].mean()), float(rates[-_AT_THE_ENDS:].mean())
+
+
+def _rates(piece: Piece) -> Floats:
+    rates = piece.table["rate_per_min"][piece.counted]
+    return rates[np.isfinite(rates)]
 
 
 def _left_out(piece: Piece) -> list[str]:
