@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.rowing.analysis.targets import Target
 from oarlock.rowing.findings.watched import Watched
-from oarlock.rowing.report.piece import Piece
+from oarlock.rowing.report.piece import Counted, Piece
 from oarlock.rowing.strokes.table import StrokeTable
 
 Floats = NDArray[np.float64]
@@ -19,6 +20,13 @@ RATES_APART = 6.0
 """Pieces whose usual rates differ by more strokes a minute are not compared."""
 FEWEST_STROKES = 6
 """Smallest number of strokes of one number for anything but a difference of sides."""
+
+
+class Kept(Counted, Protocol):
+    """Strokes without their track, which say themselves what they are: a `StoredPiece`."""
+
+    def rowed(self) -> Rowed:
+        """For findings."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +52,10 @@ class Rowed:
     least: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, piece: Piece) -> Rowed:
+    def of(cls, piece: Piece | Kept) -> Rowed:
         """Of a piece."""
+        if not isinstance(piece, Piece):
+            return piece.rowed()
         technique = piece.technique
         rowed = cls.of_table(piece.table, piece.counted, rowing_kind(piece), technique.found.source)
         return replace(rowed, targets=technique.targets)
@@ -88,7 +98,11 @@ class Rowed:
 
 def rowing_kind(piece: Piece) -> str:
     """Sculling, sweep or ergometer, from the joints of the model."""
-    joints = piece.track.joint_names
+    return kind_of(piece.track.joint_names)
+
+
+def kind_of(joints: Collection[str]) -> str:
+    """As `rowing_kind`, from the names of the joints."""
     if "handle" in joints:
         return "ergometer"
     return "sweep" if "oar_phi" in joints else "sculling"

@@ -8,7 +8,7 @@ from oarlock.report import Course, Front, Point, Sourced, fixed
 from oarlock.rowing.analysis.features import FEATURES
 from oarlock.rowing.findings.find import comparisons, named
 from oarlock.rowing.findings.finding import Finding
-from oarlock.rowing.findings.rowed import Rowed, rowing_kind
+from oarlock.rowing.findings.rowed import Kept, Rowed, rowing_kind
 from oarlock.rowing.report import words
 from oarlock.rowing.report.averages import SIGMAS_95
 from oarlock.rowing.report.checked import HEADS, checked, next_sizes, outside_usual, quiet
@@ -22,7 +22,10 @@ UNITS = {"deg": "°", "1/min": "/min", "cm2": " cm²", "1": ""}
 
 
 def front_of(
-    piece: Piece, last: Piece | None = None, best: Piece | None = None, other: Piece | None = None
+    piece: Piece,
+    last: Piece | Kept | None = None,
+    best: Piece | Kept | None = None,
+    other: Piece | None = None,
 ) -> Front:
     """The front of one piece, with up to two earlier ones of the same athlete, and any other one beside it."""
     others = {"against last": last, "against best": best, "against other": other}
