@@ -7,21 +7,20 @@ from html import escape
 
 import numpy as np
 
-from oarlock.report import Axis, Column, Mark, Section, Series, course_chart, fixed, plain_table
+from oarlock.report import Axis, Column, Mark, Section, Series, course_chart, fixed, grid, plain_table
 from oarlock.rowing.alongside.align import Alignment, align_strokes
 from oarlock.rowing.alongside.clock_match import Places
 from oarlock.rowing.alongside.counted import counted_strokes
 from oarlock.rowing.alongside.course import Course, Part, clock_text, course_of, pace_text, parts_of
-from oarlock.rowing.alongside.force_curves import LABELS, SPEED, ForceStack, force_stacks, forces_on_strokes
+from oarlock.rowing.alongside.force_curves import LABELS, ForceStack, force_stacks, forces_on_strokes
 from oarlock.rowing.analysis.technique import Technique
 from oarlock.rowing.exports.activity import Activity
 from oarlock.rowing.report.averages import feature_of
-from oarlock.rowing.report.drawings import grid
+from oarlock.rowing.report.drawings import SPEEDS
 from oarlock.rowing.report.shown import shown
 from oarlock.rowing.strokes.table import Floats, StrokeTable
 from oarlock.storage.errors import DataError
 
-_SPEEDS = {SPEED: "handle", "legs_speed_m_s": "legs", "trunk_speed_m_s": "trunk", "arms_speed_m_s": "arms"}
 _PAUSE_MIN = 0.5
 """Charts over time have a gap there."""
 _SMOOTH = 5
@@ -258,7 +257,7 @@ def _force_beside(export: StrokeTable, technique: Technique, alignment: Alignmen
     )
     speeds = [
         Series(label, curve.percent, curve.mean)
-        for name, label in _SPEEDS.items()
+        for name, label in SPEEDS.items()
         if (curve := technique.curves.get(name)) is not None
     ]
     motion = (
