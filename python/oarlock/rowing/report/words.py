@@ -16,10 +16,10 @@ from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, shown, spread, 
 _SHARE = {"rhythm": "drive of the stroke"}
 TILES = (
     "rate_per_min",
-    "rhythm",
     "arc_rad",
     "catch_angle_rad",
     "finish_angle_rad",
+    "rhythm",
     "catch_lean_rad",
     "finish_lean_rad",
     "seat_travel_m",
