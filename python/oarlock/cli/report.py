@@ -144,6 +144,8 @@ def report(
         raise UsageError("--names needs --season SEASON: it says which pseudonym a name has there")
     if summary and card:
         raise UsageError("--summary and --card: give one of them")
+    if summary or card:
+        _refuse_on_a_sheet("--summary" if summary else "--card", {"--truth": truth, "--with": beside})
     track = load_track(out)
     page = _place(track, out, to, "summary.html" if summary else "card.png" if card else "report.html")
     free_file(page, force)
@@ -157,7 +159,7 @@ def report(
     names = (out.name, compare.name if compare is not None else "")
     with added_files(page.parent, force) as stage:
         if summary or card:
-            staged = [_write_front(track, stage / page.name, earlier, card)]
+            staged = [_write_front(track, stage / page.name, card, earlier, other, names, targets)]
         else:
             staged = write_any_report(
                 track,
@@ -215,7 +217,21 @@ def _place(track: Track, out: Path, to: Path | None, name: str) -> Path:
     return to / named_file(track.provenance, name) if to.is_dir() else to
 
 
-def _write_front(track: Track, path: Path, earlier: Earlier, card: bool) -> Path:
+def _refuse_on_a_sheet(flag: str, options: Mapping[str, object]) -> None:
+    for option, asked in options.items():
+        if asked is not None:
+            raise UsageError(f"{flag} has no room for what {option} adds: leave one of the two out")
+
+
+def _write_front(
+    track: Track,
+    path: Path,
+    card: bool,
+    earlier: Earlier,
+    other: Track | None,
+    names: tuple[str, str],
+    targets: str | None,
+) -> Path:
     """The summary of one sheet, or the picture."""
     from oarlock.movement.report import movement_front
     from oarlock.report import write_summary
@@ -224,12 +240,19 @@ def _write_front(track: Track, path: Path, earlier: Earlier, card: bool) -> Path
 
     title: str | None
     if is_of_rower(track):
-        title, front = rowing_front(track, earlier.last, earlier.best)
+        title, front = rowing_front(
+            track, earlier.last, earlier.best, other=other, names=names, targets=targets
+        )
     else:
-        _refuse_of_others(track, {"--last": earlier.last, "--best": earlier.best})
+        _refuse_of_others(track, _of_rowers(earlier, other, targets))
         title, front = movement_front(track)
     with progress("writing the report"):
         return (write_card if card else write_summary)(track, path, title, front)
+
+
+def _of_rowers(earlier: Earlier, other: Track | None, targets: str | None) -> dict[str, object]:
+    """Options that need strokes, with what was given."""
+    return {"--compare": other, "--targets": targets, "--last": earlier.last, "--best": earlier.best}
 
 
 def _refuse_of_others(track: Track, options: Mapping[str, object]) -> None:
@@ -271,8 +294,7 @@ def write_any_report(
                 export=export,
                 progress=told,
             )
-    asked = {"--compare": other, "--targets": targets, "--last": earlier.last, "--best": earlier.best}
-    _refuse_of_others(track, {**asked, "--with": export})
+    _refuse_of_others(track, {**_of_rowers(earlier, other, targets), "--with": export})
     from oarlock.movement.report import write_movement_report
 
     with progress("writing the report") as told:

@@ -80,7 +80,7 @@ class Front:
         figures: key figures, each with its definition.
         compared: against earlier ones, or a second one; markup.
         compared_head: its heading.
-        compared_first: whether it stands above the key figures and what stands out.
+        compared_first: whether it stands above what stands out, and instead of the key figures.
         changes: the same in sentences, for the picture; text.
         drawings: for the summary on paper; markup of drawings.
         course: of the picture: name, unit, and by name the share in percent, mean, lower and upper bound.

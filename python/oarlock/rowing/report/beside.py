@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from html import escape
 
-from oarlock.report import Axis, Mark, Section, Series, course_chart
+from oarlock.report import Axis, Mark, Section, Series, course_chart, grid
 from oarlock.rowing.alongside.align import Alignment, align_strokes
 from oarlock.rowing.alongside.course import Course, course_of
-from oarlock.rowing.alongside.force_curves import LABELS, SPEED, forces_on_strokes
+from oarlock.rowing.alongside.force_curves import LABELS, forces_on_strokes
 from oarlock.rowing.analysis.technique import Technique
 from oarlock.rowing.exports.activity import Activity
-from oarlock.rowing.report.drawings import grid
+from oarlock.rowing.report.drawings import SPEEDS
 from oarlock.rowing.report.export_force import BAND, force_section, force_series
 from oarlock.rowing.report.export_pace import heart_section, pace_section
 from oarlock.rowing.strokes.table import StrokeTable
 from oarlock.storage.errors import DataError
-
-_SPEEDS = {SPEED: "handle", "legs_speed_m_s": "legs", "trunk_speed_m_s": "trunk", "arms_speed_m_s": "arms"}
 
 
 def alongside_sections(
@@ -64,7 +62,7 @@ def _force_beside(
     )
     speeds = [
         Series(label, curve.percent, curve.mean)
-        for name, label in _SPEEDS.items()
+        for name, label in SPEEDS.items()
         if (curve := technique.curves.get(name)) is not None
     ]
     motion = (

@@ -7,12 +7,11 @@ from html import escape
 
 import numpy as np
 
-from oarlock.report import Axis, Column, Section, Series, course_chart, fixed, plain_table
+from oarlock.report import Axis, Column, Section, Series, course_chart, fixed, grid, plain_table
 from oarlock.rowing.alongside.clock_match import Places
 from oarlock.rowing.alongside.course import Course
 from oarlock.rowing.alongside.force_curves import LABELS, ForceStack, force_stacks
 from oarlock.rowing.report.averages import feature_of
-from oarlock.rowing.report.drawings import grid
 from oarlock.rowing.report.export_fade import quarters
 from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, shown, spread
 from oarlock.rowing.report.tables import link

@@ -7,9 +7,8 @@ from html import escape
 
 import numpy as np
 
-from oarlock.report import Axis, Column, Section, Series, course_chart, fixed, plain_table
+from oarlock.report import Axis, Column, Section, Series, course_chart, fixed, grid, plain_table
 from oarlock.rowing.alongside.course import Course, Part, clock_text, pace_text, pieces_of, splits_of
-from oarlock.rowing.report.drawings import grid
 from oarlock.rowing.strokes.table import Floats
 
 _PAUSE_MIN = 0.5

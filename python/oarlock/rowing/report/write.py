@@ -131,16 +131,24 @@ def rowing_front(
     track: Track,
     last: tuple[str, Track] | Kept | None = None,
     best: tuple[str, Track] | Kept | None = None,
+    *,
+    other: Track | None = None,
+    names: tuple[str, str] = ("", ""),
+    targets: str | PathLike[str] | None = None,
 ) -> tuple[str, Front]:
     """The title and the front of a rower's track, for the summary on paper and the picture for a chat.
 
+    The arguments are those of `write_rowing_report`.
+
     Raises:
-        DataError: no strokes were found.
+        DataError: no strokes were found, or the targets do not exist.
     """
-    piece = Piece("", track, technique(track))
-    if not len(piece.table):
-        raise DataError(f"no strokes were found. {' '.join(piece.table.notes)}")
-    return _heading([piece]), front_of(piece, _earlier(last), _earlier(best))
+    pieces = _pieces(track, other, names, targets)
+    for piece in pieces:
+        if not len(piece.table):
+            whose = f"'{piece.name}': " if piece.name else ""
+            raise DataError(f"{whose}no strokes were found. {' '.join(piece.table.notes)}")
+    return _heading(pieces), front_of(pieces[0], _earlier(last), _earlier(best), *pieces[1:])
 
 
 def _earlier(given: tuple[str, Track] | Kept | None) -> Piece | Kept | None:
