@@ -74,8 +74,9 @@ def report(
         Path | None,
         typer.Option(
             "--with",
-            metavar="FILE",
-            help="Rowing: add pace, heart rate and force of a device's export of the same piece.",
+            metavar="FILE|FOLDER",
+            help="Rowing: add pace, heart rate and force of the same piece: a device's export, or the folder of a "
+            "live session with a PM5. The session of the track itself is found.",
         ),
     ] = None,
     offset: Annotated[
@@ -121,7 +122,6 @@ def report(
     """
     from oarlock import load_track
     from oarlock.recording.session_info import session_info, session_text
-    from oarlock.rowing import load_export
     from oarlock.storage.added_files import added_files
 
     if offset is not None and beside is None:
@@ -136,7 +136,7 @@ def report(
     earlier = Earlier(
         *((place.name, load_track(place)) if place is not None else None for place in (last, best))
     )
-    export = None if beside is None else (load_export(beside), offset)
+    export = _measured_beside(track, out, beside, offset)
     names = (out.name, compare.name if compare is not None else "")
     with added_files(page.parent, force) as stage:
         if summary or card:
@@ -167,6 +167,20 @@ class Earlier(NamedTuple):
 
     last: tuple[str, Track] | None = None
     best: tuple[str, Track] | None = None
+
+
+def _measured_beside(
+    track: Track, out: Path, beside: Path | None, offset: float | None
+) -> tuple[StrokeTable | Activity, float | None] | None:
+    """What is asked for, or else the strokes of the ergometer's monitor in the track's own live session."""
+    from oarlock.rowing import load_export
+    from oarlock.rowing.alongside.monitor import monitor_strokes, session_near
+    from oarlock.rowing.report.write import is_of_rower
+
+    if beside is not None:
+        return (monitor_strokes(beside) if beside.is_dir() else load_export(beside)), offset
+    found = session_near(out, track.epoch) if is_of_rower(track) else None
+    return None if found is None else (found, None)
 
 
 def _place(track: Track, out: Path, to: Path | None, name: str) -> Path:

@@ -13,6 +13,7 @@ from oarlock.rowing.alongside.clock_match import Places
 from oarlock.rowing.alongside.counted import counted_strokes
 from oarlock.rowing.alongside.course import Course, Part, clock_text, course_of, pace_text, parts_of
 from oarlock.rowing.alongside.force_curves import LABELS, SPEED, ForceStack, force_stacks, forces_on_strokes
+from oarlock.rowing.alongside.monitor import is_one_clock, place_by_clock
 from oarlock.rowing.analysis.technique import Technique
 from oarlock.rowing.exports.activity import Activity
 from oarlock.rowing.report.averages import feature_of
@@ -53,7 +54,9 @@ def alongside_sections(
     course = course_of(export)
     force = None
     if isinstance(export, StrokeTable):
-        alignment = align_strokes(export, technique.strokes, offset_s)
+        strokes = technique.strokes
+        is_one = offset_s is None and is_one_clock(export, strokes)
+        alignment = place_by_clock(export, strokes) if is_one else align_strokes(export, strokes, offset_s)
         force = _force_beside(export, technique, alignment)
     sections = [one for one in (force, _pace(course), _heart(course)) if one is not None]
     if not sections:
@@ -275,7 +278,7 @@ def _force_beside(export: StrokeTable, technique: Technique, alignment: Alignmen
     onset = (
         f"<p>The device's begin of a stroke is placed at the catch on average: {escape(export.onset)}. "
         "A constant difference between the two cannot be distinguished from an offset of the clocks.</p>"
-        if export.onset
+        if export.onset and alignment.matches
         else ""
     )
     how = f"<details><summary>How force and motion were aligned</summary>{related}{onset}</details>"
