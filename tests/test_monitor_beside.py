@@ -47,12 +47,18 @@ def piece(count: int = 40) -> StrokeTable:
 
 
 def session(
-    folder, strokes: StrokeTable, seed: int = 0, shift_s: float = 0.0, lost: frozenset[int] = frozenset()
+    folder,
+    strokes: StrokeTable,
+    seed: int = 0,
+    shift_s: float = 0.0,
+    restart: int = 0,
+    lost: frozenset[int] = frozenset(),
 ):
     """The folder of a live session in which a PM5 sent these strokes.
 
     Args:
         shift_s: the catches are so much later by the clock of the session.
+        restart: the monitor's time begins again with this stroke.
         lost: strokes whose first message, and whose curve, did not arrive.
     """
     rng = np.random.default_rng(seed)
@@ -62,12 +68,13 @@ def session(
     catch_s = strokes["catch_time_s"] + shift_s
     sent = []
     for number, at_s in enumerate(catch_s):
+        zero_s = catch_s[restart if number >= restart else 0]
         rowing = Rowing(drive_s=round(0.3 * (strokes["end_time_s"] - strokes["catch_time_s"])[number], 2))
         end_s, next_s = at_s + rowing.drive_s, strokes["end_time_s"][number] + shift_s - 0.01
         messages = [] if number in lost else [(end_s, 0x35), (end_s, 0x36), (end_s, 0x3D)]
         messages += [(next_s, 0x35), *((s, 0x32) for s in np.arange(at_s, next_s, 0.25))]
         for time_s, kind in messages:
-            shown = {**rowing.values(time_s - catch_s[0]), "elapsed_s": (time_s - catch_s[0]) * (1.0 + 30e-6)}
+            shown = {**rowing.values(time_s - catch_s[0]), "elapsed_s": (time_s - zero_s) * (1.0 + 30e-6)}
             shown |= {"stroke_number": number + 1.0, "heart_rate_per_min": 140.0 + number}
             parts = force_curve(rowing.force_n()) if kind == 0x3D else [MESSAGES[kind](shown, False)]
             sent += [(time_s, UUID.format(kind), data) for data in parts]
@@ -92,7 +99,7 @@ def worst_s(export: StrokeTable, track: StrokeTable, found) -> float:
 @pytest.mark.parametrize("seed", range(3))
 def test_curves_of_the_same_session_lie_within_20_ms_of_their_stroke(tmp_path, seed):
     track = piece()
-    live = session(tmp_path / "today", track, seed)
+    live = session(tmp_path / "today", track, seed, restart=10 * seed)
     export = monitor_strokes(tmp_path / "today")
     track = replace(track, epoch=live.epoch)
     assert is_one_clock(export, track)
@@ -123,7 +130,10 @@ def test_strokes_whose_messages_were_lost_are_missing_and_move_no_other(tmp_path
 
 def test_the_report_finds_the_monitor_of_its_own_session(tmp_path):
     track = rowed("B-NB", 30.0, 24.0, 0)
-    live = session(tmp_path / "today", technique(track).strokes)
+    found = technique(track).strokes
+    whole = np.isfinite(found["end_time_s"])
+    rowed_s = {name: found[name][whole] for name in ("catch_time_s", "end_time_s")}
+    live = session(tmp_path / "today", StrokeTable(rowed_s))
     replace(track, provenance={**track.provenance, "epoch": live.epoch}).save(tmp_path / "out")
     run("report", str(tmp_path / "out"), "--to", str(tmp_path / "piece.html"))
     page = Page((tmp_path / "piece.html").read_text("utf-8"))

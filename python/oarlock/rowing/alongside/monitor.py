@@ -29,6 +29,8 @@ _TOGETHER_S = 0.5
 """Messages of one drive's end arrive within this; a recovery takes longer."""
 _NEIGHBOURS = 60
 """Messages before and after, of which the fastest counts: 4 s at four messages each 250 ms."""
+_STOP_S = 0.2
+"""The monitor's time stopped if the least difference rises by more."""
 _STATUS_S = 5.0
 """A status older than this is not the stroke's."""
 _DRIVE = ("drive_time_s", "handle_travel_m", "peak_force_n", "mean_force_n", "work_j", "distance_m")
@@ -186,7 +188,8 @@ def _drives(drive: Mapping[str, Floats]) -> tuple[NDArray[np.int64], list[Floats
 def _sent_s(own: Mapping[str, Mapping[str, Floats]], at_s: Floats, elapsed_s: Floats) -> Floats:
     """When messages were sent, s: the monitor's time plus the least difference of both clocks among neighbours.
 
-    The difference rises where the monitor's time stops or restarts; it is the larger of the least before and after.
+    Where the monitor's time stops or restarts, the difference rises: there the larger of the least before and after
+    counts.
     """
     parts = [(table["time_s"], table["elapsed_s"]) for table in own.values() if "elapsed_s" in table]
     arrival_s, monitor_s = (np.concatenate(part) for part in zip(*parts, strict=True))
@@ -195,7 +198,9 @@ def _sent_s(own: Mapping[str, Mapping[str, Floats]], at_s: Floats, elapsed_s: Fl
     apart_s = arrival_s[order] - monitor_s[order]
     padded = np.pad(apart_s, _NEIGHBOURS, constant_values=np.inf)
     least = np.lib.stride_tricks.sliding_window_view(padded, _NEIGHBOURS + 1).min(axis=1)
-    offset_s = np.maximum(least[: len(apart_s)], least[_NEIGHBOURS:])
+    before_s, after_s = least[: len(apart_s)], least[_NEIGHBOURS:]
+    goes_on = np.abs(after_s - before_s) < _STOP_S
+    offset_s = np.where(goes_on, np.minimum(before_s, after_s), np.maximum(before_s, after_s))
     return np.asarray(elapsed_s + offset_s[np.searchsorted(arrival_s[order], at_s).clip(0, len(order) - 1)])
 
 
