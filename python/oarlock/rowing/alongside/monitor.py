@@ -105,8 +105,9 @@ def place_by_clock(export: StrokeTable, track: StrokeTable) -> Alignment:
     )
     if inside.any():
         mean, sd = (1e3 * of(apart_s[inside]) for of in (np.mean, np.std))
-        note += f"; the monitor's drive begins {mean:+.0f} ms from the catch on average (SD {sd:.0f} ms)"
-    return Alignment(stroke, onset_s, np.full(len(export), np.nan), apart_s, True, (), (note,))
+        note += f"; the monitor's drive begins {abs(mean):.0f} ms {'after' if mean > 0.0 else 'before'} the catch on average "
+        note += f"(SD {sd:.0f} ms)"
+    return Alignment(stroke, onset_s, np.full(len(export), np.nan), apart_s, True, (), (note, *export.notes))
 
 
 def _monitors(tables: Mapping[str, Channel]) -> list[str]:
@@ -144,7 +145,7 @@ def _strokes(folder: Path, epoch: str, tables: Mapping[str, Channel]) -> StrokeT
         columns["power_w"] = _nearest(drive, "power_w", drive["time_s"][rows], _TOGETHER_S)
     status = own.get("status", {})
     columns |= {key: _nearest(status, key, finish_s, _STATUS_S) for key in _STATUS if key in status}
-    held = {_CURVE: curves} if any(map(len, curves)) else {}
+    held = {_CURVE: tuple(curves)} if any(map(len, curves)) else {}
     notes = [f"the monitor {other[0]} {other[1]} is not shown".replace("  ", " ") for other in others]
     if held and (missing := sum(not len(curve) for curve in curves)):
         notes.append(f"{missing} of {len(rows)} strokes have no force curve")

@@ -63,8 +63,8 @@ def timing_table(timing: CrewTiming) -> str:
         rows.append([capital(label(seat.name)), *cells, ms(sd), share])
     caption = (
         f"Later than {reference(timing.against)} (minus: earlier), ms; ±: 95 % band of the mean. "
-        "Scatter: standard deviation of the difference at the catch from stroke to stroke, without the measurement's. First: share of strokes in which the seat is "
-        "first at the catch."
+        "Scatter: standard deviation of the difference at the catch from stroke to stroke, without the "
+        "measurement's. First: share of strokes in which the seat is first at the catch."
     )
     heads: list[str | Column] = [
         "seat",
