@@ -105,8 +105,8 @@ def place_by_clock(export: StrokeTable, track: StrokeTable) -> Alignment:
     )
     if inside.any():
         mean, sd = (1e3 * of(apart_s[inside]) for of in (np.mean, np.std))
-        note += f"; the monitor's drive begins {abs(mean):.0f} ms {'after' if mean > 0.0 else 'before'} the catch on average "
-        note += f"(SD {sd:.0f} ms)"
+        way = "after" if mean > 0.0 else "before"
+        note += f"; the monitor's drive begins {abs(mean):.0f} ms {way} the catch on average (SD {sd:.0f} ms)"
     return Alignment(stroke, onset_s, np.full(len(export), np.nan), apart_s, True, (), (note, *export.notes))
 
 
