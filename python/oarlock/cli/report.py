@@ -76,8 +76,9 @@ def report(
         Path | None,
         typer.Option(
             "--with",
-            metavar="FILE",
-            help="Rowing: add pace, heart rate and force of a device's export of the same piece.",
+            metavar="FILE|FOLDER",
+            help="Rowing: add pace, heart rate and force of the same piece: a device's export, or the folder of a "
+            "live session with a PM5. The session of the track itself is found.",
         ),
     ] = None,
     offset: Annotated[
@@ -135,7 +136,6 @@ def report(
     """
     from oarlock import load_track
     from oarlock.recording.session_info import session_info, session_text
-    from oarlock.rowing import load_export
     from oarlock.storage.added_files import added_files
 
     if offset is not None and beside is None:
@@ -155,7 +155,7 @@ def report(
     earlier = Earlier(given[0], given[1])
     if season is not None:
         earlier = _from_season(season, athletes, track, earlier)
-    export = None if beside is None else (load_export(beside), offset)
+    export = _measured_beside(track, out, beside, offset)
     names = (out.name, compare.name if compare is not None else "")
     with added_files(page.parent, force) as stage:
         if summary or card:
@@ -206,6 +206,20 @@ def _from_season(address: str, names: Path | None, track: Track, given: Earlier)
     with progress("looking in the season"):
         found = earlier_pieces(season, track, known, last=given.last is None, best=given.best is None)
     return Earlier(given.last or found.last, given.best or found.best, found.notes)
+
+
+def _measured_beside(
+    track: Track, out: Path, beside: Path | None, offset: float | None
+) -> tuple[StrokeTable | Activity, float | None] | None:
+    """What is asked for, or else the strokes of the ergometer's monitor in the track's own live session."""
+    from oarlock.rowing import load_export
+    from oarlock.rowing.alongside.monitor import monitor_strokes, session_near
+    from oarlock.rowing.report.write import is_of_rower
+
+    if beside is not None:
+        return (monitor_strokes(beside) if beside.is_dir() else load_export(beside)), offset
+    found = session_near(out, track.epoch) if is_of_rower(track) else None
+    return None if found is None else (found, None)
 
 
 def _place(track: Track, out: Path, to: Path | None, name: str) -> Path:

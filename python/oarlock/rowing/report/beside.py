@@ -8,6 +8,7 @@ from oarlock.report import Axis, Mark, Section, Series, course_chart, grid
 from oarlock.rowing.alongside.align import Alignment, align_strokes
 from oarlock.rowing.alongside.course import Course, course_of
 from oarlock.rowing.alongside.force_curves import LABELS, forces_on_strokes
+from oarlock.rowing.alongside.monitor import is_one_clock, place_by_clock
 from oarlock.rowing.analysis.technique import Technique
 from oarlock.rowing.exports.activity import Activity
 from oarlock.rowing.report.drawings import SPEEDS
@@ -33,7 +34,9 @@ def alongside_sections(
     course = course_of(export)
     force = None
     if isinstance(export, StrokeTable):
-        alignment = align_strokes(export, technique.strokes, offset_s)
+        strokes = technique.strokes
+        is_one = offset_s is None and is_one_clock(export, strokes)
+        alignment = place_by_clock(export, strokes) if is_one else align_strokes(export, strokes, offset_s)
         force = _force_beside(export, technique, alignment, course)
     sections = [one for one in (force, pace_section(course), heart_section(course)) if one is not None]
     if not sections:
@@ -79,7 +82,7 @@ def _force_beside(
     onset = (
         f"<p>The device's begin of a stroke is placed at the catch on average: {escape(export.onset)}. "
         "A constant difference between the two cannot be distinguished from an offset of the clocks.</p>"
-        if export.onset
+        if export.onset and alignment.matches
         else ""
     )
     how = f"<details><summary>How force and motion were aligned</summary>{related}{onset}</details>"
