@@ -46,8 +46,14 @@ def trust(track: Track, evaluation: Evaluation | None, sensors: Sequence[SensorS
         return Trust("bad", bad[0] + _more(bad), "Check this sensor and its cable, then record again.")
     reasons = _reasons(track, evaluation, sensors)
     if reasons:
-        return Trust("care", reasons[0] + _more(reasons), "Calibrate:", "oarlock calibrate motion")
+        return Trust("care", reasons[0] + _more(reasons), "Calibrate:", f"oarlock calibrate {_how(track)}")
     return Trust("good", "the sensors agree with each other and with the calibration.")
+
+
+def _how(track: Track) -> str:
+    """`calibrate motion` needs closed loops, which hold the hands of a rower; other bodies have a session."""
+    closed = track.model is None or track.model.describe().closures
+    return "motion" if closed else "session"
 
 
 def _more(reasons: Sequence[str]) -> str:
