@@ -14,8 +14,8 @@ from oarlock.movement.angles import Floats
 from oarlock.movement.cycles import Repetition, cycle_courses
 from oarlock.movement.movement import Movement
 
-CHANCE = 0.05
-"""Probability that anything at all is found in cycles that differ only by chance."""
+CHANCE = 0.05 / 3.0
+"""Of a false finding among changes of numbers, among changes of middles, and among spans of middles."""
 LEAST_PART = 2
 """Cycles that a third needs."""
 LEAST_MOVEMENT_DEG = 5.0

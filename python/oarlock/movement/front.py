@@ -18,15 +18,18 @@ from oarlock.movement.words import (
     named,
     plain,
     repeats,
+    signed,
     sized,
 )
 from oarlock.report import Course, Front, Point, Sourced, fixed
 
 SIDES = "Range on the right minus range on the left; named if above 2° and outside its 95 % interval."
-CHANGES = "Mean of the last third of the cycles minus mean of the first, with an interval that controls chance over all numbers."
+CHANGES = (
+    "Last third of the cycles minus first third, ± its interval, which controls chance over all numbers."
+)
 WANDERS = (
-    "The middle is the mean of an angle over a cycle. Its span is the largest minus the smallest middle; it is named if it is "
-    "above 5°, and either beyond what the uncertainty allows or a change from the first to the last third."
+    "The middle is the mean of an angle over a cycle. It wanders by its largest minus its smallest value. "
+    "Above: last third of the cycles minus first third, ± its interval."
 )
 SQRT_2 = float(np.sqrt(2.0))
 COMMANDS = (
@@ -57,7 +60,7 @@ def _quiet(movement: Movement) -> str:
     shown = []
     compared = changes(movement)
     if compared:
-        sizes = ", ".join(f"{sized(one, one.least)} of {named(one)}" for one in compared[:2])
+        sizes = " or ".join(f"{sized(one, one.least)} of the {named(one)}" for one in compared[:2])
         shown.append(f"From the first to the last third of the cycles, a change above {sizes} would show.")
     elif movement.main is not None:
         shown.append(f"{movement.main.count} cycles are too few to compare the first with the last third.")
@@ -76,7 +79,7 @@ def _changes(movement: Movement) -> list[Point]:
             continue
         sign = "more" if one.difference > 0.0 else "less"
         size = sized(one, abs(one.difference))
-        text = f"In the last third of the cycles {named(one)} is {size} {sign} than in the first: "
+        text = f"In the last third of the cycles the {named(one)} is {size} {sign} than in the first: "
         text += f"{sized(one, one.last)} instead of {sized(one, one.first)}."
         found.append(Point("Over the cycles", text, f"{size} ± {sized(one, one.limit)}", meaning=CHANGES))
     return found
@@ -93,20 +96,20 @@ def _wanderings(movement: Movement) -> list[Point]:
     text = f"The middle of {plain(first.angle)} wandered by {fixed(first.span_deg, 0)}° in {took} s"
     text += "".join(f", that of {plain(one.angle)} by {fixed(one.span_deg, 0)}°" for one in others)
     text += ". This is drift of the estimate or a change of posture"
-    if first.beyond:
-        text += ", more than the stated uncertainty explains"
+    if np.isfinite(first.limit_deg):
+        allowed = f"{fixed(first.limit_deg, 0)}°"
+        text += f": the uncertainty allows {'only ' if first.beyond else 'up to '}{allowed}"
     advice = Sourced(
         "Hold the same still posture at the beginning and at the end: the angle that differs drifts."
     )
-    limit = f"by uncertainty up to {fixed(first.limit_deg, 0)}°" if np.isfinite(first.limit_deg) else ""
-    size = "; ".join(filter(None, (f"{fixed(first.span_deg, 0)}°", limit)))
+    size = f"{signed(first.change)} ± {sized(first.change, first.change.limit)}"
     return [Point("Drift", f"{text}.", size, advice=advice, meaning=WANDERS)]
 
 
 def _next_step(movement: Movement) -> str:
     """Calibrate first, then record again, with the change that would show; markup."""
     best = measured(movement)[:2]
-    sizes = ", ".join(
+    sizes = " or ".join(
         f"{fixed(SQRT_2 * one.half_deg, 0)}° of {plain(one.name)}"
         for one in best
         if np.isfinite(one.half_deg)

@@ -24,7 +24,7 @@ from oarlock.movement.settled import settled_s
 class Movement:
     """What the sections show: the track, its angles, their ranges, and the repetition with the most cycles.
 
-    Ranges and cycles are those from `start_s` on, when the filter has converged; the angles are those of the whole track.
+    Ranges and cycles are those from `start_s` on, when the filter has converged; angles are those of the whole track.
     """
 
     track: Track

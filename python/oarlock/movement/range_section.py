@@ -7,21 +7,21 @@ from math import isfinite
 
 from oarlock.movement.movement import Movement
 from oarlock.movement.ranges import WELL_SHARE, MotionRange
-from oarlock.movement.words import counts_from, plain
+from oarlock.movement.words import plain
 from oarlock.report import Column, fixed, plain_table, sortable_table, value_cell
 from oarlock.report.viewer.sides import side_of
 
 LEAST_MOVEMENT_DEG = 5.0
 """Angles that move less are grey, and not drawn over cycles."""
-STYLE = "@media (max-width: 560px) { :is(#ranges-table, #apart-table, #checked-table) tbody th { white-space: normal; } }"
+STYLE = "@media (max-width: 560px) { :is(#ranges-table, #apart-table, #checked-table) th { white-space: normal; } }"
 HUMAN = {
     "elbow_flexion": "146° of elbow flexion",
     "elbow_pronation": "80° of pronation and 87° of supination",
 }
 """Mean active range of the dominant arm of 352 healthy adults (Zwerus et al. 2017)."""
 HUMAN_SOURCE = (
-    "Zwerus et al. 2017, Normative values and affecting factors for the elbow range of motion, Shoulder &amp; Elbow 11(3), "
-    "doi 10.1177/1758573217728711"
+    "Zwerus et al. 2017, Normative values and affecting factors for the elbow range of motion, "
+    "Shoulder &amp; Elbow 11(3), doi 10.1177/1758573217728711"
 )
 
 
@@ -63,32 +63,32 @@ def _apart(movement: Movement, apart: list[MotionRange]) -> str:
         for one in apart
     ]
     why = (
-        f"The 95 % interval is more than {100.0 * WELL_SHARE:g} % of the range: a small movement, or one whose axis the sensors "
-        "see badly, such as a turn about the vertical, which only magnetometers fix."
+        f"Half of the 95 % interval is more than {100.0 * WELL_SHARE:g} % of the range: a small movement, or one "
+        "that the sensors see badly, such as a turn about the vertical, which only magnetometers fix."
     )
     if movement.nominal:
         why += (
-            " The sensors were not calibrated: if one sits 5° off, up to 9 % (sin 5°) of a large movement appears in the other "
-            "angles of the same segment. oarlock calibrate session measures how each sensor sits."
+            " The sensors were not calibrated: if one sits 5° off, up to 9 % (sin 5°) of a large movement appears in "
+            "the other angles of the same segment. A calibration session (above: Next) measures how each sensor sits."
         )
     heads: list[str | Column] = ["angle", Column(_name(movement), "deg"), Column("at most", "deg")]
     return f'<h3 id="ranges-apart">Not measured well enough</h3>{plain_table("apart", why, heads, rows)}'
 
 
 def _caption(movement: Movement) -> str:
-    parts = [counts_from(movement)]
+    parts = []
     if movement.in_cycles:
         parts.append("Range: mean over the cycles. Smallest and largest: of all counted time.")
     if any(isfinite(one.half_deg) for one in movement.shown.values()):
         parts.append(
-            "±: half of the 95 % interval of the range, an upper limit: errors that both ends share cancel, but the track "
-            "does not record how they are related."
+            "±: half of the 95 % interval of the range, an upper limit: errors that both ends share cancel, but the "
+            "track does not record how they are related."
         )
     if movement.nominal:
         parts.append("Errors of uncalibrated mounts are not in it.")
     if any(one.range_deg < LEAST_MOVEMENT_DEG for one in movement.shown.values()):
         parts.append(f"Grey: less than {LEAST_MOVEMENT_DEG:g}°.")
-    return " ".join(part for part in parts if part)
+    return " ".join(parts)
 
 
 def _usual(movement: Movement) -> str:
@@ -98,8 +98,8 @@ def _usual(movement: Movement) -> str:
     if not reached:
         return ""
     return (
-        f'<p class="hint">Healthy adults reach {", ".join(reached)} on average ({HUMAN_SOURCE}). A movement need not use '
-        "all of it.</p>"
+        f'<p class="hint">Healthy adults reach {", ".join(reached)} on average ({HUMAN_SOURCE}). A movement need '
+        "not use all of it.</p>"
     )
 
 

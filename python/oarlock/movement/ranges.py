@@ -52,8 +52,8 @@ class MotionRange:
         """Standard deviation of the range, deg.
 
         An upper limit where both ends share errors, such as a wrong heading: these cancel in a range, but a filter
-        does not keep how its errors at two times are correlated, so both ends count as independent. The scatter between cycles,
-        divided by the square root of their number, is added in squares.
+        does not keep how its errors at two times are correlated, so both ends count as independent. The scatter
+        between cycles, divided by the square root of their number, is added in squares.
         """
         scatter = self.between_deg / np.sqrt(self.count)
         return float(np.sqrt(self.lowest_std_deg**2 + self.highest_std_deg**2 + scatter**2))
@@ -122,7 +122,8 @@ def cycle_ranges(time_s: Floats, angles: Sequence[MovementAngle], begins_s: Floa
 
     The standard deviation of a mean range has two parts, added in squares: that of the track at the extremes, which
     may be the same in all cycles and is not divided by their number, and the scatter of the range between cycles
-    divided by the square root of their number. An offset that all samples of a cycle share is in neither. Angles with gaps in the cycles are left out.
+    divided by the square root of their number. An offset that all samples of a cycle share is in neither.
+    Angles with gaps in the cycles are left out.
     """
     found = {}
     for angle in angles:

@@ -55,7 +55,7 @@ def sections_of(movement: Movement, csv_name: str) -> list[Section]:
 
 def _player(movement: Movement) -> str:
     track, main = movement.track, movement.main
-    first, last = float(track.time_s[0]), float(track.time_s[-1])
+    first, last = movement.start_s, float(track.time_s[-1])
     start = first if main is None else max(first, min(float(main.begins_s[0]) - 1.0, last - LONGEST_S))
     end = min(last, start + LONGEST_S)
     marks = []
@@ -67,7 +67,7 @@ def _player(movement: Movement) -> str:
     curves = _curves(movement)
     shown = scene(track, marks=marks, curves=curves, start_s=start, end_s=end)
     hint = ""
-    if end - start < last - first - 1e-9:
+    if start > track.time_s[0] or end < last:
         hint = f"It shows {start:.0f} to {end:.0f} s; <code>oarlock view</code> shows the whole track."
     shown_hint = f'<p class="hint">{hint}</p>' if hint else ""
     return shown_hint + embed(shown, "player") + folded_help(HELP)

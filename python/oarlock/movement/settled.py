@@ -1,4 +1,4 @@
-"""From when the numbers of a track count: the start, while the filter still converges, is left out. For ranges, cycles."""
+"""From when the numbers of a track count: not while the filter still converges. For ranges and cycles."""
 
 from __future__ import annotations
 

@@ -96,7 +96,7 @@ def _span(one: MotionRange) -> str:
 
 def named(one: Change) -> str:
     """What a change compares, for people."""
-    return f"the range of {plain(one.angle)}" if one.angle else "the cycle time"
+    return f"range of {plain(one.angle)}" if one.angle else "cycle time"
 
 
 def sized(one: Change, value: float) -> str:
