@@ -5,7 +5,7 @@ import { element } from "./dom.js";
 const WIDE_PX = 6.4;
 const HIGH_PX = 15;
 /** So many names are shown from the start. */
-const FEW = 8;
+const FEW = 6;
 
 /** `right upper arm` of `upper_arm_r`; of several frames at a place the one with the shortest name. */
 function worded({ frames, side }) {
@@ -17,7 +17,8 @@ export class Labels {
   constructor(figure) {
     this.layer = element("div", { class: "op-names", "aria-hidden": "true" });
     this.figure = figure;
-    this.items = figure.points.flatMap((point, k) => (point.frames.length ? [{ k, words: worded(point), side: point.side }] : []));
+    const drawn = new Set(figure.scene.bones.flatMap((bone) => bone.ends));
+    this.items = figure.points.flatMap((point, k) => (point.frames.length && (drawn.has(k) || !drawn.size) ? [{ k, words: worded(point), side: point.side }] : []));
     this.shown = this.items.length <= FEW;
     for (const item of this.items) {
       item.tag = element("span", { class: item.side ? `op-${item.side}` : "", text: item.words });

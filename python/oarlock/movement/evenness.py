@@ -11,7 +11,7 @@ import numpy as np
 from scipy.stats import studentized_range, t
 
 from oarlock.movement.angles import Floats
-from oarlock.movement.cycles import Repetition, cycle_courses
+from oarlock.movement.cycles import RATE_HZ, Repetition, cycle_courses
 from oarlock.movement.movement import Movement
 
 CHANCE = 0.05 / 3.0
@@ -22,6 +22,8 @@ LEAST_MOVEMENT_DEG = 5.0
 """Angles that move less in a cycle, and middles that wander by less, are not reported."""
 LEAST_CHANGE_DEG = 2.0
 """Smaller changes of a range are not reported, even if they are certain."""
+LEAST_CHANGE_S = 0.5 / RATE_HZ
+"""The same for the duration of a cycle: half of a step of the search for cycles."""
 
 
 @dataclass(frozen=True)
@@ -47,8 +49,8 @@ class Change:
 
     @property
     def least(self) -> float:
-        """The smallest change that is reported: outside the interval, and for an angle above 2 deg."""
-        return max(self.limit, LEAST_CHANGE_DEG if self.angle else 0.0)
+        """The smallest change that is reported: outside the interval, and above 2 deg or 0.02 s."""
+        return max(self.limit, LEAST_CHANGE_DEG if self.angle else LEAST_CHANGE_S)
 
     @property
     def certain(self) -> bool:

@@ -110,7 +110,7 @@ def _next_step(movement: Movement) -> str:
     """Calibrate first, then record again, with the change that would show; markup."""
     best = measured(movement)[:2]
     sizes = " or ".join(
-        f"{fixed(SQRT_2 * one.half_deg, 0)}° of {plain(one.name)}"
+        f"{fixed(SQRT_2 * one.half_deg, 0)}° of the range of {plain(one.name)}"
         for one in best
         if np.isfinite(one.half_deg)
     )

@@ -86,7 +86,7 @@ def _caption(movement: Movement) -> str:
         )
     if movement.nominal:
         parts.append("Errors of uncalibrated mounts are not in it.")
-    if any(one.range_deg < LEAST_MOVEMENT_DEG for one in movement.shown.values()):
+    if any(one.well_measured and one.range_deg < LEAST_MOVEMENT_DEG for one in movement.shown.values()):
         parts.append(f"Grey: less than {LEAST_MOVEMENT_DEG:g}°.")
     return " ".join(parts)
 
