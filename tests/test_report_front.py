@@ -88,6 +88,7 @@ def test_belief_is_the_worst_that_is_known(track):
     )
     assert f"{len(loud)} of {len(loud)} sensors disagree" in trust(calibrated, None, loud).reason
     assert trust(calibrated, None, ()).level == "care"
+    assert trust(nominal, None, sensors).command == "oarlock calibrate session", "nothing closes a loop"
 
 
 def test_earlier_pieces_are_compared_on_the_front(piece, tmp_path):
