@@ -27,7 +27,7 @@ class FakeModel:
     def describe(self) -> SimpleNamespace:
         parents = [None if p < 0 else self.frame_names[p] for p in self.frame_parents]
         frames = [frame(name, parent) for name, parent in zip(self.frame_names, parents, strict=True)]
-        return SimpleNamespace(frames=frames, closures=())
+        return SimpleNamespace(frames=frames)
 
 
 @dataclass(frozen=True)

@@ -166,12 +166,13 @@ def test_a_drift_is_a_finding_and_never_even(monkeypatch):
     assert point.head == "Drift"
     # 14 steps between the middles of 15 cycles, 18 deg, with the noise of both ends.
     assert re.search(r"right wrist flexion wandered by 1[789]°", point.sentence)
-    assert "<details><summary>Commands" in front.next_step
-    assert "oarlock calibrate session --model arm" in front.next_step
+    assert front.next_step.startswith("Calibrate the sensors first")
+    assert "oarlock calibrate session --model arm" in front.commands[0][1]
+    assert "middle of right wrist flexion" in front.checked
     calm = front_of(moved(monkeypatch, {}))
     assert not calm.points
     assert "a change above" in calm.quiet and "of the cycle time" in calm.quiet
-    assert "calibrate" not in calm.next_step and "would show" in calm.next_step
+    assert not calm.commands and "would show" in calm.next_step
 
 
 def test_what_is_not_measured_well_is_no_key_figure_and_shown_apart(monkeypatch):

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from html import escape
-
 import numpy as np
 
+from oarlock.movement.checked import checked_markup
 from oarlock.movement.cycles import cycle_courses
 from oarlock.movement.evenness import changes, wanderings
 from oarlock.movement.movement import Movement
@@ -33,11 +32,13 @@ WANDERS = (
 )
 SQRT_2 = float(np.sqrt(2.0))
 COMMANDS = (
-    "oarlock calibrate session --model {model} --write-plan plan.toml",
-    "oarlock calibrate session SESSION --model {model} --out cal.toml",
-    "oarlock track RECORDING --model {model} --calibration cal.toml --out again",
+    (
+        "Print the steps of a calibration session",
+        "oarlock calibrate session --model {model} --write-plan plan.toml",
+    ),
+    ("Calibrate from its recording", "oarlock calibrate session SESSION --model {model} --out cal.toml"),
+    ("Track with it", "oarlock track RECORDING --model {model} --calibration cal.toml --out again"),
 )
-"""What calibrates and tracks again, line by line."""
 UNEVEN = 0.1
 """Share of the mean by which durations of cycles scatter before it is named."""
 MOST_CURVES = 3
@@ -49,7 +50,9 @@ def front_of(movement: Movement) -> Front:
         did=" ".join(filter(None, [*repeats(movement), counts_from(movement)])),
         points=[*_sides(movement), *_changes(movement), *_wanderings(movement), *_rhythm(movement)],
         quiet=_quiet(movement),
+        checked=checked_markup(movement),
         next_step=_next_step(movement),
+        commands=_commands(movement),
         figures=key_figures(movement),
         course=_course(movement),
     )
@@ -107,22 +110,21 @@ def _wanderings(movement: Movement) -> list[Point]:
 
 
 def _next_step(movement: Movement) -> str:
-    """Calibrate first, then record again, with the change that would show; markup."""
-    best = measured(movement)[:2]
+    """Calibrate first, then record again, with the change that would show."""
+    best = [one for one in measured(movement)[:2] if np.isfinite(one.half_deg)]
     sizes = " or ".join(
-        f"{fixed(SQRT_2 * one.half_deg, 0)}° of the range of {plain(one.name)}"
-        for one in best
-        if np.isfinite(one.half_deg)
+        f"{fixed(SQRT_2 * one.half_deg, 0)}° of the range of {plain(one.name)}" for one in best
     )
     would = f" A change above {sizes} would show." if sizes else ""
     if not movement.nominal:
         return f"Record the same movement again to see a change.{would}"
-    model = escape(str(movement.track.provenance.get("model", "MODEL")))
-    commands = "<br>".join(f"<code>{one.format(model=model)}</code>" for one in COMMANDS)
-    return (
-        f"Calibrate the sensors first (two minutes), then record the same movement again.{would}"
-        f"<details><summary>Commands</summary>{commands}</details>"
-    )
+    return f"Calibrate the sensors first (two minutes), then record the same movement again.{would}"
+
+
+def _commands(movement: Movement) -> list[tuple[str, str]]:
+    """A session calibrates any body; `calibrate motion` needs closed loops."""
+    model = str(movement.track.provenance.get("model", "MODEL"))
+    return [(name, one.format(model=model)) for name, one in COMMANDS] if movement.nominal else []
 
 
 def _sides(movement: Movement) -> list[Point]:

@@ -9,7 +9,6 @@ from html import escape
 import numpy as np
 
 from oarlock.movement.angles import MovementAngle
-from oarlock.movement.checked_section import checked_markup
 from oarlock.movement.cycles import Repetition, cycle_courses
 from oarlock.movement.movement import Movement
 from oarlock.movement.range_section import LEAST_MOVEMENT_DEG, STYLE, ranges_markup
@@ -45,7 +44,6 @@ def sections_of(movement: Movement, csv_name: str) -> list[Section]:
     parts = [
         ("moving", "The movement", _player(movement)),
         ("ranges", "Range of motion", ranges_markup(movement)),
-        ("checked", "Differences between cycles", checked_markup(movement)),
         ("cycles", "Over a cycle", _cycles(movement, csv_name)),
         ("sides", "Right and left", _sides(movement)),
     ]

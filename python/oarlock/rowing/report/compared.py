@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from html import escape
 
 from oarlock.report import Column, sortable_table, value_cell
 from oarlock.rowing.findings.find import least
 from oarlock.rowing.findings.rowed import RATES_APART
 from oarlock.rowing.report.averages import Average, Difference, difference
+from oarlock.rowing.report.earlier import SAME_RATE_PER_MIN, matters
 from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.report.shown import PLUS_MINUS, shown, spread, unit_of, with_unit
 from oarlock.rowing.report.tables import beyond_words, link
 
-MOST_TOLD = 4
-_LIKE = "What stands out is compared at like rate."
-_APART = f"Rates more than {RATES_APART:.0f}/min apart are not compared further."
-SAME_RATE_PER_MIN = 1.0
-"""Pieces whose rates differ by more are compared with a warning."""
+MOST_TOLD = 5
+"""Numbers that a sentence names."""
 
 
 def differences(this: Piece, other: Piece) -> dict[str, tuple[Average, Average, Difference]]:
@@ -64,35 +63,36 @@ def comparison_table(key: str, this: Piece, other: Piece) -> str:
 
 
 def sentences(this: Piece, other: Piece) -> list[str]:
-    """The largest differences, as markup."""
+    """How many numbers differ, which most, and how many would by chance, as markup."""
     found = differences(this, other)
-    names = f"<b>{escape(this.name)}</b> beside <b>{escape(other.name)}</b>"
     if not found:
-        return [f"{names}: the pieces have no number in common."]
-    sure = {
-        name: held for name, held in found.items() if held[2].beyond and not name.startswith(("r_", "l_"))
-    }
-    weights = {name: abs(held[2].value) / least(held[0].feature) for name, held in sure.items()}
-    telling = sorted((name for name in sure if weights[name] > 1.0), key=lambda name: -weights[name])
-    beyond = sum(bool(held[2].beyond) for held in found.values())
-    start = f"{names}: {beyond} of {len(found)} differences exceed both uncertainties"
+        return ["The pieces have no number in common."]
+    sure = [held for held in found.values() if held[2].beyond]
+    chance = f"by chance about {0.05 * len(found):.0f} would"
+    counted = f"{len(sure)} of {len(found)} numbers differ by more than both uncertainties; {chance}"
+    telling = sorted(
+        (held[0].feature for held in sure if matters(held[2])),
+        key=lambda feature: -abs(found[feature.name][2].value) / least(feature),
+    )
+    labels = list(dict.fromkeys(feature.label for feature in telling))
+    most = "None is large enough to matter."
+    if labels:
+        more = ", …" if len(labels) > MOST_TOLD else ""
+        most = f"Largest: {escape(', '.join(labels[:MOST_TOLD]))}{more}."
+    table = '<a href="#compared-pieces-in">Side by side</a> has all.'
+    return [f"{counted}. {most} {table}{_rates(found)}"]
+
+
+def _rates(found: Mapping[str, tuple[Average, Average, Difference]]) -> str:
+    """What different stroke rates mean for the comparison; "" if they are alike."""
     rates = found.get("rate_per_min")
-    if rates is not None and abs(rates[2].value) >= SAME_RATE_PER_MIN:
-        now, then = (with_unit(one.feature, one.over.mean) for one in rates[:2])
-        return [
-            f"{names}: stroke rate {now} against {then}. {beyond} of {len(found)} numbers differ by more than both "
-            f"uncertainties, but many follow the rate. {_LIKE if abs(rates[2].value) <= RATES_APART else _APART}"
-        ]
-    if not telling:
-        return [f"{start}; none is large enough to be relevant."]
-    told = "; ".join(_told(*sure[name]) for name in telling[:MOST_TOLD])
-    return [f"{start}. Most: {told}."]
-
-
-def _told(mine: Average, theirs: Average, between: Difference) -> str:
-    change = with_unit(between.feature, between.value, signed=True)
-    now, then = (with_unit(one.feature, one.over.mean) for one in (mine, theirs))
-    return escape(f"{mine.feature.label} {now} instead of {then} ({change})")
+    if rates is None or abs(rates[2].value) < SAME_RATE_PER_MIN:
+        return ""
+    now, then = (with_unit(one.feature, one.over.mean) for one in rates[:2])
+    start = f" The stroke rates differ ({now} and {then}), and many numbers follow the rate:"
+    if abs(rates[2].value) <= RATES_APART:
+        return f"{start} what stands out is compared at like rate."
+    return f"{start} more than {RATES_APART:.0f}/min apart, nothing is compared at like rate."
 
 
 def _mean(one: Average) -> str:

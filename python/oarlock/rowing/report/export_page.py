@@ -26,15 +26,17 @@ from oarlock.report import (
 from oarlock.rowing.alongside.course import clock_text, course_of, pace_text
 from oarlock.rowing.analysis.stroke_summary import summarise_strokes
 from oarlock.rowing.exports.activity import Activity
-from oarlock.rowing.findings.find import FALSE_SHARE, findings_of
+from oarlock.rowing.findings.candidate import FALSE_SHARE
+from oarlock.rowing.findings.find import findings_of
 from oarlock.rowing.findings.finding import Finding
 from oarlock.rowing.findings.rowed import FEWEST_STROKES
 from oarlock.rowing.report import words
 from oarlock.rowing.report.averages import feature_of
 from oarlock.rowing.report.beside import export_sections
 from oarlock.rowing.report.definitions import definitions
+from oarlock.rowing.report.earlier import compared, earlier_pieces
 from oarlock.rowing.report.export_piece import ExportPiece, device_of
-from oarlock.rowing.report.front import compared, point
+from oarlock.rowing.report.front import point
 from oarlock.rowing.report.shown import places
 from oarlock.rowing.report.tables import link
 from oarlock.rowing.strokes.table import StrokeTable
@@ -90,7 +92,7 @@ def strokes_page(
         sections.append(("numbers", "All numbers", _numbers(found)))
         sections.append(("meanings", "What each number means", definitions(found.columns)))
     else:
-        front, trust = Front(did=_did(found), figures=_pace(found)), Trust("care", _OWN)
+        front, trust = Front(did=_did(found), figures=_pace(found)), Trust("care", (_OWN,))
     sections.append(("measured", "How it was measured", _measured(found)))
     heading, rest = _heading(found, session)
     about = f'<p class="about">{escape(rest)}</p>' if rest else ""
@@ -121,7 +123,7 @@ def _front_of_strokes(found: StrokeTable, last: StrokeTable | None) -> Front:
         points=[point(one) for one in findings_of_export(found, last)],
         quiet=_quiet(piece) + apart,
         figures=_pace(found) + words.key_figures(piece, _TILES),
-        compared=compared(piece, earlier, command=_COMMAND),
+        compared=compared(piece, earlier_pieces(earlier, None), command=_COMMAND),
     )
 
 
@@ -171,7 +173,7 @@ def _trust(found: StrokeTable) -> Trust:
     share = float(ExportPiece(found).counted.mean())
     odd = [note for note in found.notes if any(word in note for word in _ODD)]
     why = f"{fixed(100.0 * share, 0)} % of the rows are whole strokes at a rate of rowing"
-    return Trust("care", f"{'; '.join([why, *odd[:1]])}. {_OWN}")
+    return Trust("care", (f"{'; '.join([why, *odd[:1]])}. {_OWN}",))
 
 
 def _numbers(found: StrokeTable) -> str:

@@ -13,6 +13,7 @@ from oarlock.rowing.analysis.stroke_means import feature_means
 from oarlock.rowing.findings.rowed import Rowed
 from oarlock.rowing.report.averages import Average, averages
 from oarlock.rowing.strokes.table import StrokeTable
+from oarlock.storage.epoch import moment_text
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,11 @@ class ExportPiece:
     def name(self) -> str:
         """The file."""
         return self.table.source.partition(": ")[0]
+
+    @property
+    def date(self) -> str:
+        """The day on which it begins; "" if unknown."""
+        return moment_text(self.table.epoch)[:10]
 
     @property
     def device(self) -> str:

@@ -119,9 +119,9 @@ def trust(timing: CrewTiming) -> Trust:
             "differ by up to 50 ms from this."
         )
     if timing.clocks.known:
-        return Trust("good", " ".join(parts))
+        return Trust("good", (" ".join(parts),))
     remedy = "Put a unit named hull on each logger, or give --clock-ms if you know how well the clocks agree."
-    return Trust("care", " ".join(parts), remedy)
+    return Trust("care", (" ".join(parts),), remedy)
 
 
 def basis(timing: CrewTiming) -> list[str]:

@@ -1,4 +1,4 @@
-"""Builds the section on differences between cycles: what was compared, and which change would have shown."""
+"""Builds the table of differences between cycles: what was compared, and which change would have shown."""
 
 from __future__ import annotations
 
