@@ -109,6 +109,11 @@ def who_and_when(provenance: Mapping[str, object]) -> tuple[str, str]:
     return session_text(first), session_text({key: info[key] for key in info if key not in first})
 
 
+def date_of(provenance: Mapping[str, object]) -> str:
+    """The day of the session, such as 2026-05-01; "" if unknown."""
+    return session_info(provenance).get("date", "")
+
+
 def named_file(provenance: Mapping[str, object], ending: str) -> str:
     """The name of a file to send on: `A07-2026-05-01-report.html`; only `ending` if nobody is named."""
     who, _ = who_and_when(provenance)
