@@ -13,7 +13,9 @@ from oarlock.report.viewer.sides import side_of
 
 LEAST_MOVEMENT_DEG = 5.0
 """Angles that move less are grey, and not drawn over cycles."""
-STYLE = "@media (max-width: 560px) { :is(#ranges-table, #apart-table, #checked-table) th { white-space: normal; } }"
+STYLE = """@media (max-width: 560px) { :is(#ranges-table, #apart-table) th { white-space: normal; } }
+#checked-table :is(th, td) { white-space: normal; overflow-wrap: normal; padding-inline: .3rem; min-width: 0; }
+#checked-caption span { position: static; max-width: none; }"""
 HUMAN = {
     "elbow_flexion": "146° of elbow flexion",
     "elbow_pronation": "80° of pronation and 87° of supination",
