@@ -173,7 +173,9 @@ def test_two_pieces_stand_beside_each_other(compared):
     assert re.search(r"stroke rate2\d\.\d/min(29|30)\.\d/min\d\.\d ± \d\.\d/min less", read.text)
     assert read.text.index("after and before") < read.text.index("What stands out")
     assert '"ghost":{' in text
-    row = re.search(r">stroke rate</a></th>(.*?)</tr>", text[text.index('<table id="compared-pieces-table') :])
+    row = re.search(
+        r">stroke rate</a></th>(.*?)</tr>", text[text.index('<table id="compared-pieces-table') :]
+    )
     assert row
     assert row[1].endswith("<td><b>yes</b></td>")
 

@@ -80,7 +80,7 @@ class Front:
         figures: key figures, each with its definition.
         compared: against earlier ones, or a second one; markup.
         compared_head: its heading.
-        compared_first: whether it stands above the key figures and what stands out.
+        compared_first: whether it stands above what stands out, and instead of the key figures.
         changes: the same in sentences, for the picture; text.
         drawings: for the summary on paper; markup of drawings.
         course: of the picture: name, unit, and by name the share in percent, mean, lower and upper bound.
@@ -107,6 +107,11 @@ def who_and_when(provenance: Mapping[str, object]) -> tuple[str, str]:
     info = session_info(provenance)
     first = {key: info[key] for key in _TITLE if key in info}
     return session_text(first), session_text({key: info[key] for key in info if key not in first})
+
+
+def date_of(provenance: Mapping[str, object]) -> str:
+    """The day of the session, such as 2026-05-01; "" if unknown."""
+    return session_info(provenance).get("date", "")
 
 
 def named_file(provenance: Mapping[str, object], ending: str) -> str:

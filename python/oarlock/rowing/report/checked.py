@@ -34,8 +34,8 @@ def quiet(candidates: Sequence[Candidate]) -> str:
     """That nothing stands out, and which differences would have."""
     if not candidates:
         return "Too few strokes count, so nothing was compared."
-    late = _sizes(candidates, "sides", _OF_SIDES)
-    changed = _sizes(candidates, "drift", _OF_DRIFT)
+    late = sizes(candidates, "sides", _OF_SIDES)
+    changed = sizes(candidates, "drift", _OF_DRIFT)
     told = [
         *(f"one oar {size} late at the catch" for _, size in late),
         *([f"a change over the piece of {_listed(changed)}"] if changed else []),
@@ -46,10 +46,10 @@ def quiet(candidates: Sequence[Candidate]) -> str:
 
 def next_sizes(rowed: Rowed) -> str:
     """The differences that another piece like this one could show: "2.1° of catch angle or 6° of lean"; "" if none."""
-    return _listed(_sizes(list(against(rowed, rowed, "again")), "again", _OF_NEXT))
+    return _listed(sizes(list(against(rowed, rowed, "again")), "again", _OF_NEXT))
 
 
-def _sizes(candidates: Sequence[Candidate], kind: str, names: Iterable[str]) -> list[tuple[str, str]]:
+def sizes(candidates: Sequence[Candidate], kind: str, names: Iterable[str]) -> list[tuple[str, str]]:
     """Label and size from which it is named, of those numbers that were compared."""
     found = {one.watched.name: one for one in candidates if one.kind == kind}
     return [

@@ -67,11 +67,10 @@ def at_like_rate(candidates: Sequence[Candidate], kind: str) -> dict[str, Candid
     return {one.watched.name: one for one in candidates if one.kind == kind and one.like_rate}
 
 
-def compared(piece: Counted, others: Sequence[Other], now: str = "now", command: str = "") -> str:
-    """Numbers beside those of others, as markup; without others, the `command` that gives one, if any."""
+def compared(piece: Counted, others: Sequence[Other], now: str = "now") -> str:
+    """Numbers beside those of others, as markup; "" without others."""
     if not others:
-        said = f"No earlier piece was given: <code>{escape(command)}</code>."
-        return f'<p class="hint">{said}</p>' if command else ""
+        return ""
     names = [name for name in COMPARED if name in piece.averages and piece.averages[name].known]
     rows = [
         [

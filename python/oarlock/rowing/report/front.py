@@ -8,12 +8,19 @@ from oarlock.report import Course, Front, Point, Sourced, fixed
 from oarlock.rowing.analysis.features import FEATURES
 from oarlock.rowing.findings.find import comparisons, named
 from oarlock.rowing.findings.finding import Finding
-from oarlock.rowing.findings.rowed import Rowed, rowing_kind
+from oarlock.rowing.findings.rowed import Kept, Rowed, rowing_kind
 from oarlock.rowing.report import words
 from oarlock.rowing.report.averages import SIGMAS_95
 from oarlock.rowing.report.checked import HEADS, checked, next_sizes, outside_usual, quiet
 from oarlock.rowing.report.drawings import SPEEDS, curve_drawings, speeds
-from oarlock.rowing.report.earlier import Other, at_like_rate, compared, earlier_pieces, largest_change
+from oarlock.rowing.report.earlier import (
+    SAME_RATE_PER_MIN,
+    Other,
+    at_like_rate,
+    compared,
+    earlier_pieces,
+    largest_change,
+)
 from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.report.shown import DECIMALS, PLUS_MINUS
 
@@ -22,7 +29,10 @@ UNITS = {"deg": "°", "1/min": "/min", "cm2": " cm²", "1": ""}
 
 
 def front_of(
-    piece: Piece, last: Piece | None = None, best: Piece | None = None, other: Piece | None = None
+    piece: Piece,
+    last: Piece | Kept | None = None,
+    best: Piece | Kept | None = None,
+    other: Piece | None = None,
 ) -> Front:
     """The front of one piece, with up to two earlier ones of the same athlete, and any other one beside it."""
     others = {"against last": last, "against best": best, "against other": other}
@@ -34,16 +44,14 @@ def front_of(
     if other is not None:
         beside.insert(0, Other(other.name, other, at_like_rate(candidates, "against other")))
     return Front(
-        did=words.strokes(piece),
+        did=f"{piece.name}: {words.strokes(piece)}" if other is not None else words.strokes(piece),
         points=[point(one) for one in found],
         quiet=quiet(candidates),
         remark=outside_usual(piece, rowed.kind),
         checked=checked(candidates),
-        next_step=_next_step(piece, rowed, bool(found)),
+        next_step=_next_step(piece, rowed, bool(found), against.get("against other")),
         commands=_commands(piece, bool(against)),
-        figures=[]
-        if other is not None
-        else words.key_figures(piece, kind=rowed.kind, calibrated=not _nominal(piece)),
+        figures=words.key_figures(piece, kind=rowed.kind, calibrated=not _nominal(piece)),
         compared=compared(
             piece, beside, now=", ".join(filter(None, (piece.name, piece.date))) if other else "now"
         ),
@@ -55,7 +63,7 @@ def front_of(
     )
 
 
-def _next_step(piece: Piece, rowed: Rowed, found: bool) -> str:
+def _next_step(piece: Piece, rowed: Rowed, found: bool, other: Rowed | None = None) -> str:
     """What to do next, in the words of rowing."""
     steps = []
     if _nominal(piece):
@@ -63,6 +71,8 @@ def _next_step(piece: Piece, rowed: Rowed, found: bool) -> str:
     again = "Row this piece again"
     if found:
         again = "Try what the first finding says, then row this piece again"
+    if other is not None and abs(rowed.rate_per_min - other.rate_per_min) >= SAME_RATE_PER_MIN:
+        again = "Row both pieces again, both"
     rate = " at the same rates" if words.is_ramp(piece) else f" at {rowed.rate_per_min:.0f}/min"
     sizes = next_sizes(rowed)
     shows = f": a difference of {sizes} will show" if sizes else ""
