@@ -86,7 +86,7 @@ def checked(candidates: Sequence[Candidate]) -> str:
         f"{len(candidates)} comparisons and more than matters."
     )
     heads = ["compared", "number", "difference", "named from"]
-    return plain_table("checked", caption, heads, rows) if rows else ""
+    return plain_table("checked", caption, heads, rows, style="stacked") if rows else ""
 
 
 def _with_interval(one: Candidate) -> str:

@@ -9,7 +9,6 @@ from oarlock.report import Column, sortable_table, value_cell
 from oarlock.rowing.findings.candidate import against
 from oarlock.rowing.findings.find import least
 from oarlock.rowing.findings.rowed import RATES_APART, Rowed
-from oarlock.rowing.report import words
 from oarlock.rowing.report.averages import SIGMAS_95, Average, Difference, difference
 from oarlock.rowing.report.earlier import SAME_RATE_PER_MIN, in_words, matters
 from oarlock.rowing.report.piece import Piece
@@ -65,15 +64,14 @@ def comparison_table(key: str, this: Piece, other: Piece) -> str:
         "between strokes is divided by the square root of their number. If the sensors were not moved between "
         "the pieces, smaller differences may be real too. Differences are taken before rounding."
     )
-    return sortable_table(key, caption, columns, rows)
+    return sortable_table(key, caption, columns, rows, style="stacked")
 
 
 def sentences(this: Piece, other: Piece) -> list[str]:
-    """The other piece, which numbers differ, how many would by chance, and what the rate does; markup."""
+    """Which numbers differ, how many would by chance, and what the rate does; markup."""
     found = differences(this, other)
-    told = [f"<b>{escape(other.name)}</b>: {escape(words.strokes(other))}"]
     if not found:
-        return [*told, "The pieces have no number in common."]
+        return ["The pieces have no number in common."]
     sure = [name for name in largest_first(found) if found[name][2].beyond]
     tested = sum(held[2].beyond is not None for held in found.values())
     counted = (
@@ -87,7 +85,7 @@ def sentences(this: Piece, other: Piece) -> list[str]:
         most = f"Largest: {escape(_listed(named))}."
     table = '<a href="#compared-pieces-in">Side by side</a> has all.'
     rates = _rates(found, this, other, sure)
-    return [*told, f"{counted} {most} {table}", *([escape(rates)] if rates else [])]
+    return [f"{counted} {most} {table}", *([escape(rates)] if rates else [])]
 
 
 def largest_first(found: Mapping[str, tuple[Average, Average, Difference]]) -> list[str]:
@@ -116,16 +114,16 @@ def _rates(
     like = {one.watched.name: one for one in against(mine, theirs, "against other")}
     remain = [name for name in sure if name in like and abs(like[name].size) > SIGMAS_95 * like[name].sd]
     follow = [name for name in sure if name in _OF_RATE or (name in like and name not in remain)]
-    labels = [
-        _listed([found[name][0].feature.label for name in group if name != "rate_per_min"])
-        for group in (follow, remain)
-    ]
+    untested = [name for name in sure if name not in follow and name not in remain]
     told = [f"{start}."]
-    if labels[0]:
-        told.append(f"With the rate goes: {labels[0]}.")
-    told.append(
-        f"Left at like rate: {labels[1]}." if labels[1] else "Of these, nothing clear is left at like rate."
-    )
+    for said, group in (
+        ("These follow the rate and would not clearly differ at the same one", follow),
+        ("These would differ at the same rate too", remain),
+        ("Not compared at like rate", untested),
+    ):
+        labels = [found[name][0].feature.label for name in group if name != "rate_per_min"]
+        if labels:
+            told.append(f"{said}: {_listed(labels)}.")
     return " ".join(told)
 
 
@@ -141,7 +139,7 @@ def _listed(names: Sequence[str]) -> str:
     """The first few, and how many more."""
     named = list(dict.fromkeys(names))
     more = len(named) - MOST_TOLD
-    return ", ".join(named[:MOST_TOLD]) + (f" and {more} more" if more > 0 else "")
+    return "; ".join(named[:MOST_TOLD]) + (f" and {more} more" if more > 0 else "")
 
 
 def _mean(one: Average) -> str:

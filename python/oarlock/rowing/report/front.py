@@ -44,7 +44,7 @@ def front_of(
     if other is not None:
         beside.insert(0, Other(other.name, other, at_like_rate(candidates, "against other")))
     return Front(
-        did=f"{piece.name}: {words.strokes(piece)}" if other is not None else words.strokes(piece),
+        did=words.strokes(piece) if other is None else _both_did(piece, other),
         points=[point(one) for one in found],
         quiet=quiet(candidates),
         remark=outside_usual(piece, rowed.kind),
@@ -61,6 +61,10 @@ def front_of(
         drawings=[*speeds([piece]), *curve_drawings([piece])],
         course=_course(piece),
     )
+
+
+def _both_did(*pieces: Piece) -> str:
+    return " ".join(f"{piece.name}: {words.strokes(piece)}" for piece in pieces)
 
 
 def _next_step(piece: Piece, rowed: Rowed, found: bool, other: Rowed | None = None) -> str:
