@@ -29,7 +29,7 @@ HEADS = {
 _OF_SIDES = ("catch_time_difference_s",)
 _OF_DRIFT = ("arc_rad", "catch_angle_rad", "lean_swing_rad")
 _USELESS = 4.0
-"""A size of so many times the smallest that matters is no use for a next piece."""
+"""A limit of so many times the smallest size that matters tells a rower nothing."""
 _NEARLY = 1e-9
 _OF_NEXT = ("catch_angle_rad", "lean_swing_rad")
 
@@ -38,12 +38,21 @@ def quiet(candidates: Sequence[Candidate]) -> str:
     """What agrees, and from which size a difference would have been named."""
     if not candidates:
         return "Too few strokes count, so nothing was compared."
-    late = sizes(candidates, "sides", _OF_SIDES)
-    changed = sizes(candidates, "drift", _OF_DRIFT)
-    told = [f"Both oars turn together at the catch: {size} would show." for _, size in late]
+    total, useful = len(candidates), [one for one in candidates if _is_useful(one, len(candidates))]
+    late = sizes(useful, "sides", _OF_SIDES, total)
+    changed = sizes(useful, "drift", _OF_DRIFT, total)
+    told = [f"Both oars turn together at the catch (a difference of {size} would show)." for _, size in late]
     if changed:
-        told.append(f"Nothing else changes from start to end: {_listed(changed)} would show.")
-    return " ".join(told) or "No difference is larger than its uncertainty."
+        shown = f"a change of {_listed(changed)} would show"
+        told.append(f"Nothing changes from start to end at like rate ({shown}).")
+    else:
+        told.append("Too few strokes count to see small changes from start to end.")
+    return " ".join(told)
+
+
+def _is_useful(one: Candidate, comparisons: int) -> bool:
+    """Whether less than a very large difference would be named."""
+    return one.named_from(comparisons) < _USELESS * one.watched.least
 
 
 def next_sizes(rowed: Rowed) -> str:
@@ -52,7 +61,7 @@ def next_sizes(rowed: Rowed) -> str:
     "" without any, and without the trunk if only a very large difference would show.
     """
     again = list(against(rowed, rowed, "again"))
-    useful = [one for one in again if one.named_from(len(again)) < _USELESS * one.watched.least]
+    useful = [one for one in again if _is_useful(one, len(again))]
     return _listed(sizes(useful, "again", _OF_NEXT, len(again)))
 
 

@@ -76,16 +76,19 @@ def sentences(this: Piece, other: Piece) -> list[str]:
     tested = sum(held[2].beyond is not None for held in found.values())
     counted = (
         f"<b>{len(sure)} of {len(found)} numbers differ</b> by more than both uncertainties; "
-        f"by chance about {0.05 * tested:.0f} would."
+        f"by chance about {0.05 * tested:.0f} would if they were independent."
     )
-    telling = [name for name in sure if matters(found[name][2])]
-    most = "None is large enough to matter."
-    if telling:
-        named = [f"{found[name][0].feature.label} ({in_words(found[name][2])})" for name in telling]
-        most = f"Largest: {escape(_listed(named))}."
     table = '<a href="#compared-pieces-in">Side by side</a> has all.'
     rates = _rates(found, this, other, sure)
-    return [f"{counted} {most} {table}", *([escape(rates)] if rates else [])]
+    return [f"{counted} {escape(rates or _largest(found, sure))} {table}"]
+
+
+def _largest(found: Mapping[str, tuple[Average, Average, Difference]], sure: Sequence[str]) -> str:
+    telling = [name for name in sure if matters(found[name][2])]
+    if not telling:
+        return "None is large enough to matter."
+    named = [f"{found[name][0].feature.label} ({in_words(found[name][2])})" for name in telling]
+    return f"Largest: {_listed(named)}."
 
 
 def largest_first(found: Mapping[str, tuple[Average, Average, Difference]]) -> list[str]:
@@ -107,7 +110,7 @@ def _rates(
     if rates is None or abs(rates[2].value) < SAME_RATE_PER_MIN:
         return ""
     now, then = (with_unit(one.feature, one.over.mean) for one in rates[:2])
-    start = f"The stroke rates differ ({now} and {then})"
+    start = f"But the stroke rates differ ({now} and {then})"
     mine, theirs = Rowed.of(this), Rowed.of(other)
     if not mine.comparable(theirs):
         return f"{start}{_not_at_like_rate(mine, theirs)}"
@@ -117,13 +120,14 @@ def _rates(
     untested = [name for name in sure if name not in follow and name not in remain]
     told = [f"{start}."]
     for said, group in (
-        ("These follow the rate and would not clearly differ at the same one", follow),
-        ("These would differ at the same rate too", remain),
-        ("Not compared at like rate", untested),
+        ("At the same rate these would not clearly differ", follow),
+        ("At the same rate too these differ", remain),
     ):
         labels = [found[name][0].feature.label for name in group if name != "rate_per_min"]
         if labels:
             told.append(f"{said}: {_listed(labels)}.")
+    if untested:
+        told.append(f"The other {len(untested)} cannot be compared at like rate.")
     return " ".join(told)
 
 

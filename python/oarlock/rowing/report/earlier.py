@@ -37,8 +37,10 @@ COMPARED = (
 """Numbers that the front compares with other pieces."""
 SAME_RATE_PER_MIN = 1.0
 """Pieces whose rates differ by more are compared with a warning."""
-_CAPTION = "{change}, with its 95 % interval. "
-    "Bold: clear, and large enough to matter. Plain: clear, but small. Grey: not clear."
+_CAPTION = (
+    "{change}, with its 95 % interval. Bold: clear, and large enough to matter. Plain: clear, but small. "
+    "Grey: not clear."
+)
 _LIKE = " At like rate: what the stroke rate does is removed."
 
 
@@ -79,7 +81,9 @@ def compared(piece: Counted, others: Sequence[Other], now: str = "now") -> str:
         for name in names
     ]
     caption = _CAPTION.format(
-        change=f"Change: {now} minus {others[0].label}" if piece.name else "Change until now"
+        change=f"Change: how {piece.name} differs from {others[0].label}"
+        if piece.name
+        else "Change until now"
     )
     if any(_rates_differ(piece, one) for one in others):
         caption += _LIKE
