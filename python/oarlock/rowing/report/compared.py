@@ -119,11 +119,12 @@ def _rates(
     for said, group in (
         ("These follow the rate and would not clearly differ at the same one", follow),
         ("These would differ at the same rate too", remain),
-        ("Not compared at like rate", untested),
     ):
         labels = [found[name][0].feature.label for name in group if name != "rate_per_min"]
         if labels:
             told.append(f"{said}: {_listed(labels)}.")
+    if untested:
+        told.append(f"{len(untested)} of {len(sure)} cannot be compared at like rate.")
     return " ".join(told)
 
 
