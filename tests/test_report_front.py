@@ -204,3 +204,18 @@ def test_the_verb_names_files_by_athlete_and_says_who(piece, tmp_path: Path):
     assert told["session"] == SESSION
     assert Path(told["report"]).name == "A07-2026-05-01-summary.html"
     assert "A07, 2026-05-01" in run("report", tmp_path / "out", "--to", tmp_path / "x.html").stdout
+
+
+def test_sheet_and_picture_take_another_piece_and_targets_and_refuse_what_they_cannot_show(piece, tmp_path):
+    title, front = rowing_front(
+        piece, other=rowed("S-NB", 20.0, 24.0, 6), names=("after", "before"), targets="sculling_men"
+    )
+    assert title == "after beside before"
+    assert front.figures and any(text.startswith("Against before:") for text in front.changes)
+    read = Page(write_summary(piece, tmp_path / "s.html", title, front).read_text(encoding="utf-8"))
+    assert read.errors == [] and not read.all("a") and "Against before:" in read.text
+    assert len(re.findall(r'class="name"', (tmp_path / "s.html").read_text(encoding="utf-8"))) <= 4
+    piece.save(tmp_path / "out")
+    for flag, option in (("--summary", "--truth"), ("--card", "--with")):
+        refused = run("report", tmp_path / "out", flag, option, tmp_path / "out", status=2)
+        assert f"{flag} has no room for what {option} adds" in " ".join(refused.stderr.split())
