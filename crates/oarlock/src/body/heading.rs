@@ -1,4 +1,4 @@
-//! How the errors of a rotation that turns the whole body follow the azimuth's when an update moves its mean (P5).
+//! How the errors of a ball joint that turns the whole body follow the azimuth's when an update moves its mean (P5).
 //!
 //! On a base that stands still, movement shows inclinations and no heading: if body and field are turned together about the vertical,
 //! all readings stay as they are. In the body's axes the vertical changes with the mean, and an update assumes the one before it.
@@ -6,14 +6,16 @@
 
 use super::{three, Body};
 use crate::estimate::shear::Shear;
+use crate::model::JointKind;
 use crate::rotation::turn::{right_jacobian, Turn};
 use crate::rotation::Vec3;
 
 impl Body {
-    /// Adds the shears of rotations that turn the whole body, after the mean has moved by `delta` to `mean`.
+    /// Adds the shears of balls that turn the whole body, after the mean has moved by `delta` to `mean`.
     pub(super) fn push_heading_shears(&self, mean: &[f64], delta: &[f64], out: &mut Vec<Shear>) {
         let Some(azimuth) = self.layout.azimuth else { return };
-        for (c, outer) in &self.floating {
+        let is_ball = |c: usize| self.model.joints.iter().any(|j| j.kind == JointKind::Ball && j.first == c);
+        for (c, outer) in self.floating.iter().filter(|(c, _)| is_ball(*c)) {
             let Some(slots) = self.layout.coordinates[*c] else { continue };
             let moved = three(delta, slots.q);
             let turn = outer.then(&Turn::exp(three(mean, slots.q)).matrix());
