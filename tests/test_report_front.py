@@ -210,7 +210,7 @@ def test_sheet_and_picture_take_another_piece_and_targets_and_refuse_what_they_c
     title, front = rowing_front(
         piece, other=rowed("S-NB", 20.0, 24.0, 6), names=("after", "before"), targets="sculling_men"
     )
-    assert title == "after beside before"
+    assert title == "after compared with before"
     assert front.figures and any(text.startswith("Against before:") for text in front.changes)
     read = Page(write_summary(piece, tmp_path / "s.html", title, front).read_text(encoding="utf-8"))
     assert read.errors == [] and not read.all("a") and "Against before:" in read.text
