@@ -27,7 +27,7 @@ def checked_markup(movement: Movement) -> str:
     heads: list[str | Column] = ["what", "change", "would show above", Column("wanders (may)", "", allowed)]
     rows = [[escape(named(one)), *_change(one, one.least, one.certain), "–"] for one in compared]
     rows += [_wandered(one) for one in middles]
-    return plain_table("checked", CAPTION.format(count=main.count), heads, rows)
+    return plain_table("checked", CAPTION.format(count=main.count), heads, rows, style="stacked")
 
 
 def _change(one: Change, least: float, reported: bool) -> list[str]:

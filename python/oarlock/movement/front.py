@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from math import ceil
+
 import numpy as np
 
 from oarlock.movement.checked import checked_markup
 from oarlock.movement.cycles import cycle_courses
-from oarlock.movement.evenness import changes, wanderings
+from oarlock.movement.evenness import Wander, changes, wanderings
 from oarlock.movement.movement import Movement
 from oarlock.movement.ranges import SideDifference
 from oarlock.movement.words import (
@@ -17,7 +20,6 @@ from oarlock.movement.words import (
     named,
     plain,
     repeats,
-    signed,
     sized,
 )
 from oarlock.report import Course, Front, Point, Sourced, fixed
@@ -50,6 +52,7 @@ def front_of(movement: Movement) -> Front:
         did=" ".join(filter(None, [*repeats(movement), counts_from(movement)])),
         points=[*_sides(movement), *_changes(movement), *_wanderings(movement), *_rhythm(movement)],
         quiet=_quiet(movement),
+        remark=_drifting(movement),
         checked=checked_markup(movement),
         next_step=_next_step(movement),
         commands=_commands(movement),
@@ -89,33 +92,43 @@ def _changes(movement: Movement) -> list[Point]:
 
 
 def _wanderings(movement: Movement) -> list[Point]:
-    """One finding for all angles whose middle wanders: a cause is likely common to them."""
-    certain = [one for one in wanderings(movement) if one.certain]
-    main = movement.main
-    if main is None or not certain:
+    """One finding for all angles whose middle wanders by more than their uncertainty: a cause is likely common."""
+    beyond = [one for one in wanderings(movement) if one.certain and one.beyond]
+    if not beyond:
         return []
-    first, *others = certain
-    took = fixed(float(main.begins_s[-1] - main.begins_s[0]), 0)
-    text = f"The middle of {plain(first.angle)} wandered by {fixed(first.span_deg, 0)}° in {took} s"
-    text += "".join(f", that of {plain(one.angle)} by {fixed(one.span_deg, 0)}°" for one in others)
-    text += ". This is drift of the estimate or a change of posture"
-    if np.isfinite(first.limit_deg):
-        allowed = f"{fixed(first.limit_deg, 0)}°"
-        text += f": the uncertainty allows {'only ' if first.beyond else 'up to '}{allowed}"
+    allowed = beyond[0].limit_deg
+    text = f"{_wandered(movement, beyond)}. This is drift of the estimate or a change of posture"
+    text += f": the uncertainty allows only {fixed(allowed, 0)}°" if np.isfinite(allowed) else ""
     advice = Sourced(
         "Hold the same still posture at the beginning and at the end: the angle that differs drifts."
     )
-    size = f"{signed(first.change)} ± {sized(first.change, first.change.limit)}"
-    return [Point("Drift", f"{text}.", size, advice=advice, meaning=WANDERS)]
+    return [Point("Drift", f"{text}.", f"{fixed(beyond[0].span_deg, 0)}°", advice=advice, meaning=WANDERS)]
+
+
+def _drifting(movement: Movement) -> str:
+    """Angles whose middle wanders by no more than their uncertainty allows, in a sentence."""
+    within = [one for one in wanderings(movement) if one.certain and not one.beyond]
+    if not within:
+        return ""
+    return (
+        f"{_wandered(movement, within)}. Drift of the estimate explains that: the uncertainty allows up to "
+        f"{fixed(within[0].limit_deg, 0)}°. Of these angles use the range in a cycle only."
+    )
+
+
+def _wandered(movement: Movement, angles: Sequence[Wander]) -> str:
+    main = movement.main
+    took = 0.0 if main is None else float(main.begins_s[-1] - main.begins_s[0])
+    first, *others = angles
+    text = f"The middle of {plain(first.angle)} wandered by {fixed(first.span_deg, 0)}° in {fixed(took, 0)} s"
+    return text + "".join(f", that of {plain(one.angle)} by {fixed(one.span_deg, 0)}°" for one in others)
 
 
 def _next_step(movement: Movement) -> str:
     """Calibrate first, then record again, with the change that would show."""
     best = [one for one in measured(movement)[:2] if np.isfinite(one.half_deg)]
-    sizes = " or ".join(
-        f"{fixed(SQRT_2 * one.half_deg, 0)}° of the range of {plain(one.name)}" for one in best
-    )
-    would = f" A change above {sizes} would show." if sizes else ""
+    sizes = " or ".join(f"{ceil(SQRT_2 * one.half_deg)}° of the range of {plain(one.name)}" for one in best)
+    would = f" Between two calibrated recordings a change above {sizes} would show." if sizes else ""
     if not movement.nominal:
         return f"Record the same movement again to see a change.{would}"
     return f"Calibrate the sensors first (two minutes), then record the same movement again.{would}"

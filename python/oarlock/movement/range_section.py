@@ -52,7 +52,7 @@ def _measured(movement: Movement, well: list[MotionRange]) -> str:
         values += [one.between_deg] if movement.in_cycles else []
         values += [whole.lowest_deg, whole.highest_deg]
         rows.append([_head(movement, one), *(value_cell(v, fixed(v, 1)) for v in values)])
-    return sortable_table("ranges", _caption(movement), heads, rows, muted=muted)
+    return sortable_table("ranges", _caption(movement), heads, rows, muted=muted, style="stacked")
 
 
 def _apart(movement: Movement, apart: list[MotionRange]) -> str:

@@ -15,6 +15,8 @@ from oarlock.report.section import KeyFigure, tiles
 from oarlock.report.trust import Trust
 
 MOST_POINTS = 3
+HALF = "±"
+"""In a key figure: half of its 95 % interval."""
 _TITLE = ("athlete", "date")
 
 
@@ -78,6 +80,7 @@ class Front:
         next_step: what to do next, in the reader's words.
         commands: what each further step is for, and its command; folded.
         figures: key figures, each with its definition.
+        by_rate: the key figures by stroke rate, or by another condition that changes; markup.
         compared: against earlier ones, or a second one; markup.
         compared_head: its heading.
         compared_first: whether it stands above what stands out, and instead of the key figures.
@@ -94,6 +97,7 @@ class Front:
     next_step: str = ""
     commands: Sequence[tuple[str, str]] = ()
     figures: Sequence[KeyFigure] = ()
+    by_rate: str = ""
     compared: str = ""
     compared_head: str = "Compared with earlier"
     compared_first: bool = False
@@ -142,4 +146,7 @@ def front_markup(
         points=list(front.points)[:MOST_POINTS],
         more=max(len(front.points) - MOST_POINTS, 0),
         front=front,
+        explains=any(
+            HALF in figure.detail and "from stroke" not in figure.detail for figure in front.figures
+        ),
     )

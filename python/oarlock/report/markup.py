@@ -112,7 +112,7 @@ def table(
         rows: cells that are markup already; the first of a row is its header.
         styles: classes of rows, by their number.
         foot: rows that stay at the end.
-        style: class of the table.
+        style: classes of the table; a "stacked" one has its rows as blocks on a telephone.
     """
     return rendered(
         "table",

@@ -18,7 +18,7 @@ COVERED = 0.8
 """Smallest share of a piece from the export's first to its last stroke in it."""
 _TIMES = ("end_time_s", "finish_time_s", "time_s")
 _RATES_PER_MIN = (14.0, 50.0)
-"""Strokes outside are paddling or misread, as `counted_strokes` takes them."""
+"""Strokes outside are paddling or misread, as in `rowing.alongside.stretches`."""
 _FEWEST = 6
 
 

@@ -9,7 +9,6 @@ from oarlock.report import Column, sortable_table, value_cell
 from oarlock.rowing.findings.candidate import against
 from oarlock.rowing.findings.find import least
 from oarlock.rowing.findings.rowed import RATES_APART, Rowed
-from oarlock.rowing.report import words
 from oarlock.rowing.report.averages import SIGMAS_95, Average, Difference, difference
 from oarlock.rowing.report.earlier import SAME_RATE_PER_MIN, in_words, matters
 from oarlock.rowing.report.piece import Piece
@@ -65,29 +64,31 @@ def comparison_table(key: str, this: Piece, other: Piece) -> str:
         "between strokes is divided by the square root of their number. If the sensors were not moved between "
         "the pieces, smaller differences may be real too. Differences are taken before rounding."
     )
-    return sortable_table(key, caption, columns, rows)
+    return sortable_table(key, caption, columns, rows, style="stacked")
 
 
 def sentences(this: Piece, other: Piece) -> list[str]:
-    """The other piece, which numbers differ, how many would by chance, and what the rate does; markup."""
+    """Which numbers differ, how many would by chance, and what the rate does; markup."""
     found = differences(this, other)
-    told = [f"<b>{escape(other.name)}</b>: {escape(words.strokes(other))}"]
     if not found:
-        return [*told, "The pieces have no number in common."]
+        return ["The pieces have no number in common."]
     sure = [name for name in largest_first(found) if found[name][2].beyond]
     tested = sum(held[2].beyond is not None for held in found.values())
     counted = (
         f"<b>{len(sure)} of {len(found)} numbers differ</b> by more than both uncertainties; "
-        f"by chance about {0.05 * tested:.0f} would."
+        f"by chance about {0.05 * tested:.0f} would if they were independent."
     )
-    telling = [name for name in sure if matters(found[name][2])]
-    most = "None is large enough to matter."
-    if telling:
-        named = [f"{found[name][0].feature.label} ({in_words(found[name][2])})" for name in telling]
-        most = f"Largest: {escape(_listed(named))}."
     table = '<a href="#compared-pieces-in">Side by side</a> has all.'
     rates = _rates(found, this, other, sure)
-    return [*told, f"{counted} {most} {table}", *([escape(rates)] if rates else [])]
+    return [f"{counted} {escape(rates or _largest(found, sure))} {table}"]
+
+
+def _largest(found: Mapping[str, tuple[Average, Average, Difference]], sure: Sequence[str]) -> str:
+    telling = [name for name in sure if matters(found[name][2])]
+    if not telling:
+        return "None is large enough to matter."
+    named = [f"{found[name][0].feature.label} ({in_words(found[name][2])})" for name in telling]
+    return f"Largest: {_listed(named)}."
 
 
 def largest_first(found: Mapping[str, tuple[Average, Average, Difference]]) -> list[str]:
@@ -109,23 +110,24 @@ def _rates(
     if rates is None or abs(rates[2].value) < SAME_RATE_PER_MIN:
         return ""
     now, then = (with_unit(one.feature, one.over.mean) for one in rates[:2])
-    start = f"The stroke rates differ ({now} and {then})"
+    start = f"But the stroke rates differ ({now} and {then})"
     mine, theirs = Rowed.of(this), Rowed.of(other)
     if not mine.comparable(theirs):
         return f"{start}{_not_at_like_rate(mine, theirs)}"
     like = {one.watched.name: one for one in against(mine, theirs, "against other")}
     remain = [name for name in sure if name in like and abs(like[name].size) > SIGMAS_95 * like[name].sd]
     follow = [name for name in sure if name in _OF_RATE or (name in like and name not in remain)]
-    labels = [
-        _listed([found[name][0].feature.label for name in group if name != "rate_per_min"])
-        for group in (follow, remain)
-    ]
+    untested = [name for name in sure if name not in follow and name not in remain]
     told = [f"{start}."]
-    if labels[0]:
-        told.append(f"With the rate goes: {labels[0]}.")
-    told.append(
-        f"Left at like rate: {labels[1]}." if labels[1] else "Of these, nothing clear is left at like rate."
-    )
+    for said, group in (
+        ("At the same rate these would not clearly differ", follow),
+        ("At the same rate too these differ", remain),
+    ):
+        labels = [found[name][0].feature.label for name in group if name != "rate_per_min"]
+        if labels:
+            told.append(f"{said}: {_listed(labels)}.")
+    if untested:
+        told.append(f"The other {len(untested)} cannot be compared at like rate.")
     return " ".join(told)
 
 
@@ -141,7 +143,7 @@ def _listed(names: Sequence[str]) -> str:
     """The first few, and how many more."""
     named = list(dict.fromkeys(names))
     more = len(named) - MOST_TOLD
-    return ", ".join(named[:MOST_TOLD]) + (f" and {more} more" if more > 0 else "")
+    return "; ".join(named[:MOST_TOLD]) + (f" and {more} more" if more > 0 else "")
 
 
 def _mean(one: Average) -> str:

@@ -1,4 +1,4 @@
-"""How an export's piece held up: its first against its last quarter, at like stroke rate, and where power was lost."""
+"""How an export's piece held up: its first against its last quarter, and where power was lost."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ from oarlock.rowing.findings.watched import WATCHED
 from oarlock.rowing.report.averages import SIGMAS_95, feature_of
 from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, shown, spread
 from oarlock.rowing.report.tables import link
-from oarlock.rowing.strokes.table import Floats
 
 _NUMBERS = (
     "speed_m_s",
@@ -36,8 +35,6 @@ _NUMBERS = (
     "heart_rate_per_min",
 )
 FORCES = ("mean_force_n", "peak_force_n", "curve_peak_force_n")
-_MIDDLE = (5.0, 95.0)
-"""Percentiles of the rates that count as occurring in a group."""
 LENGTHS = ("effective_arc_rad", "arc_rad", "curve_arc_rad", "handle_travel_m")
 
 
@@ -48,7 +45,7 @@ class Faded:
     Attributes:
         feature: what it is.
         first, last: means.
-        change: last minus first at like stroke rate.
+        change: last minus first, outliers down-weighted.
         sd: standard deviation of the change.
         least: smallest size that matters.
     """
@@ -94,31 +91,17 @@ def faded_of(rowed: Rowed, course: Course) -> dict[str, Faded]:
 
 
 def _faded(rowed: Rowed, name: str, first: Places, last: Places) -> Faded | None:
-    """One number in two groups of strokes; None if too few have it. NaN if too few have a rate that occurs in both."""
-    feature, values, rate = feature_of(name), rowed.columns[name], rowed.columns["rate_per_min"]
+    """One number in two groups of strokes; None if too few have it."""
+    feature, values = feature_of(name), rowed.columns[name]
     if min(len(first), len(last)) < FEWEST_STROKES:
         return None
     ends = (float(values[first].mean()), float(values[last].mean()))
-    if name == "rate_per_min":
-        rate = np.zeros(len(rate))
-    else:
-        first, last = _at_common_rates(rate, first, last)
-    if min(len(first), len(last)) < FEWEST_STROKES:
-        return Faded(feature, *ends, float("nan"), float("nan"), 0.0)
     rows, later = np.concatenate([first, last]), np.repeat([False, True], [len(first), len(last)])
     watched = WATCHED.get(name)
     least = rowed.own(watched).least / feature.shown_scale if watched else 1.0
-    between = change(values[rows], rate[rows], later, watched.per_rate * least if watched else 1.0)
-    sd = float(np.sqrt(between.scatter_sd**2 + between.rate_sd**2 + rowed.shared_std(name) ** 2))
+    between = change(values[rows], np.zeros(len(rows)), later, 1.0)
+    sd = float(np.hypot(between.scatter_sd, rowed.shared_std(name)))
     return Faded(feature, *ends, between.size, sd, least)
-
-
-def _at_common_rates(rate: Floats, first: Places, last: Places) -> tuple[Places, Places]:
-    """The strokes at rates that occur in both groups: a start at a high rate has no like in the last quarter."""
-    ends = np.array([np.percentile(rate[rows], _MIDDLE) for rows in (first, last)])
-    low, high = ends[:, 0].max(), ends[:, 1].min()
-    kept = [rows[(rate[rows] >= low) & (rate[rows] <= high)] for rows in (first, last)]
-    return kept[0], kept[1]
 
 
 def fade_section(faded: dict[str, Faded], course: Course) -> Section | None:
@@ -130,15 +113,13 @@ def fade_section(faded: dict[str, Faded], course: Course) -> Section | None:
         label = f"{link(name, one.feature.label)} <small>{escape(joined_unit(one.feature).strip())}</small>"
         half = spread(one.feature, SIGMAS_95 * one.sd)
         text = f"{shown(one.feature, one.change, signed=True)} {PLUS_MINUS} {half}"
-        text = text if np.isfinite(one.change) else "no common rate"
         told = f"<b>{escape(text)}</b>" if one.clear else f'<span class="mark">{escape(text)}</span>'
         rows.append([label, shown(one.feature, one.first), shown(one.feature, one.last), told])
-    heads = [Column(name) for name in ("number", "first quarter", "last quarter", "change at like rate")]
+    heads = [Column(name) for name in ("number", "first quarter", "last quarter", "change")]
     whose = "the longest piece" if len(course.stretches) > 1 else "the rowed part"
     caption = (
-        f"Means of the first and last quarter of {whose}. Change {PLUS_MINUS} its 95 % interval, of strokes at rates "
-        "that occur in both, after removing what the rate does: it can differ from the plain difference. Bold: clear. "
-        "Small: within its interval or too small to matter."
+        f"Means of the first and last quarter of {whose}. Change {PLUS_MINUS} its 95 % interval; what the stroke rate "
+        "does is in it. Bold: clear. Small: within its interval or too small to matter."
     )
     return Section(
         "fade", "From start to end", plain_table("fade-numbers", caption, heads, rows, style="splits")

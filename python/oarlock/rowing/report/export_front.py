@@ -35,8 +35,13 @@ _PACE = (
     "Rowed distance over rowed time, for 500 m. Pauses, waiting, drifting and paddling count in neither; "
     "the tables below show the parts."
 )
-_COMMANDS = (
-    ("Compare with an earlier piece of the same device", "oarlock strokes FILE --report PAGE --last EARLIER"),
+_COMPARE = (
+    "Compare with an earlier piece of the same device",
+    "oarlock strokes FILE --report PAGE --last EARLIER",
+)
+_NAME = (
+    "Name the athlete, or put a session.toml beside the file",
+    "oarlock strokes FILE --report PAGE --athlete NAME --boat BOAT --place PLACE",
 )
 
 
@@ -52,7 +57,7 @@ def strokes_front(piece: ExportPiece, earlier: ExportPiece | None) -> Front:
         points=[point(one) for one in _findings(piece, earlier)],
         quiet=_quiet(piece) + apart,
         next_step=_next(piece, earlier is not None),
-        commands=_COMMANDS if earlier is None else (),
+        commands=[_COMPARE, _NAME] if earlier is None else [_NAME],
         figures=[*_pace(course), _strokes(course), *_tiles(piece)],
         compared=compared(piece, earlier_pieces(earlier, None)),
     )

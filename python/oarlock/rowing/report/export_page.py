@@ -40,10 +40,6 @@ from oarlock.storage.progress import Progress, mark, shown
 from oarlock.storage.write_file import write_file
 
 _NOBODY: Mapping[str, str] = MappingProxyType({})
-_HOW_TO_NAME = (
-    "The athlete is not named: add <code>--athlete NAME --boat BOAT --place PLACE</code>, or put a "
-    "<code>session.toml</code> beside the file."
-)
 _CONCEPT2 = "Concept2 ergometers read 11 to 15 % less power than a reference (doi 10.3389/fphys.2021.758015)."
 _PUBLISHED = {
     **dict.fromkeys(("Concept2", "Painsled", "ErgData", "ErgStick"), ("power_w", _CONCEPT2)),
@@ -122,7 +118,7 @@ def _heading(found: StrokeTable | Activity, course: Course, session: Mapping[str
     named = next((note.removeprefix(NAMED) for note in found.notes if note.startswith(NAMED)), "")
     parts = ", ".join(filter(None, (rest, named, f"file {found.source.partition(': ')[0]}")))
     about = escape(parts[0].upper() + parts[1:])
-    asked = "" if session.get("athlete") else f" {_HOW_TO_NAME}"
+    asked = "" if session.get("athlete") else " The athlete is not named."
     return heading, f'<p class="about">{about}.{asked}</p>'
 
 

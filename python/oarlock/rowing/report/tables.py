@@ -124,7 +124,7 @@ def averages_table(key: str, caption: str, found: Iterable[Average], published: 
     rows = [
         [*_average_cells(one), *([published.get(one.feature.name, "")] if published else [])] for one in found
     ]
-    return sortable_table(key, caption, columns, rows)
+    return sortable_table(key, caption, columns, rows, style="stacked")
 
 
 def _average_cells(one: Average) -> list[str]:
@@ -210,7 +210,7 @@ def sides_table(key: str, piece: Piece) -> str:
         caption += (
             " Sensors were not calibrated: mounts may cause differences of several degrees between the arms."
         )
-    return sortable_table(key, caption, columns, rows)
+    return sortable_table(key, caption, columns, rows, style="stacked")
 
 
 def _whose(piece: Piece) -> str:

@@ -162,7 +162,7 @@ def _with_notes(front: Front, notes: Sequence[str]) -> Front:
 
 def _heading(pieces: list[Piece]) -> str:
     if len(pieces) > 1:
-        return " beside ".join(piece.name for piece in pieces)
+        return " compared with ".join(piece.name for piece in pieces)
     count = len(pieces[0].table)
     return f"{count} {'stroke' if count == 1 else 'strokes'} {_ROWED[rowing_kind(pieces[0])]}"
 
