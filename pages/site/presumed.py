@@ -1,0 +1,135 @@
+"""What a page presumes of its reader, what is run with fewer data than shown, and what cannot be run."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from pages.record import ROOT
+
+PSEUDONYM = "K7QMVA"
+"""Stands for an athlete of the season."""
+SESSION = "http://127.0.0.1:8123/?token=..."
+"""Stands for the address of a live session."""
+SERVERS = ("oarlock live demo", "oarlock live run")
+"""Run until Ctrl-C and show a page."""
+BACKGROUND = ("oarlock emulate ximu3",)
+"""Run beside the commands that follow."""
+
+NOT_RUN: Mapping[str, str] = {
+    "pip install": "needs a package index; tests/test_release_built.py installs the wheel",
+    "make ": "builds the checkout, as every run of the tests does before it begins",
+    'export PATH="$PWD': "of a clone's own environment",
+    "curl ": "needs a network place; the file is taken from OARLOCK_DATA",
+    "cd viewer && npm": "needs npm's registry; the built viewer is in the package",
+    "oarlock live init": "needs sensors that send",
+    "oarlock live doctor": "needs sensors that send",
+    "oarlock live run rig.toml --out today": "needs sensors that send; the page runs it with emulated ones",
+    "oarlock calibrate session today/recording": "needs somebody who presses the buttons of the guided start",
+    'import oarlock\n\nfound = oarlock.live.channels("today")': "needs a GPS receiver and an ergometer",
+    "dask ": "needs other machines; tests/test_season_cluster.py starts workers on this one",
+    "oarlock season run /share/season": "needs other machines",
+    "from dask_jobqueue": "needs SLURM",
+}
+"""Beginning of a command or program, and the reason why it is not run."""
+
+DATA: Mapping[str, str] = {
+    "ngimu_data.csv": "opensimrt_upper_limb_ngimu/ngimu_data.csv",
+    "data_3D_01.mat": "dfjimu/data_3D_01.mat",
+    "trial1": "diodem_arm/trial1",
+    "openaxes_ur5": "openaxes_ur5",
+    "01_undisturbed_slow_rotation_A.mat": "broad/01_undisturbed_slow_rotation_A.mat",
+    "full_body_example_data.mat": "qmt_full_body/full_body_example_data.mat",
+}
+"""Public recordings that a reader downloads, below `data` of OARLOCK_DATA."""
+
+QUICKER: Mapping[str, str] = {}
+"""A command that takes minutes, and what is run instead."""
+
+MADE: Mapping[str, str] = {
+    "trial": "oarlock simulate --duration-s 20 --seed 11 --out trial",
+    "out": "oarlock track trial --model sculler --smooth --out out",
+    "field": "oarlock simulate --field careful --duration-s 20 --seed 12 --out field",
+    "before": "oarlock track field --model sculler --smooth --out before",
+    "walk": "oarlock simulate --model lower_body --stature 1.78 --mass 74 --out walk",
+    "walk.zip": "cd walk && python -m zipfile -c ../walk.zip *",
+    "legs.zip": "{files} legs legs.zip",
+    "bow": "{files} crew bow",
+    "piece.mp4": "{files} film piece.mp4",
+    "filmed": "{files} filmed filmed",
+    "my.toml": "{files} model my.toml",
+    "rec": "oarlock simulate --model my.toml --out rec",
+    "season": "oarlock season synthetic season --recordings 60 --athletes 3",
+}
+"""How what a reader has is made here, from what stands above it. Other names that a command makes may be asked for too."""
+
+PRESUMED: Mapping[str, tuple[str, ...]] = {
+    "README": ("walk.zip",),
+    "boat": ("trial",),
+    "crew": ("bow", "two", "three", "stroke"),
+    "filters": ("trial",),
+    "report": ("trial", "out", "after=out", "before", "monday=before", "record=out"),
+    "self-calibration": ("trial",),
+    "sensor-faults": ("trial",),
+    "mounts": ("my.toml", "rec", "walk"),
+    "technique": ("trial", "out"),
+    "viewer": ("out", "before"),
+    "season-privacy": ("season",),
+    "import": ("walk.zip=legs.zip", "session.zip=legs.zip"),
+    "video": ("out=filmed", "piece.mp4"),
+}
+"""What is made for a page; `before=out` is `out` under another name."""
+
+
+def presume(name: str, folder: Path, pool: Path, run: Callable[[Path, str], object]) -> None:
+    """Give a page's folder what the page presumes.
+
+    Args:
+        name: of the page.
+        folder: where its commands will run.
+        pool: shared by all pages; what is not there yet is made there.
+        run: runs a command in a folder.
+    """
+    (folder / "examples").symlink_to(ROOT / "examples")
+    for file in DATA:
+        if data(file).exists():
+            (folder / file).symlink_to(data(file))
+    for one in PRESUMED.get(name, ()):
+        called, _, source = one.partition("=")
+        _make(source or called, pool, run)
+        made = pool / (source or called)
+        if made.is_dir():
+            shutil.copytree(made, folder / called)
+        else:
+            shutil.copyfile(made, folder / called)
+
+
+def _make(name: str, pool: Path, run: Callable[[Path, str], object]) -> None:
+    if (pool / name).exists():
+        return
+    for needed in MADE:
+        if needed == name:
+            break
+        if re.search(rf"(?<![\w./-]){re.escape(needed)}(?![\w.-])", MADE[name]):
+            _make(needed, pool, run)
+    run(pool, MADE[name].format(files=f"python {ROOT}/tests/presumed_files.py"))
+
+
+def not_run(text: str) -> str:
+    """Why a command or program is not run; empty if it is."""
+    reasons = (reason for start, reason in NOT_RUN.items() if text.startswith(start))
+    absent = (f"{name} is absent: set OARLOCK_DATA" for name in DATA if name in text and not data(name).exists())
+    return next(reasons, "") or next(absent, "")
+
+
+def data(name: str) -> Path:
+    """Where a public recording lies."""
+    return Path(os.environ.get("OARLOCK_DATA", ""), "data", DATA[name])
+
+
+def quicker(text: str) -> str:
+    """The command that is run."""
+    return QUICKER.get(text, text)

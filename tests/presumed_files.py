@@ -1,0 +1,66 @@
+"""Writes files that pages presume and no command makes: `python tests/presumed_files.py KIND FILE`."""
+
+import shutil
+import sys
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+ROOT = Path(__file__).parents[1]
+sys.path.append(str(ROOT))
+FILM_S, FRAME_S, FILM_STARTS_S = 12.0, 0.04, 7.32
+
+
+def crew(file: Path) -> None:
+    """Recordings of four seats, beside the file."""
+    from pages.site.crew_pieces import write_crew
+
+    write_crew(file.parent)
+
+
+def model(file: Path) -> None:
+    """The model of the tutorial."""
+    from pages.site.steps import steps
+
+    page = (ROOT / "docs/tutorials/own-body.md").read_text(encoding="utf-8")
+    file.write_text(next(step.text for step in steps(page) if step.file), encoding="utf-8")
+
+
+def legs(file: Path) -> None:
+    """One leg that moves after the other; the pelvis has a unit with a number for a name."""
+    from oarlock.recording.unit_names import renamed
+    from test_assign import moved
+
+    _, recording, units = moved("lower_body", "right_leg,left_leg", 0)
+    sensors = {unit: sensor for sensor, unit in units.items()}
+    with TemporaryDirectory() as folder:
+        renamed(recording, sensors | {units["pelvis"]: "00B421E6"}).save(Path(folder, "legs"))
+        shutil.make_archive(str(file.with_suffix("")), "zip", folder)
+
+
+def film(file: Path) -> None:
+    """A drawing of a rower from the side."""
+    from video_drawing import side_camera, write_video
+
+    stamps_s = np.arange(0.0, FILM_S, FRAME_S)
+    small = replace(side_camera(160, 90), focal_px=(240.0, 240.0))
+    drawn = file.with_suffix(".webm")
+    write_video(drawn, _filmed(), FILM_STARTS_S + stamps_s, stamps_s, camera=small)
+    drawn.rename(file)
+
+
+def filmed(file: Path) -> None:
+    """The track of the rower who is drawn."""
+    _filmed().track.save(file)
+
+
+def _filmed():
+    from video_drawing import Motion
+
+    return Motion(30.0, (20.0, 32.0), seed=1)
+
+
+if __name__ == "__main__":
+    globals()[sys.argv[1]](Path(sys.argv[2]).resolve())
