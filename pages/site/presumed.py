@@ -30,6 +30,12 @@ NOT_RUN: Mapping[str, str] = {
     "oarlock live run rig.toml --out today": "needs sensors that send; the page runs it with emulated ones",
     "oarlock calibrate session today/recording": "needs somebody who presses the buttons of the guided start",
     'import oarlock\n\nfound = oarlock.live.channels("today")': "needs a GPS receiver and an ergometer",
+    "oarlock reproduce all": "takes five minutes of processor time; tests/test_reproduce.py runs its parts",
+    "oarlock study robustness --seeds 2": "takes many minutes; the page runs the quick variant",
+    "oarlock run walk.zip": "needs a device's zip file; the page runs the same command with a csv file",
+    "oarlock import walk.zip": "needs a device's zip file; tests/test_import_path.py",
+    "oarlock assign legs.zip": "needs a device's zip file; tests/test_assign.py",
+    "oarlock import legs.zip": "needs a device's zip file; tests/test_assign.py",
     "dask ": "needs other machines; tests/test_season_cluster.py starts workers on this one",
     "oarlock season run /share/season": "needs other machines",
     "from dask_jobqueue": "needs SLURM",
@@ -46,7 +52,15 @@ DATA: Mapping[str, str] = {
 }
 """Public recordings that a reader downloads, below `data` of OARLOCK_DATA."""
 
-QUICKER: Mapping[str, str] = {}
+QUICKER: Mapping[str, str] = {
+    "oarlock reproduce table5 --out table5": "oarlock reproduce table5 --seeds 1 --out table5",
+    "oarlock reproduce table5 --seeds 10 --seed 100 --out many --json": "oarlock reproduce table5 --seeds 1 --seed 100 --out many --json",
+    "oarlock study which_sensors --out sensors": "oarlock study which_sensors --seeds 1 --out sensors",
+    "oarlock study examples/studies/noise_grade.toml --out noise": "oarlock study examples/studies/noise_grade.toml --seeds 1 --out noise",
+    "oarlock study mount_error --seeds 20 --jobs 2 --out mounts": "oarlock study mount_error --seeds 1 --jobs 2 --out mounts",
+    "oarlock study robustness_quick --out robust": "oarlock study robustness_quick --seeds 1 --out robust",
+    "oarlock season synthetic season --recordings 600 --athletes 12": "oarlock season synthetic season --recordings 60 --athletes 3",
+}
 """A command that takes minutes, and what is run instead."""
 
 MADE: Mapping[str, str] = {
@@ -55,8 +69,12 @@ MADE: Mapping[str, str] = {
     "field": "oarlock simulate --field careful --duration-s 20 --seed 12 --out field",
     "before": "oarlock track field --model sculler --smooth --out before",
     "walk": "oarlock simulate --model lower_body --stature 1.78 --mass 74 --out walk",
-    "walk.zip": "cd walk && python -m zipfile -c ../walk.zip *",
-    "legs.zip": "{files} legs legs.zip",
+    "walk.toml": "oarlock calibrate sagittal walk --model lower_body --stature 1.78 --mass 74 --out walk.toml",
+    "reach": "oarlock simulate --model arm --units thorax,upper_arm_r,forearm_r --out reach",
+    "reach.toml": "oarlock calibrate session reach --model arm --units thorax,upper_arm_r,forearm_r --out reach.toml || test $? -eq 1",
+    "rower": "oarlock simulate --session --out rower",
+    "today": "oarlock live demo --out today --seconds 10",
+    "names.toml": "echo > names.toml",
     "bow": "{files} crew bow",
     "piece.mp4": "{files} film piece.mp4",
     "filmed": "{files} filmed filmed",
@@ -67,18 +85,21 @@ MADE: Mapping[str, str] = {
 """How what a reader has is made here, from what stands above it. Other names that a command makes may be asked for too."""
 
 PRESUMED: Mapping[str, tuple[str, ...]] = {
-    "README": ("walk.zip",),
     "boat": ("trial",),
     "crew": ("bow", "two", "three", "stroke"),
     "filters": ("trial",),
+    "python": ("trial", "out"),
     "report": ("trial", "out", "after=out", "before", "monday=before", "record=out"),
-    "self-calibration": ("trial",),
     "sensor-faults": ("trial",),
     "mounts": ("my.toml", "rec", "walk"),
     "technique": ("trial", "out"),
     "viewer": ("out", "before"),
     "season-privacy": ("season",),
-    "import": ("walk.zip=legs.zip", "session.zip=legs.zip"),
+    "bodies": ("walk", "walk.toml", "reach", "reach.toml"),
+    "calibration": ("rec=rower", "trial"),
+    "clocks": ("out",),
+    "live": ("today",),
+    "stroke-exports": ("out", "season"),
     "video": ("out=filmed", "piece.mp4"),
 }
 """What is made for a page; `before=out` is `out` under another name."""
@@ -121,7 +142,9 @@ def _make(name: str, pool: Path, run: Callable[[Path, str], object]) -> None:
 def not_run(text: str) -> str:
     """Why a command or program is not run; empty if it is."""
     reasons = (reason for start, reason in NOT_RUN.items() if text.startswith(start))
-    absent = (f"{name} is absent: set OARLOCK_DATA" for name in DATA if name in text and not data(name).exists())
+    absent = (
+        f"{name} is absent: set OARLOCK_DATA" for name in DATA if name in text and not data(name).exists()
+    )
     return next(reasons, "") or next(absent, "")
 
 

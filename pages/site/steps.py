@@ -46,7 +46,9 @@ class Step:
         """The command, or the first line of a program that does more than import."""
         if self.kind == "command":
             return self.text
-        lines = [line for line in self.text.splitlines() if line and not line.startswith(("import ", "from "))]
+        lines = [
+            line for line in self.text.splitlines() if line and not line.startswith(("import ", "from "))
+        ]
         return f"python: {lines[0] if lines else self.text.splitlines()[0]}"
 
 
@@ -136,7 +138,12 @@ class Reader:
     def finish(self, command: str, shown: str = "") -> str:
         """Run a command to its end; what it printed."""
         done = subprocess.run(
-            ["bash", "-c", command], cwd=self.folder, env=self.environment, capture_output=True, text=True, stdin=subprocess.DEVNULL
+            ["bash", "-c", command],
+            cwd=self.folder,
+            env=self.environment,
+            capture_output=True,
+            text=True,
+            stdin=subprocess.DEVNULL,
         )
         if done.returncode:
             said = f"{done.stdout[-2000:]}\n{done.stderr[-2000:]}"
@@ -147,8 +154,13 @@ class Reader:
         """Run a command beside the others."""
         with (self.folder / output).open("wb") as file:
             process = subprocess.Popen(
-                ["bash", "-c", f"exec {command}"], cwd=self.folder, env=self.environment, stdin=subprocess.DEVNULL,
-                stdout=file, stderr=subprocess.STDOUT, start_new_session=True,
+                ["bash", "-c", f"exec {command}"],
+                cwd=self.folder,
+                env=self.environment,
+                stdin=subprocess.DEVNULL,
+                stdout=file,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
             )
         self.running.append(process)
         return process
