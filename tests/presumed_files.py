@@ -56,6 +56,24 @@ def filmed(file: Path) -> None:
     _filmed().track.save(file)
 
 
+def rp3(file: Path) -> None:
+    """Force of an RP3 beside the track `out` of the same folder."""
+    import made_exports
+    import oarlock
+    from oarlock.rowing import find_strokes
+
+    catch_s = find_strokes(oarlock.load_track(file.parent / "out")).table()["catch_time_s"]
+    made_exports.rp3(file, catch_s + 200.0)
+
+
+def watch(file: Path) -> None:
+    """Two minutes of a watch."""
+    from fit_bytes import fit_file
+    from fit_bytes import watch as messages
+
+    file.write_bytes(fit_file(messages(120)))
+
+
 def _filmed():
     from video_drawing import Motion
 

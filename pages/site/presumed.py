@@ -68,39 +68,54 @@ MADE: Mapping[str, str] = {
     "out": "oarlock track trial --model sculler --smooth --out out",
     "field": "oarlock simulate --field careful --duration-s 20 --seed 12 --out field",
     "before": "oarlock track field --model sculler --smooth --out before",
+    "rower": "oarlock simulate --session --out rower",
     "walk": "oarlock simulate --model lower_body --stature 1.78 --mass 74 --out walk",
     "walk.toml": "oarlock calibrate sagittal walk --model lower_body --stature 1.78 --mass 74 --out walk.toml",
     "reach": "oarlock simulate --model arm --units thorax,upper_arm_r,forearm_r --out reach",
-    "reach.toml": "oarlock calibrate session reach --model arm --units thorax,upper_arm_r,forearm_r --out reach.toml || test $? -eq 1",
-    "rower": "oarlock simulate --session --out rower",
-    "today": "oarlock live demo --out today --seconds 10",
-    "names.toml": "echo > names.toml",
-    "bow": "{files} crew bow",
-    "piece.mp4": "{files} film piece.mp4",
-    "filmed": "{files} filmed filmed",
+    "reach.toml": "oarlock calibrate sagittal reach --model arm --units thorax,upper_arm_r,forearm_r --out reach.toml",
     "my.toml": "{files} model my.toml",
     "rec": "oarlock simulate --model my.toml --out rec",
+    "bow": "{files} crew bow",
+    "filmed": "{files} filmed filmed",
+    "piece.mp4": "{files} film piece.mp4",
+    "today": "oarlock live demo --out today --seconds 10",
+    "rp3.csv": "{files} rp3 rp3.csv  # out",
+    "watch.fit": "{files} watch watch.fit",
+    "today.csv": "cp {examples}/strokes/speedcoach_empower.csv today.csv",
+    "lastweek.csv": "cp {examples}/strokes/speedcoach_empower.csv lastweek.csv",
+    "rowsandall.csv": "oarlock strokes {examples}/strokes/nk_logbook.csv --rowingdata rowsandall.csv",
+    "strokes": "oarlock strokes {examples}/strokes/rp3.csv --out strokes",
+    "strokes.parquet": "cp strokes/strokes.parquet strokes.parquet",
+    "k7.toml": "oarlock calibrate stature 1.78 --model sculler --out k7.toml",
     "season": "oarlock season synthetic season --recordings 60 --athletes 3",
 }
-"""How what a reader has is made here, from what stands above it. Other names that a command makes may be asked for too."""
+"""How what a reader has is made here, from what stands above it."""
 
 PRESUMED: Mapping[str, tuple[str, ...]] = {
+    "bodies": ("walk", "walk.toml", "reach", "reach.toml"),
     "boat": ("trial",),
+    "calibration": ("rec=rower", "trial"),
     "crew": ("bow", "two", "three", "stroke"),
     "filters": ("trial",),
+    "live": ("today",),
+    "mounts": ("my.toml", "rec", "walk"),
     "python": ("trial", "out"),
     "report": ("trial", "out", "after=out", "before", "monday=before", "record=out"),
-    "sensor-faults": ("trial",),
-    "mounts": ("my.toml", "rec", "walk"),
-    "technique": ("trial", "out"),
-    "viewer": ("out", "before"),
+    "season": (
+        "trial_1=trial",
+        "trial_2=field",
+        "rp3.csv",
+        "rowsandall.csv",
+        "watch.fit",
+        "strokes.parquet",
+        "k7.toml",
+    ),
     "season-privacy": ("season",),
-    "bodies": ("walk", "walk.toml", "reach", "reach.toml"),
-    "calibration": ("rec=rower", "trial"),
-    "clocks": ("out",),
-    "live": ("today",),
-    "stroke-exports": ("out", "season"),
+    "sensor-faults": ("trial",),
+    "stroke-exports": ("out", "rp3.csv", "watch.fit", "today.csv", "lastweek.csv", "season"),
+    "technique": ("trial", "out"),
     "video": ("out=filmed", "piece.mp4"),
+    "viewer": ("out", "before"),
 }
 """What is made for a page; `before=out` is `out` under another name."""
 
@@ -131,12 +146,11 @@ def presume(name: str, folder: Path, pool: Path, run: Callable[[Path, str], obje
 def _make(name: str, pool: Path, run: Callable[[Path, str], object]) -> None:
     if (pool / name).exists():
         return
-    for needed in MADE:
-        if needed == name:
-            break
+    before = list(MADE)[: list(MADE).index(name)]
+    for needed in before:
         if re.search(rf"(?<![\w./-]){re.escape(needed)}(?![\w.-])", MADE[name]):
             _make(needed, pool, run)
-    run(pool, MADE[name].format(files=f"python {ROOT}/tests/presumed_files.py"))
+    run(pool, MADE[name].format(files=f"python {ROOT}/tests/presumed_files.py", examples=ROOT / "examples"))
 
 
 def not_run(text: str) -> str:
