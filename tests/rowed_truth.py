@@ -8,8 +8,8 @@ import oarlock
 from oarlock.rowing.simulation.experiment import simulate_sculling
 
 
-def rowed(condition: str, duration_s: float, rate: float, seed: int) -> oarlock.Track:
+def rowed(condition: str, duration_s: float, rate: float | tuple[float, float], seed: int) -> oarlock.Track:
     """With deviations as a filter would claim them: half a degree."""
     model = oarlock.load_model("sculler")
-    truth = simulate_sculling(model, condition, duration_s, rate_spm=(rate, rate), seed=seed)[0]
+    truth = simulate_sculling(model, condition, duration_s, rate_spm=rate, seed=seed)[0]
     return replace(truth, q_std=np.full(truth.q.shape, 0.005), qd_std=np.full(truth.q.shape, 0.02))

@@ -17,9 +17,9 @@ from drawn_strokes import (
 )
 from oarlock.rowing.analysis.targets import load_targets
 from oarlock.rowing.findings.at_like_rate import change
-from oarlock.rowing.findings.candidate import Candidate, beyond_chance
+from oarlock.rowing.findings.candidate import Candidate, beyond_chance, chance
 from oarlock.rowing.findings.causes import by_cause
-from oarlock.rowing.findings.find import findings_of
+from oarlock.rowing.findings.find import comparisons, findings_of, named
 from oarlock.rowing.findings.watched import WATCHED
 
 SEEDS = range(41, 44)
@@ -127,6 +127,32 @@ def test_every_text_has_a_source_and_every_column_exists():
         # The peak of the legs is no finding by itself: two humps of nearly one height make it jump.
         assert related <= {"legs_peak_position", "arc_symmetry"}, one.name
         assert one.least > 0.0 and (one.sides or (one.subject and one.grew and one.fell))
+
+
+@pytest.mark.parametrize(("kind", "name"), [("sides", "catch_time_difference_s"), ("drift", "arc_rad")])
+def test_a_difference_is_named_from_the_size_that_a_page_states(kind, name):
+    # Everything else that was compared is certain by itself to be chance, so Holm's first step decides.
+    rowed = drawn(STEADY, 13)
+    every = [replace(one, size=0.0, chance=1.0) for one in comparisons(rowed, {})]
+    one = next(one for one in every if one.kind == kind and one.watched.name == name)
+    others = [other for other in every if other is not one]
+    limit = one.named_from(len(every))
+    assert limit >= one.watched.least
+    for factor, expected in ((0.99, []), (1.01, [name])):
+        size = factor * limit
+        sized = replace(one, size=size, now=size, chance=chance(size, one.sd, one.freedom))
+        assert [found.name for found in named(rowed, [*others, sized])] == expected
+
+
+def test_a_number_within_its_usual_range_is_not_beyond_it():
+    arc = WATCHED["arc_rad"]
+    assert [arc.beyond_usual("sculling", value) for value in (102.0, 105.0, 108.0, 112.0)] == [
+        -3.0,
+        0.0,
+        0.0,
+        2.0,
+    ]
+    assert arc.beyond_usual("ergometer", 20.0) == 0.0
 
 
 def test_a_change_that_the_rate_explains_as_well_is_uncertain():

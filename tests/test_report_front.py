@@ -1,6 +1,7 @@
 """The front of a report: who and when, belief in one line, findings with sources, earlier pieces, sheet and picture."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,9 +13,21 @@ from command_line import run
 from fake_track import noisy_track, true_track
 from html_page import Page, assert_references_lead_somewhere
 from oarlock.evaluation.suspects.text import SUSPECT_NOTE
-from oarlock.report import Front, Point, Sourced, named_file, who_and_when, write_report, write_summary
+from oarlock.report import (
+    Front,
+    Point,
+    Sourced,
+    belief_markup,
+    named_file,
+    who_and_when,
+    write_report,
+    write_summary,
+)
 from oarlock.report.page import sensors_of
 from oarlock.report.trust import trust
+from oarlock.rowing.analysis.technique import technique
+from oarlock.rowing.report.front import front_of
+from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.report.write import rowing_front, write_rowing_report
 from oarlock.storage.errors import DataError
 from rowed_truth import rowed
@@ -82,10 +95,7 @@ def test_belief_is_the_worst_that_is_known(track):
     suspect = replace(nominal, notes=(f"{SUSPECT_NOTE}back: frozen. It stood still.",))
     assert trust(suspect, None, sensors).level == "bad"
     assert trust(suspect, None, sensors).reason == "back: frozen."
-    loud = tuple(
-        score._replace(nis=4.0) if hasattr(score, "_replace") else replace(score, nis=4.0)
-        for score in sensors
-    )
+    loud = tuple(replace(score, nis=4.0) for score in sensors)
     assert f"{len(loud)} of {len(loud)} sensors disagree" in trust(calibrated, None, loud).reason
     assert trust(calibrated, None, ()).level == "care"
 
@@ -98,12 +108,57 @@ def test_earlier_pieces_are_compared_on_the_front(piece, tmp_path):
     front = read.text[read.text.index("Compared with earlier") : read.text.index("The strokes, moving")]
     assert "Last time: tuesday. Own best: record." in front
     assert "The stroke rates differ" in front
+    assert "± " in front and "(as rowed)" in front
     assert "A07, 2026-05-01, Rotsee, boat single" in files[1].read_text(encoding="utf-8").splitlines()[0]
 
 
 def test_without_an_earlier_piece_the_page_says_how_to_give_one(piece, tmp_path):
     read = Page(write_rowing_report(piece, tmp_path)[0].read_text(encoding="utf-8"))
-    assert "Next: Compare with an earlier piece: --last TRACK" in read.text
+    assert "oarlock report TRACK --last EARLIER" in read.text
+
+
+def test_a_piece_in_which_nothing_stands_out_says_what_would_have(piece):
+    front = front_of(Piece("", piece, technique(piece)))
+    assert front.points == []
+    assert re.search(
+        r"It would have shown: one oar \d+ ms late at the catch; a change over the piece", front.quiet
+    )
+    assert "named from" in front.checked
+    assert re.search(
+        r"Row this piece again at 2\d/min and compare: a difference of \d\.\d° of", front.next_step
+    )
+
+
+def test_a_mean_outside_of_usual_values_is_a_remark_with_its_source_unless_targets_were_chosen(piece):
+    for targets, told in ((None, "the stroke is 5.0° shorter than 105"), ("sculling_men", "")):
+        found = technique(piece, targets=targets)
+        short = replace(found.summary["arc_rad"], mean=np.radians(100.0))
+        remark = front_of(
+            Piece("", piece, replace(found, summary={**found.summary, "arc_rad": short}))
+        ).remark
+        assert told in remark and bool(remark) == bool(told)
+
+
+def test_the_course_of_the_rate_is_said():
+    ramp, steady = (rowed("S-NB", 30.0, rate, 6) for rate in ((20.0, 32.0), 24.0))
+    assert re.search(r", rising from 2\d to [23]\d\.", front_of(Piece("", ramp, technique(ramp))).did)
+    assert re.search(r", between 2\d\.\d and 2\d\.\d\.", front_of(Piece("", steady, technique(steady))).did)
+
+
+def test_without_calibration_the_first_step_is_to_calibrate_and_lean_is_marked(piece):
+    nominal = replace(piece, provenance={**piece.provenance, "nominal_mounts": ("back", "r_wrist")})
+    front = front_of(Piece("", nominal, technique(nominal)))
+    assert front.next_step.startswith("Calibrate the sensors")
+    marked = {figure.name for figure in front.figures if "not calibrated" in figure.detail}
+    assert marked == {"trunk lean at the catch", "trunk lean at the finish"}
+    assert front.commands[0][1].startswith("oarlock calibrate")
+
+
+def test_every_reason_to_read_with_care_is_named(track):
+    loud = tuple(replace(score, nis=4.0) for score in sensors_of(track, None))
+    nominal = replace(track, provenance={"nominal_mounts": ("back", "r_wrist")}, notes=())
+    told = belief_markup(trust(nominal, None, loud), "measured-in")
+    assert "misses the prediction by 2.0 times" in told and "The 2 inertial units were not calibrated" in told
 
 
 def test_the_sheet_has_no_link_no_script_and_the_front(piece, tmp_path):

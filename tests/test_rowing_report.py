@@ -89,7 +89,7 @@ def test_summary_says_strokes_rate_and_length_first(page):
     lead = page.text[: page.text.index("joints of the model")]
     assert re.search(r"1[567] strokes in 40 s at 2[34]\.\d/min", lead)
     for usual in ("105 to 110°", "−62 to −66°", "40 to 44°"):
-        assert re.search(rf"\d\.\d°SD \d\.\d°; usual {usual}", lead.replace("\N{NO-BREAK SPACE}", " "))
+        assert re.search(rf"\d\.\d°± \d\.\d°; usual {usual}", lead.replace("\N{NO-BREAK SPACE}", " "))
     assert re.search(r"1[567] strokes of sculling", lead)
     assert "What stands out" in lead
 
@@ -169,9 +169,13 @@ def test_two_pieces_stand_beside_each_other(compared):
     read = Page(text)
     assert read.errors == []
     assert "after beside before" in read.text
-    assert re.search(r"stroke rate 2\d\.\d/min against (29|30)\.\d/min\.", read.text)
+    assert re.search(r"The stroke rates differ \(2\d\.\d/min and (29|30)\.\d/min\)", read.text)
+    assert re.search(r"stroke rate2\d\.\d/min(29|30)\.\d/min\d\.\d ± \d\.\d/min less", read.text)
+    assert read.text.index("after and before") < read.text.index("What stands out")
     assert '"ghost":{' in text
-    row = re.search(r">stroke rate</a></th>(.*?)</tr>", text[text.index("compared-pieces-table") :])
+    row = re.search(
+        r">stroke rate</a></th>(.*?)</tr>", text[text.index('<table id="compared-pieces-table') :]
+    )
     assert row
     assert row[1].endswith("<td><b>yes</b></td>")
 
@@ -181,8 +185,8 @@ def test_a_piece_beside_itself_differs_in_nothing_but_its_name(other):
     same = next(section for section in sections if section.key == "compared-pieces")
     assert "<b>yes</b>" not in same.markup
     told = sections[0].sentences[0]
-    assert "none is large enough to be relevant" in told
-    assert "out (first)" in told and "out (second)" in told
+    assert "None is large enough to matter." in told
+    assert "out (first)" in same.markup and "out (second)" in same.markup
 
 
 def test_a_track_without_strokes_says_so_and_is_reported(track, tmp_path):
@@ -234,7 +238,8 @@ def test_hands_on_one_oar_are_not_set_against_each_other():
     piece = Piece("", swept, technique(swept))
     assert piece.sides
     assert not {finding.name for finding in findings(piece)} & set(piece.sides)
-    assert "Right and left" not in front_of(piece).quiet
+    front = front_of(piece)
+    assert "one oar" not in front.quiet and "Right and left" not in front.checked
 
 
 def test_an_odd_stroke_and_a_drift_are_found(track, found):

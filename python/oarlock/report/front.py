@@ -72,10 +72,15 @@ class Front:
     Attributes:
         did: what was done in one sentence: "27 strokes in 60 s at 27.9/min."
         points: what stands out, the most important first; only the first three are shown.
-        quiet: the sentence if nothing stands out.
-        next_step: with what else it could be compared; markup.
+        quiet: what is said if nothing stands out, with the differences that would have been seen.
+        remark: a sentence below what stands out, such as usual values that differ.
+        checked: everything that was compared, folded; markup.
+        next_step: what to do next, in the reader's words.
+        commands: what each further step is for, and its command; folded.
         figures: key figures, each with its definition.
-        compared: against earlier ones; markup.
+        compared: against earlier ones, or a second one; markup.
+        compared_head: its heading.
+        compared_first: whether it stands above what stands out, and instead of the key figures.
         changes: the same in sentences, for the picture; text.
         drawings: for the summary on paper; markup of drawings.
         course: of the picture: name, unit, and by name the share in percent, mean, lower and upper bound.
@@ -84,9 +89,14 @@ class Front:
     did: str = ""
     points: Sequence[Point] = ()
     quiet: str = ""
+    remark: str = ""
+    checked: str = ""
     next_step: str = ""
+    commands: Sequence[tuple[str, str]] = ()
     figures: Sequence[KeyFigure] = ()
     compared: str = ""
+    compared_head: str = "Compared with earlier"
+    compared_first: bool = False
     changes: Sequence[str] = ()
     drawings: Sequence[str] = ()
     course: Course | None = None
@@ -97,6 +107,11 @@ def who_and_when(provenance: Mapping[str, object]) -> tuple[str, str]:
     info = session_info(provenance)
     first = {key: info[key] for key in _TITLE if key in info}
     return session_text(first), session_text({key: info[key] for key in info if key not in first})
+
+
+def date_of(provenance: Mapping[str, object]) -> str:
+    """The day of the session, such as 2026-05-01; "" if unknown."""
+    return session_info(provenance).get("date", "")
 
 
 def named_file(provenance: Mapping[str, object], ending: str) -> str:
@@ -126,7 +141,5 @@ def front_markup(
         tiles=tiles([*front.figures, *others]),
         points=list(front.points)[:MOST_POINTS],
         more=max(len(front.points) - MOST_POINTS, 0),
-        quiet=front.quiet,
-        next_step=front.next_step,
-        compared=front.compared,
+        front=front,
     )

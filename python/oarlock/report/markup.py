@@ -88,8 +88,9 @@ def folded_help(text: str) -> str:
 
 
 def grid(drawings: Iterable[str], style: str = "") -> str:
-    """Drawings, markup each, side by side."""
-    return f'<div class="grid-figures{" " + style if style else ""}">{"".join(drawings)}</div>'
+    """Drawings, markup each, side by side; "" without drawings."""
+    drawn = "".join(drawings)
+    return f'<div class="grid-figures{" " + style if style else ""}">{drawn}</div>' if drawn else ""
 
 
 def table(

@@ -21,17 +21,21 @@ MARKS = {"good": "✓", "care": "!", "bad": "✗"}
 
 @dataclass(frozen=True)
 class Trust:
-    """A level ("good", "care" or "bad") with its reason, one sentence, and what to do about it, with its command."""
+    """A level ("good", "care" or "bad") with its reasons, the most important first, and what to do about it."""
 
     level: str
-    reason: str
+    reasons: tuple[str, ...]
     remedy: str = ""
-    command: str = ""
 
     @property
     def words(self) -> str:
         """The level in words."""
         return WORDS[self.level]
+
+    @property
+    def reason(self) -> str:
+        """The most important reason, one sentence."""
+        return self.reasons[0]
 
     @property
     def mark(self) -> str:
@@ -43,17 +47,11 @@ def trust(track: Track, evaluation: Evaluation | None, sensors: Sequence[SensorS
     """The worst of what is known about sensors, mounts and bands, as one line."""
     bad = _worst(track, evaluation)
     if bad:
-        return Trust("bad", bad[0] + _more(bad), "Check this sensor and its cable, then record again.")
+        return Trust("bad", tuple(bad), "Check this sensor and its cable, then record again.")
     reasons = _reasons(track, evaluation, sensors)
     if reasons:
-        return Trust("care", reasons[0] + _more(reasons), "Calibrate:", "oarlock calibrate motion")
-    return Trust("good", "the sensors agree with each other and with the calibration.")
-
-
-def _more(reasons: Sequence[str]) -> str:
-    others = len(reasons) - 1
-    named = "one more reason" if others == 1 else f"{others} more reasons"
-    return f" The last section names {named}." if others else ""
+        return Trust("care", tuple(reasons))
+    return Trust("good", ("the sensors agree with each other and with the calibration.",))
 
 
 def _worst(track: Track, evaluation: Evaluation | None) -> list[str]:
@@ -67,28 +65,37 @@ def _worst(track: Track, evaluation: Evaluation | None) -> list[str]:
 
 
 def _reasons(track: Track, evaluation: Evaluation | None, sensors: Sequence[SensorScore]) -> list[str]:
-    found = []
-    loud = sorted((s for s in sensors if s.nis > NIS_TOO_LARGE), key=lambda s: -s.nis)
-    if loud:
-        found.append(
-            f"{len(loud)} of {len(sensors)} sensors disagree with the assumed mounts and lengths, "
-            f"{loud[0].name} most."
-        )
-    if track.provenance.get("nominal_mounts"):
-        found.append(
-            "the sensors were not calibrated: angles can be off by several degrees, changes by less."
-        )
     share = evaluation.mean_coverage() if evaluation else math.nan
+    found = [_loud(sensors), _not_calibrated(track)]
+    if any(note.startswith("uncertainty was increased") for note in track.notes):
+        found.append("because sensors disagreed for several seconds, the uncertainty was increased.")
     if share < NARROW_COVERAGE:
         found.append(f"the 95 % bands contain the reference only {percent(share)} of the time.")
-    if any(note.startswith("uncertainty was increased") for note in track.notes):
-        found.append("the sensors disagreed with the assumed mounts or lengths for several seconds.")
     total = readings(track.counts)
     if total is not None and total.used_share < FEW_USED:
         found.append(f"only {percent(total.used_share)} of the readings could be used.")
     if not sensors:
         found.append("no sensor readings are kept with this track, so nothing could be checked.")
-    return found
+    return [reason for reason in found if reason]
+
+
+def _loud(sensors: Sequence[SensorScore]) -> str:
+    """Which sensors differ from the prediction by more than expected, and by how much."""
+    loud = sorted((s for s in sensors if s.nis > NIS_TOO_LARGE), key=lambda s: -s.nis)
+    if not loud:
+        return ""
+    return (
+        f"{len(loud)} of {len(sensors)} sensors disagree with the assumed mounts and lengths; {loud[0].name} misses "
+        f"the prediction by {math.sqrt(loud[0].nis):.1f} times the expected error."
+    )
+
+
+def _not_calibrated(track: Track) -> str:
+    units = len(track.provenance.get("nominal_mounts") or ())
+    if not units:
+        return ""
+    what = "the inertial unit was" if units == 1 else f"the {units} inertial units were"
+    return f"{what} not calibrated: their angles can be off by several degrees, changes by less."
 
 
 def _short(text: str) -> str:

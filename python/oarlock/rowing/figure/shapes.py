@@ -104,6 +104,7 @@ def _look(rower: Rower, strands: tuple[Strand, ...]) -> Look:
         fixed_lines=False,
         first_curves=_FIRST_CURVES,
         notes=tuple(drawn),
+        loop_words="hands hold the handles",
     )
 
 

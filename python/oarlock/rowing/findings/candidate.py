@@ -21,6 +21,8 @@ _SINGLE_STROKE = 2.0
 """A single stroke must differ by so many times the smallest size; it counts that much less, too."""
 _MANY = 1e6
 _NO_SCATTER = 1e-9
+FALSE_SHARE = 0.02
+"""Probability that anything is named in a piece in which nothing differs, by chance alone."""
 RACE_RATE = 28.0
 """Usual values of race rate do not apply below."""
 
@@ -36,7 +38,8 @@ class Candidate:
         sd: its standard deviation.
         chance: probability of this size or a larger one without a true difference (two-sided).
         now: value now.
-        tests: how many chances there were for one like this.
+        freedom: degrees of freedom of `sd`.
+        tried: number of strokes of which the most unusual was taken, else 1.
         stroke: number of an odd stroke, else 0.
         like_rate: whether a difference of rate was removed.
         limit: usual value that is exceeded.
@@ -49,7 +52,8 @@ class Candidate:
     sd: float
     chance: float
     now: float
-    tests: int = 1
+    freedom: float = float("inf")
+    tried: int = 1
     stroke: int = 0
     like_rate: bool = False
     limit: float = float("nan")
@@ -60,6 +64,14 @@ class Candidate:
         """Size relative to the smallest that is named."""
         own = abs(self.size) / self.watched.least
         return own / _SINGLE_STROKE if self.stroke else own
+
+    def named_from(self, comparisons: int) -> float:
+        """The smallest size that would be named among so many comparisons, in the shown unit."""
+        from scipy.special import stdtrit
+
+        rare = FALSE_SHARE / (2.0 * self.tried * comparisons)
+        certain = -float(stdtrit(min(self.freedom, _MANY), rare)) * self.sd
+        return max(certain, self.watched.least * (_SINGLE_STROKE if self.stroke else 1.0))
 
 
 def within(rowed: Rowed) -> Iterator[Candidate]:
@@ -91,7 +103,8 @@ def sides(rowed: Rowed) -> Iterator[Candidate]:
         mean, count = float(np.median(values)), len(values)
         shared = scale * rowed.shared_std(watched.name)
         sd = float(np.hypot(values.std(ddof=1) * np.sqrt(_ALIKE / count), shared))
-        yield Candidate(watched, "sides", mean, sd, chance(mean, sd, max(count / _ALIKE, 2.0)), mean)
+        freedom = max(count / _ALIKE, 2.0)
+        yield Candidate(watched, "sides", mean, sd, chance(mean, sd, freedom), mean, freedom)
 
 
 def against(rowed: Rowed, other: Rowed, kind: str) -> Iterator[Candidate]:
@@ -123,7 +136,7 @@ def _of_change(
     # Welch and Satterthwaite: only the scatter is estimated from few strokes.
     freedom = found.freedom * (sd / found.scatter_sd) ** 4
     likely = chance(found.size, sd, freedom)
-    return Candidate(watched, kind, found.size, sd, likely, now, like_rate=like_rate)
+    return Candidate(watched, kind, found.size, sd, likely, now, freedom, like_rate=like_rate)
 
 
 def against_usual(rowed: Rowed) -> Iterator[Candidate]:
@@ -143,9 +156,11 @@ def against_usual(rowed: Rowed) -> Iterator[Candidate]:
             continue
         scatter = values.std(ddof=1) * np.sqrt(_ALIKE / len(values))
         sd = float(np.hypot(scatter, scale * rowed.shared_std(watched.name)))
-        likely = chance(mean - limit, sd, max(len(values) / _ALIKE, 2.0))
+        freedom = max(len(values) / _ALIKE, 2.0)
+        likely = chance(mean - limit, sd, freedom)
+        kind = "against usual"
         yield Candidate(
-            watched, "against usual", mean - limit, sd, likely, mean, limit=limit, limit_source=source
+            watched, kind, mean - limit, sd, likely, mean, freedom, limit=limit, limit_source=source
         )
 
 
@@ -158,22 +173,21 @@ def chance(size: float, sd: float, freedom: float) -> float:
     return float(2.0 * stdtr(min(freedom, _MANY), -abs(size) / max(sd, _NO_SCATTER)))
 
 
-def beyond_chance(candidates: Sequence[Candidate], false_share: float) -> list[Candidate]:
+def beyond_chance(candidates: Sequence[Candidate], false_share: float = FALSE_SHARE) -> list[Candidate]:
     """Those large enough whose probability stays below a share of all comparisons (Holm 1979)."""
-    ordered = sorted(candidates, key=lambda one: one.chance * one.tests)
-    total = sum(one.tests for one in candidates)
     kept = []
-    for one in ordered:
-        if one.chance * total > false_share:
+    for left, one in zip(
+        range(len(candidates), 0, -1), sorted(candidates, key=lambda one: one.chance), strict=True
+    ):
+        if one.chance * left > false_share:
             break
-        total -= one.tests
         kept.append(one)
     return [one for one in kept if one.weight > 1.0]
 
 
 def _columns(rowed: Rowed) -> list[Watched]:
     return [
-        watched
+        rowed.own(watched)
         for watched in WATCHED.values()
         if not watched.sides
         and (not watched.kinds or rowed.kind in watched.kinds)
@@ -188,6 +202,7 @@ def _odd(
     k = int(np.argmax(np.abs(found.residuals)))
     sd = float(np.hypot(robust_sd(np.delete(found.residuals, k), FITTED), wander))
     count = len(values)
+    freedom = max(count - 5.0, 3.0)
     beside = found.residuals[[j for j in (k - 1, k + 1) if 0 <= j < count]].mean()
     if abs(beside) > 0.5 * abs(found.residuals[k]):
         return  # several strokes in a row are a change that the regression does not know, not an odd stroke
@@ -196,7 +211,9 @@ def _odd(
         "odd stroke",
         float(found.residuals[k]),
         sd,
-        chance(float(found.residuals[k]), sd, max(count - 5.0, 3.0)) * count,
+        chance(float(found.residuals[k]), sd, freedom) * count,
         float(values[k]),
+        freedom,
+        count,
         stroke=int(numbers[k]),
     )

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 from oarlock.rowing.analysis.features import Feature
-from oarlock.rowing.findings.candidate import against, against_usual, beyond_chance, sides, within
+from oarlock.rowing.findings.candidate import Candidate, against, against_usual, beyond_chance, sides, within
 from oarlock.rowing.findings.causes import by_cause
 from oarlock.rowing.findings.finding import Finding
-from oarlock.rowing.findings.rowed import Rowed, rowing_kind
+from oarlock.rowing.findings.rowed import Kept, Rowed
 from oarlock.rowing.findings.sentences import finding
 from oarlock.rowing.findings.watched import LEAST, WATCHED
 from oarlock.rowing.report.piece import Piece
 
-FALSE_SHARE = 0.02
-"""Probability that anything is named in a piece in which nothing differs, by chance alone."""
-
 
 def findings(
-    piece: Piece, last: Piece | None = None, best: Piece | None = None, other: Piece | None = None
+    piece: Piece,
+    last: Piece | Kept | None = None,
+    best: Piece | Kept | None = None,
+    other: Piece | None = None,
 ) -> list[Finding]:
     """What stands out, the most important first; empty if nothing does.
 
@@ -35,20 +37,22 @@ def findings(
     return findings_of(Rowed.of(piece), compared)
 
 
-def findings_of(rowed: Rowed, compared: dict[str, Rowed]) -> list[Finding]:
+def findings_of(rowed: Rowed, compared: Mapping[str, Rowed]) -> list[Finding]:
     """As `findings`, of strokes; `compared` by kind, such as "against last"."""
+    return named(rowed, comparisons(rowed, compared))
+
+
+def comparisons(rowed: Rowed, compared: Mapping[str, Rowed]) -> list[Candidate]:
+    """Every difference that is looked at, named or not; `compared` as in `findings_of`."""
     if not len(rowed.numbers):
         return []
-    candidates = [*sides(rowed), *within(rowed), *against_usual(rowed)]
-    for kind, other in compared.items():
-        candidates += against(rowed, other, kind)
-    causes = by_cause(beyond_chance(candidates, FALSE_SHARE))
-    return [finding(cause, rowed.kind) for cause in causes]
+    others = [one for kind, other in compared.items() for one in against(rowed, other, kind)]
+    return [*sides(rowed), *within(rowed), *against_usual(rowed), *others]
 
 
-def compares_sides(piece: Piece) -> bool:
-    """Whether right and left should agree; two hands on one oar move differently by design."""
-    return bool(piece.sides) and rowing_kind(piece) != "sweep"
+def named(rowed: Rowed, candidates: Sequence[Candidate]) -> list[Finding]:
+    """Findings among all comparisons of a piece, the most important first."""
+    return [finding(cause, rowed.kind) for cause in by_cause(beyond_chance(candidates))]
 
 
 def least(feature: Feature) -> float:

@@ -6,7 +6,7 @@ from oarlock.rowing.findings.candidate import Candidate
 from oarlock.rowing.findings.causes import Cause
 from oarlock.rowing.findings.finding import Finding
 from oarlock.rowing.findings.watched import Told
-from oarlock.rowing.report.shown import with_unit
+from oarlock.rowing.report.shown import capital, places, with_unit
 
 _MOST_FOLLOWED = 2
 _THAN = {
@@ -58,18 +58,18 @@ def sentence(cause: Cause) -> str:
         late, early = ("right", "left") if lead.size > 0.0 else ("left", "right")
         return lead.watched.sides.format(later=late, earlier=early, size=_size(lead))
     if lead.kind == "odd stroke":
-        before = _value(lead, lead.now - lead.size)
+        before = _value(lead, _before(lead))
         return (
             f"Stroke {lead.stroke} is unusual: {lead.watched.feature.label} {_value(lead, lead.now)}; "
             f"the strokes around it suggest {before}."
         )
     if lead.kind == "against usual":
         whose = f" ({lead.limit_source})" if lead.limit_source else ""
-        return f"{_capital(_changed(lead))} than the usual {_value(lead, lead.limit)}{whose}: {_value(lead, lead.now)}."
+        return f"{capital(_changed(lead))} than the usual {_value(lead, lead.limit)}{whose}: {_value(lead, lead.now)}."
     start = f"In the last third {_changed(lead)} than before" if lead.kind == "drift" else ""
-    start = start or f"{_capital(_changed(lead))} {_THAN[lead.kind]}"
+    start = start or f"{capital(_changed(lead))} {_THAN[lead.kind]}"
     like = " at like stroke rate" if lead.like_rate else ""
-    values = f"{_value(lead, lead.now)} instead of {_value(lead, lead.now - lead.size)}{like}"
+    values = f"{_value(lead, lead.now)} instead of {_value(lead, _before(lead))}{like}"
     return f"{start}: {values}.{_followed(cause)}"
 
 
@@ -96,10 +96,12 @@ def _size(one: Candidate) -> str:
     return with_unit(feature, abs(one.size) / feature.shown_scale)
 
 
+def _before(one: Candidate) -> float:
+    """The value without the difference, so that the rounded numbers of a sentence add up."""
+    digits = places(one.watched.feature)
+    return round(one.now, digits) - round(one.size, digits)
+
+
 def _value(one: Candidate, value: float) -> str:
     feature, sign = one.watched.feature, -1.0 if one.watched.flipped else 1.0
     return with_unit(feature, sign * value / feature.shown_scale)
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -52,13 +53,12 @@ class Watched:
         per_rate: prior standard deviation of the effect of one stroke per minute, in `least`.
         low: published lower limit.
         high: published upper limit.
-        limit_words: what lies beyond the limits.
         kinds: boat kinds to which it applies; empty for all.
         causes: gain by column: a change of this number changes that one by so much.
         goes_with: columns that change with it by no fixed amount.
         beside: columns that may be a reason of this change; they are named with it.
         usual: in words by boat kind, "" for all.
-        usual_range: the same in short, for a key figure.
+        usual_range: the same as lowest and highest value by boat kind, for a key figure.
         usual_source: of it.
         why: why it matters.
         tries: a drill or cue against a larger ("grew") or smaller value ("fell"), or "either".
@@ -74,13 +74,12 @@ class Watched:
     per_rate: float = 0.2
     low: float = float("-inf")
     high: float = float("inf")
-    limit_words: str = ""
     kinds: tuple[str, ...] = ()
     causes: Mapping[str, float] = field(default_factory=dict)
     goes_with: tuple[str, ...] = ()
     beside: tuple[str, ...] = ()
     usual: Mapping[str, str] = field(default_factory=dict)
-    usual_range: Mapping[str, str] = field(default_factory=dict)
+    usual_range: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     usual_source: str = ""
     why: Told = Told()
     tries: Mapping[str, Told] = field(default_factory=dict)
@@ -105,6 +104,11 @@ class Watched:
         words = self.usual.get(kind, self.usual.get("", either))
         return Told(words, self.usual_source if words else "")
 
+    def beyond_usual(self, kind: str, value: float) -> float:
+        """How far a value (shown unit) lies beyond the usual range of a boat kind; 0 within it or without one."""
+        low, high = self.usual_range.get(kind, (-math.inf, math.inf))
+        return min(value - low, 0.0) + max(value - high, 0.0)
+
 
 def _read() -> Iterator[Watched]:
     text = files("oarlock.rowing.findings").joinpath("watched.toml").read_text(encoding="utf-8")
@@ -120,6 +124,7 @@ def _read() -> Iterator[Watched]:
             kinds=tuple(row.pop("kinds", ())),
             goes_with=tuple(row.pop("goes_with", ())),
             beside=tuple(row.pop("beside", ())),
+            usual_range={boat: (span[0], span[1]) for boat, span in row.pop("usual_range", {}).items()},
             **row,
         )
 

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from html import escape
 
 from oarlock.report import Column, sortable_table, value_cell
+from oarlock.rowing.findings.candidate import against
 from oarlock.rowing.findings.find import least
-from oarlock.rowing.findings.rowed import RATES_APART
-from oarlock.rowing.report.averages import Average, Difference, difference
+from oarlock.rowing.findings.rowed import RATES_APART, Rowed
+from oarlock.rowing.report import words
+from oarlock.rowing.report.averages import SIGMAS_95, Average, Difference, difference
+from oarlock.rowing.report.earlier import SAME_RATE_PER_MIN, in_words, matters
 from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.report.shown import PLUS_MINUS, shown, spread, unit_of, with_unit
 from oarlock.rowing.report.tables import beyond_words, link
 
-MOST_TOLD = 4
-_LIKE = "What stands out is compared at like rate."
-_APART = f"Rates more than {RATES_APART:.0f}/min apart are not compared further."
-SAME_RATE_PER_MIN = 1.0
-"""Pieces whose rates differ by more are compared with a warning."""
+_OF_RATE = ("rate_per_min", "drive_time_s", "recovery_time_s")
+"""Numbers that make up the stroke rate."""
+MOST_TOLD = 5
+"""Numbers that a sentence names."""
 
 
 def differences(this: Piece, other: Piece) -> dict[str, tuple[Average, Average, Difference]]:
@@ -29,9 +32,11 @@ def differences(this: Piece, other: Piece) -> dict[str, tuple[Average, Average, 
 
 
 def comparison_table(key: str, this: Piece, other: Piece) -> str:
-    """One row per number with both means, their difference, and whether it exceeds both uncertainties."""
+    """One row per number with both means, their difference, and whether it exceeds both uncertainties; those first."""
     rows = []
-    for name, (mine, theirs, between) in differences(this, other).items():
+    found = differences(this, other)
+    for name in largest_first(found):
+        mine, theirs, between = found[name]
         feature = mine.feature
         rows.append(
             [
@@ -64,35 +69,79 @@ def comparison_table(key: str, this: Piece, other: Piece) -> str:
 
 
 def sentences(this: Piece, other: Piece) -> list[str]:
-    """The largest differences, as markup."""
+    """The other piece, which numbers differ, how many would by chance, and what the rate does; markup."""
     found = differences(this, other)
-    names = f"<b>{escape(this.name)}</b> beside <b>{escape(other.name)}</b>"
+    told = [f"<b>{escape(other.name)}</b>: {escape(words.strokes(other))}"]
     if not found:
-        return [f"{names}: the pieces have no number in common."]
-    sure = {
-        name: held for name, held in found.items() if held[2].beyond and not name.startswith(("r_", "l_"))
-    }
-    weights = {name: abs(held[2].value) / least(held[0].feature) for name, held in sure.items()}
-    telling = sorted((name for name in sure if weights[name] > 1.0), key=lambda name: -weights[name])
-    beyond = sum(bool(held[2].beyond) for held in found.values())
-    start = f"{names}: {beyond} of {len(found)} differences exceed both uncertainties"
+        return [*told, "The pieces have no number in common."]
+    sure = [name for name in largest_first(found) if found[name][2].beyond]
+    tested = sum(held[2].beyond is not None for held in found.values())
+    counted = (
+        f"<b>{len(sure)} of {len(found)} numbers differ</b> by more than both uncertainties; "
+        f"by chance about {0.05 * tested:.0f} would."
+    )
+    telling = [name for name in sure if matters(found[name][2])]
+    most = "None is large enough to matter."
+    if telling:
+        named = [f"{found[name][0].feature.label} ({in_words(found[name][2])})" for name in telling]
+        most = f"Largest: {escape(_listed(named))}."
+    table = '<a href="#compared-pieces-in">Side by side</a> has all.'
+    rates = _rates(found, this, other, sure)
+    return [*told, f"{counted} {most} {table}", *([escape(rates)] if rates else [])]
+
+
+def largest_first(found: Mapping[str, tuple[Average, Average, Difference]]) -> list[str]:
+    """Names, those beyond both uncertainties first, the largest relative to what matters before others."""
+
+    def order(name: str) -> tuple[bool, float]:
+        between = found[name][2]
+        weight = abs(between.value) / least(between.feature)
+        return not between.beyond, -(weight if weight == weight else 0.0)
+
+    return sorted(found, key=order)
+
+
+def _rates(
+    found: Mapping[str, tuple[Average, Average, Difference]], this: Piece, other: Piece, sure: Sequence[str]
+) -> str:
+    """Which differences follow the stroke rate and which remain without it, as text; "" if the rates are alike."""
     rates = found.get("rate_per_min")
-    if rates is not None and abs(rates[2].value) >= SAME_RATE_PER_MIN:
-        now, then = (with_unit(one.feature, one.over.mean) for one in rates[:2])
-        return [
-            f"{names}: stroke rate {now} against {then}. {beyond} of {len(found)} numbers differ by more than both "
-            f"uncertainties, but many follow the rate. {_LIKE if abs(rates[2].value) <= RATES_APART else _APART}"
-        ]
-    if not telling:
-        return [f"{start}; none is large enough to be relevant."]
-    told = "; ".join(_told(*sure[name]) for name in telling[:MOST_TOLD])
-    return [f"{start}. Most: {told}."]
+    if rates is None or abs(rates[2].value) < SAME_RATE_PER_MIN:
+        return ""
+    now, then = (with_unit(one.feature, one.over.mean) for one in rates[:2])
+    start = f"The stroke rates differ ({now} and {then})"
+    mine, theirs = Rowed.of(this), Rowed.of(other)
+    if not mine.comparable(theirs):
+        return f"{start}{_not_at_like_rate(mine, theirs)}"
+    like = {one.watched.name: one for one in against(mine, theirs, "against other")}
+    remain = [name for name in sure if name in like and abs(like[name].size) > SIGMAS_95 * like[name].sd]
+    follow = [name for name in sure if name in _OF_RATE or (name in like and name not in remain)]
+    labels = [
+        _listed([found[name][0].feature.label for name in group if name != "rate_per_min"])
+        for group in (follow, remain)
+    ]
+    told = [f"{start}."]
+    if labels[0]:
+        told.append(f"With the rate goes: {labels[0]}.")
+    told.append(
+        f"Left at like rate: {labels[1]}." if labels[1] else "Of these, nothing clear is left at like rate."
+    )
+    return " ".join(told)
 
 
-def _told(mine: Average, theirs: Average, between: Difference) -> str:
-    change = with_unit(between.feature, between.value, signed=True)
-    now, then = (with_unit(one.feature, one.over.mean) for one in (mine, theirs))
-    return escape(f"{mine.feature.label} {now} instead of {then} ({change})")
+def _not_at_like_rate(mine: Rowed, theirs: Rowed) -> str:
+    if abs(mine.rate_per_min - theirs.rate_per_min) > RATES_APART:
+        why = f": over more than {RATES_APART:.0f}/min its effect is not known well enough to remove it"
+    else:
+        why = ", and its effect was not removed, because the boats or the sensors differ"
+    return f"{why}. Each number is still that of its own piece; how much of a difference comes from the rate is open."
+
+
+def _listed(names: Sequence[str]) -> str:
+    """The first few, and how many more."""
+    named = list(dict.fromkeys(names))
+    more = len(named) - MOST_TOLD
+    return ", ".join(named[:MOST_TOLD]) + (f" and {more} more" if more > 0 else "")
 
 
 def _mean(one: Average) -> str:

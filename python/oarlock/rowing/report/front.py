@@ -2,94 +2,102 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from html import escape
-
 import numpy as np
 
-from oarlock.report import Course, Front, Point, Sourced, fixed, plain_table
+from oarlock.report import Course, Front, Point, Sourced, fixed
 from oarlock.rowing.analysis.features import FEATURES
-from oarlock.rowing.findings.find import compares_sides, findings, least
+from oarlock.rowing.findings.find import comparisons, named
 from oarlock.rowing.findings.finding import Finding
-from oarlock.rowing.findings.rowed import Rowed, rowing_kind
+from oarlock.rowing.findings.rowed import Kept, Rowed, rowing_kind
 from oarlock.rowing.report import words
-from oarlock.rowing.report.averages import SIGMAS_95, Average, difference, feature_of
-from oarlock.rowing.report.compared import SAME_RATE_PER_MIN
+from oarlock.rowing.report.averages import SIGMAS_95
+from oarlock.rowing.report.checked import HEADS, checked, next_sizes, outside_usual, quiet
 from oarlock.rowing.report.drawings import SPEEDS, curve_drawings, speeds
-from oarlock.rowing.report.piece import Counted, Piece
-from oarlock.rowing.report.shown import DECIMALS, PLUS_MINUS, joined_unit, shown, spread, with_unit
-from oarlock.rowing.report.tables import link
-
-COMPARED = (
-    "rate_per_min",
-    "arc_rad",
-    "catch_angle_rad",
-    "finish_angle_rad",
-    "handle_travel_m",
-    "rhythm",
-    "power_w",
-    "peak_force_n",
-    "speed_m_s",
-    "slip_rad",
-    "wash_rad",
-    "heart_rate_per_min",
+from oarlock.rowing.report.earlier import (
+    SAME_RATE_PER_MIN,
+    Other,
+    at_like_rate,
+    compared,
+    earlier_pieces,
+    largest_change,
 )
-"""Numbers that the front compares with earlier pieces."""
-HEADS = {
-    "sides": "Right and left",
-    "drift": "Over the piece",
-    "odd stroke": "One stroke",
-    "against usual": "Against usual values",
-    "against last": "Against last time",
-    "against best": "Against own best",
-    "against other": "Against the other piece",
-}
+from oarlock.rowing.report.piece import Piece
+from oarlock.rowing.report.shown import DECIMALS, PLUS_MINUS
+
 _CLASS = {"sculling": "sculling_men", "sweep": "sweep_men", "ergometer": "ergometer"}
 UNITS = {"deg": "°", "1/min": "/min", "cm2": " cm²", "1": ""}
 
 
 def front_of(
-    piece: Piece, last: Piece | None = None, best: Piece | None = None, other: Piece | None = None
+    piece: Piece,
+    last: Piece | Kept | None = None,
+    best: Piece | Kept | None = None,
+    other: Piece | None = None,
 ) -> Front:
     """The front of one piece, with up to two earlier ones of the same athlete, and any other one beside it."""
+    others = {"against last": last, "against best": best, "against other": other}
+    rowed = Rowed.of(piece)
+    against = {kind: Rowed.of(one) for kind, one in others.items() if one is not None}
+    candidates = comparisons(rowed, against)
+    found = named(rowed, candidates)
+    beside = earlier_pieces(last, best, candidates)
+    if other is not None:
+        beside.insert(0, Other(other.name, other, at_like_rate(candidates, "against other")))
     return Front(
-        did=words.strokes(piece),
-        points=[point(found) for found in findings(piece, last, best, other)] if piece.counted.any() else [],
-        quiet=_quiet(piece, {"last time": last, "own best": best, other.name if other else "": other}),
-        next_step=_next_step(piece, last is not None or best is not None or other is not None),
-        figures=words.key_figures(piece, kind=rowing_kind(piece)),
-        compared=compared(piece, last, best),
-        changes=[text for name, one in _earlier(last, best) for text in [_change(piece, one, name)] if text],
+        did=f"{piece.name}: {words.strokes(piece)}" if other is not None else words.strokes(piece),
+        points=[point(one) for one in found],
+        quiet=quiet(candidates),
+        remark=outside_usual(piece, rowed.kind),
+        checked=checked(candidates),
+        next_step=_next_step(piece, rowed, bool(found), against.get("against other")),
+        commands=_commands(piece, bool(against)),
+        figures=words.key_figures(piece, kind=rowed.kind, calibrated=not _nominal(piece)),
+        compared=compared(
+            piece, beside, now=", ".join(filter(None, (piece.name, piece.date))) if other else "now"
+        ),
+        compared_head=f"{piece.name} and {other.name}" if other is not None else "Compared with earlier",
+        compared_first=other is not None,
+        changes=[largest_change(piece, one) for one in beside],
         drawings=[*speeds([piece]), *curve_drawings([piece])],
         course=_course(piece),
     )
 
 
-def _quiet(piece: Piece, others: Mapping[str, Piece | None]) -> str:
-    if not piece.counted.any():
-        return "All strokes are excluded from averages, so technique is not assessed."
-    sides = "difference of right and left, no " if compares_sides(piece) else ""
-    rowed = Rowed.of(piece)
-    compared = [name for name, one in others.items() if one and rowed.comparable(Rowed.of(one))]
-    against = "".join(f" or against {name}" for name in compared)
-    return (
-        f"Nothing that this recording can show: no {sides}stroke and no change over the piece{against} is larger "
-        "than its uncertainty. Where a number differs from usual values, the placement of the sensors may be the cause."
-    )
+def _next_step(piece: Piece, rowed: Rowed, found: bool, other: Rowed | None = None) -> str:
+    """What to do next, in the words of rowing."""
+    steps = []
+    if _nominal(piece):
+        steps.append("Calibrate the sensors: angles of trunk and arms then compare with usual values.")
+    again = "Row this piece again"
+    if found:
+        again = "Try what the first finding says, then row this piece again"
+    if other is not None and abs(rowed.rate_per_min - other.rate_per_min) >= SAME_RATE_PER_MIN:
+        again = "Row both pieces again, both"
+    rate = " at the same rates" if words.is_ramp(piece) else f" at {rowed.rate_per_min:.0f}/min"
+    sizes = next_sizes(rowed)
+    shows = f": a difference of {sizes} will show" if sizes else ""
+    return " ".join([*steps, f"{again}{rate} and compare{shows}."])
 
 
-def _next_step(piece: Piece, compared: bool) -> str:
-    """How to compare this piece with more, as markup; "" if it was compared with all."""
-    steps = [] if compared else ["with an earlier piece: <code>--last TRACK</code>"]
+def _nominal(piece: Piece) -> bool:
+    """Whether mounts of units were assumed, not calibrated."""
+    return bool(piece.track.provenance.get("nominal_mounts"))
+
+
+def _commands(piece: Piece, compared: bool) -> list[tuple[str, str]]:
+    """What each further step is for, and its command."""
+    told = []
+    if _nominal(piece):
+        told += [
+            ("Calibrate with two minutes of movements", "oarlock calibrate session --help"),
+            ("Calibrate from ordinary rowing", "oarlock calibrate motion --help"),
+        ]
+    if not compared:
+        told.append(("Compare with an earlier piece", "oarlock report TRACK --last EARLIER"))
     if not piece.technique.targets:
         example = _CLASS[rowing_kind(piece)]
-        steps.append(f"with published values of a boat class: <code>--targets {example}</code>")
-    told = [f"Compare {', or '.join(steps)} (<code>oarlock report</code>)."] if steps else []
-    if piece.track.provenance.get("nominal_mounts"):
-        told.insert(
-            0, "Calibrate (<code>oarlock calibrate motion</code>), so that angles compare with usual values."
-        )
-    return " ".join(told)
+        told.append(("Compare with a boat class", f"oarlock report TRACK --targets {example}"))
+    return told
 
 
 def point(found: Finding) -> Point:
@@ -117,78 +125,6 @@ def _size(found: Finding) -> str:
     sign = "+" if found.size > 0 else ""
     half = f" {PLUS_MINUS} {fixed(SIGMAS_95 * found.size_1sd, digits)}" if np.isfinite(found.size_1sd) else ""
     return f"{sign}{fixed(found.size, digits)}{half}{unit}"
-
-
-def _earlier(last: Counted | None, best: Counted | None) -> list[tuple[str, Counted]]:
-    return [(name, one) for name, one in (("last time", last), ("own best", best)) if one is not None]
-
-
-def compared(
-    piece: Counted,
-    last: Counted | None,
-    best: Counted | None = None,
-    command: str = "",
-) -> str:
-    """Numbers beside those of earlier pieces, as markup; without one, the `command` that gives one, if any."""
-    earlier = _earlier(last, best)
-    if not earlier:
-        return (
-            f'<p class="hint">No earlier piece was given: <code>{escape(command)}</code>.</p>'
-            if command
-            else ""
-        )
-    names = [name for name in COMPARED if name in piece.averages and piece.averages[name].known]
-    rows = [
-        [
-            link(name, feature_of(name).label),
-            escape(with_unit(feature_of(name), piece.averages[name].over.mean)),
-            *(_cell(piece.averages[name], one.averages.get(name)) for _, one in earlier),
-        ]
-        for name in names
-    ]
-    heads = ["number", "now", *(f"since {name}" for name, _ in earlier)]
-    caption = f"Change since then, {PLUS_MINUS} its 95 % interval. Grey: within it, or too small to matter."
-    table = plain_table("compared-earlier", caption, heads, rows)
-    return f"<p>{_which(earlier)}</p>{table}{_rate_hint(piece, earlier)}"
-
-
-def _which(earlier: Sequence[tuple[str, Counted]]) -> str:
-    return ". ".join(f"{name.capitalize()}: <b>{escape(one.name)}</b>" for name, one in earlier) + "."
-
-
-def _cell(now: Average, then: Average | None) -> str:
-    if then is None or not then.known:
-        return '<span class="mark">not known</span>'
-    change = difference(now, then)
-    half = spread(change.feature, SIGMAS_95 * change.uncertainty)
-    text = (
-        f"{shown(change.feature, change.value, signed=True)} {PLUS_MINUS} {half}{joined_unit(change.feature)}"
-    )
-    clear = change.beyond and abs(change.value) > least(change.feature)
-    return f"<b>{escape(text)}</b>" if clear else f'<span class="mark">{escape(text)}</span>'
-
-
-def _rate_hint(piece: Counted, earlier: Sequence[tuple[str, Counted]]) -> str:
-    now = piece.averages.get("rate_per_min")
-    then = [one.averages["rate_per_min"] for _, one in earlier if "rate_per_min" in one.averages]
-    if now is None or all(abs(now.over.mean - one.over.mean) < SAME_RATE_PER_MIN for one in then):
-        return ""
-    return '<p class="hint">The stroke rates differ: a part of the other differences comes from the rate.</p>'
-
-
-def _change(piece: Counted, earlier: Counted, name: str) -> str:
-    """The largest certain change of the compared numbers in one sentence; "" if there is none."""
-    changes = []
-    for key in COMPARED[1:]:
-        now, then = piece.averages.get(key), earlier.averages.get(key)
-        if now is not None and then is not None and now.known and then.known:
-            between = difference(now, then)
-            if between.beyond and abs(between.value) > least(between.feature):
-                changes.append((abs(between.value) / between.uncertainty, now, between))
-    if not changes:
-        return f"Against {name}: no change beyond its uncertainty."
-    _, now, between = max(changes, key=lambda one: one[0])
-    return f"Against {name}: {now.feature.label} {with_unit(between.feature, between.value, signed=True)}."
 
 
 def _course(piece: Piece) -> Course | None:

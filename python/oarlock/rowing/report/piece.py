@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock import Track
+from oarlock.report import date_of
 from oarlock.rowing.analysis.technique import Technique
 from oarlock.rowing.report.averages import Average, averages, feature_of
 from oarlock.rowing.report.phase import Stack, frame_courses, stack
@@ -23,6 +24,10 @@ class Counted(Protocol):
     @property
     def name(self) -> str:
         """For people."""
+
+    @property
+    def date(self) -> str:
+        """The day, such as 2026-05-01; "" if unknown."""
 
     @property
     def table(self) -> StrokeTable:
@@ -50,6 +55,11 @@ class Piece:
     name: str
     track: Track
     technique: Technique
+
+    @property
+    def date(self) -> str:
+        """The day, such as 2026-05-01; "" if unknown."""
+        return date_of(self.track.provenance)
 
     @property
     def table(self) -> StrokeTable:

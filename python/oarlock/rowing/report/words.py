@@ -7,52 +7,103 @@ from html import escape
 
 import numpy as np
 
-from oarlock.report import KeyFigure
+from oarlock.report import KeyFigure, fixed
 from oarlock.rowing.findings.watched import WATCHED, Told, Watched
-from oarlock.rowing.report.averages import Average, feature_of
+from oarlock.rowing.report.averages import SIGMAS_95, Average, feature_of
 from oarlock.rowing.report.piece import Counted, Piece
-from oarlock.rowing.report.shown import joined_unit, shown, spread, with_unit
+from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, shown, spread, with_unit
+from oarlock.rowing.strokes.table import Floats
 
 _SHARE = {"rhythm": "drive of the stroke"}
-SCATTER = "SD: standard deviation between strokes."
-TILES = ("rate_per_min", "arc_rad", "catch_angle_rad", "finish_angle_rad", "rhythm")
+TILES = (
+    "rate_per_min",
+    "arc_rad",
+    "catch_angle_rad",
+    "finish_angle_rad",
+    "rhythm",
+    "catch_lean_rad",
+    "finish_lean_rad",
+    "seat_travel_m",
+)
+_OF_UNITS = ("catch_lean_rad", "finish_lean_rad")
+"""Key figures that inertial units measure; encoders measure the others."""
+_RAMP_PER_MIN = 2.0
+"""A rate that differs by less between start and end of a piece is called steady, 1/min."""
+_AT_THE_ENDS = 3
+"""Strokes at start and end whose mean rates are compared."""
 
 
-def key_figures(piece: Counted, names: Sequence[str] = TILES, kind: str = "") -> list[KeyFigure]:
-    """The key figures: strokes, and those of `names` that are known; `kind` of rowing, for usual values."""
+def key_figures(
+    piece: Counted, names: Sequence[str] = TILES, kind: str = "", calibrated: bool = True
+) -> list[KeyFigure]:
+    """The key figures: strokes, and those of `names` that are known.
+
+    `kind` of rowing, for usual values; `calibrated`: whether the mounts of the inertial units are.
+    """
     left_out = int((~piece.counted).sum())
     detail = f"{left_out} not in averages" if left_out else "all in averages"
-    figures = [KeyFigure("strokes", str(len(piece.table)), detail)]
+    why = f"Left out of all averages: {why_left_out(piece)}." if left_out else ""
+    figures = [KeyFigure("strokes", str(len(piece.table)), detail, why)]
     for name in names:
         found = piece.averages.get(name)
         if found is not None and found.known:
-            figures.append(_key_figure(found, WATCHED.get(name), kind))
+            unsure = name in _OF_UNITS and not calibrated
+            figures.append(_key_figure(found, WATCHED.get(name), kind, unsure))
     return figures
 
 
-def _key_figure(found: Average, watched: Watched | None, kind: str) -> KeyFigure:
-    """A number with its scatter and usual values; their source is in the definition."""
+def _key_figure(found: Average, watched: Watched | None, kind: str, unsure: bool) -> KeyFigure:
+    """A number with its uncertainty and usual values; `unsure`: the error of a mount comes on top."""
     usual = watched.usual_of(kind) if watched is not None else Told()
-    short = (
-        watched.usual_range.get(kind, "").replace(" ", "\N{NO-BREAK SPACE}") if watched is not None else ""
-    )
-    meaning = f"{found.feature.in_words} {SCATTER}"
+    span = usual_span(watched, kind) if watched is not None else ""
+    meaning = [found.feature.in_words, _within(found, unsure), _scatter(found)]
     if usual.text:
-        meaning += f" Usual: {usual.text} ({usual.source})."
-    return KeyFigure(
-        found.feature.label,
-        with_unit(found.feature, found.over.mean),
-        "; ".join(
-            filter(None, (_SHARE.get(found.feature.name), _scatter(found), f"usual {short}" if short else ""))
-        ),
-        meaning,
+        meaning.append(f"Usual: {usual.text} ({usual.source}).")
+    share = _SHARE.get(found.feature.name, "")
+    detail = "; ".join(
+        filter(None, (share, _half(found), "not calibrated" if unsure else "", span and f"usual {span}"))
+    )
+    value = with_unit(found.feature, found.over.mean)
+    return KeyFigure(found.feature.label, value, detail, " ".join(filter(None, meaning)))
+
+
+def usual_span(watched: Watched, kind: str) -> str:
+    """Usual values of a boat kind in short, such as `105 to 110°`; "" without a source."""
+    if kind not in watched.usual_range:
+        return ""
+    low, high = sorted(watched.usual_range[kind], key=abs)
+    span = f"about {fixed(low, 0)}" if low == high else f"{fixed(low, 0)} to {fixed(high, 0)}"
+    return f"{span}{joined_unit(watched.feature)}".replace(" ", "\N{NO-BREAK SPACE}")
+
+
+def _half(found: Average) -> str:
+    """Half of the 95 % interval of the mean; where only the scatter is known, that."""
+    if np.isfinite(found.uncertainty):
+        half = spread(found.feature, SIGMAS_95 * found.uncertainty)
+        return f"{PLUS_MINUS}\N{NO-BREAK SPACE}{half}{joined_unit(found.feature)}"
+    if np.isnan(found.over.sd):
+        return "of a single stroke"
+    return f"SD {spread(found.feature, found.over.sd)}{joined_unit(found.feature)}"
+
+
+def _within(found: Average, unsure: bool) -> str:
+    if not np.isfinite(found.uncertainty):
+        return ""
+    if not found.over.std:
+        return (
+            f"{PLUS_MINUS}: 95 % interval of the mean from its strokes; the device's own error is not known."
+        )
+    top = " The unit was not calibrated: several degrees come on top." if unsure else ""
+    return (
+        f"{PLUS_MINUS}: 95 % interval of the mean, with the known errors of sensors, mounts and lengths.{top}"
     )
 
 
 def _scatter(found: Average) -> str:
     if np.isnan(found.over.sd):
-        return "of a single stroke"
-    return f"SD {spread(found.feature, found.over.sd)}{joined_unit(found.feature)}"
+        return ""
+    scatter = spread(found.feature, found.over.sd) + joined_unit(found.feature)
+    return f"Standard deviation from stroke to stroke: {scatter}."
 
 
 def strokes(piece: Piece) -> str:
@@ -64,20 +115,48 @@ def strokes(piece: Piece) -> str:
     if rate is not None and rate.known:
         text += f" at {with_unit(rate.feature, rate.over.mean)}"
         if rate.over.count > 1:
-            text += f", from {shown(rate.feature, rate.over.least)} to {shown(rate.feature, rate.over.most)}"
+            text += _course_of_rate(piece, rate)
     return f"{text}."
+
+
+def _course_of_rate(piece: Piece, rate: Average) -> str:
+    """How the stroke rate went: ", rising from 21 to 34"."""
+    if not is_ramp(piece):
+        return f", between {shown(rate.feature, rate.over.least)} and {shown(rate.feature, rate.over.most)}"
+    first, last = _rates_at_ends(piece)
+    return f", {'rising' if last > first else 'falling'} from {first:.0f} to {last:.0f}"
+
+
+def is_ramp(piece: Piece) -> bool:
+    """Whether the stroke rate rises or falls from the start of the piece to its end."""
+    first, last = _rates_at_ends(piece)
+    rates = _rates(piece)
+    low, high = sorted((first, last))
+    between = bool(rates.size and rates.max() <= high + _RAMP_PER_MIN and rates.min() >= low - _RAMP_PER_MIN)
+    return high - low >= _RAMP_PER_MIN and between
+
+
+def _rates_at_ends(piece: Piece) -> tuple[float, float]:
+    rates = _rates(piece)
+    if len(rates) < 2 * _AT_THE_ENDS:
+        return float("nan"), float("nan")
+    return float(rates[:_AT_THE_ENDS].mean()), float(rates[-_AT_THE_ENDS:].mean())
+
+
+def _rates(piece: Piece) -> Floats:
+    rates = piece.table["rate_per_min"][piece.counted]
+    return rates[np.isfinite(rates)]
 
 
 def _left_out(piece: Piece) -> list[str]:
     count = int((~piece.counted).sum())
     if not count:
         return []
-    return [
-        escape(f"{count} of {len(piece.table)} strokes left out of all averages: {_why_left_out(piece)}.")
-    ]
+    return [escape(f"{count} of {len(piece.table)} strokes left out of all averages: {why_left_out(piece)}.")]
 
 
-def _why_left_out(piece: Piece) -> str:
+def why_left_out(piece: Counted) -> str:
+    """The reasons for which strokes count in no average, with how many."""
     reasons = piece.table.reason("in_averages")
     told = [reasons[row] or "left out" for row in np.flatnonzero(~piece.counted)]
     counts = {reason: told.count(reason) for reason in dict.fromkeys(told)}

@@ -1,0 +1,120 @@
+"""What the findings of a piece compared, and from which size a difference is named: for the front of a report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from html import escape
+
+from oarlock.report import plain_table
+from oarlock.rowing.findings.candidate import Candidate, against
+from oarlock.rowing.findings.rowed import Rowed
+from oarlock.rowing.findings.watched import WATCHED
+from oarlock.rowing.report.averages import SIGMAS_95
+from oarlock.rowing.report.piece import Piece
+from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, shown, spread, with_unit
+from oarlock.rowing.report.tables import link
+from oarlock.rowing.report.words import usual_span
+
+HEADS = {
+    "sides": "Right and left",
+    "drift": "Over the piece",
+    "odd stroke": "One stroke",
+    "against usual": "Against usual values",
+    "against last": "Against last time",
+    "against best": "Against own best",
+    "against other": "Against the other piece",
+}
+"""What was compared with what, by kind of finding."""
+_OF_SIDES = ("catch_time_difference_s",)
+_OF_DRIFT = ("arc_rad", "catch_angle_rad", "lean_swing_rad")
+_OF_NEXT = ("catch_angle_rad", "lean_swing_rad")
+
+
+def quiet(candidates: Sequence[Candidate]) -> str:
+    """That nothing stands out, and which differences would have."""
+    if not candidates:
+        return "Too few strokes count, so nothing was compared."
+    late = sizes(candidates, "sides", _OF_SIDES)
+    changed = sizes(candidates, "drift", _OF_DRIFT)
+    told = [
+        *(f"one oar {size} late at the catch" for _, size in late),
+        *([f"a change over the piece of {_listed(changed)}"] if changed else []),
+    ]
+    would = f" It would have shown: {'; '.join(told)}." if told else ""
+    return f"Nothing: no difference is larger than its uncertainty.{would}"
+
+
+def next_sizes(rowed: Rowed) -> str:
+    """The differences that another piece like this one could show: "2.1° of catch angle or 6° of lean"; "" if none."""
+    return _listed(sizes(list(against(rowed, rowed, "again")), "again", _OF_NEXT))
+
+
+def sizes(candidates: Sequence[Candidate], kind: str, names: Iterable[str]) -> list[tuple[str, str]]:
+    """Label and size from which it is named, of those numbers that were compared."""
+    found = {one.watched.name: one for one in candidates if one.kind == kind}
+    return [
+        (found[name].watched.feature.label, _size(found[name], found[name].named_from(len(candidates))))
+        for name in names
+        if name in found
+    ]
+
+
+def _listed(sizes: Sequence[tuple[str, str]]) -> str:
+    told = [f"{size} of {label}" for label, size in sizes]
+    return " or ".join(filter(None, (", ".join(told[:-1]), *told[-1:])))
+
+
+def _size(one: Candidate, size: float) -> str:
+    feature = one.watched.feature
+    return with_unit(feature, size / feature.shown_scale)
+
+
+def checked(candidates: Sequence[Candidate]) -> str:
+    """A table of all comparisons with what was found and the size from which it is named; markup."""
+    rows = [
+        [
+            escape(f"Stroke {one.stroke}" if one.stroke else HEADS[one.kind]),
+            link(one.watched.name, one.watched.feature.label),
+            escape(_with_interval(one)),
+            escape(_size(one, one.named_from(len(candidates)))),
+        ]
+        for one in sorted(candidates, key=lambda one: list(HEADS).index(one.kind))
+    ]
+    caption = (
+        "The differences that were compared; the stroke rate's effect is removed. "
+        f"{PLUS_MINUS}: 95 % interval. A difference is named from the size on the right: more than chance among "
+        f"{len(candidates)} comparisons and more than matters."
+    )
+    heads = ["compared", "number", "difference", "named from"]
+    return plain_table("checked", caption, heads, rows) if rows else ""
+
+
+def _with_interval(one: Candidate) -> str:
+    feature = one.watched.feature
+    size, sd = one.size / feature.shown_scale, one.sd / feature.shown_scale
+    half = spread(feature, SIGMAS_95 * sd)
+    return f"{shown(feature, size, signed=True)} {PLUS_MINUS} {half}{joined_unit(feature)}"
+
+
+def outside_usual(piece: Piece, kind: str) -> str:
+    """Means that lie clearly outside of usual values, as a sentence; "" if none does or targets were chosen."""
+    if piece.technique.targets:
+        return ""
+    told, sources = [], []
+    for name, watched in WATCHED.items():
+        found = piece.averages.get(name)
+        if found is None or not found.known:
+            continue
+        scale = watched.feature.shown_scale
+        by = watched.beyond_usual(kind, scale * found.over.mean)
+        if not abs(by) > max(SIGMAS_95 * scale * found.uncertainty, watched.least):
+            continue
+        word = watched.grew if by > 0.0 else watched.fell
+        size = with_unit(watched.feature, abs(by) / scale)
+        told.append(f"{watched.subject} is {size} {word} than {usual_span(watched, kind)}")
+        sources.append(watched.usual_source)
+    if not told:
+        return ""
+    cited = "; ".join(dict.fromkeys(sources))
+    start = f"Against usual values, {' and '.join(told)} ({cited})."
+    return f"{start} These are guidelines: body height, rig and boat class change them."

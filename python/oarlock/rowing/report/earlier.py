@@ -1,0 +1,162 @@
+"""Main numbers of a piece beside another one: last time, own best or a second piece; for the front of a report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from html import escape
+from typing import NamedTuple
+
+import numpy as np
+
+from oarlock.report import plain_table
+from oarlock.rowing.findings.candidate import Candidate
+from oarlock.rowing.findings.find import least
+from oarlock.rowing.findings.watched import WATCHED
+from oarlock.rowing.report.averages import SIGMAS_95, Difference, difference, feature_of
+from oarlock.rowing.report.piece import Counted
+from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, shown, spread, with_unit
+from oarlock.rowing.report.tables import link
+
+COMPARED = (
+    "rate_per_min",
+    "arc_rad",
+    "catch_angle_rad",
+    "finish_angle_rad",
+    "catch_lean_rad",
+    "finish_lean_rad",
+    "seat_travel_m",
+    "handle_travel_m",
+    "rhythm",
+    "power_w",
+    "peak_force_n",
+    "speed_m_s",
+    "slip_rad",
+    "wash_rad",
+    "heart_rate_per_min",
+)
+"""Numbers that the front compares with other pieces."""
+SAME_RATE_PER_MIN = 1.0
+"""Pieces whose rates differ by more are compared with a warning."""
+_CAPTION = (
+    "Below each value of the other piece: how {now} differs, with its 95 % interval. Bold: clear, and large "
+    "enough to matter. Plain: clear, but small. Grey: not clear."
+)
+_LIKE = " The stroke rates differ, so the changes are those at like rate; (as rowed): that is not known."
+
+
+class Other(NamedTuple):
+    """A piece to compare with: what it is ("last time"), its strokes, and differences at like rate, by number."""
+
+    label: str
+    piece: Counted
+    like_rate: Mapping[str, Candidate] = {}
+
+
+def earlier_pieces(
+    last: Counted | None, best: Counted | None, candidates: Sequence[Candidate] = ()
+) -> list[Other]:
+    """Last time and own best, where they are given; `candidates` have the differences at like rate."""
+    named = (("last time", "against last", last), ("own best", "against best", best))
+    return [
+        Other(label, one, at_like_rate(candidates, kind)) for label, kind, one in named if one is not None
+    ]
+
+
+def at_like_rate(candidates: Sequence[Candidate], kind: str) -> dict[str, Candidate]:
+    """The differences of one kind of comparison in which the stroke rate's effect was removed, by number."""
+    return {one.watched.name: one for one in candidates if one.kind == kind and one.like_rate}
+
+
+def compared(piece: Counted, others: Sequence[Other], now: str = "now") -> str:
+    """Numbers beside those of others, as markup; "" without others."""
+    if not others:
+        return ""
+    names = [name for name in COMPARED if name in piece.averages and piece.averages[name].known]
+    rows = [
+        [
+            link(name, feature_of(name).label),
+            escape(with_unit(feature_of(name), piece.averages[name].over.mean)),
+            *(_cell(piece, other, name) for other in others),
+        ]
+        for name in names
+    ]
+    caption = _CAPTION.format(now=now if now != "now" else "the piece now")
+    if any(_rates_differ(piece, one) for one in others):
+        caption += _LIKE
+    heads = ["number", now, *(", ".join(filter(None, (one.label, one.piece.date))) for one in others)]
+    return _which(others) + plain_table("compared-earlier", caption, heads, rows)
+
+
+def _which(others: Sequence[Other]) -> str:
+    """Names of the earlier pieces; "" where these are the heads of the table."""
+    told = " ".join(
+        f"{one.label[:1].upper()}{one.label[1:]}: <b>{escape(one.piece.name)}</b>."
+        for one in others
+        if one.label != one.piece.name
+    )
+    return f"<p>{told}</p>" if told else ""
+
+
+def _rates_differ(piece: Counted, other: Other) -> bool:
+    rates = [one.averages.get("rate_per_min") for one in (piece, other.piece)]
+    now, then = (np.nan if one is None else one.over.mean for one in rates)
+    return bool(abs(now - then) >= SAME_RATE_PER_MIN)
+
+
+def _cell(piece: Counted, other: Other, name: str) -> str:
+    now, then = piece.averages[name], other.piece.averages.get(name)
+    if then is None or not then.known:
+        return '<span class="mark">not known</span>'
+    like = other.like_rate.get(name)
+    change, remark = difference(now, then), ""
+    if like is not None:
+        scale = like.watched.feature.shown_scale
+        change = Difference(now.feature, like.size / scale, like.sd / scale)
+    elif name != "rate_per_min" and _rates_differ(piece, other):
+        remark = " (as rowed)"
+    return f"{escape(with_unit(then.feature, then.over.mean))}<br>{_levelled(change)}{remark}"
+
+
+def _levelled(change: Difference) -> str:
+    """A change in words, bold if it is clear and matters, plain if it is clear, else grey; markup."""
+    text = escape(in_words(change))
+    if not change.beyond:
+        return f'<span class="mark">{text}</span>'
+    return f"<b>{text}</b>" if matters(change) else text
+
+
+def matters(change: Difference) -> bool:
+    """Whether a change is clear and not below the smallest size that is named."""
+    return bool(change.beyond) and abs(change.value) > least(change.feature)
+
+
+def in_words(change: Difference) -> str:
+    """A change with its 95 % interval and direction: `1.4 ± 1.2° shorter`; shares of 100 % in percentage points."""
+    watched, up = WATCHED.get(change.feature.name), change.value > 0.0
+    word = (watched.grew if up else watched.fell) if watched is not None else ""
+    word = word or ("more" if up else "less")
+    size = shown(change.feature, abs(change.value))
+    if not size.strip("0."):
+        word = "different"
+    half = spread(change.feature, SIGMAS_95 * change.uncertainty)
+    return f"{size} {PLUS_MINUS} {half}{_unit(change)} {word}"
+
+
+def _unit(change: Difference) -> str:
+    unit = joined_unit(change.feature)
+    return " points" if unit == " %" else unit
+
+
+def largest_change(piece: Counted, other: Other) -> str:
+    """The largest change that is clear and matters in one sentence, or that there is none."""
+    changes = []
+    for key in COMPARED[1:]:
+        now, then = piece.averages.get(key), other.piece.averages.get(key)
+        if now is not None and then is not None and now.known and then.known:
+            change = difference(now, then)
+            if matters(change):
+                changes.append((abs(change.value) / change.uncertainty, change))
+    if not changes:
+        return f"Against {other.label}: no clear change that matters."
+    _, change = max(changes, key=lambda one: one[0])
+    return f"Against {other.label}: {change.feature.label} {in_words(change)}."
