@@ -1,10 +1,9 @@
 """Writes files that pages presume and no command makes: `python tests/presumed_files.py KIND FILE`."""
 
-import shutil
 import sys
+import zipfile
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -29,15 +28,35 @@ def model(file: Path) -> None:
 
 
 def legs(file: Path) -> None:
-    """One leg that moves after the other; the pelvis has a unit with a number for a name."""
-    from oarlock.recording.unit_names import renamed
+    """A zip file of MT Manager: one leg that moves after the other, units whose numbers say nothing."""
     from test_assign import moved
 
     _, recording, units = moved("lower_body", "right_leg,left_leg", 0)
-    sensors = {unit: sensor for sensor, unit in units.items()}
-    with TemporaryDirectory() as folder:
-        renamed(recording, sensors | {units["pelvis"]: "00B421E6"}).save(Path(folder, "legs"))
-        shutil.make_archive(str(file.with_suffix("")), "zip", folder)
+    with zipfile.ZipFile(file, "w") as packed:
+        for stream in recording.streams:
+            unit = "00B421E6" if stream.name == units["pelvis"] else stream.name
+            packed.writestr(f"MT_012005D6_031-000_{unit}.txt", _mt_manager(stream))
+
+
+def walk(file: Path) -> None:
+    """The recording `walk` as a zip file with one table of all units."""
+    import oarlock
+
+    streams = oarlock.load_recording(file.parent / "walk").streams
+    columns = ("acc_x", "acc_y", "acc_z", "gyr_x", "gyr_y", "gyr_z")
+    head = ["time", *(f"{stream.name}_{column}" for stream in streams for column in columns)]
+    rows = np.column_stack([streams[0].time_s, *(np.hstack([s.accel_m_s2, s.gyro_rad_s]) for s in streams)])
+    lines = [",".join(head), *(",".join(f"{value:.6f}" for value in row) for row in rows)]
+    with zipfile.ZipFile(file, "w") as packed:
+        packed.writestr("walk.csv", "\n".join(lines) + "\n")
+
+
+def _mt_manager(stream) -> str:
+    rate_hz = 1.0 / np.median(np.diff(stream.time_s))
+    head = "PacketCounter\tAcc_X\tAcc_Y\tAcc_Z\tGyr_X\tGyr_Y\tGyr_Z"
+    rows = np.column_stack([stream.accel_m_s2, stream.gyro_rad_s])
+    lines = ["\t".join([f"{k:05d}", *(f"{value:.6f}" for value in row)]) for k, row in enumerate(rows)]
+    return "\n".join([f"// Update Rate: {rate_hz:.1f}Hz", head, *lines]) + "\n"
 
 
 def film(file: Path) -> None:

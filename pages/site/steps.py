@@ -111,7 +111,7 @@ class Reader:
         elif text.startswith(SERVERS):
             self.serve(text, lambda address: time.sleep(SERVED_S))
         elif text.startswith(BACKGROUND):
-            self.start(text)
+            self.start(text, "_background.txt")
             time.sleep(1.0)
         else:
             self.finish(text)
@@ -170,8 +170,8 @@ class Reader:
         return (self.folder / name).read_text(encoding="utf-8", errors="replace")
 
     def serve(self, command: str, meanwhile: Callable[[str], None]) -> None:
-        """Start a server, look at its page, and end it by Ctrl-C."""
-        process = self.start(command)
+        """Start a server on a free port, look at its page, and end it by Ctrl-C."""
+        process = self.start(f"{command} --port 0")
         address = self.address(process, command)
         with urllib.request.urlopen(address, timeout=STARTS_S) as answer:
             if b"<html" not in answer.read():
