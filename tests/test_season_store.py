@@ -20,6 +20,7 @@ from oarlock.season.compact import Current, compact
 from oarlock.season.disk import Disk
 from oarlock.season.layout import CURRENT_FILE
 from oarlock.season.prune import prune
+from oarlock.season.questions.database import Database
 
 
 @pytest.fixture
@@ -191,6 +192,24 @@ def test_a_damaged_result_is_a_row_and_check_names_every_damage(season: Season, 
     assert repair(season, found) == [f"results/{one}.{runs[0]}"]
     assert [one.name for one in check(season)] == [f"recordings/{two}/trunk.parquet"]
     assert season_summary(season).counts["waiting for `oarlock season run`"] == 1
+
+
+@pytest.mark.parametrize("name", ["recordings", "runs", "athletes", "strokes/month=2026-03"])
+def test_a_damaged_table_is_named_and_made_again(season: Season, tmp_path: Path, name: str) -> None:
+    support.add_strokes(season, support.add_noise(season, "AAAAAA", 1), tmp_path, 1)
+    compact(season)
+    before = table(season, name)
+    file = Current.read(season).files[name]
+    season.place.write(file, season.place.read(file)[:-9])
+    season.place.forget_copies()
+    with pytest.raises(DataError, match=r"season check .* --repair"):
+        Database(season)
+    found = check(season)
+    assert [(one.what, one.name) for one in found] == [("damaged", file)]
+    assert file in repair(season, found)
+    compact(season)
+    assert check(season) == []
+    assert table(season, name) == before
 
 
 def test_tables_of_another_schema_are_made_anew(

@@ -206,6 +206,8 @@ def repair(season: Season, findings: Sequence[Finding]) -> list[str]:
             season.place.remove_folder(folder := f"{RESULTS}/{rest.partition('/')[0]}", RUN_FILE)
             removed.add(folder)
         elif top == TABLES:
-            season.place.remove([CURRENT_FILE])
-            removed.add(CURRENT_FILE)
+            # Its name is the hash of what it should contain: compaction would take the damaged file for the right one.
+            season.place.remove(found := [CURRENT_FILE, finding.name])
+            season.place.forget_copies()
+            removed.update(found)
     return sorted(removed)

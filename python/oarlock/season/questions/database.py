@@ -42,7 +42,8 @@ class Database:
         current: the tables; None brings those of the season up to date first.
 
     Raises:
-        DataError: DuckDB is not installed, or the selection names somebody or something that is not there.
+        DataError: DuckDB is not installed, the selection names somebody or something that is not there, or a table
+            is damaged.
     """
 
     def __init__(
@@ -52,8 +53,14 @@ class Database:
         self._connection = _connected(season.place.address)
         try:
             self._open(compact(season) if current is None else current)
-        except BaseException:
+        except BaseException as error:
             self.close()
+            if _is_of_files(error):
+                address = season.place.address
+                raise DataError(
+                    f"{address}: a table of the season cannot be read ({str(error).splitlines()[0]}). "
+                    f"Make it again: `oarlock season check {address} --repair`"
+                ) from None
             raise
 
     def __enter__(self) -> Database:
@@ -197,6 +204,14 @@ def _connected(address: str) -> Any:
             f'{address}: questions need one more package: pip install "oarlock[season]"'
         ) from None
     return duckdb.connect(":memory:", config=_SETTINGS)
+
+
+def _is_of_files(error: BaseException) -> bool:
+    """Whether DuckDB could not read a file; the other errors are of our own statements."""
+    import duckdb
+
+    own = (duckdb.ParserException, duckdb.BinderException, duckdb.CatalogException)
+    return isinstance(error, duckdb.Error) and not isinstance(error, own)
 
 
 def _stroke_values(columns: set[str], metrics: Sequence[str]) -> str:
