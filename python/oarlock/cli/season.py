@@ -10,6 +10,7 @@ import typer
 from oarlock.cli import season_page, season_privacy, season_questions, season_run, season_synthetic
 from oarlock.cli.options import Json, example
 from oarlock.cli.season_options import CutGps, SeasonAt, Tombstones, opened
+from oarlock.cli.season_tables import MOST_SHOWN, say_more, show_list
 from oarlock.cli.terminal import (
     EXIT_DATA,
     UsageError,
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 group = typer.Typer(
     no_args_is_help=True, rich_markup_mode=None, help="A squad's season: stored once, asked anything."
 )
-_MOST_SHOWN = 20
 
 
 def add_to(app: typer.Typer) -> None:
@@ -144,10 +144,9 @@ def _say_added(added: dict[str, Added], refused: dict[str, str]) -> None:
     if new:
         table(
             ("recording", "athlete", "start (UTC)"),
-            [(one.entry.recording, one.entry.athlete, _start(one)) for one in new[:_MOST_SHOWN]],
+            [(one.entry.recording, one.entry.athlete, _start(one)) for one in new[:MOST_SHOWN]],
         )
-    if len(new) > _MOST_SHOWN:
-        say(f"and {len(new) - _MOST_SHOWN} more", indent=2)
+        say_more(len(new))
     before = len(added) - len(new)
     say(f"Stored {len(new)}" + (f"; {before} were there already" if before else ""))
     if refused:
@@ -180,10 +179,8 @@ def list_(at: SeasonAt, json_output: Json = False) -> None:
                 for one in found.athletes
             ],
         )
-    if found.faults:
-        heading("Failed")
-        for recording, fault in list(found.faults.items())[:_MOST_SHOWN]:
-            say(f"- {recording}: {fault}", indent=2)
+    failed = [f"{recording}: {fault}" for recording, fault in found.faults.items()]
+    show_list("Failed", failed, rest=f"oarlock season questions {at} failed")
 
 
 @group.command("check", epilog=example("oarlock season check season", "oarlock season check season --repair"))
@@ -198,6 +195,7 @@ def check(
 ) -> None:
     """Compare every file with its hash; name what is damaged, unfinished, or came back after an erasure."""
     from oarlock.season.check import check as findings_of
+    from oarlock.season.check import is_repairable
     from oarlock.season.check import repair as repaired
 
     season = opened(at)
@@ -211,7 +209,9 @@ def check(
             say(f"{one.what}: {one.name}: {one.words}")
         for name in removed:
             say(f"Removed {name}")
-        say("In order." if not findings else f"{len(findings)} findings")
+        say(f"{len(findings)} {'finding' if len(findings) == 1 else 'findings'}" if findings else "In order.")
+        if not repair and any(is_repairable(one) for one in findings):
+            steps(f"oarlock season check {at} --repair")
     if any(one.is_damage for one in findings):
         raise typer.Exit(EXIT_DATA)
 
@@ -236,8 +236,9 @@ def prune(
         return print_json({"dry_run": dry_run, "removed": found})
     table(
         ("folder", "why", "size"),
-        [(one.folder, one.why, shown_bytes(one.bytes)) for one in found[:_MOST_SHOWN]],
+        [(one.folder, one.why, shown_bytes(one.bytes)) for one in found[:MOST_SHOWN]],
     )
+    say_more(len(found))
     total = shown_bytes(sum(one.bytes for one in found))
     say(f"{'Would remove' if dry_run else 'Removed'} {len(found)} folders, {total}")
 

@@ -108,7 +108,7 @@ def questions(
         )
     asked = question_named(question)
     if asked.of_metric and metric is None:
-        raise UsageError(f"{asked.name} is asked of a metric: give --metric, such as --metric catch_angle")
+        raise UsageError(f"the question {asked.name} needs a metric, such as --metric catch_angle")
     for file in (csv, parquet):
         if file is not None:
             free_file(file, force)
@@ -155,7 +155,8 @@ def _say_trend(found: Trend) -> None:
     from oarlock.season.questions.shown import shown_metric
 
     metric = shown_metric(found.metric)
-    say(f"{metric.label}, {metric.unit}: {found.athlete}" if metric.unit else metric.label, style="bold")
+    label = f"{metric.label}, {metric.unit}" if metric.unit else metric.label
+    say(f"{label}: {found.athlete}", style="bold")
     table(
         ("month", ">sessions", ">strokes", ">rate", f">mean {metric.unit}".rstrip(), "95 % band"),
         [
@@ -172,7 +173,7 @@ def _say_trend(found: Trend) -> None:
     )
     if (change := found.change) is not None:
         band = shown_band(change.low, change.high, metric.scale)
-        words = "changed" if change.changed else "no change that is certain"
+        words = "changed" if change.changed else "no certain change"
         pairs(
             [
                 ("change a month", f"{shown_value(change.per_month, metric.scale)} {metric.unit} ({band})"),
