@@ -29,7 +29,9 @@ if TYPE_CHECKING:
     from oarlock.season import Added
 
 group = typer.Typer(
-    no_args_is_help=True, rich_markup_mode=None, help="A squad's season: stored once, asked anything."
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    help="A squad's recordings, results and questions in one place.",
 )
 
 
@@ -63,7 +65,7 @@ def init(
 ) -> None:
     """Begin a season in a folder, on a share, or in an object store.
 
-    Who may read it is the matter of the file system or the store: give rights there.
+    The file system or the store decides who may read it: set permissions there.
     """
     from oarlock.season import create_season
 
@@ -87,10 +89,10 @@ def add(
     at: SeasonAt,
     sources: Annotated[
         list[Path],
-        typer.Argument(metavar="RECORDING|FILE...", help="Folders of recordings, or devices' exports."),
+        typer.Argument(metavar="RECORDING|FILE", help="Folders of recordings, or devices' exports."),
     ],
     athlete: Annotated[
-        str | None, typer.Option("--athlete", metavar="PSEUDONYM", help="Whose they all are.")
+        str | None, typer.Option("--athlete", metavar="PSEUDONYM", help="The athlete of all of them.")
     ] = None,
     names: Annotated[
         Path | None,
@@ -105,9 +107,9 @@ def add(
     cut_gps_m: CutGps = None,
     json_output: Json = False,
 ) -> None:
-    """Store recordings and devices' exports; each once, named by its contents.
+    """Store recordings and devices' exports, each once; their names are hashes of their contents.
 
-    What cannot be stored is named, and the others are stored.
+    Files that cannot be stored are listed with the reason; the others are stored.
     """
     from oarlock.season import Admission, NamesFile
     from oarlock.storage.errors import DataError
@@ -162,7 +164,7 @@ def _start(one: Added) -> str:
 @group.command("list", epilog=example("oarlock season list season", "oarlock season list season --json"))
 @verb
 def list_(at: SeasonAt, json_output: Json = False) -> None:
-    """Show what a season holds: athletes, recordings, results, failures."""
+    """Show athletes, recordings, results and failures of a season."""
     from oarlock.season import season_summary
 
     found = season_summary(opened(at))
@@ -193,7 +195,7 @@ def check(
     tombstones: Tombstones = None,
     json_output: Json = False,
 ) -> None:
-    """Compare every file with its hash; name what is damaged, unfinished, or came back after an erasure."""
+    """Compare every file with its hash; list damaged and unfinished files, and erased athletes who came back."""
     from oarlock.season.check import check as findings_of
     from oarlock.season.check import is_repairable
     from oarlock.season.check import repair as repaired
@@ -225,7 +227,7 @@ def prune(
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only show what would be removed.")] = False,
     json_output: Json = False,
 ) -> None:
-    """Remove superseded runs, what retention ends, and what stopped writers left."""
+    """Remove replaced results, data older than the retention time, and files of commands that were stopped."""
     import datetime
 
     from oarlock.season.prune import prune as pruned

@@ -67,9 +67,9 @@ def export(
     cut_gps_m: CutGps = None,
     json_output: Json = False,
 ) -> None:
-    """Write everything of an athlete, as CSV and as stored, into a folder; or of all who consent to a use.
+    """Write all data of an athlete, or of all who consent to a use, into a folder: as CSV and as stored.
 
-    The season keeps a note of the folder, so that `erase` finds it.
+    The season remembers the folder, so that `erase` also removes it.
     """
     from oarlock.season.exports import export_athlete, may_share
 
@@ -112,7 +112,7 @@ def erase(
         str | None, typer.Option("--athlete", metavar="PSEUDONYM", help="Who is erased.")
     ] = None,
     again: Annotated[
-        bool, typer.Option("--again", help="Erase again who came back with a restored backup.")
+        bool, typer.Option("--again", help="Erase again all who came back with a restored backup.")
     ] = False,
     names: Annotated[
         Path | None,
@@ -125,9 +125,9 @@ def erase(
     yes: Annotated[bool, typer.Option("--yes", help="Remove it; it cannot be undone.")] = False,
     json_output: Json = False,
 ) -> None:
-    """Remove everything of an athlete for good, and search every file of the season for what is left.
+    """Remove all data of an athlete for good, then search every file of the season for traces.
 
-    What stays is a hash of the pseudonym, the day and counts: a restored backup is erased again by them.
+    A hash of the pseudonym, the date and counts stay. With them, the athlete is also erased from a restored backup.
     """
     from oarlock.season.athletes import NamesFile
     from oarlock.season.erase import erase as erased

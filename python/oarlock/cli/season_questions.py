@@ -76,7 +76,7 @@ def add_to(group: typer.Typer) -> None:
 def questions(
     at: SeasonAt,
     question: Annotated[
-        str | None, typer.Argument(metavar="[QUESTION]", help="The one to ask; default: list all.")
+        str | None, typer.Argument(metavar="QUESTION", help="The one to ask; default: list all.")
     ] = None,
     metric: _MetricName = None,
     rate: _Rate = None,
@@ -134,9 +134,9 @@ def trend(
     scope: _Scope = None,
     json_output: Json = False,
 ) -> None:
-    """Show how a metric went over the months, with 95 % bands; without --athlete, whose changed.
+    """Show a metric month by month, with 95 % bands; without --athlete, the change of each athlete.
 
-    Strokes count by their uncertainty. Means are brought to the athlete's usual rate.
+    Strokes are weighted by their uncertainty. Means are corrected to the athlete's usual stroke rate.
     """
     from oarlock.season import trend as trend_of
 

@@ -1,4 +1,4 @@
-"""`oarlock season setup` and `oarlock season run`: how a season is computed, and the computation of what it lacks."""
+"""`oarlock season setup` and `oarlock season run`: choose model and settings, and compute missing results."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def run(
 ) -> None:
     """Compute the results that are missing or out of date: strokes of each recording, health of its sensors.
 
-    Stop it with Ctrl-C; the same command continues. A recording that fails is a row with its reason.
+    Stop it with Ctrl-C; the same command continues. Recordings that fail are listed with the reason.
     """
     from oarlock.season.erase_again import erase_again
     from oarlock.season.run.plan import make_plan
