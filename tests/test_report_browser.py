@@ -168,8 +168,14 @@ def test_the_page_is_short_on_a_telephone_until_it_is_unfolded(opened):
     assert tab.locator("#compared-pieces-table").evaluate(wide) <= SIDEWAYS_PX
 
 
-def test_a_key_figure_says_what_it_means_when_pressed(opened):
-    tab = opened(390, java_script_enabled=False)
+def test_a_key_figure_says_what_it_means_when_pressed(browser, track, tmp_path):
+    with quiet_tabs(browser, EXPECTED) as open_:
+        press_a_key_figure(
+            open_(write_rowing_report(track, tmp_path / "one.html")[0], 390, java_script_enabled=False)
+        )
+
+
+def press_a_key_figure(tab):
     name = tab.locator(".figures button.say").first
     meaning = tab.locator(f"[id='{name.get_attribute('popovertarget')}']")
     assert not meaning.is_visible()

@@ -324,7 +324,7 @@ def test_an_add_that_began_before_the_erasure_does_not_win(
 
     writer = threading.current_thread()
     monkeypatch.setattr(season.place, "put_folder", late)
-    with pytest.raises(DataError, match="was erased from this season meanwhile"):
+    with pytest.raises(DataError, match="was erased from this season while"):
         slow.add_recording(support.noise(50), {})
     assert of(season, GONE) == []
     assert check(season) == []

@@ -156,7 +156,7 @@ def test_what_failed_is_repeated_only_on_request(season: Season, monkeypatch: py
     found = done(season)
     assert found.failed == {
         one: "ZeroDivisionError: nothing to divide by",
-        two: f"recordings/{two}/trunk.parquet: is damaged, because its hash is another; "
+        two: f"recordings/{two}/trunk.parquet: is damaged: its SHA-256 differs from the recorded one; "
         "restore it from a backup, then run with --again-failed",
     }
     assert make_plan(season).failed == found.failed
@@ -202,7 +202,7 @@ def test_what_no_recording_is_to_blame_for_ends_the_run_and_the_next_continues(s
     first = plan.jobs[1].recording
     full = Reply("refused", "no space left on device")
     here = Here(lambda job: full if job.recording == first else jobs.quick_task(job))
-    with pytest.raises(DataError, match=r"no space left on device\. What was computed is stored"):
+    with pytest.raises(DataError, match=r"no space left on device\. All finished results are stored"):
         run_season(season, here, plan)
     assert here.is_cancelled
     assert done(season).computed == 3
@@ -421,7 +421,7 @@ def test_typed_mistakes_say_what_to_do(season: Season, tmp_path: Path) -> None:
     both = typed("season", "run", at, "--workers", 1, "--scheduler", "tcp://127.0.0.1:1", status=2)
     assert "contradict" in both.stderr
     nobody = typed("season", "setup", at, "--model", "sculler", "--athlete", "AAAAAB", status=1)
-    assert "is no athlete of this season" in nobody.stderr
+    assert "this season has no athlete" in nobody.stderr
     other = create_season(str(tmp_path / "other"), "club")
     support.squad(other, "AAAAAA")
     support.add_noise(other, "AAAAAA", 1)
@@ -439,7 +439,7 @@ def test_recordings_under_a_key_are_computed_by_whoever_has_it(
     name = Admission(season, athlete).add(export, {"date": "2026-05-01"}).entry.recording
     monkeypatch.delenv("OARLOCK_SEASON_KEYS")
     typed("season", "run", at, "--workers", 1, status=1)
-    assert "is sealed under the key" in known_now(season).current(season)[name].fault
+    assert "is encrypted, and its key" in known_now(season).current(season)[name].fault
     monkeypatch.setenv("OARLOCK_SEASON_KEYS", str(tmp_path / "keys"))
     typed("season", "run", at, "--workers", 1, "--again-failed")
     assert known_now(season).current(season)[name].strokes > 1

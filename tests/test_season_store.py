@@ -20,6 +20,7 @@ from oarlock.season.compact import Current, compact
 from oarlock.season.disk import Disk
 from oarlock.season.layout import CURRENT_FILE
 from oarlock.season.prune import prune
+from oarlock.season.questions.database import Database
 
 
 @pytest.fixture
@@ -90,11 +91,11 @@ def test_the_start_is_in_utc(
 
 def test_names_of_people_are_refused_unless_a_mapping_replaces_them(season: Season) -> None:
     one = support.noise(1)
-    with pytest.raises(DataError, match=r'the athlete is "Anna Muster", which is no pseudonym.*--names FILE'):
+    with pytest.raises(DataError, match=r'the athlete "Anna Muster" is not a pseudonym.*--names FILE'):
         Admission(season).add_recording(one, {"athlete": "Anna Muster"})
-    with pytest.raises(DataError, match="says nothing of who was recorded"):
+    with pytest.raises(DataError, match="does not say who was recorded"):
         Admission(season).add_recording(one, {})
-    with pytest.raises(DataError, match="ZZZZZZ, the pseudonym in the file of names, is none of this season"):
+    with pytest.raises(DataError, match="the pseudonym ZZZZZZ, which this season does not have"):
         Admission(season, names={"Anna Muster": "ZZZZZZ"}).add_recording(one, {"athlete": "Anna Muster"})
     mapped = Admission(season, names={"Anna Muster": "BBBBBB"})
     with pytest.raises(DataError, match=r"recording\.toml contains the name"):
@@ -193,6 +194,24 @@ def test_a_damaged_result_is_a_row_and_check_names_every_damage(season: Season, 
     assert season_summary(season).counts["waiting for `oarlock season run`"] == 1
 
 
+@pytest.mark.parametrize("name", ["recordings", "runs", "athletes", "strokes/month=2026-03"])
+def test_a_damaged_table_is_named_and_made_again(season: Season, tmp_path: Path, name: str) -> None:
+    support.add_strokes(season, support.add_noise(season, "AAAAAA", 1), tmp_path, 1)
+    compact(season)
+    before = table(season, name)
+    file = Current.read(season).files[name]
+    season.place.write(file, season.place.read(file)[:-9])
+    season.place.forget_copies()
+    with pytest.raises(DataError, match=r"season check .* --repair"):
+        Database(season)
+    found = check(season)
+    assert [(one.what, one.name) for one in found] == [("damaged", file)]
+    assert file in repair(season, found)
+    compact(season)
+    assert check(season) == []
+    assert table(season, name) == before
+
+
 def test_tables_of_another_schema_are_made_anew(
     season: Season, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -227,7 +246,7 @@ def test_a_season_begins_only_in_an_empty_place(tmp_path: Path) -> None:
     (tmp_path / "x").write_text("")
     with pytest.raises(DataError, match="holds other files, such as x"):
         create_season(str(tmp_path), "club")
-    with pytest.raises(DataError, match=r"is no season; `oarlock season init"):
+    with pytest.raises(DataError, match=r"is not a season. To begin one: `oarlock season init"):
         open_season(str(tmp_path))
     with pytest.raises(DataError, match='"Mars/One" is no time zone'):
         create_season(str(tmp_path / "y"), "club", "Mars/One")
@@ -278,7 +297,7 @@ def test_the_verbs_answer(tmp_path: Path) -> None:
     support.noise(1).save(tmp_path / "trial")
     (tmp_path / "trial/session.toml").write_text('athlete = "Anna Muster"\n')
     refused = run("season", "add", at, tmp_path / "trial", status=1)
-    assert "is no pseudonym of this season" in " ".join(refused.stdout.split())
+    assert "is not a pseudonym of this season" in " ".join(refused.stdout.split())
     added = run("season", "add", at, tmp_path / "trial", "--names", names, "--boat", "1x")
     assert (pseudonym in added.stdout, "Stored 1" in added.stdout) == (True, True)
     listed = json.loads(run("season", "list", at, "--json").stdout)

@@ -45,7 +45,7 @@ def test_one_seed_gives_one_season_also_after_a_stop(tmp_path: Path) -> None:
     assert check(season) == []
     recording = load_recording(tmp_path / "whole/recordings" / season.recordings()[0])
     assert recording.duration_s == pytest.approx(1.98)
-    with pytest.raises(DataError, match="is another season"):
+    with pytest.raises(DataError, match="is a season of real recordings, or a synthetic one"):
         make_synthetic(str(tmp_path / "other"), SMALL, jobs=1)
 
 

@@ -31,7 +31,7 @@ VERBS = {
     "reproduce": "Repeat the paper's tables and figures and compare the values.",
     "strokes": "Show strokes of a track, or of another device's export.",
     "crew": "Timing between the seats of one boat.",
-    "season": "A squad's season: stored once, asked anything.",
+    "season": "A squad's recordings, results and questions in one place.",
     "study": "Sweep sensors, noise, mounts, rates or settings over seeds.",
     "bench": "Measure speed and latency on this machine.",
     "import": "Convert other formats to a recording.",

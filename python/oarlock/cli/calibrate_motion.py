@@ -51,7 +51,12 @@ def motion(
     ] = None,
     held_out: Annotated[
         float,
-        typer.Option("--held-out", metavar="SHARE", help="Share of the data held out to judge results."),
+        typer.Option(
+            "--held-out",
+            metavar="SHARE",
+            show_default="1/3",
+            help="Share of the data held out to judge results.",
+        ),
     ] = 1.0 / 3.0,
     force: Replace = False,
     json_output: Json = False,

@@ -69,7 +69,7 @@ def compare(
     truth: Annotated[
         Path | None,
         typer.Argument(
-            metavar="[TRUTH]",
+            metavar="TRUTH",
             help="Track folder with the ground truth; default: RECORDING/truth; else the first filter is compared to.",
         ),
     ] = None,

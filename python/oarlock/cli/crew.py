@@ -31,7 +31,7 @@ def add_to(app: typer.Typer) -> None:
 @verb
 def crew(
     seats: Annotated[
-        list[Path], typer.Argument(metavar="SEAT...", help="A folder of each seat: a track or a recording.")
+        list[Path], typer.Argument(metavar="SEAT", help="A folder of each seat: a track or a recording.")
     ],
     named: Annotated[
         str | None,

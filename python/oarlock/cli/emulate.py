@@ -35,7 +35,7 @@ def add_to(app: typer.Typer) -> None:
 
 @verb
 def emulate(
-    kind: Annotated[str, typer.Argument(metavar="[KIND]", help="Which device; see --list.")] = "",
+    kind: Annotated[str, typer.Argument(metavar="KIND", help="Which device; see --list.")] = "",
     show: Annotated[bool, typer.Option("--list", help="List the kinds and end.")] = False,
     model: ModelName = "arm",
     folder: Annotated[

@@ -29,7 +29,7 @@ def add_to(group: typer.Typer) -> None:
 def doctor(
     rig: Annotated[
         Path | None,
-        typer.Argument(metavar="[RIG]", help="A rig file; its sources are opened for some seconds."),
+        typer.Argument(metavar="RIG", help="A rig file; its sources are opened for some seconds."),
     ] = None,
     seconds: LookSeconds = 5.0,
     out: Annotated[

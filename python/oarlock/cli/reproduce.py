@@ -62,7 +62,7 @@ def add_to(app: typer.Typer) -> None:
 def reproduce(
     what: Annotated[
         list[What],
-        typer.Argument(metavar="WHAT...", help="table5, table6, fig3 to fig5, discussion, cost, all."),
+        typer.Argument(metavar="WHAT", help="table5, table6, fig3 to fig5, discussion, cost, all."),
     ],
     out: OutFolder,
     seeds: Annotated[

@@ -10,6 +10,7 @@ import typer
 from oarlock.cli import season_page, season_privacy, season_questions, season_run, season_synthetic
 from oarlock.cli.options import Json, example
 from oarlock.cli.season_options import CutGps, SeasonAt, Tombstones, opened
+from oarlock.cli.season_tables import MOST_SHOWN, say_more, show_list
 from oarlock.cli.terminal import (
     EXIT_DATA,
     UsageError,
@@ -28,9 +29,10 @@ if TYPE_CHECKING:
     from oarlock.season import Added
 
 group = typer.Typer(
-    no_args_is_help=True, rich_markup_mode=None, help="A squad's season: stored once, asked anything."
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    help="A squad's recordings, results and questions in one place.",
 )
-_MOST_SHOWN = 20
 
 
 def add_to(app: typer.Typer) -> None:
@@ -63,7 +65,7 @@ def init(
 ) -> None:
     """Begin a season in a folder, on a share, or in an object store.
 
-    Who may read it is the matter of the file system or the store: give rights there.
+    The file system or the store decides who may read it: set permissions there.
     """
     from oarlock.season import create_season
 
@@ -87,10 +89,10 @@ def add(
     at: SeasonAt,
     sources: Annotated[
         list[Path],
-        typer.Argument(metavar="RECORDING|FILE...", help="Folders of recordings, or devices' exports."),
+        typer.Argument(metavar="RECORDING|FILE", help="Folders of recordings, or devices' exports."),
     ],
     athlete: Annotated[
-        str | None, typer.Option("--athlete", metavar="PSEUDONYM", help="Whose they all are.")
+        str | None, typer.Option("--athlete", metavar="PSEUDONYM", help="The athlete of all of them.")
     ] = None,
     names: Annotated[
         Path | None,
@@ -105,9 +107,9 @@ def add(
     cut_gps_m: CutGps = None,
     json_output: Json = False,
 ) -> None:
-    """Store recordings and devices' exports; each once, named by its contents.
+    """Store recordings and devices' exports, each once; their names are hashes of their contents.
 
-    What cannot be stored is named, and the others are stored.
+    Files that cannot be stored are listed with the reason; the others are stored.
     """
     from oarlock.season import Admission, NamesFile
     from oarlock.storage.errors import DataError
@@ -144,10 +146,9 @@ def _say_added(added: dict[str, Added], refused: dict[str, str]) -> None:
     if new:
         table(
             ("recording", "athlete", "start (UTC)"),
-            [(one.entry.recording, one.entry.athlete, _start(one)) for one in new[:_MOST_SHOWN]],
+            [(one.entry.recording, one.entry.athlete, _start(one)) for one in new[:MOST_SHOWN]],
         )
-    if len(new) > _MOST_SHOWN:
-        say(f"and {len(new) - _MOST_SHOWN} more", indent=2)
+        say_more(len(new))
     before = len(added) - len(new)
     say(f"Stored {len(new)}" + (f"; {before} were there already" if before else ""))
     if refused:
@@ -163,7 +164,7 @@ def _start(one: Added) -> str:
 @group.command("list", epilog=example("oarlock season list season", "oarlock season list season --json"))
 @verb
 def list_(at: SeasonAt, json_output: Json = False) -> None:
-    """Show what a season holds: athletes, recordings, results, failures."""
+    """Show athletes, recordings, results and failures of a season."""
     from oarlock.season import season_summary
 
     found = season_summary(opened(at))
@@ -180,10 +181,8 @@ def list_(at: SeasonAt, json_output: Json = False) -> None:
                 for one in found.athletes
             ],
         )
-    if found.faults:
-        heading("Failed")
-        for recording, fault in list(found.faults.items())[:_MOST_SHOWN]:
-            say(f"- {recording}: {fault}", indent=2)
+    failed = [f"{recording}: {fault}" for recording, fault in found.faults.items()]
+    show_list("Failed", failed, rest=f"oarlock season questions {at} failed")
 
 
 @group.command("check", epilog=example("oarlock season check season", "oarlock season check season --repair"))
@@ -196,8 +195,9 @@ def check(
     tombstones: Tombstones = None,
     json_output: Json = False,
 ) -> None:
-    """Compare every file with its hash; name what is damaged, unfinished, or came back after an erasure."""
+    """Compare every file with its hash; list damaged and unfinished files, and erased athletes who came back."""
     from oarlock.season.check import check as findings_of
+    from oarlock.season.check import is_repairable
     from oarlock.season.check import repair as repaired
 
     season = opened(at)
@@ -211,7 +211,9 @@ def check(
             say(f"{one.what}: {one.name}: {one.words}")
         for name in removed:
             say(f"Removed {name}")
-        say("In order." if not findings else f"{len(findings)} findings")
+        say(f"{len(findings)} {'finding' if len(findings) == 1 else 'findings'}" if findings else "In order.")
+        if not repair and any(is_repairable(one) for one in findings):
+            steps(f"oarlock season check {at} --repair")
     if any(one.is_damage for one in findings):
         raise typer.Exit(EXIT_DATA)
 
@@ -225,7 +227,7 @@ def prune(
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only show what would be removed.")] = False,
     json_output: Json = False,
 ) -> None:
-    """Remove superseded runs, what retention ends, and what stopped writers left."""
+    """Remove replaced results, data older than the retention time, and files of commands that were stopped."""
     import datetime
 
     from oarlock.season.prune import prune as pruned
@@ -236,8 +238,9 @@ def prune(
         return print_json({"dry_run": dry_run, "removed": found})
     table(
         ("folder", "why", "size"),
-        [(one.folder, one.why, shown_bytes(one.bytes)) for one in found[:_MOST_SHOWN]],
+        [(one.folder, one.why, shown_bytes(one.bytes)) for one in found[:MOST_SHOWN]],
     )
+    say_more(len(found))
     total = shown_bytes(sum(one.bytes for one in found))
     say(f"{'Would remove' if dry_run else 'Removed'} {len(found)} folders, {total}")
 

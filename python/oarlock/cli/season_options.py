@@ -26,7 +26,9 @@ Tombstones = Annotated[
 
 CutGps = Annotated[
     float | None,
-    typer.Option("--cut-gps-m", metavar="M", help="Cut tracks so near to their start and end, m."),
+    typer.Option(
+        "--cut-gps-m", metavar="M", help="Remove GPS positions this near to a track's start or end, m."
+    ),
 ]
 
 

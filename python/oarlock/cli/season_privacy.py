@@ -10,6 +10,7 @@ import typer
 
 from oarlock.cli.options import Json, example
 from oarlock.cli.season_options import CutGps, SeasonAt, Tombstones, opened
+from oarlock.cli.season_tables import show_list
 from oarlock.cli.terminal import (
     EXIT_DATA,
     UsageError,
@@ -28,8 +29,7 @@ from oarlock.storage.regular_file import shown_bytes
 if TYPE_CHECKING:
     from oarlock.season.erase import Erasure
     from oarlock.season.exports import Exported
-
-_MOST_SHOWN = 20
+    from oarlock.season.traces import Trace
 
 
 def add_to(group: typer.Typer) -> None:
@@ -67,9 +67,9 @@ def export(
     cut_gps_m: CutGps = None,
     json_output: Json = False,
 ) -> None:
-    """Write everything of an athlete, as CSV and as stored, into a folder; or of all who consent to a use.
+    """Write all data of an athlete, or of all who consent to a use, into a folder: as CSV and as stored.
 
-    The season keeps a note of the folder, so that `erase` finds it.
+    The season remembers the folder, so that `erase` also removes it.
     """
     from oarlock.season.exports import export_athlete, may_share
 
@@ -78,7 +78,9 @@ def export(
     season = opened(at)
     willing, others = may_share(season, scope) if scope is not None else ([str(athlete)], [])
     if athlete is not None and athlete in others:
-        raise UsageError(f"{athlete} does not consent to {scope}, or not any more; nothing was exported")
+        raise UsageError(
+            f"{athlete} has not consented to {scope}, or has withdrawn the consent; nothing was exported"
+        )
     chosen = [athlete] if athlete is not None else willing
     done: list[Exported] = []
     with progress("exporting") as share:
@@ -110,7 +112,7 @@ def erase(
         str | None, typer.Option("--athlete", metavar="PSEUDONYM", help="Who is erased.")
     ] = None,
     again: Annotated[
-        bool, typer.Option("--again", help="Erase again who came back with a restored backup.")
+        bool, typer.Option("--again", help="Erase again all who came back with a restored backup.")
     ] = False,
     names: Annotated[
         Path | None,
@@ -123,9 +125,9 @@ def erase(
     yes: Annotated[bool, typer.Option("--yes", help="Remove it; it cannot be undone.")] = False,
     json_output: Json = False,
 ) -> None:
-    """Remove everything of an athlete for good, and search every file of the season for what is left.
+    """Remove all data of an athlete for good, then search every file of the season for traces.
 
-    What stays is a hash of the pseudonym, the day and counts: a restored backup is erased again by them.
+    A hash of the pseudonym, the date and counts stay. With them, the athlete is also erased from a restored backup.
     """
     from oarlock.season.athletes import NamesFile
     from oarlock.season.erase import erase as erased
@@ -157,7 +159,7 @@ def erase(
     if json_output:
         print_json({"erased": found, "is_proven": proven})
     else:
-        _say_erased(found, at)
+        _say_erased(found, at, names)
         if persons and not dry_run:
             say(f"Removed the name from {names}")
         elif names is not None and not persons and athlete is not None:
@@ -166,28 +168,29 @@ def erase(
         raise typer.Exit(EXIT_DATA)
 
 
-def _say_erased(found: Sequence[Erasure], at: str) -> None:
+def _say_erased(found: Sequence[Erasure], at: str, names: Path | None) -> None:
     if not found:
         say("Nobody who was erased is in this season.")
     for one in found:
+        told = "" if names is None else f" --names {names}"
+        again = f"oarlock season erase {at} --athlete {one.athlete}{told} --yes"
         heading(f"{'Would erase' if one.is_dry_run else 'Erased'} {one.athlete}")
         pairs([(words, count) for words, count in one.removed.items()])
-        _list("Found by the search and removed", [f"{t.file}: {t.where}: {t.what}" for t in one.cleared])
-        words = "Also found in" if one.is_dry_run else "Not erased"
-        _list(words, [f"{t.file}: {t.where}: {t.what}" for t in one.left])
-        _list("Out of reach", one.elsewhere)
+        _show_counted("Found by the search and removed", _traces(one.cleared))
+        _show_counted("Also found in" if one.is_dry_run else "Not erased", _traces(one.left))
+        _show_counted("Copies that could not be removed", one.elsewhere)
         if one.is_proven:
             say(f"Searched {one.files} files: nothing of {one.athlete} is left.")
-        elif not one.is_dry_run:
-            say("The erasure is not proven: see what is named above.")
-            steps(f"oarlock season check {at}", f"oarlock season erase {at} --athlete {one.athlete} --yes")
+        elif one.is_dry_run:
+            steps(again)
+        else:
+            say("The erasure is not proven: remove what is listed above, then erase again.")
+            steps(f"oarlock season check {at}", again)
 
 
-def _list(title: str, lines: Sequence[str]) -> None:
-    if not lines:
-        return
-    heading(f"{title}: {len(lines)}")
-    for line in lines[:_MOST_SHOWN]:
-        say(f"- {line}", indent=2)
-    if len(lines) > _MOST_SHOWN:
-        say(f"and {len(lines) - _MOST_SHOWN} more", indent=2)
+def _traces(traces: Sequence[Trace]) -> list[str]:
+    return [f"{one.file}: {one.where}: {one.what}" for one in traces]
+
+
+def _show_counted(title: str, lines: Sequence[str]) -> None:
+    show_list(f"{title}: {len(lines)}", lines)

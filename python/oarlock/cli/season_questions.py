@@ -76,7 +76,7 @@ def add_to(group: typer.Typer) -> None:
 def questions(
     at: SeasonAt,
     question: Annotated[
-        str | None, typer.Argument(metavar="[QUESTION]", help="The one to ask; default: list all.")
+        str | None, typer.Argument(metavar="QUESTION", help="The one to ask; default: list all.")
     ] = None,
     metric: _MetricName = None,
     rate: _Rate = None,
@@ -108,7 +108,7 @@ def questions(
         )
     asked = question_named(question)
     if asked.of_metric and metric is None:
-        raise UsageError(f"{asked.name} is asked of a metric: give --metric, such as --metric catch_angle")
+        raise UsageError(f"the question {asked.name} needs a metric, such as --metric catch_angle")
     for file in (csv, parquet):
         if file is not None:
             free_file(file, force)
@@ -134,9 +134,9 @@ def trend(
     scope: _Scope = None,
     json_output: Json = False,
 ) -> None:
-    """Show how a metric went over the months, with 95 % bands; without --athlete, whose changed.
+    """Show a metric month by month, with 95 % bands; without --athlete, the change of each athlete.
 
-    Strokes count by their uncertainty. Means are brought to the athlete's usual rate.
+    Strokes are weighted by their uncertainty. Means are corrected to the athlete's usual stroke rate.
     """
     from oarlock.season import trend as trend_of
 
@@ -155,7 +155,8 @@ def _say_trend(found: Trend) -> None:
     from oarlock.season.questions.shown import shown_metric
 
     metric = shown_metric(found.metric)
-    say(f"{metric.label}, {metric.unit}: {found.athlete}" if metric.unit else metric.label, style="bold")
+    label = f"{metric.label}, {metric.unit}" if metric.unit else metric.label
+    say(f"{label}: {found.athlete}", style="bold")
     table(
         ("month", ">sessions", ">strokes", ">rate", f">mean {metric.unit}".rstrip(), "95 % band"),
         [
@@ -172,7 +173,7 @@ def _say_trend(found: Trend) -> None:
     )
     if (change := found.change) is not None:
         band = shown_band(change.low, change.high, metric.scale)
-        words = "changed" if change.changed else "no change that is certain"
+        words = "changed" if change.changed else "no certain change"
         pairs(
             [
                 ("change a month", f"{shown_value(change.per_month, metric.scale)} {metric.unit} ({band})"),

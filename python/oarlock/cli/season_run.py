@@ -1,4 +1,4 @@
-"""`oarlock season setup` and `oarlock season run`: how a season is computed, and the computation of what it lacks."""
+"""`oarlock season setup` and `oarlock season run`: choose model and settings, and compute missing results."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ import typer
 
 from oarlock.cli.options import CalibrationFile, Json, ModelName, example
 from oarlock.cli.season_options import SeasonAt, opened
+from oarlock.cli.season_tables import show_list
 from oarlock.cli.terminal import (
     EXIT_DATA,
     UsageError,
     continuing_verb,
-    heading,
     page,
     pairs,
     print_json,
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from oarlock.season.run.job import Executor
     from oarlock.season.run.plan import Plan
     from oarlock.season.run.runner import Outcome
-
-_MOST_SHOWN = 20
 
 
 def add_to(group: typer.Typer) -> None:
@@ -116,7 +114,7 @@ def run(
 ) -> None:
     """Compute the results that are missing or out of date: strokes of each recording, health of its sensors.
 
-    Stop it with Ctrl-C; the same command continues. A recording that fails is a row with its reason.
+    Stop it with Ctrl-C; the same command continues. Recordings that fail are listed with the reason.
     """
     from oarlock.season.erase_again import erase_again
     from oarlock.season.run.plan import make_plan
@@ -129,7 +127,7 @@ def run(
         erase_again(season)  # a restored backup contains who was erased since
     plan = make_plan(season, again, limit_s)
     if plan.without_setup and not plan.jobs and not plan.there and not plan.failed:
-        raise UsageError(f"no model was chosen yet: `oarlock season setup {at} --model sculler` does")
+        raise UsageError(f"no model was chosen yet. Choose one: `oarlock season setup {at} --model sculler`")
     if dry_run or not plan.jobs:
         return _show_plan(at, plan, dry_run, json_output)
     executor = _executor(workers, scheduler, len(plan.jobs))
@@ -169,7 +167,7 @@ def _document(plan: Plan) -> dict[str, object]:
 def _show_plan(at: str, plan: Plan, dry_run: bool, json_output: bool) -> None:
     if json_output:
         return print_json({**_document(plan), "dry_run": dry_run})
-    if not plan.jobs:
+    if not plan.jobs and not plan.without_setup:
         say("Everything is up to date.")
     pairs(
         [
@@ -178,8 +176,11 @@ def _show_plan(at: str, plan: Plan, dry_run: bool, json_output: bool) -> None:
             *_left_out(plan),
         ]
     )
-    if plan.failed:
-        steps(f"oarlock season run {at} --again-failed")
+    next_steps = [f"oarlock season setup {at} --model sculler"] if plan.without_setup else []
+    next_steps += [f"oarlock season run {at}"] if plan.jobs else []
+    next_steps += [f"oarlock season run {at} --again-failed"] if plan.failed else []
+    if next_steps:
+        steps(*next_steps)
 
 
 def _left_out(plan: Plan) -> list[tuple[str, object]]:
@@ -201,12 +202,8 @@ def _show(at: str, plan: Plan, outcome: Outcome, took_s: float) -> None:
             ("log", outcome.log),
         ]
     )
-    if outcome.failed:
-        heading("Failed")
-        for recording, words in list(outcome.failed.items())[:_MOST_SHOWN]:
-            say(f"- {recording}: {words}", indent=2)
-        if len(outcome.failed) > _MOST_SHOWN:
-            say(f"and {len(outcome.failed) - _MOST_SHOWN} more: `oarlock season list {at}`", indent=2)
+    failed = [f"{recording}: {words}" for recording, words in outcome.failed.items()]
+    show_list("Failed", failed, rest=f"oarlock season questions {at} failed")
 
 
 def _duration(seconds: float) -> str:

@@ -39,9 +39,9 @@ def synthetic(
     jobs: Jobs = None,
     json_output: Json = False,
 ) -> None:
-    """Make a season from a seed, to try questions on it and to measure.
+    """Make a season of simulated numbers from a seed, to try questions and to measure speed.
 
-    The same options make the same season. A command that was stopped goes on where it was.
+    The same options make the same season. After Ctrl-C the same command continues.
     """
     from oarlock.season.synthetic.make import Synthetic, make_synthetic
 

@@ -1,17 +1,19 @@
-"""Rows that a season answers, on the terminal and in files."""
+"""Lists and rows that verbs of `oarlock season` print, and rows as files."""
 
 from __future__ import annotations
 
 import datetime
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from oarlock.cli.terminal import say, table
+from oarlock.cli.terminal import heading, say, table
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
+MOST_SHOWN = 20
 _MOST_ROWS = 60
 _HIDDEN = (
     *("se", "se_s", "at_s", "comparable", "with_rate", "rate_spread", "first_month", "last_month", "run"),
@@ -70,6 +72,22 @@ def _say_more(rows: pa.Table) -> None:
         say("No rows.", indent=2)
     if rows.num_rows > _MOST_ROWS:
         say(f"{_MOST_ROWS} of {rows.num_rows} rows; --csv or --parquet writes all", indent=2)
+
+
+def show_list(title: str, lines: Sequence[str], rest: str = "") -> None:
+    """Print the first `MOST_SHOWN` lines under a heading, how many there are more, and where the rest is."""
+    if not lines:
+        return
+    heading(title)
+    for line in lines[:MOST_SHOWN]:
+        say(f"- {line}", indent=2)
+    say_more(len(lines), rest)
+
+
+def say_more(count: int, rest: str = "") -> None:
+    """Print how many of `count` rows are not shown, if any."""
+    if count > MOST_SHOWN:
+        say(f"and {count - MOST_SHOWN} more" + (f": `{rest}`" if rest else ""), indent=2)
 
 
 def shown_value(value: float | None, scale: float) -> str:

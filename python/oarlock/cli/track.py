@@ -56,7 +56,7 @@ def track(
     recordings: Annotated[
         list[Path],
         typer.Argument(
-            metavar="RECORDING...",
+            metavar="RECORDING",
             help="A recording folder; or several, tracked in parallel, each into FOLDER/its name.",
         ),
     ],

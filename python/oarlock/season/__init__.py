@@ -1,4 +1,4 @@
-"""A squad's season: recordings and results stored once, asked anything, computed again where something changed."""
+"""A squad's season: stores recordings and results once, computes them again after changes, answers questions."""
 
 import lazy_loader
 

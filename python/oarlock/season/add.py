@@ -111,7 +111,7 @@ class Admission:
         """
         asked = self._athlete if self._athlete is not None else given
         if asked is None:
-            raise DataError(f"{where}: says nothing of who was recorded; give --athlete with a pseudonym")
+            raise DataError(f"{where}: does not say who was recorded; give --athlete PSEUDONYM")
         found = asked if asked in self._known else self._names.get(asked, asked)
         if self.season.is_erased(found, self._erased):
             raise DataError(
@@ -120,10 +120,13 @@ class Admission:
         if found in self._known:
             return found
         if found != asked:
-            raise DataError(f"{where}: {found}, the pseudonym in the file of names, is none of this season")
+            raise DataError(
+                f"{where}: the file of names gives the pseudonym {found}, which this season does not have. "
+                "Correct the file, or give the file of this season"
+            )
         raise DataError(
-            f'{where}: the athlete is "{asked}", which is no pseudonym of this season. Names of people are not '
-            "stored: give --names FILE, which maps names to pseudonyms, or --athlete PSEUDONYM. "
+            f'{where}: the athlete "{asked}" is not a pseudonym of this season, and a season stores no names of '
+            "people. Give --names FILE, which lists the pseudonym of each name, or --athlete PSEUDONYM. "
             "`oarlock season athlete` makes a pseudonym."
         )
 
@@ -183,7 +186,7 @@ def put_entry(season: Season, entry: Entry, files: Mapping[str, bytes]) -> Added
     if is_new and season.is_erased_now(entry.athlete):
         season.place.remove_folder(folder, ENTRY_FILE)
         raise DataError(
-            f"{entry.athlete} was erased from this season meanwhile; {entry.recording} is not stored"
+            f"{entry.athlete} was erased from this season while {entry.recording} was added; it was not stored"
         )
     return Added(whole if is_new else season.entry(entry.recording) or whole, is_new)
 

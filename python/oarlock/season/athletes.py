@@ -96,6 +96,14 @@ def pseudonym_hash(season: str, pseudonym: str) -> str:
     return hashlib.scrypt(pseudonym.encode(), salt=season.encode(), n=2**12, r=8, p=1, dklen=16).hex()
 
 
+def check_scope(scope: str) -> None:
+    """Raises a DataError if `scope` is not one of `SCOPES`."""
+    if scope not in SCOPES:
+        raise DataError(
+            f'"{scope}" is not a scope of consent; choose {", ".join(SCOPES[:-1])} or {SCOPES[-1]}'
+        )
+
+
 def checked_day(text: str, where: str) -> str:
     """A day as ISO text.
 

@@ -191,6 +191,11 @@ def _tables(season: Season) -> Iterator[Finding]:
             yield Finding("damaged", name, f"cannot be read as Parquet ({error}); `--repair` makes it again")
 
 
+def is_repairable(finding: Finding) -> bool:
+    """Whether `repair` mends it."""
+    return finding.what in ("damaged", "missing") and finding.name.startswith((f"{RESULTS}/", f"{TABLES}/"))
+
+
 def repair(season: Season, findings: Sequence[Finding]) -> list[str]:
     """Remove damaged results and tables, which can be computed again; recordings are never touched.
 
@@ -198,14 +203,14 @@ def repair(season: Season, findings: Sequence[Finding]) -> list[str]:
         Names of what was removed.
     """
     removed = set()
-    for finding in findings:
-        if finding.what not in ("damaged", "missing"):
-            continue
+    for finding in filter(is_repairable, findings):
         top, _, rest = finding.name.partition("/")
         if top == RESULTS:
             season.place.remove_folder(folder := f"{RESULTS}/{rest.partition('/')[0]}", RUN_FILE)
             removed.add(folder)
-        elif top == TABLES:
-            season.place.remove([CURRENT_FILE])
-            removed.add(CURRENT_FILE)
+        else:
+            # Its name is the hash of what it should contain: compaction would take the damaged file for the right one.
+            season.place.remove(found := [CURRENT_FILE, finding.name])
+            season.place.forget_copies()
+            removed.update(found)
     return sorted(removed)

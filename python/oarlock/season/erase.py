@@ -17,12 +17,11 @@ from oarlock.season.layout import ATHLETES, RUN_FILE, SEASON_FILE, SETUPS
 from oarlock.season.remains import remove_remains
 from oarlock.season.sealed import keys_folder
 from oarlock.season.search import search
-from oarlock.season.store import Season
+from oarlock.season.store import Season, not_in_season
 from oarlock.season.tombstones import Tombstone, kept_folder, new_tombstone, put_tombstone
 from oarlock.season.traces import Sought, Trace
 from oarlock.season.versions import Versions, versions_of
 from oarlock.storage.errors import DataError
-from oarlock.storage.suggest import did_you_mean
 from oarlock.storage.toml import TomlTable, write_toml
 
 Told = Callable[[float], None]
@@ -98,9 +97,7 @@ def erase(
     began = {*_read_pending(pending), *versions.recordings_of(athlete)}
     is_known = bool(began) or season.is_erased_now(athlete) or season.athlete(athlete) is not None
     if not is_known and belongings(season, athlete).is_empty:
-        raise DataError(
-            f'"{athlete}" is no athlete of this season. {did_you_mean(athlete, sorted(season.athletes()))}'
-        )
+        raise not_in_season("athlete", athlete, season.athletes())
     if not dry_run:
         # Before anything is listed: what is stored later is removed by its writer, who looks for tombstones.
         put_tombstone(season, _with_former(season, new_tombstone(season, athlete)), tombstones)

@@ -16,15 +16,14 @@ from pathlib import Path
 import pyarrow as pa
 from pyarrow import csv, parquet
 
-from oarlock.season.athletes import SCOPES
+from oarlock.season.athletes import check_scope
 from oarlock.season.belongings import belongings, folders
 from oarlock.season.gps import CUT_FILES, GpsCut
 from oarlock.season.layout import ATHLETES, EXPORTS, STROKES_FILE
 from oarlock.season.schema import joined, recording_rows, run_rows, stroke_rows
 from oarlock.season.sealed import opened
-from oarlock.season.store import Season
+from oarlock.season.store import Season, not_in_season
 from oarlock.storage.errors import DataError
-from oarlock.storage.suggest import did_you_mean
 from oarlock.storage.toml import TomlTable, toml_text, write_toml
 from oarlock.storage.write_file import write_file
 
@@ -49,8 +48,7 @@ def may_share(season: Season, scope: str) -> tuple[list[str], list[str]]:
     Raises:
         DataError: the scope is unknown.
     """
-    if scope not in SCOPES:
-        raise DataError(f'"{scope}" is no scope of consent; known are {", ".join(SCOPES)}')
+    check_scope(scope)
     athletes, erased = season.athletes(), season.erased()
     here = [name for name in sorted(athletes) if not season.is_erased(name, erased)]
     return [name for name in here if athletes[name].allows(scope)], [
@@ -83,9 +81,7 @@ def export_athlete(
         raise DataError(f"{athlete} was erased from this season; there is nothing to export")
     own = belongings(season, athlete)
     if own.is_empty:
-        raise DataError(
-            f'"{athlete}" is no athlete of this season. {did_you_mean(athlete, sorted(season.athletes()))}'
-        )
+        raise not_in_season("athlete", athlete, season.athletes())
     target = _free(season, out / athlete)
     note = f"{EXPORTS}/{athlete}/{secrets.token_hex(8)}.toml"
     # The note comes first: an export that is interrupted is known.
@@ -112,7 +108,9 @@ def export_athlete(
     if season.is_erased_now(athlete):
         _remove_files(target, [*written, EXPORT_FILE])
         season.place.remove([note])
-        raise DataError(f"{athlete} was erased from this season meanwhile; the export was removed again")
+        raise DataError(
+            f"{athlete} was erased from this season during the export; the exported files were removed"
+        )
     return Exported(athlete, str(target), len(written) + 1, sum(written.values()))
 
 

@@ -102,7 +102,7 @@ def stroke_rows(contents: bytes, entry: Entry, run: RunRecord, where: str) -> pa
         found = parquet.ParquetFile(pa.BufferReader(contents)).read(use_threads=False)
     except (pa.ArrowException, OSError) as error:
         raise DataError(
-            f"{where}: cannot be read as Parquet ({error}); `oarlock season check` names all such"
+            f"{where}: cannot be read as Parquet ({error}); `oarlock season check` lists all damaged files"
         ) from None
     names = [field.name for field in found.schema if _is_number(field.type)]
     keys = {

@@ -55,11 +55,13 @@ class Key:
         size = len(MAGIC) + _NAME
         head, nonce, body = contents[:size], contents[size : size + _NONCE], contents[size + _NONCE :]
         if (name := key_name(contents)) != self.name:
-            raise DataError(f"{where}: is sealed under the key {name}, and this one is {self.name}")
+            raise DataError(f"{where}: is encrypted with the key {name}; the key given is {self.name}")
         try:
             return bytes(_aes(self.secret).decrypt(nonce, body, head))
         except (InvalidTag, ValueError):
-            raise DataError(f"{where}: is sealed and has changed since; restore it from a backup") from None
+            raise DataError(
+                f"{where}: is encrypted and was changed afterwards; restore it from a backup"
+            ) from None
 
     def write(self, folder: Path) -> Path:
         """Write the key into a folder, readable for its owner alone.
@@ -86,7 +88,7 @@ class Key:
         except ValueError:
             secret = b""
         if len(secret) != 32:
-            raise DataError(f"{file}: is no key; expected 64 hexadecimal digits")
+            raise DataError(f"{file}: is not a key; expected 64 hexadecimal digits")
         return cls(secret)
 
 
@@ -115,8 +117,8 @@ def key_called(name: str, where: str) -> Key:
     file = None if folder is None else folder / f"{name}.toml"
     if file is None or not file.exists():
         raise DataError(
-            f"{where}: is sealed under the key {name}, which is not here; set {KEYS_VARIABLE} to the folder that has "
-            f"{name}.toml. Without the key nobody can read it."
+            f"{where}: is encrypted, and its key {name} was not found. Set {KEYS_VARIABLE} to the folder that contains "
+            f"{name}.toml. Without the key nobody can read the file."
         )
     return Key.read(file)
 

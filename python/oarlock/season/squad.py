@@ -7,11 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from oarlock.season.athletes import SCOPES, Athlete, NamesFile, checked_day, new_pseudonym
+from oarlock.season.athletes import Athlete, NamesFile, check_scope, checked_day, new_pseudonym
 from oarlock.season.sealed import new_key
-from oarlock.season.store import Season
+from oarlock.season.store import Season, not_in_season
 from oarlock.storage.errors import DataError
-from oarlock.storage.suggest import did_you_mean
 
 _RANGES = {"stature_m": (0.5, 2.5), "mass_kg": (10.0, 250.0)}
 
@@ -46,14 +45,11 @@ def changed_athlete(
     """
     known = season.athletes()
     if pseudonym is not None and pseudonym not in known:
-        raise DataError(
-            f'"{pseudonym}" is no athlete of this season. {did_you_mean(pseudonym, sorted(known))}'
-        )
+        raise not_in_season("athlete", pseudonym, known)
     day = datetime.date.today().isoformat() if on is None else checked_day(on, "--on")
     one = Athlete(new_pseudonym(known)) if pseudonym is None else known[pseudonym]
     for scope in consent:
-        if scope not in SCOPES:
-            raise DataError(f'"{scope}" is no scope of consent; known are {", ".join(SCOPES)}')
+        check_scope(scope)
     for key, value in attributes.items():
         low, high = _RANGES[key]
         if not low <= value <= high:
@@ -68,7 +64,8 @@ def changed_athlete(
     if keys is not None:
         if pseudonym is not None:
             raise DataError(
-                f"{pseudonym} is there already; a key is made with a new athlete, whose recordings all have it"
+                f"{pseudonym} exists already. Only a new athlete can get a key, because it must encrypt all of an "
+                "athlete's recordings. Leave out --encrypt, or leave out --athlete to make a new one"
             )
         _refuse_inside(season, keys, "keys stay outside")
         sealing = new_key()
@@ -91,7 +88,10 @@ def keep_name(season: Season, pseudonym: str, name: str | None, file: Path | Non
     _refuse_inside(season, file, "names of people stay outside")
     names = NamesFile.read(file)
     if names.pseudonyms.get(name, pseudonym) != pseudonym:
-        raise DataError(f"{file}: {name} is {names.pseudonyms[name]} already")
+        raise DataError(
+            f"{file}: {name} has the pseudonym {names.pseudonyms[name]} already. "
+            f"To change that athlete: --athlete {names.pseudonyms[name]}"
+        )
     names.with_name(name, pseudonym).write()
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import secrets
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import partial
@@ -28,6 +28,7 @@ from oarlock.season.open_place import open_place
 from oarlock.season.place import Place
 from oarlock.season.run_record import RunRecord, Setup
 from oarlock.storage.errors import DataError
+from oarlock.storage.suggest import did_you_mean
 from oarlock.storage.toml import TomlTable, toml_text
 
 _READERS = 16
@@ -145,7 +146,8 @@ class Season:
         setup = Setup(**found)
         if setup.name != name:
             raise DataError(
-                f"{self.where(f'{SETUPS}/{name}')}: is damaged, or not there; run with its files again"
+                f"{self.where(f'{SETUPS}/{name}')}: is damaged or missing. Store it again with the same model, "
+                "calibration and settings: `oarlock season setup`"
             )
         return setup
 
@@ -242,7 +244,9 @@ def open_season(address: str) -> Season:
     try:
         table = parsed_toml(place.read(SEASON_FILE), where)
     except FileNotFoundError:
-        raise DataError(f"{address}: is no season; `oarlock season init {address}` begins one") from None
+        raise DataError(
+            f"{address}: is not a season. To begin one: `oarlock season init {address}`"
+        ) from None
     table.check_keys(_KEYS)
     table.check_format(SEASON_FORMAT)
     setup = table.table("setup", {})
@@ -254,6 +258,11 @@ def open_season(address: str) -> Season:
         _retention(table.table("retention", {})),
         {("" if name == "everybody" else name): setup.string(name) for name in setup.values},
     )
+
+
+def not_in_season(what: str, name: str, known: Iterable[str]) -> DataError:
+    """The error for a name that a season does not have; `what` says of what."""
+    return DataError(f'this season has no {what} "{name}". {did_you_mean(name, sorted(known))}')
 
 
 def checked_zone(name: str, where: str) -> ZoneInfo:

@@ -37,7 +37,7 @@ SHARES = {
     "part of the handle travel": "travel_m",
     "share of it": "share",
     "peak speed": "peak_speed_m_s",
-    "peak after, of the drive time": "peak_position",
+    "time of the peak, share of the drive": "peak_position",
 }
 DASH = "\N{EN DASH}"
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from oarlock.season.page.findings import Comparison, beyond_chance, rig_comparison, trend_comparison
 from oarlock.season.questions.database import Database
+from oarlock.season.store import not_in_season
 from oarlock.storage.errors import DataError
 
 USUAL_METRICS = (
@@ -71,7 +72,7 @@ def gathered(
         "coalesce(strokes, 0) AS strokes, comparable FROM recordings ORDER BY athlete, started"
     ).to_pylist()
     if not recordings:
-        raise DataError(f"{database.selection}: has no recordings to show; `oarlock season add` adds them")
+        raise DataError(f"{database.selection}: has no recordings to show; add some: `oarlock season add`")
     classes = database.table("FROM classes").to_pylist()
     shown = _class(classes, comparable)
     columns = _columns(database, metrics) if shown else []
@@ -100,7 +101,7 @@ def gathered(
 def _class(classes: Sequence[Row], asked: str | None) -> str | None:
     names = [row["comparable"] for row in classes]
     if asked is not None and asked not in names:
-        raise DataError(f'"{asked}" is no class of runs here; there are {", ".join(names) or "none"}')
+        raise not_in_season("class of runs", asked, names)
     return asked or (names[0] if names else None)
 
 

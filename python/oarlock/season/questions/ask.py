@@ -92,7 +92,7 @@ def answer(
     """As `ask`, of a database that is open."""
     asked = question_named(question)
     if asked.of_metric and metric is None:
-        raise DataError(f"{asked.name} is asked of a metric, such as catch_angle")
+        raise DataError(f"the question {asked.name} needs a metric, such as catch_angle")
     column = database.metric(metric) if asked.of_metric and metric is not None else None
     limits = Rates.parsed(rates)
     if asked.compares:
@@ -152,15 +152,15 @@ def one_class(database: Database) -> str:
     """
     found = database.classes()
     if not found:
-        raise DataError(f"{database.selection}: has no results; `oarlock season run` makes them")
+        raise DataError(f"{database.selection}: has no results; compute them: `oarlock season run`")
     if len(found) > 1:
         each = "; ".join(
             f"{name} (oarlock {engine}, {count} recordings)" for name, (engine, count) in found.items()
         )
         raise DataError(
-            f"{database.selection}: results of {len(found)} classes, which engine, model, settings or calibration "
-            f"keep apart, must not be compared: {each}. Choose one with --class {next(iter(found))}, or make them "
-            f"alike with `oarlock season run {database.season.place.address}`."
+            f"{database.selection}: the results are of {len(found)} classes (engine, model, settings or "
+            f"calibration differ) and cannot be compared: {each}. Choose one with --class {next(iter(found))}, or "
+            f"compute all of them in the same way: `oarlock season run {database.season.place.address}`."
         )
     return next(iter(found))
 

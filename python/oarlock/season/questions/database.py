@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from oarlock.season.athletes import SCOPES
+from oarlock.season.athletes import check_scope
 from oarlock.season.compact import Current, compact
 from oarlock.season.questions.crew_functions import add_crew_functions
 from oarlock.season.questions.selection import Selection, metric_named, metrics_among
 from oarlock.season.schema import KEYS
-from oarlock.season.store import Season
+from oarlock.season.store import Season, not_in_season
 from oarlock.storage.errors import DataError
-from oarlock.storage.suggest import did_you_mean
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -42,7 +41,8 @@ class Database:
         current: the tables; None brings those of the season up to date first.
 
     Raises:
-        DataError: DuckDB is not installed, or the selection names somebody or something that is not there.
+        DataError: DuckDB is not installed, the selection names somebody or something that is not there, or a table
+            is damaged.
     """
 
     def __init__(
@@ -52,8 +52,14 @@ class Database:
         self._connection = _connected(season.place.address)
         try:
             self._open(compact(season) if current is None else current)
-        except BaseException:
+        except BaseException as error:
             self.close()
+            if _is_of_files(error):
+                address = season.place.address
+                raise DataError(
+                    f"{address}: a table of the season cannot be read ({str(error).splitlines()[0]}). "
+                    f"Make it again: `oarlock season check {address} --repair`"
+                ) from None
             raise
 
     def __enter__(self) -> Database:
@@ -96,7 +102,7 @@ class Database:
         """
         if not self.metrics:
             raise DataError(
-                f"{self.season.place.address}: has no strokes yet; `oarlock season run` makes them"
+                f"{self.season.place.address}: has no strokes yet; compute them: `oarlock season run`"
             )
         return metric_named(text, self.metrics)
 
@@ -149,8 +155,7 @@ class Database:
         scope = self.selection.scope
         if scope is None:
             return "true"
-        if scope not in SCOPES:
-            raise DataError(f'"{scope}" is no scope of consent; known are {", ".join(SCOPES)}')
+        check_scope(scope)
         return f"list_contains(string_split(consent, ', '), {_text(scope)})"
 
     def _check_named(self, recordings: str, runs: str) -> None:
@@ -164,7 +169,7 @@ class Database:
             ("class of runs", asked.comparable, f"SELECT DISTINCT comparable FROM {runs} ORDER BY 1"),
         ):
             if name is not None and name not in (known := self._values(query)):
-                raise DataError(f'"{name}" is no {what} of this season. {did_you_mean(name, known)}')
+                raise not_in_season(what, name, known)
 
     def _values(self, sql: str) -> list[str]:
         return [row[0] for row in self._connection.execute(sql).fetchall()]
@@ -197,6 +202,14 @@ def _connected(address: str) -> Any:
             f'{address}: questions need one more package: pip install "oarlock[season]"'
         ) from None
     return duckdb.connect(":memory:", config=_SETTINGS)
+
+
+def _is_of_files(error: BaseException) -> bool:
+    """Whether DuckDB could not read a file; the other errors are of our own statements."""
+    import duckdb
+
+    own = (duckdb.ParserException, duckdb.BinderException, duckdb.CatalogException)
+    return isinstance(error, duckdb.Error) and not isinstance(error, own)
 
 
 def _stroke_values(columns: set[str], metrics: Sequence[str]) -> str:

@@ -139,7 +139,7 @@ def fetch(season: Season, entry: Entry, folder: Path) -> None:
         except OSError as error:
             raise DataError(f"{full}: cannot be read ({error.strerror}); {advice}") from error
         if hashlib.sha256(contents).hexdigest() != expected:
-            raise DataError(f"{full}: is damaged, because its hash is another; {advice}")
+            raise DataError(f"{full}: is damaged: its SHA-256 differs from the recorded one; {advice}")
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(opened(contents, full))
 

@@ -112,7 +112,9 @@ def _count(season: Season, ended: Ended, outcome: Outcome) -> None:
         outcome.failed[job.recording] = _stored(season, job, reply)
         return
     if reply.told == "refused":
-        raise DataError(f"{reply.words}. What was computed is stored; the same command continues")
+        raise DataError(
+            f"{reply.words}. All finished results are stored; run the same command again to continue"
+        )
     outcome.computed_s += reply.computed_s
     if reply.told == "failed":
         outcome.failed[job.recording] = reply.words

@@ -11,9 +11,8 @@ from oarlock import Calibration, Config, Model
 from oarlock.recording.calibration import calibration_text, parsed_calibration
 from oarlock.season.layout import SEASON_FILE
 from oarlock.season.run_record import Setup
-from oarlock.season.store import Season, open_season
+from oarlock.season.store import Season, not_in_season, open_season
 from oarlock.storage.errors import DataError
-from oarlock.storage.suggest import did_you_mean
 from oarlock.storage.toml import toml_text
 
 _NONE = "none"
@@ -45,7 +44,7 @@ def choose_setup(season: Season, setup: Setup, athlete: str | None = None) -> Se
     """
     known = season.athletes()
     if athlete is not None and athlete not in known:
-        raise DataError(f'"{athlete}" is no athlete of this season. {did_you_mean(athlete, sorted(known))}')
+        raise not_in_season("athlete", athlete, known)
     season.put_setup(setup)
     now = open_season(season.place.address)  # another setup may have been chosen meanwhile
     key = _EVERYBODY if athlete is None else athlete

@@ -106,8 +106,8 @@ def _begun(address: str, what: Synthetic) -> Season:
     season = open_season(address)
     if season.id != what.id:
         raise DataError(
-            f"{address}: is another season, with which synthetic recordings are not mixed. Choose another place, or "
-            "repeat the options with which it was made."
+            f"{address}: is a season of real recordings, or a synthetic one made with other options. Choose another "
+            "place, or give the same options as before."
         )
     return season
 
@@ -129,7 +129,7 @@ def _made(address: str, what: Synthetic, batches: Sequence[range], jobs: int) ->
             child.terminate()
         if isinstance(error, BrokenProcessPool):
             raise DataError(
-                f"{address}: a process was ended from outside; the same command goes on"
+                f"{address}: another program ended one of the processes; run the same command again, it continues"
             ) from None
         raise
 
