@@ -108,6 +108,7 @@ def test_earlier_pieces_are_compared_on_the_front(piece, tmp_path):
     front = read.text[read.text.index("Compared with earlier") : read.text.index("The strokes, moving")]
     assert "Last time: tuesday. Own best: record." in front
     assert "At like rate: what the stroke rate does is removed." in front
+    assert '<table id="compared-earlier-table" class="stacked">' in files[0].read_text(encoding="utf-8")
     assert "A07, 2026-05-01, Rotsee, boat single" in files[1].read_text(encoding="utf-8").splitlines()[0]
 
 
@@ -212,6 +213,7 @@ def test_sheet_and_picture_take_another_piece_and_targets_and_refuse_what_they_c
     )
     assert title == "after compared with before"
     assert front.figures and any(text.startswith("Against before:") for text in front.changes)
+    assert "before" in front.drawings[1]
     read = Page(write_summary(piece, tmp_path / "s.html", title, front).read_text(encoding="utf-8"))
     assert read.errors == [] and not read.all("a") and "Against before:" in read.text
     assert len(re.findall(r'class="name"', (tmp_path / "s.html").read_text(encoding="utf-8"))) <= 4
