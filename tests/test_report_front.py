@@ -108,6 +108,7 @@ def test_earlier_pieces_are_compared_on_the_front(piece, tmp_path):
     front = read.text[read.text.index("Compared with earlier") : read.text.index("The strokes, moving")]
     assert "Last time: tuesday. Own best: record." in front
     assert "At like rate: what the stroke rate does is removed." in front
+    assert '<table id="compared-earlier-table" class="stacked">' in files[0].read_text(encoding="utf-8")
     assert "A07, 2026-05-01, Rotsee, boat single" in files[1].read_text(encoding="utf-8").splitlines()[0]
 
 
@@ -161,6 +162,16 @@ def test_without_calibration_the_first_step_is_to_calibrate_and_lean_is_marked(p
     marked = {figure.name for figure in front.figures if "not calibrated" in figure.detail}
     assert marked == {"trunk lean at the catch", "trunk lean at the finish"}
     assert front.commands[0][1].startswith("oarlock calibrate")
+    beside = front_of(
+        Piece("", nominal, technique(nominal)), Piece("before", piece, technique(piece))
+    ).compared
+    assert beside.count("not calibrated") == 2
+
+
+def test_sensors_that_disagreed_are_checked_first(piece):
+    noted = replace(piece, notes=("uncertainty was increased, by up to 3 deg: for several seconds ...",))
+    told = front_of(Piece("", noted, technique(noted))).next_step
+    assert told.startswith("Check where the sensors sit and the lengths that were entered")
 
 
 def test_every_reason_to_read_with_care_is_named(track):
@@ -215,6 +226,7 @@ def test_sheet_and_picture_take_another_piece_and_targets_and_refuse_what_they_c
     )
     assert title == "after compared with before"
     assert front.figures and any(text.startswith("Against before:") for text in front.changes)
+    assert "before" in front.drawings[1]
     read = Page(write_summary(piece, tmp_path / "s.html", title, front).read_text(encoding="utf-8"))
     assert read.errors == [] and not read.all("a") and "Against before:" in read.text
     assert len(re.findall(r'class="name"', (tmp_path / "s.html").read_text(encoding="utf-8"))) <= 4

@@ -94,7 +94,9 @@ def compared(
         caption += _LIKE
     dated = (", ".join(filter(None, (one.label, one.piece.date))) for one in others)
     heads = ["number", now, *(head for name in dated for head in (name, "change"))]
-    return _which(others) + plain_table("compared-earlier", caption, heads, rows)
+    # Six columns are too many for a telephone.
+    style = "stacked" if others[1:] else ""
+    return _which(others) + plain_table("compared-earlier", caption, heads, rows, style=style)
 
 
 def _which(others: Sequence[Other]) -> str:

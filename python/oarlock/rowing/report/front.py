@@ -41,6 +41,7 @@ def front_of(
     against = {kind: Rowed.of(one) for kind, one in others.items() if one is not None}
     candidates = comparisons(rowed, against)
     found = named(rowed, candidates)
+    pieces = [piece] if other is None else [piece, other]
     beside = earlier_pieces(last, best, candidates)
     if other is not None:
         beside.insert(0, Other(other.name, other, at_like_rate(candidates, "against other")))
@@ -63,7 +64,7 @@ def front_of(
         compared_head=f"{piece.name} and {other.name}" if other is not None else "Compared with earlier",
         compared_first=other is not None,
         changes=[largest_change(piece, one, words.OF_UNITS if _nominal(piece) else ()) for one in beside],
-        drawings=[*speeds([piece]), *curve_drawings([piece])],
+        drawings=[*speeds(pieces), *curve_drawings(pieces)],
         course=_course(piece),
     )
 
