@@ -89,9 +89,9 @@ def new_pseudonym(taken: Mapping[str, object]) -> str:
 
 @functools.cache
 def pseudonym_hash(season: str, pseudonym: str) -> str:
-    """What a tombstone keeps of a pseudonym; a copy of the season has the same.
+    """Hash of a pseudonym, as a tombstone contains it; the same in every copy of the season.
 
-    A pseudonym has 30 bits of chance, so the hash can be searched; it hides nothing but what stood there.
+    A pseudonym has only 30 random bits, so it can be found from its hash by trial: the hash is no secret.
     """
     return hashlib.scrypt(pseudonym.encode(), salt=season.encode(), n=2**12, r=8, p=1, dklen=16).hex()
 
