@@ -36,7 +36,6 @@ USUAL_S = {
     "test_clocks": 10.0,
     "test_clocks_apart": 900.0,
     "test_consider": 25.0,
-    "test_docs": 35.0,
     "test_docs_commands": 150.0,
     "test_site": 120.0,
     "test_emulated_over_the_air": 60.0,
@@ -86,7 +85,9 @@ USUAL_S = {
 NEW_S = 60.0
 # A machine that is shared is slower than the one that was measured.
 ALLOWANCE = 1.5
-SUMMARY = re.compile(r"^(?:=+ .*\d+ (?:passed|skipped).* =+|test result: .*|\d+ test functions.*)$", re.M)
+SUMMARY = re.compile(
+    r"^(?:=+ .*\d+ (?:passed|skipped).* =+|test result: .*|\d+ test functions.*|[\w-]+: NOT RUN .*)$", re.M
+)
 
 
 @dataclass(frozen=True)

@@ -13,10 +13,13 @@ from local_data import local_folder
 from oarlock.rowing import StrokeTable, load_export
 from oarlock.rowing.alongside.align import NO_ONSET, align_strokes
 from oarlock.rowing.alongside.clock_match import match_clocks
-from oarlock.rowing.alongside.course import course_of, pace_text, parts_of
+from oarlock.rowing.alongside.course import clock_text, course_of, pace_text, parts_of, pieces_of, splits_of
 from oarlock.rowing.alongside.force_curves import FORCES, force_stacks, forces_on_strokes
 from oarlock.rowing.analysis.technique import technique
-from oarlock.rowing.report.export_page import findings_of_export, strokes_page, write_strokes_report
+from oarlock.rowing.report.export_fade import where_lost
+from oarlock.rowing.report.export_front import findings_of_export
+from oarlock.rowing.report.export_page import strokes_page, write_strokes_report
+from oarlock.rowing.report.export_piece import ExportPiece, resolution
 from oarlock.storage.errors import DataError
 from rowed_truth import rowed
 
@@ -237,6 +240,95 @@ def test_splits_are_at_marks_of_500_m():
     assert pace_text(4.0) == "2:05.0" and pace_text(0.0) == pace_text(np.nan) == "–"
 
 
+def outing() -> StrokeTable:
+    """Standing, a start, 2000 m at 4 m/s and 30/min with a misread stroke, 60 s of pause, 600 m, and paddling."""
+    waited = [(5.0, 0.2, 20.0, 0.2), (9.0, 0.4, 31.0, 0.1)]
+    rows, time_s, way_m = list(waited), 40.0, 0.4
+    parts = [(1, speed, 33.0) for speed in (0.8, 1.6, 2.6)]
+    parts += [(250, 4.0, 30.0), (0, 0.0, 0.0), (75, 4.0, 30.0), (6, 1.2, 10.0)]
+    for count, speed, rate in parts:
+        if not count:
+            time_s, way_m = time_s + 60.0, way_m + 30.0
+        for _ in range(count):
+            time_s, way_m = time_s + 60.0 / rate, way_m + speed * 60.0 / rate
+            rows.append((time_s, way_m, rate, speed))
+    rows[100] = (*rows[100][:2], 80.0, rows[100][3])
+    columns = np.array(rows).T
+    names = ("time_s", "distance_m", "rate_per_min", "speed_m_s")
+    return StrokeTable(dict(zip(names, columns, strict=True)), source="out.csv: Made")
+
+
+def test_only_rowing_counts_and_every_row_has_its_place():
+    course = course_of(outing())
+    assert [one.strokes for one in pieces_of(course)] == [252, 75]  # a start of three; one misread
+    assert [round(one.pause_s) for one in pieces_of(course)] == [0, 62]
+    assert int(course.counted.sum()) + sum(course.left_out.values()) == len(outing())
+    assert sum(one.strokes for one in splits_of(course)) == 252
+    assert course.duration_s < course.total_s - 60.0
+
+
+def test_pace_is_rowed_distance_over_rowed_time_and_splits_add_up():
+    course = course_of(outing())
+    splits, piece = splits_of(course), course.longest
+    assert piece is not None
+    assert sum(one.duration_s for one in splits) == pytest.approx(piece.duration_s)
+    assert sum(one.distance_m for one in splits) == pytest.approx(piece.distance_m)
+    assert sum(one.duration_s for one in pieces_of(course)) == pytest.approx(course.duration_s)
+    assert splits[1].speed_m_s == pytest.approx(4.0, abs=0.001)
+    page = strokes_page(outing())
+    pace = pace_text(course.distance_m / course.duration_s)
+    assert f"{clock_text(course.duration_s, tenths=True)}" in page and f"<b>{pace}</b>" in page
+    assert "327 strokes rowed in 2 pieces" in Page(page).text
+
+
+def test_intervals_of_a_clock_that_restarts_keep_their_whole_distance():
+    step = np.arange(1.0, 101.0)
+    table = StrokeTable(
+        {
+            "time_s": np.tile(2.5 * step, 2),
+            "distance_m": np.tile(10.0 * step, 2),
+            "interval": np.repeat([1.0, 2.0], 100),
+        }
+    )
+    pieces = pieces_of(course_of(table))
+    assert [one.distance_m for one in pieces] == pytest.approx([1000.0, 1000.0])
+    assert [one.duration_s for one in pieces] == pytest.approx([250.0, 250.0])
+    assert np.isnan(pieces[1].pause_s)
+
+
+def test_a_gap_in_which_the_boat_went_on_is_no_pause():
+    step = np.delete(np.arange(1.0, 101.0), slice(40, 46))
+    assert len(course_of(StrokeTable({"time_s": 2.5 * step, "distance_m": 10.0 * step})).stretches) == 1
+
+
+def test_what_fell_first_is_named_and_nothing_where_nothing_fell():
+    rng = np.random.default_rng(0)
+    rate, fell = 28.0 + rng.normal(0.0, 0.3, 200), np.linspace(0.0, 1.0, 200)
+    noise = rng.normal(0.0, 0.01, (2, 200))
+    force = 300.0 * (1.0 - 0.12 * fell + noise[0])
+    arc = np.radians(110.0) * (1.0 - 0.01 * fell + noise[1])
+    table = StrokeTable(
+        {
+            "time_s": np.cumsum(60.0 / rate),
+            "rate_per_min": rate,
+            "mean_force_n": force,
+            "arc_rad": arc,
+            "power_w": 0.75 * force * arc * rate / 60.0,
+        }
+    )
+    piece = ExportPiece(table)
+    assert "Look at the force first" in where_lost(piece.faded, piece.course)
+    steady = ExportPiece(
+        replace(table, columns={**table.columns, "power_w": 200.0 + rng.normal(0.0, 2.0, 200)})
+    )
+    assert where_lost(steady.faded, steady.course) == ""
+
+
+def test_a_device_that_rounds_to_coarse_steps_is_not_certain():
+    values = np.tile([100.0, 100.0, 105.0], 5)
+    assert resolution(values) == 5.0 and resolution(np.ones(4)) == 0.0
+
+
 # --- the page ---------------------------------------------------------------------------------------------
 
 
@@ -277,6 +369,19 @@ def test_the_verb_writes_a_page_and_compares(tmp_path):
     run("strokes", file, "--report", str(page), "--last", file)
     assert "last time" in page.read_text("utf-8")
     assert "exists" in run("strokes", file, "--report", str(page), status=2).output
+
+
+def test_the_page_names_who_rowed_as_given_or_as_session_toml_says(tmp_path):
+    file = tmp_path / "rp3.csv"
+    file.write_bytes((EXAMPLES / "rp3.csv").read_bytes())
+    (tmp_path / "session.toml").write_text('athlete = "B12"\nplace = "Lake"\n', encoding="utf-8")
+    run("strokes", str(file), "--report", str(tmp_path / "a.html"))
+    run("strokes", str(file), "--report", str(tmp_path / "b.html"), "--athlete", "A07", "--boat", "1x")
+    texts = [Page((tmp_path / name).read_text("utf-8")).text for name in ("a.html", "b.html")]
+    assert "B12: " in texts[0] and "Lake" in texts[0]
+    assert "A07: " in texts[1] and "boat 1x" in texts[1] and "Lake" in texts[1]
+    assert "--athlete needs --report" in run("strokes", str(file), "--athlete", "A07", status=2).output
+    assert "The athlete is not named" in strokes_page(load_export(file))
 
 
 def test_the_report_of_a_track_shows_force_beside_the_motion(tmp_path):

@@ -31,15 +31,6 @@ def test_readme_example_runs(code, tmp_path):
     assert run([sys.executable, "-c", code], tmp_path).strip()
 
 
-@pytest.mark.long
-def test_readme_commands_run(tmp_path):
-    lines = [line for block in blocks(ROOT / "README.md", "console") for line in block.splitlines()]
-    commands = [line.split()[1:] for line in lines if line.startswith("oarlock ")]
-    assert commands
-    for command in commands:
-        run([sys.executable, "-m", "oarlock", *command], tmp_path)
-
-
 def test_model_page_shows_a_whole_model(tmp_path):
     import oarlock
 

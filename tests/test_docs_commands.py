@@ -1,4 +1,4 @@
-"""Commands of the pages: all name verbs and options that exist; those of tutorials and of a season's questions run."""
+"""Commands of the pages: all name verbs and options that exist, and run page by page as a reader runs them."""
 
 import re
 import shlex
@@ -6,9 +6,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from pages.site import tutorials
+from pages.site.presumed import NOT_RUN, PRESUMED, QUICKER, not_run, presume
+from pages.site.steps import Reader, steps
 
-from command_line import run
 from oarlock.cli import VERBS, load_verb
 
 ROOT = Path(__file__).parents[1]
@@ -23,6 +23,7 @@ def commands(page):
     ]
 
 
+WITH_STEPS = [page for page in PAGES if any(steps(page.read_text(encoding="utf-8")))]
 COMMANDS = [(page.name, one) for page in PAGES for one in commands(page)]
 
 
@@ -53,23 +54,28 @@ def test_no_page_hides_commands_in_an_indented_block():
     assert found == []
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("name", tutorials.TUTORIALS)
-def test_a_tutorial_runs_as_written(name, tmp_path):
-    done = tutorials.run(name, Path(sys.executable).parent, tmp_path)
-    assert len(done) >= 5
+def test_what_is_not_run_or_presumed_is_still_in_a_page():
+    shown = {page.stem: list(steps(page.read_text(encoding="utf-8"))) for page in PAGES}
+    every = [step.text for found in shown.values() for step in found]
+    assert [start for start in NOT_RUN if not any(text.startswith(start) for text in every)] == []
+    assert [start for start in QUICKER if not any(text.startswith(start) for text in every)] == []
+    words = {name: " ".join(step.text for step in found) for name, found in shown.items()}
+    presumed = [(page, one.split("=")[0]) for page, names in PRESUMED.items() for one in names]
+    assert [(page, name) for page, name in presumed if name not in words[page]] == []
+
+
+@pytest.fixture(scope="module")
+def pool(tmp_path_factory):
+    return tmp_path_factory.mktemp("presumed")
 
 
 @pytest.mark.long
-def test_a_seasons_questions_run(tmp_path, monkeypatch):
-    pytest.importorskip("duckdb")
-    monkeypatch.chdir(tmp_path)
-    page = ROOT / "docs/season-questions.md"
-    asked = [shlex.split(one)[1:] for one in commands(page) if "K7QMVA" not in one]
-    assert asked[0][:2] == ["season", "synthetic"]
-    # as the page says it, with fewer recordings
-    run(*asked[0][:3], "--recordings", 60, "--athletes", 3)
-    for one in asked[1:]:
-        run(*one)
-    assert (tmp_path / "season.html").stat().st_size > 10_000
-    assert (tmp_path / "changed.csv").exists()
+@pytest.mark.parametrize("page", WITH_STEPS, ids=lambda page: page.stem)
+def test_a_page_runs_as_written(page, pool, tmp_path, capsys):
+    programs = Path(sys.executable).parent
+    presume(page.stem, tmp_path, pool, lambda folder, command: Reader(folder, programs).finish(command))
+    text = page.read_text(encoding="utf-8")
+    lines = [f"{took_s:7.1f} s  {shown}" for shown, took_s in Reader(tmp_path, programs).follow(text)]
+    lines += [f"NOT RUN  {step.title}: {why}" for step in steps(text) if (why := not_run(step.text))]
+    with capsys.disabled():
+        print("", *(f"{page.stem}: {line}" for line in lines), sep="\n")

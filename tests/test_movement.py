@@ -1,7 +1,10 @@
 """Ranges, cycles and sides of movements that are known, and the report of a body that does not row."""
 
 import csv
+import re
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,7 +21,13 @@ from oarlock.movement import (
     side_differences,
     side_pairs,
 )
+from oarlock.movement.evenness import changes, wanderings
+from oarlock.movement.front import front_of
+from oarlock.movement.movement import Movement, movement_of
+from oarlock.movement.range_section import ranges_markup
 from oarlock.movement.report import write_movement_report
+from oarlock.movement.settled import settled_s
+from oarlock.movement.words import key_figures
 from oarlock.tracking.track import track_without_filter
 
 TIME_S = np.arange(0.0, 60.0, 0.01)
@@ -94,6 +103,87 @@ def test_ranges_have_the_stds_of_their_ends():
     (one,) = ranges_of_motion([MovementAngle("elbow", "", value, std)]).values()
     assert (one.lowest_deg, one.highest_deg) == pytest.approx((-30.0, 50.0), abs=1e-3)
     assert one.range_std_deg == pytest.approx(5.0)
+
+
+def test_numbers_count_from_when_the_uncertainty_has_fallen():
+    std = 1.0 + 30.0 * np.exp(-TIME_S / 0.2)
+    falling = MovementAngle("elbow", "", np.zeros_like(TIME_S), std)
+    even = angle("wrist", np.zeros_like(TIME_S))
+    # 30 exp(-t / 0.2) is a quarter of 1 at 0.2 ln(120)
+    assert settled_s(TIME_S, [even, falling]) == pytest.approx(0.2 * np.log(120.0), abs=0.011)
+    assert settled_s(TIME_S, [even]) == TIME_S[0]
+    unknown = MovementAngle("knee", "", np.zeros_like(TIME_S), np.full_like(TIME_S, np.nan))
+    assert settled_s(TIME_S, [unknown]) == TIME_S[0]
+
+
+def test_an_offset_that_both_ends_share_is_not_in_a_range_of_cycles():
+    begins = np.arange(0.0, 60.0, 2.0)
+    swing = 20.0 * np.sin(np.pi * TIME_S)
+    steady, drifting = (angle(name, swing + drift) for name, drift in (("a", 0.0), ("b", 0.3 * TIME_S)))
+    found = cycle_ranges(TIME_S, [steady, drifting], begins)
+    # A drift of 0.3 deg/s over the second between both ends changes each range by the same 0.3 deg.
+    assert found["b"].range_deg == pytest.approx(found["a"].range_deg, abs=0.5)
+    assert found["b"].range_std_deg == pytest.approx(found["a"].range_std_deg, rel=0.01)
+    assert found["a"].well_measured
+    (rough,) = cycle_ranges(TIME_S, [angle("c", swing, 5.0)], begins).values()
+    assert not rough.well_measured
+
+
+CYCLES = 15
+MOVED_S = np.arange(0.0, 2.0 * CYCLES + 1.0, 0.02)
+
+
+def moved(monkeypatch, changes_deg: dict[str, np.ndarray], seed: int = 0, **provenance: str) -> Movement:
+    """An elbow and a wrist that swing every two seconds with noise in each cycle, and what is added to them."""
+    random = np.random.default_rng(seed)
+    cycle = np.minimum(MOVED_S // 2.0, CYCLES).astype(int)
+    found = []
+    for name, size in (("elbow_flexion_r", 30.0), ("wrist_flexion_r", 10.0)):
+        swing = size * (1.0 + 0.02 * random.normal(size=CYCLES + 1))[cycle] * np.cos(np.pi * MOVED_S)
+        value = swing + 0.5 * random.normal(size=CYCLES + 1)[cycle] + changes_deg.get(name, 0.0)
+        found.append(MovementAngle(name, "", value, np.full_like(value, 1.0)))
+    monkeypatch.setattr("oarlock.movement.movement.movement_angles", lambda track: tuple(found))
+    return movement_of(SimpleNamespace(time_s=MOVED_S, provenance=provenance))
+
+
+def test_a_planted_change_is_found_and_even_cycles_report_nothing(monkeypatch):
+    tired = np.where(MOVED_S > 20.0, -4.0, 0.0) * np.cos(np.pi * MOVED_S)
+    (*_, found) = (one for one in changes(moved(monkeypatch, {"elbow_flexion_r": tired})) if one.certain)
+    assert found.angle == "elbow_flexion_r"
+    assert found.difference == pytest.approx(-8.0, abs=found.limit)
+    reported = [
+        any(one.certain for one in (*changes(movement), *wanderings(movement)))
+        for movement in (moved(monkeypatch, {}, seed) for seed in range(20))
+    ]
+    # Chance reports at most 5 %: more than three of twenty have a probability of 1.6 %.
+    assert sum(reported) <= 3
+
+
+def test_a_drift_is_a_finding_and_never_even(monkeypatch):
+    drift = {"wrist_flexion_r": 20.0 * MOVED_S / MOVED_S[-1]}
+    front = front_of(moved(monkeypatch, drift, nominal_mounts="['hand_r']", model="arm"))
+    (point,) = front.points
+    assert point.head == "Drift"
+    # 14 steps between the middles of 15 cycles, 18 deg, with the noise of both ends.
+    assert re.search(r"right wrist flexion wandered by 1[789]°", point.sentence)
+    assert front.next_step.startswith("Calibrate the sensors first")
+    assert "oarlock calibrate session --model arm" in front.commands[0][1]
+    assert "middle of right wrist flexion" in front.checked
+    calm = front_of(moved(monkeypatch, {}))
+    assert not calm.points
+    assert "a change above" in calm.quiet and "of the cycle time" in calm.quiet
+    assert not calm.commands and "would show" in calm.next_step
+
+
+def test_what_is_not_measured_well_is_no_key_figure_and_shown_apart(monkeypatch):
+    movement = moved(monkeypatch, {})
+    rough = replace(movement.in_cycles["wrist_flexion_r"], lowest_std_deg=8.0)
+    movement = replace(movement, in_cycles={**movement.in_cycles, "wrist_flexion_r": rough})
+    assert [one.name for one in key_figures(movement)] == ["cycles", "cycle", "right elbow flexion"]
+    markup = ranges_markup(movement)
+    assert markup.index("right elbow flexion") < markup.index("Not measured well enough")
+    assert markup.index("Not measured well enough") < markup.index("right wrist flexion")
+    assert "Zwerus et al. 2017" in markup
 
 
 def test_a_difference_of_the_sides_is_certain_only_beyond_its_band():

@@ -119,7 +119,10 @@ def test_the_players_curves_have_the_names_and_units_of_the_tables(opened):
 def test_the_second_piece_is_the_ghost(opened):
     tab = opened()
     tab.wait_for_function("window.oarlock.players.length == 1")
-    tab.evaluate("oarlock.players[0].seek(3.0); oarlock.players[0].setGhost('other')")
+    assert tab.evaluate("oarlock.players[0].ghost.span.label").startswith("stroke ")
+    tab.evaluate("oarlock.players[0].seek(3.0)")
+    assert tab.evaluate("oarlock.players[0].ghostPosition('r_handle') !== null")
+    tab.evaluate("oarlock.players[0].setGhost('other')")
     assert tab.evaluate("oarlock.players[0].ghostPosition('r_handle') !== null")
 
 
@@ -158,11 +161,21 @@ def test_without_script_the_tables_are_all_there(opened, track):
 
 
 def test_the_page_is_short_on_a_telephone_until_it_is_unfolded(opened):
-    assert opened(390).evaluate("document.documentElement.scrollHeight") < PHONE_PX
+    tab = opened(390)
+    assert tab.evaluate("document.documentElement.scrollHeight") < PHONE_PX
+    tab.locator("#compared-pieces summary").click()
+    wide = "e => { const box = e.parentElement; return box.scrollWidth - box.clientWidth; }"
+    assert tab.locator("#compared-pieces-table").evaluate(wide) <= SIDEWAYS_PX
 
 
-def test_a_key_figure_says_what_it_means_when_pressed(opened):
-    tab = opened(390, java_script_enabled=False)
+def test_a_key_figure_says_what_it_means_when_pressed(browser, track, tmp_path):
+    with quiet_tabs(browser, EXPECTED) as open_:
+        press_a_key_figure(
+            open_(write_rowing_report(track, tmp_path / "one.html")[0], 390, java_script_enabled=False)
+        )
+
+
+def press_a_key_figure(tab):
     name = tab.locator(".figures button.say").first
     meaning = tab.locator(f"[id='{name.get_attribute('popovertarget')}']")
     assert not meaning.is_visible()

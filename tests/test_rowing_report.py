@@ -22,6 +22,7 @@ from oarlock.rowing.analysis.stroke_means import FeatureMean
 from oarlock.rowing.analysis.technique import Technique, technique
 from oarlock.rowing.findings.find import findings
 from oarlock.rowing.report.averages import Average, beyond, difference, feature_of
+from oarlock.rowing.report.compared import differences, largest_first, sentences
 from oarlock.rowing.report.front import front_of
 from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.report.write import is_of_rower, rowing_sections, write_rowing_report
@@ -88,7 +89,7 @@ def test_page_is_well_formed_small_and_loads_nothing(page, text):
 def test_summary_says_strokes_rate_and_length_first(page):
     lead = page.text[: page.text.index("joints of the model")]
     assert re.search(r"1[567] strokes in 40 s at 2[34]\.\d/min", lead)
-    for usual in ("105 to 110°", "−62 to −66°", "40 to 44°"):
+    for usual in ("102 to 110°", "−62 to −66°", "40 to 44°"):
         assert re.search(rf"\d\.\d°± \d\.\d°; usual {usual}", lead.replace("\N{NO-BREAK SPACE}", " "))
     assert re.search(r"1[567] strokes of sculling", lead)
     assert "What stands out" in lead
@@ -168,14 +169,40 @@ def test_two_pieces_stand_beside_each_other(compared):
     text = compared[0].read_text(encoding="utf-8")
     read = Page(text)
     assert read.errors == []
-    assert "after beside before" in read.text
-    assert re.search(r"The stroke rates differ \(2\d\.\d/min and (29|30)\.\d/min\)", read.text)
+    assert "after compared with before" in read.text
+    assert re.search(r"the stroke rates differ \(2\d\.\d/min and (29|30)\.\d/min\)", read.text)
     assert re.search(r"stroke rate2\d\.\d/min(29|30)\.\d/min\d\.\d ± \d\.\d/min less", read.text)
     assert read.text.index("after and before") < read.text.index("What stands out")
     assert '"ghost":{' in text
-    row = re.search(r">stroke rate</a></th>(.*?)</tr>", text[text.index('<table id="compared-pieces-table') :])
+    row = re.search(
+        r">stroke rate</a></th>(.*?)</tr>", text[text.index('<table id="compared-pieces-table') :]
+    )
     assert row
-    assert row[1].endswith("<td><b>yes</b></td>")
+    assert row[1].endswith('<td data-head="exceeds both uncertainties"><b>yes</b></td>')
+
+
+def test_the_numbers_that_differ_are_named_with_chance_and_those_that_follow_the_rate(compared):
+    read = Page(compared[0].read_text(encoding="utf-8"))
+    assert re.search(r"after: \d+ strokes in .*before: \d+ strokes in ", read.text)
+    assert re.search(
+        r"\d+ of \d+ numbers differ.*by chance about \d+ would if they were independent\.", read.text
+    )
+    assert re.search(r"At the same rate these would not clearly differ: [^.]*recovery time", read.text)
+    assert "To compare technique, row both at the same rate." in read.text
+
+
+def test_the_largest_differences_come_first(track, found, other):
+    held = differences(Piece("a", track, found), Piece("b", other, technique(other)))
+    sure = [bool(held[name][2].beyond) for name in largest_first(held)]
+    assert sure == sorted(sure, reverse=True) and any(sure)
+
+
+def test_rates_too_far_apart_are_said_with_what_can_still_be_read(track, found, other):
+    theirs = technique(other)
+    faster = changed(other, theirs, rate_per_min=theirs.strokes["rate_per_min"] + 10.0)
+    told = " ".join(sentences(Piece("a", track, found), faster))
+    assert "over more than 6/min its effect is not known well enough" in told
+    assert "still that of its own piece" in told and "At the same rate" not in told
 
 
 def test_a_piece_beside_itself_differs_in_nothing_but_its_name(other):

@@ -268,6 +268,22 @@ def test_uncertainty_is_shown_and_said(opened, arm_page, arm):
     assert "±" in tab.locator(".op-values").first.inner_text()
 
 
+def test_what_is_shown_says_so(opened, arm_page, rower_page):
+    tab = opened(arm_page, 390, 844)
+    assert tab.get_by_label("aligned by").is_hidden()
+    tab.get_by_label("Ghost").select_option("own 1")
+    assert tab.get_by_label("aligned by").is_visible()
+    open_, all_ = (tab.locator(f".op-panel{which}").count() for which in (":not([hidden])", ""))
+    assert tab.locator(".op-chooser summary").text_content() == f"Curves: {open_} of {all_} shown"
+    assert 0 < open_ < all_
+    tab.locator(".op-chooser summary").click()
+    tab.locator(".op-boxes input:not(:checked)").first.click()
+    assert tab.locator(".op-chooser summary").text_content() == f"Curves: {open_ + 1} of {all_} shown"
+    tab = opened(rower_page, 1280, 900)
+    assert tab.locator(".op-key.op-loop").text_content() == "hands hold the handles"
+    assert not tab.get_by_label("Names").is_checked(), "a rower has too many to show at once"
+
+
 def test_curves_are_chosen(opened, arm_page):
     tab = opened(arm_page)
     tab.locator("summary").click()

@@ -6,6 +6,7 @@ import { button, choice, element } from "./dom.js";
 const SPEEDS = ["0.1", "0.25", "0.5", "1", "2", "4"];
 const MAGNIFIED = ["1", "10", "100"];
 const TURN_RAD = 0.12;
+const LOOP = "Closed loop: these parts stay together, which the estimate uses";
 /** sqrt of the 95 % quantile of chi-squared with 3 degrees of freedom */
 const ELLIPSOID_95 = 2.7955;
 
@@ -49,10 +50,11 @@ export class Controls {
     this.ghost = choice("Ghost", ghosts, (value) => this.chooseGhost(value));
     this.align = choice("aligned by", [["phase", "phase"], ["time", "time"]], (value) => this.chooseGhost(this.ghost.select.value, value));
     this.spread = choice("Uncertainty", [["0", "hidden"], ...MAGNIFIED.map((value) => [value, value === "1" ? "95 %" : `95 %, ellipsoids ${value}×`])], (value) => player.magnify(Number(value)));
-    this.names = element("input", { type: "checkbox", id: `${player.root.id}-names`, on: { change: () => this.showNames(this.names.checked) } });
+    this.names = element("input", { type: "checkbox", id: `${player.root.id}-names`, checked: player.labels.shown, on: { change: () => this.showNames(this.names.checked) } });
     const names = element("div", { class: "op-field op-check" }, this.names, element("label", { for: this.names.id, text: "Names" }));
     this.spreadWords = element("p", { class: "op-spread", role: "status", hidden: true });
-    this.ghost.field.hidden = this.align.field.hidden = ghosts.length < 2;
+    this.ghost.field.hidden = ghosts.length < 2;
+    this.align.field.hidden = true;
     this.tools = element("div", { class: "op-tools" }, speed.field, this.loop.field, this.ghost.field, this.align.field, this.spread.field, names, this.spreadWords);
   }
 
@@ -60,10 +62,16 @@ export class Controls {
     const { player } = this;
     const boxes = player.panels.map(({ panel }, k) => {
       const id = `${player.root.id}-panel-${k}`;
-      const box = element("input", { type: "checkbox", id, checked: panel.open, on: { change: () => player.openPanel(panel.key, box.checked) } });
+      const box = element("input", { type: "checkbox", id, checked: panel.open, on: { change: () => (player.openPanel(panel.key, box.checked), this.countCurves()) } });
       return element("div", { class: "op-check" }, box, element("label", { for: id, text: `${panel.label}, ${panel.unit}` }));
     });
-    this.chooser = element("details", { class: "op-chooser", hidden: player.panels.length < 2 }, element("summary", { text: `Curves (${player.panels.length})` }), element("div", { class: "op-boxes" }, ...boxes));
+    this.chooser = element("details", { class: "op-chooser", hidden: player.panels.length < 2 }, (this.counted = element("summary")), element("div", { class: "op-boxes" }, ...boxes));
+    this.countCurves();
+  }
+
+  countCurves() {
+    const { panels } = this.player;
+    this.counted.textContent = `Curves: ${panels.filter((one) => one.shown).length} of ${panels.length} shown`;
   }
 
   makeLegend() {
@@ -72,11 +80,11 @@ export class Controls {
     const items = [];
     if (sides.has("right")) items.push(["op-right", "right"]);
     if (sides.has("left")) items.push(["op-left", "left"]);
-    if (scene.loops.length) items.push(["op-loop", "closed loop"]);
+    if (scene.loops.length) items.push(["op-loop", scene.loop_words, LOOP]);
     this.ghostKey = element("span", { class: "op-key op-ghost", text: "ghost", hidden: true });
     this.legendEmpty = items.length === 0;
     this.legend.hidden = this.legendEmpty;
-    this.legend.append(...items.map(([name, text]) => element("span", { class: `op-key ${name}`, text })), this.ghostKey);
+    this.legend.append(...items.map(([name, text, title = false]) => element("span", { class: `op-key ${name}`, text, title })), this.ghostKey);
   }
 
   toggle() {
@@ -122,7 +130,7 @@ export class Controls {
     const spans = own ? player.scene.spans : player.scene.ghost?.spans ?? [];
     this.ghost.select.value = !figure ? "" : span ? `${own ? "own" : "other"} ${spans.indexOf(span)}` : "other";
     this.align.select.value = align;
-    this.align.select.disabled = !span;
+    this.align.field.hidden = !span;
     this.ghostKey.hidden = !figure;
     this.legend.hidden = this.legendEmpty && !figure;
     this.spread.select.value = String(player.magnified);

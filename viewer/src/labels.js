@@ -4,13 +4,22 @@ import { element } from "./dom.js";
 
 const WIDE_PX = 6.4;
 const HIGH_PX = 15;
+/** So many names are shown from the start. */
+const FEW = 6;
+
+/** `right upper arm` of `upper_arm_r`; of several frames at a place the one with the shortest name. */
+function worded({ frames, side }) {
+  const name = frames.reduce((one, other) => (other.length < one.length ? other : one));
+  return `${side} ${side ? name.replace(/^[rl]_|_(right|left|r|l)$/, "") : name}`.trim().replaceAll("_", " ");
+}
 
 export class Labels {
   constructor(figure) {
     this.layer = element("div", { class: "op-names", "aria-hidden": "true" });
-    this.shown = false;
     this.figure = figure;
-    this.items = figure.points.map((point, k) => ({ k, words: point.name.replaceAll("_", " "), side: point.side, named: point.frames.length > 0 })).filter((item) => item.named);
+    const drawn = new Set(figure.scene.bones.flatMap((bone) => bone.ends));
+    this.items = figure.points.flatMap((point, k) => (point.frames.length && (drawn.has(k) || !drawn.size) ? [{ k, words: worded(point), side: point.side }] : []));
+    this.shown = this.items.length <= FEW;
     for (const item of this.items) {
       item.tag = element("span", { class: item.side ? `op-${item.side}` : "", text: item.words });
       this.layer.append(item.tag);

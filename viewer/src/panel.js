@@ -9,7 +9,7 @@ import { between, locate, table } from "./unpack.js";
 const HEIGHT_PX = 132;
 /** A 95 % band is 1.96 standard deviations either side. */
 const BAND_95 = 1.96;
-const FONT = "11px system-ui, sans-serif";
+const font = () => `${matchMedia("(max-width: 560px)").matches ? 12.5 : 11}px system-ui, sans-serif`;
 
 const toNull = (value) => (Number.isFinite(value) ? value : null);
 
@@ -67,7 +67,7 @@ export class Panel {
     this.uplot?.destroy();
     this.colours = colours;
     const { lines, bands } = this.lines(colours);
-    const axis = { stroke: colours.soft, font: FONT, grid: { stroke: colours.rule, width: 1 }, ticks: { stroke: colours.rule, width: 1, size: 4 } };
+    const axis = { stroke: colours.soft, font: font(), grid: { stroke: colours.rule, width: 1 }, ticks: { stroke: colours.rule, width: 1, size: 4 } };
     this.uplot = new uPlot(
       {
         width: Math.max(width, 120),

@@ -96,7 +96,8 @@ pub struct Naive<'a> {
     places: HashMap<String, usize>,
     /// Per coordinate: indices of its value, velocity and acceleration in the state.
     states: Vec<[Option<usize>; 3]>,
-    azimuth: Option<usize>,
+    /// State of the field's azimuth.
+    pub azimuth: Option<usize>,
     bases: Vec<Option<usize>>,
     /// Rows and the states that are added to them.
     biases: Vec<(usize, usize)>,
@@ -193,6 +194,26 @@ impl<'a> Naive<'a> {
             Some((self.states[joint.first].into_iter().flatten().collect(), turn))
         };
         free.filter_map(states).collect()
+    }
+
+    /// Of every ball that nothing moving carries: its first state, and the vertical in the axes it turns from.
+    pub fn first_balls(&self) -> Vec<(usize, Vector3<f64>)> {
+        let turn = |step: &Option<Step>| step.map_or(Matrix3::identity(), |(turn, _)| turn);
+        let ball = |i: usize| {
+            let joint = &self.model.joints[self.model.frames[i].joint?.0];
+            let (state, mut axes) = (self.states[joint.first][0]?, turn(&self.transforms[i][0]));
+            let mut at = self.model.frames[i].parent;
+            while at != 0 {
+                if self.model.frames[at].joint.is_some() {
+                    return None;
+                }
+                axes = turn(&self.transforms[at][0]) * turn(&self.transforms[at][1]) * axes;
+                at = self.model.frames[at].parent;
+            }
+            let up = axes.transpose() * Vector3::from(self.model.world.up);
+            (joint.kind == JointKind::Ball).then_some((state, up))
+        };
+        (1..self.model.frames.len()).filter_map(ball).collect()
     }
 
     /// Motion of all frames, the root's first.

@@ -133,6 +133,7 @@ impl<'a> Ukf<'a> {
     /// Moves the mean and transforms the covariance.
     pub fn shift(&mut self, delta: &DVector<f64>) {
         let n = self.mean.len();
+        let before = self.mean.clone();
         self.mean = self.at(delta);
         if self.body.turns.is_empty() {
             return;
@@ -149,6 +150,12 @@ impl<'a> Ukf<'a> {
                 let along = -moved * seen.view((turn, turn), (3, 3));
                 seen.view_mut((first, turn), (3, 3)).copy_from(&along);
             }
+        }
+        let balls = self.body.first_balls();
+        for ((turn, up), azimuth) in balls.into_iter().zip(self.body.azimuth.into_iter().cycle()) {
+            let seen_up = |x: &DVector<f64>| so3::exp(so3::three(x.as_slice(), turn)).transpose() * up;
+            let led = seen.view((turn, turn), (3, 3)) * seen_up(&before);
+            seen.view_mut((turn, azimuth), (3, 1)).copy_from(&(seen_up(&self.mean) - led));
         }
         self.covariance = &seen * &self.covariance * seen.transpose();
     }

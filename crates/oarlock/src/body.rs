@@ -1,6 +1,7 @@
 //! `Body`: a model as the filter's system. State in, readings out, for eight sigma points at a time.
 
 mod carried;
+mod heading;
 mod linear;
 pub mod posture;
 pub mod read;
@@ -373,6 +374,7 @@ impl System for Body {
     }
 
     fn shears(&self, mean: &[f64], delta: &[f64], out: &mut Vec<Shear>) {
+        self.push_heading_shears(mean, delta, out);
         self.push_shears(mean, delta, out);
     }
 

@@ -135,7 +135,7 @@ pub trait System {
     }
     /// Jacobian of the change of tangent space when the mean moves by `delta`, in blocks: a covariance P becomes J P J' (P3).
     fn reset_jacobian(&self, _delta: &[f64], _out: &mut Vec<Block>) {}
-    /// Changes of a covariance beyond `reset_jacobian` after the mean has moved by `delta` to `mean` (P4).
+    /// Changes of a covariance beyond `reset_jacobian` after the mean has moved by `delta` to `mean` (P4, P5).
     fn shears(&self, _mean: &[f64], _delta: &[f64], _out: &mut Vec<Shear>) {}
 }
 

@@ -15,6 +15,7 @@ from oarlock.cli.terminal import UsageError, free_file, print_json, progress, sa
 if TYPE_CHECKING:
     from oarlock import Evaluation, Track
     from oarlock.rowing import Activity, StrokeTable
+    from oarlock.rowing.findings.rowed import Kept
 
 
 CLASSES = (
@@ -39,6 +40,7 @@ def add_to(app: typer.Typer) -> None:
             "oarlock report after --compare before",
             "oarlock report out --with rp3.csv",
             "oarlock report out --last monday --best record",
+            "oarlock report out --season season --names ~/names.toml",
             "oarlock report out --to a.html",
             "oarlock report out --summary",
             "oarlock report out --card --to pictures",
@@ -74,8 +76,9 @@ def report(
         Path | None,
         typer.Option(
             "--with",
-            metavar="FILE",
-            help="Rowing: add pace, heart rate and force of a device's export of the same piece.",
+            metavar="FILE|FOLDER",
+            help="Rowing: add pace, heart rate and force of the same piece: a device's export, or the folder of a "
+            "live session with a PM5. The session of the track itself is found.",
         ),
     ] = None,
     offset: Annotated[
@@ -94,6 +97,18 @@ def report(
     ] = None,
     best: Annotated[
         Path | None, typer.Option("--best", metavar="TRACK", help="Rowing: the athlete's own best piece.")
+    ] = None,
+    season: Annotated[
+        str | None,
+        typer.Option(
+            "--season",
+            metavar="SEASON",
+            help="Rowing: find last time and own best of the athlete in a season (folder or address).",
+        ),
+    ] = None,
+    athletes: Annotated[
+        Path | None,
+        typer.Option("--names", metavar="FILE", help="With --season: pseudonyms of the athletes' names."),
     ] = None,
     summary: Annotated[
         bool, typer.Option("--summary", help="Write only a page of one A4 sheet, to print or save as PDF.")
@@ -121,26 +136,30 @@ def report(
     """
     from oarlock import load_track
     from oarlock.recording.session_info import session_info, session_text
-    from oarlock.rowing import load_export
     from oarlock.storage.added_files import added_files
 
     if offset is not None and beside is None:
         raise UsageError("--offset needs --with FILE: it is the offset of that export's clock")
+    if athletes is not None and season is None:
+        raise UsageError("--names needs --season SEASON: it says which pseudonym a name has there")
     if summary and card:
         raise UsageError("--summary and --card: give one of them")
+    if summary or card:
+        _refuse_on_a_sheet("--summary" if summary else "--card", {"--truth": truth, "--with": beside})
     track = load_track(out)
     page = _place(track, out, to, "summary.html" if summary else "card.png" if card else "report.html")
     free_file(page, force)
     known = load_track(truth_folder(truth)) if truth is not None else None
     other = load_track(compare) if compare is not None else None
-    earlier = Earlier(
-        *((place.name, load_track(place)) if place is not None else None for place in (last, best))
-    )
-    export = None if beside is None else (load_export(beside), offset)
+    given = [None if place is None else (place.name, load_track(place)) for place in (last, best)]
+    earlier = Earlier(given[0], given[1])
+    if season is not None:
+        earlier = _from_season(season, athletes, track, earlier)
+    export = _measured_beside(track, out, beside, offset)
     names = (out.name, compare.name if compare is not None else "")
     with added_files(page.parent, force) as stage:
         if summary or card:
-            staged = [_write_front(track, stage / page.name, earlier, card)]
+            staged = [_write_front(track, stage / page.name, card, earlier, other, names, targets)]
         else:
             staged = write_any_report(
                 track,
@@ -155,18 +174,52 @@ def report(
     written = [page.with_name(file.name) for file in staged]
     session = session_info(track.provenance)
     if json_output:
-        print_json({"report": written[0], "beside": written[1:], "session": dict(session)})
+        found = {"season": earlier.notes} if season is not None else {}
+        print_json({"report": written[0], "beside": written[1:], "session": dict(session), **found})
         return
     if session:
         say(session_text(session), style="bold")
+    for note in earlier.notes:
+        say(note)
     say(f"Wrote {' and '.join(str(path) for path in written)}")
 
 
 class Earlier(NamedTuple):
-    """Names and tracks of the athlete's last and best piece."""
+    """Names and tracks, or strokes, of the athlete's last and best piece; which of a season they are."""
 
-    last: tuple[str, Track] | None = None
-    best: tuple[str, Track] | None = None
+    last: tuple[str, Track] | Kept | None = None
+    best: tuple[str, Track] | Kept | None = None
+    notes: tuple[str, ...] = ()
+
+
+def _from_season(address: str, names: Path | None, track: Track, given: Earlier) -> Earlier:
+    """With what the season has in place of what was not given."""
+    from oarlock.rowing.report.write import is_of_rower
+    from oarlock.season import NamesFile, earlier_pieces, open_season
+
+    if names is not None and not names.exists():
+        raise UsageError(f"--names {names}: there is no such file; `oarlock season athlete --names` makes it")
+    if not is_of_rower(track):
+        _refuse_of_others(track, {"--season": address})
+    season = open_season(address)
+    known = {} if names is None else NamesFile.read(names).pseudonyms
+    with progress("looking in the season"):
+        found = earlier_pieces(season, track, known, last=given.last is None, best=given.best is None)
+    return Earlier(given.last or found.last, given.best or found.best, found.notes)
+
+
+def _measured_beside(
+    track: Track, out: Path, beside: Path | None, offset: float | None
+) -> tuple[StrokeTable | Activity, float | None] | None:
+    """What is asked for, or else the strokes of the ergometer's monitor in the track's own live session."""
+    from oarlock.rowing import load_export
+    from oarlock.rowing.alongside.monitor import monitor_strokes, session_near
+    from oarlock.rowing.report.write import is_of_rower
+
+    if beside is not None:
+        return (monitor_strokes(beside) if beside.is_dir() else load_export(beside)), offset
+    found = session_near(out, track.epoch) if is_of_rower(track) else None
+    return None if found is None else (found, None)
 
 
 def _place(track: Track, out: Path, to: Path | None, name: str) -> Path:
@@ -178,7 +231,21 @@ def _place(track: Track, out: Path, to: Path | None, name: str) -> Path:
     return to / named_file(track.provenance, name) if to.is_dir() else to
 
 
-def _write_front(track: Track, path: Path, earlier: Earlier, card: bool) -> Path:
+def _refuse_on_a_sheet(flag: str, options: Mapping[str, object]) -> None:
+    for option, asked in options.items():
+        if asked is not None:
+            raise UsageError(f"{flag} has no room for what {option} adds: leave one of the two out")
+
+
+def _write_front(
+    track: Track,
+    path: Path,
+    card: bool,
+    earlier: Earlier,
+    other: Track | None,
+    names: tuple[str, str],
+    targets: str | None,
+) -> Path:
     """The summary of one sheet, or the picture."""
     from oarlock.movement.report import movement_front
     from oarlock.report import write_summary
@@ -187,12 +254,19 @@ def _write_front(track: Track, path: Path, earlier: Earlier, card: bool) -> Path
 
     title: str | None
     if is_of_rower(track):
-        title, front = rowing_front(track, *earlier)
+        title, front = rowing_front(
+            track, earlier.last, earlier.best, other=other, names=names, targets=targets
+        )
     else:
-        _refuse_of_others(track, {"--last": earlier.last, "--best": earlier.best})
+        _refuse_of_others(track, _of_rowers(earlier, other, targets))
         title, front = movement_front(track)
     with progress("writing the report"):
         return (write_card if card else write_summary)(track, path, title, front)
+
+
+def _of_rowers(earlier: Earlier, other: Track | None, targets: str | None) -> dict[str, object]:
+    """Options that need strokes, with what was given."""
+    return {"--compare": other, "--targets": targets, "--last": earlier.last, "--best": earlier.best}
 
 
 def _refuse_of_others(track: Track, options: Mapping[str, object]) -> None:
@@ -230,11 +304,11 @@ def write_any_report(
                 targets=targets,
                 last=earlier.last,
                 best=earlier.best,
+                compared_notes=earlier.notes,
                 export=export,
                 progress=told,
             )
-    asked = {"--compare": other, "--targets": targets, "--last": earlier.last, "--best": earlier.best}
-    _refuse_of_others(track, {**asked, "--with": export})
+    _refuse_of_others(track, {**_of_rowers(earlier, other, targets), "--with": export})
     from oarlock.movement.report import write_movement_report
 
     with progress("writing the report") as told:

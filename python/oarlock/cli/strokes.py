@@ -10,6 +10,7 @@ import typer
 
 from oarlock.cli.options import Json, example
 from oarlock.cli.rowed_folder import track_or_recording
+from oarlock.cli.session_options import taken_session
 from oarlock.cli.strokes_files import Wanted, given_epoch, show_activity, write_page, write_strokes
 from oarlock.cli.terminal import UsageError, heading, number, print_json, say, table, verb
 
@@ -44,7 +45,7 @@ def add_to(app: typer.Typer) -> None:
             "oarlock strokes out",
             "oarlock strokes rp3.csv --each",
             "oarlock strokes speedcoach.csv --out strokes",
-            "oarlock strokes rp3.csv --report rp3.html",
+            "oarlock strokes rp3.csv --report rp3.html --athlete A07",
             "oarlock strokes out --fit piece.fit --start 2026-05-01T07:30:00Z",
         ),
     )(strokes)
@@ -80,6 +81,19 @@ def strokes(
         Path | None,
         typer.Option("--last", metavar="FILE", help="With --report: an export to compare with."),
     ] = None,
+    athlete: Annotated[
+        str | None, typer.Option("--athlete", metavar="TEXT", help="With --report: name or pseudonym.")
+    ] = None,
+    boat: Annotated[
+        str | None, typer.Option("--boat", metavar="TEXT", help="With --report: boat or boat class.")
+    ] = None,
+    place: Annotated[
+        str | None, typer.Option("--place", metavar="TEXT", help="With --report: place or water.")
+    ] = None,
+    note: Annotated[
+        str | None,
+        typer.Option("--note", metavar="TEXT", help="With --report: anything else, such as the session."),
+    ] = None,
     start: Annotated[
         str | None,
         typer.Option("--start", metavar="MOMENT", help="Moment of 0 s, such as 2026-05-01T07:30:00Z."),
@@ -109,6 +123,9 @@ def strokes(
 
     if last is not None and report is None:
         raise UsageError("--last needs --report: the comparison is part of the page")
+    who = taken_session({"athlete": athlete, "boat": boat, "place": place, "note": note})
+    if who and report is None:
+        raise UsageError(f"--{next(iter(who))} needs --report: the page names who rowed, when and where")
     if report is not None and source.is_dir():
         raise UsageError(
             f"--report needs an export; {source} is a folder. For a track: `oarlock report {source}`"
@@ -118,7 +135,7 @@ def strokes(
         found = replace(found, epoch=given_epoch(start))
     wanted = Wanted(out, fit, rowingdata, force)
     if report is not None:
-        write_page(source, found, report, None if last is None else _loaded(last, None, seat), force)
+        write_page(source, found, report, None if last is None else _loaded(last, None, seat), who, force)
     if isinstance(found, Activity):
         show_activity(found, wanted, json_output, report)
         return

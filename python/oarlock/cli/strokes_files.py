@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -62,14 +63,19 @@ def write_strokes(found: StrokeTable, wanted: Wanted) -> tuple[tuple[Path, ...],
 
 
 def write_page(
-    source: Path, found: StrokeTable | Activity, page: Path, last: StrokeTable | Activity | None, force: bool
+    source: Path,
+    found: StrokeTable | Activity,
+    page: Path,
+    last: StrokeTable | Activity | None,
+    who: Mapping[str, str],
+    force: bool,
 ) -> None:
-    """Write the page of an export; `session.toml` beside it says who rowed.
+    """Write the page of an export; `who` and then `session.toml` beside the export say who rowed.
 
     Raises:
         UsageError: the page exists or is a folder, or `last` has no strokes.
     """
-    from oarlock.recording.session_info import read_session
+    from oarlock.recording.session_info import checked_session, read_session
     from oarlock.rowing import StrokeTable
     from oarlock.rowing.report.export_page import write_strokes_report
 
@@ -78,7 +84,9 @@ def write_page(
     if page.is_dir():
         raise UsageError(f"--report {page}: is a folder; name a file, such as {page / 'strokes.html'}")
     free_file(page, force)
-    write_strokes_report(found, page, last, read_session(source.parent), progress=True)
+    write_strokes_report(
+        found, page, last, checked_session({**read_session(source.parent), **who}, "session"), progress=True
+    )
 
 
 def show_activity(found: Activity, wanted: Wanted, json_output: bool, page: Path | None = None) -> None:

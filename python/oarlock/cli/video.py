@@ -12,7 +12,7 @@ from oarlock.cli.terminal import UsageError, heading, pairs, print_json, progres
 
 if TYPE_CHECKING:
     from oarlock import Track
-    from oarlock.movement.video import Alignment
+    from oarlock.movement.video import Alignment, VideoInfo
 
 TrackFolder = Annotated[Path, typer.Argument(metavar="TRACK", help="A folder that `oarlock track` wrote.")]
 VideoFile = Annotated[Path, typer.Argument(metavar="VIDEO", help="A video file, such as piece.mp4.")]
@@ -119,12 +119,19 @@ def clap(
     steps(view_next(Path("TRACK"), video, found.offset_s, 0.0))
 
 
-def aligned(track: Track, video: Path, near_s: float | None) -> Alignment:
-    """The alignment of a video by motion, with drift if it is long, with progress on the terminal."""
+def aligned(track: Track, video: Path, near_s: float | None, info: VideoInfo | None = None) -> Alignment:
+    """The alignment of a video by motion, with drift if it is long, with progress on the terminal.
+
+    Args:
+        track: of the same movement.
+        video: the file.
+        near_s: search near this offset only, s; None: everywhere.
+        info: of the video, if it is known; else the file is opened for it.
+    """
     from oarlock.movement.video import align as align_motion
     from oarlock.movement.video import body_motion, picture_motion, video_info, with_drift
 
-    info = video_info(video)
+    info = info or video_info(video)
     body = body_motion(track)
     with progress("reading the video") as told:
         picture = picture_motion(

@@ -157,7 +157,7 @@ def _film(
     info = video_info(video)
     seen = None if camera is None else load_camera(camera)
     if offset_s is None:
-        found = aligned(track, video, None)
+        found = aligned(track, video, None, info)
         found.require_one()
         offset_s, drift_ppm = found.offset_s, found.drift_ppm
     return shown_video(video, target.parent, info, offset_s=offset_s, drift_ppm=drift_ppm, camera=seen)

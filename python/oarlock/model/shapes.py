@@ -98,6 +98,7 @@ class Look:
         fixed_lines: draw lines between frames that never move.
         first_curves: panels that are shown at first: names of joints without `r_` and `l_`, or a curve's `panel`.
         notes: what is drawn and not measured.
+        loop_words: what closed loops hold together, for the legend.
     """
 
     shapes: tuple[Shape, ...] = ()
@@ -110,6 +111,7 @@ class Look:
     fixed_lines: bool = True
     first_curves: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    loop_words: str = "held together"
 
     def bare(self) -> Look:
         """The same without shapes, strands and notes: for a second figure laid over the first."""

@@ -2,15 +2,45 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from math import ceil
+
 import numpy as np
 
+from oarlock.movement.checked import checked_markup
 from oarlock.movement.cycles import cycle_courses
+from oarlock.movement.evenness import Wander, changes, wanderings
 from oarlock.movement.movement import Movement
-from oarlock.movement.ranges import BAND_95, SideDifference
-from oarlock.movement.words import CYCLE, key_figures, plain, repeats
-from oarlock.report import Course, Front, Point, fixed
+from oarlock.movement.ranges import SideDifference
+from oarlock.movement.words import (
+    CYCLE,
+    counts_from,
+    key_figures,
+    measured,
+    named,
+    plain,
+    repeats,
+    sized,
+)
+from oarlock.report import Course, Front, Point, Sourced, fixed
 
 SIDES = "Range on the right minus range on the left; named if above 2° and outside its 95 % interval."
+CHANGES = (
+    "Last third of the cycles minus first third, ± its interval, which controls chance over all numbers."
+)
+WANDERS = (
+    "The middle is the mean of an angle over a cycle. It wanders by its largest minus its smallest value. "
+    "Above: last third of the cycles minus first third, ± its interval."
+)
+SQRT_2 = float(np.sqrt(2.0))
+COMMANDS = (
+    (
+        "Print the steps of a calibration session",
+        "oarlock calibrate session --model {model} --write-plan plan.toml",
+    ),
+    ("Calibrate from its recording", "oarlock calibrate session SESSION --model {model} --out cal.toml"),
+    ("Track with it", "oarlock track RECORDING --model {model} --calibration cal.toml --out again"),
+)
 UNEVEN = 0.1
 """Share of the mean by which durations of cycles scatter before it is named."""
 MOST_CURVES = 3
@@ -19,19 +49,95 @@ MOST_CURVES = 3
 def front_of(movement: Movement) -> Front:
     """The front of a movement."""
     return Front(
-        did=" ".join(repeats(movement)),
-        points=[*_sides(movement), *_rhythm(movement)],
+        did=" ".join(filter(None, [*repeats(movement), counts_from(movement)])),
+        points=[*_sides(movement), *_changes(movement), *_wanderings(movement), *_rhythm(movement)],
         quiet=_quiet(movement),
-        next_step="Record the same movement again to see a change.",
+        remark=_drifting(movement),
+        checked=checked_markup(movement),
+        next_step=_next_step(movement),
+        commands=_commands(movement),
         figures=key_figures(movement),
         course=_course(movement),
     )
 
 
 def _quiet(movement: Movement) -> str:
-    sides = "Right and left agree within their uncertainty. " if movement.sides else ""
-    even = "The cycles are even. " if movement.main is not None else ""
-    return f"Nothing. {sides}{even}".strip()
+    """What was compared, and from which size on a difference would have shown."""
+    shown = []
+    compared = changes(movement)
+    if compared:
+        sizes = " or ".join(f"{sized(one, one.least)} of the {named(one)}" for one in compared[:2])
+        shown.append(f"From the first to the last third of the cycles, a change above {sizes} would show.")
+    elif movement.main is not None:
+        shown.append(f"{movement.main.count} cycles are too few to compare the first with the last third.")
+    if movement.sides:
+        most = max(movement.sides, key=lambda one: one.limit_deg)
+        shown.append(
+            f"Right and left: a difference above {fixed(most.limit_deg, 0)}° of any range would show."
+        )
+    return " ".join(["Nothing that this recording can show.", *shown])
+
+
+def _changes(movement: Movement) -> list[Point]:
+    found = []
+    for one in changes(movement):
+        if not one.certain:
+            continue
+        sign = "more" if one.difference > 0.0 else "less"
+        size = sized(one, abs(one.difference))
+        text = f"In the last third of the cycles the {named(one)} is {size} {sign} than in the first: "
+        text += f"{sized(one, one.last)} instead of {sized(one, one.first)}."
+        found.append(Point("Over the cycles", text, f"{size} ± {sized(one, one.limit)}", meaning=CHANGES))
+    return found
+
+
+def _wanderings(movement: Movement) -> list[Point]:
+    """One finding for all angles whose middle wanders by more than their uncertainty: a cause is likely common."""
+    beyond = [one for one in wanderings(movement) if one.certain and one.beyond]
+    if not beyond:
+        return []
+    allowed = beyond[0].limit_deg
+    text = f"{_wandered(movement, beyond)}. This is drift of the estimate or a change of posture"
+    text += f": the uncertainty allows only {fixed(allowed, 0)}°" if np.isfinite(allowed) else ""
+    advice = Sourced(
+        "Hold the same still posture at the beginning and at the end: the angle that differs drifts."
+    )
+    return [Point("Drift", f"{text}.", f"{fixed(beyond[0].span_deg, 0)}°", advice=advice, meaning=WANDERS)]
+
+
+def _drifting(movement: Movement) -> str:
+    """Angles whose middle wanders by no more than their uncertainty allows, in a sentence."""
+    within = [one for one in wanderings(movement) if one.certain and not one.beyond]
+    if not within:
+        return ""
+    return (
+        f"{_wandered(movement, within)}. Drift of the estimate explains that: the uncertainty allows up to "
+        f"{fixed(within[0].limit_deg, 0)}°. Of these angles use the range in a cycle only."
+    )
+
+
+def _wandered(movement: Movement, angles: Sequence[Wander]) -> str:
+    main = movement.main
+    took = 0.0 if main is None else float(main.begins_s[-1] - main.begins_s[0])
+    first, *others = angles
+    text = f"The middle of {plain(first.angle)} wandered by {fixed(first.span_deg, 0)}° in {fixed(took, 0)} s"
+    return text + "".join(f", that of {plain(one.angle)} by {fixed(one.span_deg, 0)}°" for one in others)
+
+
+def _next_step(movement: Movement) -> str:
+    """Calibrate first, then record again, with the change that would show."""
+    best = [one for one in measured(movement)[:2] if np.isfinite(one.half_deg)]
+    sizes = " or ".join(f"{ceil(SQRT_2 * one.half_deg)}° of the range of {plain(one.name)}" for one in best)
+    would = f" Between two calibrated recordings a change above {sizes} would show." if sizes else ""
+    if not movement.nominal:
+        return f"Record the same movement again to see a change.{would}"
+    return f"Calibrate the sensors first (two minutes), then record the same movement again.{would}"
+
+
+def _commands(movement: Movement) -> list[tuple[str, str]]:
+    """A session calibrates any body; `calibrate motion` needs closed loops."""
+    model = str(movement.track.provenance.get("model", "MODEL"))
+    return [(name, one.format(model=model)) for name, one in COMMANDS] if movement.nominal else []
 
 
 def _sides(movement: Movement) -> list[Point]:
@@ -45,7 +151,7 @@ def _side(one: SideDifference) -> Point:
     return Point(
         "Right and left",
         f"{plain(one.name).capitalize()} has a larger range on the {larger}: {right}° right, {left}° left.",
-        f"{fixed(abs(one.difference_deg), 0)} ± {fixed(BAND_95 * one.std_deg, 0)}°",
+        f"{fixed(abs(one.difference_deg), 0)} ± {fixed(one.limit_deg, 0)}°",
         meaning=SIDES,
     )
 

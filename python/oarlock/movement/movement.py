@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pyarrow as pa
@@ -17,22 +17,37 @@ from oarlock.movement.ranges import (
     ranges_of_motion,
     side_differences,
 )
+from oarlock.movement.settled import settled_s
 
 
 @dataclass(frozen=True, eq=False)
 class Movement:
-    """What the sections show: the track, its angles, their ranges, and the repetition with the most cycles."""
+    """What the sections show: the track, its angles, their ranges, and the repetition with the most cycles.
+
+    Ranges and cycles are those from `start_s` on, when the filter has converged; angles are those of the whole track.
+    """
 
     track: Track
     angles: tuple[MovementAngle, ...]
     ranges: dict[str, MotionRange]
     repetitions: tuple[Repetition, ...]
     in_cycles: dict[str, MotionRange]
+    start_s: float
 
     @property
     def main(self) -> Repetition | None:
         """The repetition with the most cycles."""
         return self.repetitions[0] if self.repetitions else None
+
+    @property
+    def shown(self) -> dict[str, MotionRange]:
+        """The range of each angle: mean over the cycles, or from `start_s` on if nothing repeats."""
+        return {**self.ranges, **self.in_cycles}
+
+    @property
+    def nominal(self) -> bool:
+        """Whether the sensors were not calibrated."""
+        return bool(self.track.provenance.get("nominal_mounts"))
 
     @property
     def sides(self) -> tuple[SideDifference, ...]:
@@ -46,10 +61,16 @@ def movement_of(track: Track) -> Movement:
     Raises:
         DataError: the track has no model.
     """
-    angles = movement_angles(track)
-    repetitions = find_cycles(track.time_s, angles)
-    in_cycles = cycle_ranges(track.time_s, angles, repetitions[0].begins_s) if repetitions else {}
-    return Movement(track, angles, ranges_of_motion(angles), repetitions, in_cycles)
+    time_s, angles = track.time_s, movement_angles(track)
+    start_s = settled_s(time_s, angles)
+    first = int(np.searchsorted(time_s, start_s))
+    late = [replace(one, value_deg=one.value_deg[first:], std_deg=one.std_deg[first:]) for one in angles]
+    late = [one for one in late if np.isfinite(one.value_deg).any()]
+    repetitions = find_cycles(time_s[first:], late)
+    in_cycles = cycle_ranges(time_s, angles, repetitions[0].begins_s) if repetitions else {}
+    ranges = ranges_of_motion(late)
+    known = tuple(one for one in angles if one.name in ranges)
+    return Movement(track, known, ranges, repetitions, in_cycles, start_s)
 
 
 def cycles_table(movement: Movement, repetition: Repetition) -> pa.Table:

@@ -11,7 +11,8 @@ import numpy as np
 from oarlock.movement.angles import MovementAngle
 from oarlock.movement.cycles import Repetition, cycle_courses
 from oarlock.movement.movement import Movement
-from oarlock.movement.ranges import BAND_95, side_pairs
+from oarlock.movement.range_section import LEAST_MOVEMENT_DEG, STYLE, ranges_markup
+from oarlock.movement.ranges import side_pairs
 from oarlock.movement.words import plain
 from oarlock.report import (
     Axis,
@@ -23,8 +24,6 @@ from oarlock.report import (
     folded_help,
     plain_table,
     sort_script,
-    sortable_table,
-    value_cell,
 )
 from oarlock.report.viewer import Curve, embed, scene
 from oarlock.report.viewer.sides import side_of
@@ -36,8 +35,6 @@ HELP = (
     "repeats a cycle, Ghost draws another one over it. Uncertainty shows where each joint is with 95 % probability."
 )
 FOLDED = ("cycles", "sides")
-LEAST_MOVEMENT_DEG = 5.0
-"""Angles that move less are not drawn over cycles."""
 
 
 def sections_of(movement: Movement, csv_name: str) -> list[Section]:
@@ -46,47 +43,17 @@ def sections_of(movement: Movement, csv_name: str) -> list[Section]:
         return []
     parts = [
         ("moving", "The movement", _player(movement)),
-        ("ranges", "Range of motion", _ranges(movement)),
+        ("ranges", "Range of motion", ranges_markup(movement)),
         ("cycles", "Over a cycle", _cycles(movement, csv_name)),
         ("sides", "Right and left", _sides(movement)),
     ]
     sections = [Section(key, name, markup, folded=key in FOLDED) for key, name, markup in parts if markup]
-    return [replace(sections[0], script=sort_script()), *sections[1:]]
-
-
-def _ranges(movement: Movement) -> str:
-    heads: list[Column] = [
-        Column("angle"),
-        Column("smallest", "deg"),
-        Column("largest", "deg"),
-        Column("range", "deg"),
-        Column("±", "deg"),
-    ]
-    if movement.in_cycles:
-        heads.append(Column("range in a cycle", "deg", "mean over the cycles"))
-    rows: list[list[str]] = []
-    muted: list[int] = []
-    for angle in movement.angles:
-        one = movement.ranges[angle.name]
-        name = f'<span title="{escape(angle.label)}">{escape(plain(angle.name))}</span>'
-        cells = [value_cell(v, fixed(v, 1)) for v in (one.lowest_deg, one.highest_deg, one.range_deg)]
-        cells.append(value_cell(one.range_std_deg, fixed(BAND_95 * one.range_std_deg, 1)))
-        if movement.in_cycles:
-            mean = movement.in_cycles.get(angle.name)
-            cells.append(value_cell(mean.range_deg, fixed(mean.range_deg, 1)) if mean else "–")
-        if one.range_deg < LEAST_MOVEMENT_DEG:
-            muted.append(len(rows))
-        rows.append([name, *cells])
-    caption = (
-        "Angles that sensors observed, over the whole track. ±: half of the 95 % interval of the range. Grey: moved by "
-        f"less than {LEAST_MOVEMENT_DEG:g}°. A click on a head sorts."
-    )
-    return sortable_table("ranges", caption, heads, rows, muted=muted)
+    return [replace(sections[0], script=sort_script(), style=STYLE), *sections[1:]]
 
 
 def _player(movement: Movement) -> str:
     track, main = movement.track, movement.main
-    first, last = float(track.time_s[0]), float(track.time_s[-1])
+    first, last = movement.start_s, float(track.time_s[-1])
     start = first if main is None else max(first, min(float(main.begins_s[0]) - 1.0, last - LONGEST_S))
     end = min(last, start + LONGEST_S)
     marks = []
@@ -98,7 +65,7 @@ def _player(movement: Movement) -> str:
     curves = _curves(movement)
     shown = scene(track, marks=marks, curves=curves, start_s=start, end_s=end)
     hint = ""
-    if end - start < last - first - 1e-9:
+    if start > track.time_s[0] or end < last:
         hint = f"It shows {start:.0f} to {end:.0f} s; <code>oarlock view</code> shows the whole track."
     shown_hint = f'<p class="hint">{hint}</p>' if hint else ""
     return shown_hint + embed(shown, "player") + folded_help(HELP)
@@ -178,7 +145,7 @@ def _sides(movement: Movement) -> str:
     for one in movement.sides:
         texts = [fixed(v, 1) for v in (one.right.range_deg, one.left.range_deg, one.difference_deg)]
         verdict = "yes" if one.certain else "no"
-        rows.append([escape(plain(one.name)), *texts, fixed(BAND_95 * one.std_deg, 1), verdict])
+        rows.append([escape(plain(one.name)), *texts, fixed(one.limit_deg, 1), verdict])
     over = "means over the cycles" if movement.in_cycles else "over the whole track"
     caption = (
         f"Ranges of both sides, {over}. ±: half of the 95 % interval of the difference. The last column says whether "

@@ -4,14 +4,28 @@ from __future__ import annotations
 
 from math import isfinite
 
+from oarlock.movement.evenness import Change
 from oarlock.movement.movement import Movement
-from oarlock.movement.ranges import BAND_95, MotionRange
+from oarlock.movement.ranges import MotionRange
 from oarlock.report import KeyFigure, fixed
 from oarlock.report.viewer.sides import side_of
 
 MOST_NAMED = 4
 CYCLE = "Mean time from one largest value of the leading angle to the next."
-RANGE = "Largest minus smallest value of the angle over the whole track, with its 95 % interval."
+RANGE = "Largest minus smallest value of the angle, with half of its 95 % interval."
+RANGE_IN_CYCLE = (
+    "Largest minus smallest value of the angle within a cycle, mean over the cycles; below it the mean smallest and "
+    "largest value, and half of the 95 % interval of the range. An offset that stays the same cancels in a range."
+)
+MOUNTS = "The interval does not contain errors of the mounts: without calibration a sensor may sit several degrees off."
+
+
+def counts_from(movement: Movement) -> str:
+    """From when the numbers count, if the start is left out."""
+    skipped = movement.start_s - float(movement.track.time_s[0])
+    if skipped <= 0.0:
+        return ""
+    return f"Numbers count from {fixed(movement.start_s, 1)} s on: before, the estimate still settles."
 
 
 def repeats(movement: Movement) -> list[str]:
@@ -38,18 +52,25 @@ def key_figures(movement: Movement) -> list[KeyFigure]:
                 "cycle", f"{fixed(main.period_s, 2)} s", f"{fixed(60.0 / main.period_s, 0)} per minute", CYCLE
             ),
         ]
-    sure = [one for one in movement.ranges.values() if not BAND_95 * one.range_std_deg > one.range_deg]
-    for one in sorted(sure, key=lambda one: -one.range_deg)[:MOST_NAMED]:
-        half = f"± {fixed(BAND_95 * one.range_std_deg, 1)}°" if isfinite(one.range_std_deg) else ""
-        found.append(
-            KeyFigure(
-                plain(one.name),
-                f"{fixed(one.range_deg, 0)}°",
-                "; ".join(filter(None, (_span(one), half))),
-                RANGE,
-            )
-        )
+    found += [_figure(movement, one) for one in measured(movement)[:MOST_NAMED]]
     return found
+
+
+def measured(movement: Movement) -> list[MotionRange]:
+    """The ranges that are measured well enough, the largest first."""
+    sure = [one for one in movement.shown.values() if one.well_measured]
+    return sorted(sure, key=lambda one: -one.range_deg)
+
+
+def _figure(movement: Movement, one: MotionRange) -> KeyFigure:
+    half = f"± {fixed(one.half_deg, 1)}°" if isfinite(one.half_deg) else ""
+    if half and movement.nominal:
+        half += " plus mounts"
+    meaning = RANGE_IN_CYCLE if one.name in movement.in_cycles else RANGE
+    if movement.nominal:
+        meaning += f" {MOUNTS}"
+    detail = "; ".join(filter(None, (_span(one), half)))
+    return KeyFigure(plain(one.name), f"{fixed(one.range_deg, 0)}°", detail, meaning)
 
 
 def plain(name: str) -> str:
@@ -65,9 +86,24 @@ def heading(movement: Movement) -> str | None:
         return f"{movement.main.count} cycles of {plain(movement.main.lead)}"
     if not movement.ranges:
         return None
-    most = max(movement.ranges.values(), key=lambda one: one.range_deg)
+    most = max(measured(movement) or movement.ranges.values(), key=lambda one: one.range_deg)
     return f"movement, most in {plain(most.name)}"
 
 
 def _span(one: MotionRange) -> str:
     return f"{fixed(one.lowest_deg, 0)} to {fixed(one.highest_deg, 0)}°"
+
+
+def named(one: Change) -> str:
+    """What a change compares, for people."""
+    return f"range of {plain(one.angle)}" if one.angle else "cycle time"
+
+
+def sized(one: Change, value: float) -> str:
+    """A value in the unit of the change: `0.05 s`, `3.1°`."""
+    return f"{fixed(value, 1)}°" if one.angle else f"{fixed(value, 2)} s"
+
+
+def signed(one: Change) -> str:
+    """The change with its sign."""
+    return f"{'+' if one.difference >= 0.0 else ''}{sized(one, one.difference)}"

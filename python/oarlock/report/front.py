@@ -15,6 +15,8 @@ from oarlock.report.section import KeyFigure, tiles
 from oarlock.report.trust import Trust
 
 MOST_POINTS = 3
+HALF = "±"
+"""In a key figure: half of its 95 % interval."""
 _TITLE = ("athlete", "date")
 
 
@@ -78,9 +80,10 @@ class Front:
         next_step: what to do next, in the reader's words.
         commands: what each further step is for, and its command; folded.
         figures: key figures, each with its definition.
+        by_rate: the key figures by stroke rate, or by another condition that changes; markup.
         compared: against earlier ones, or a second one; markup.
         compared_head: its heading.
-        compared_first: whether it stands above the key figures and what stands out.
+        compared_first: whether it stands above what stands out, and instead of the key figures.
         changes: the same in sentences, for the picture; text.
         drawings: for the summary on paper; markup of drawings.
         course: of the picture: name, unit, and by name the share in percent, mean, lower and upper bound.
@@ -94,6 +97,7 @@ class Front:
     next_step: str = ""
     commands: Sequence[tuple[str, str]] = ()
     figures: Sequence[KeyFigure] = ()
+    by_rate: str = ""
     compared: str = ""
     compared_head: str = "Compared with earlier"
     compared_first: bool = False
@@ -107,6 +111,11 @@ def who_and_when(provenance: Mapping[str, object]) -> tuple[str, str]:
     info = session_info(provenance)
     first = {key: info[key] for key in _TITLE if key in info}
     return session_text(first), session_text({key: info[key] for key in info if key not in first})
+
+
+def date_of(provenance: Mapping[str, object]) -> str:
+    """The day of the session, such as 2026-05-01; "" if unknown."""
+    return session_info(provenance).get("date", "")
 
 
 def named_file(provenance: Mapping[str, object], ending: str) -> str:
@@ -137,4 +146,7 @@ def front_markup(
         points=list(front.points)[:MOST_POINTS],
         more=max(len(front.points) - MOST_POINTS, 0),
         front=front,
+        explains=any(
+            HALF in figure.detail and "from stroke" not in figure.detail for figure in front.figures
+        ),
     )

@@ -88,8 +88,9 @@ def folded_help(text: str) -> str:
 
 
 def grid(drawings: Iterable[str], style: str = "") -> str:
-    """Drawings, markup each, side by side."""
-    return f'<div class="grid-figures{" " + style if style else ""}">{"".join(drawings)}</div>'
+    """Drawings, markup each, side by side; "" without drawings."""
+    drawn = "".join(drawings)
+    return f'<div class="grid-figures{" " + style if style else ""}">{drawn}</div>' if drawn else ""
 
 
 def table(
@@ -111,7 +112,7 @@ def table(
         rows: cells that are markup already; the first of a row is its header.
         styles: classes of rows, by their number.
         foot: rows that stay at the end.
-        style: class of the table.
+        style: classes of the table; a "stacked" one has its rows as blocks on a telephone.
     """
     return rendered(
         "table",

@@ -27,6 +27,18 @@ def sortable_table(
     rows: Sequence[Sequence[str]],
     foot: Sequence[Sequence[str]] = (),
     muted: Sequence[int] = (),
+    style: str = "",
 ) -> str:
-    """A table whose first column is a row header; cells are markup. `foot` stays at the end; `muted` rows are grey."""
-    return table(key, caption, columns, rows, dict.fromkeys(muted, "muted"), foot=foot, style="sortable")
+    """A table whose first column is a row header; cells are markup. `foot` stays at the end; `muted` rows are grey.
+
+    `style`: further classes; a "stacked" table has its rows as blocks on a telephone.
+    """
+    return table(
+        key,
+        caption,
+        columns,
+        rows,
+        dict.fromkeys(muted, "muted"),
+        foot=foot,
+        style=f"sortable {style}".strip(),
+    )

@@ -15,11 +15,11 @@ from oarlock.tracking.track import Track
 
 MOST_FIGURES = 6
 DRAWINGS, DRAWINGS_ALONE = 2, 4
-"""Drawings that fit on the sheet below findings, and without them."""
+"""The most drawings that fit on the sheet: below findings, and without them."""
 
 
 def write_summary(track: Track, path: Path, title: str | None, front: Front) -> Path:
-    """Write the page: what was done, its key figures, up to three findings, changes, one or two drawings.
+    """Write the page: what was done, its key figures, up to three findings, changes, up to four drawings.
 
     Args:
         track: what was tracked; its session and sensors are shown.

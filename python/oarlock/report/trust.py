@@ -86,7 +86,8 @@ def _loud(sensors: Sequence[SensorScore]) -> str:
         return ""
     return (
         f"{len(loud)} of {len(sensors)} sensors disagree with the assumed mounts and lengths; {loud[0].name} misses "
-        f"the prediction by {math.sqrt(loud[0].nis):.1f} times the expected error."
+        f"the prediction by {math.sqrt(loud[0].nis):.1f} times the expected error. Check where they sit and the "
+        "lengths that were entered."
     )
 
 

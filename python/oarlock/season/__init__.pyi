@@ -2,6 +2,7 @@
 
 from .add import Added, Admission
 from .athletes import Athlete, NamesFile
+from .earlier import Earlier, earlier_pieces
 from .entry import Entry
 from .page.write import write_season_page
 from .questions.ask import Change, Trend, ask, trend
@@ -20,6 +21,7 @@ __all__ = [
     "Athlete",
     "Change",
     "Database",
+    "Earlier",
     "Entry",
     "NamesFile",
     "Question",
@@ -32,6 +34,7 @@ __all__ = [
     "ask",
     "changed_athlete",
     "create_season",
+    "earlier_pieces",
     "open_season",
     "season_summary",
     "trend",

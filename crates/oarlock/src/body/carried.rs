@@ -23,6 +23,7 @@ impl Body {
             out.extend(std::iter::once(place.q).chain(rates).map(|to| Shear {
                 to,
                 from: turn.q,
+                width: 3,
                 factor: crossed(&parent_from_child, Vec3(three(delta, to))),
             }));
         }

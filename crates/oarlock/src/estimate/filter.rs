@@ -26,6 +26,7 @@ use limbs::Limbs;
 use linearised::Linearised;
 pub use measurement::{DirectionTest, Gate, Measurement, RowGroups, UpdateSettings};
 pub use report::{Diverged, Info, SourceInfo, Verdict};
+use std::iter::repeat_n;
 use std::ops::Range;
 
 /// Workspace of a filter.
@@ -184,18 +185,22 @@ impl<S: FastSystem> Filter<S> {
             let Some(own) = of_rotation(block.index[0]) else { continue };
             leave_chart(self.arch, (block, &self.shift, &own.share), before, slopes);
         }
+        self.follow_shears(apart, slopes);
+    }
+
+    /// P4, by its share in each column.
+    fn follow_shears(&self, apart: &[Apart], slopes: &mut [f64]) {
         for shear in &self.shears {
-            let Some(own) = of_rotation(shear.from) else { continue };
+            let Some(own) = apart.iter().find(|own| own.state == shear.from) else { continue };
             shear.apply_to_columns(slopes, own.share.iter().copied());
         }
     }
 
-    /// Of P+ times something, which has P4 in all columns, takes it from those where it does not apply.
+    /// Of P+ times something, which has P4 and P5 in all columns, leaves P4 where it applies. P5 concerns the covariance alone.
     pub fn leave_shears(&self, apart: &[Apart], slopes: &mut [f64]) {
-        for shear in &self.shears {
-            let Some(own) = apart.iter().find(|own| own.state == shear.from) else { continue };
-            shear.apply_to_columns(slopes, own.share.iter().map(|share| share - 1.0));
-        }
+        let width = slopes.len() / self.shift.len();
+        self.shears.iter().rev().for_each(|shear| shear.apply_to_columns(slopes, repeat_n(-1.0, width)));
+        self.follow_shears(apart, slopes);
     }
 
     /// A becomes T'^-1 A, if the last update made T P T' of the covariance P when it moved the mean (P3, P4).

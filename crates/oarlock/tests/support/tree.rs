@@ -11,6 +11,17 @@ pub fn narrow_of(tree: &str) -> String {
     wide.iter().fold(tree.to_string(), |text, wide| text.replace(wide, "[0.02, 0.05, 0.25]"))
 }
 
+/// A body with its pelvis on a ball that stands still, and a field whose azimuth is a state: body and field may turn together.
+pub fn standing(text: &str) -> String {
+    let free = r#"kind = "free",
+      process = { kind = "singer", density = 4.0, start_std = [0.05, 0.2, 1.0], time_s = 0.5 },
+      translation = { kind = "singer", density = 3.0, start_std = [0.1, 0.2, 1.0], time_s = 0.3 } }"#;
+    let ball = r#"kind = "ball",
+      process = { kind = "singer", density = 4.0, start_std = [0.05, 0.2, 1.0], time_s = 0.5 } }"#;
+    assert!(text.contains(free), "the pelvis");
+    text.replace(free, ball).replace("azimuth_fixed = true", "azimuth_fixed = false")
+}
+
 /// A pelvis that is free, a thigh on a ball, a shank on a hinge, a sled on a slide; one inertial unit each, a position on the
 /// pelvis and an encoder at the knee, which alone could not tell its own bias.
 pub const TREE: &str = r#"

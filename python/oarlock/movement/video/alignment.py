@@ -10,6 +10,7 @@ Gaussian. Times the number of independent samples it is the log of a likelihood 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,6 +90,11 @@ class _Fit:
     body: Signals
     independent_hz: float = 2.0 * HIGHEST_HZ
 
+    @cached_property
+    def scaled(self) -> tuple[Floats, Floats]:
+        """Courses of picture and body with variance 1 over the whole."""
+        return _scaled(self.picture), _scaled(self.body)
+
     def offset_s(self, lag: float) -> float:
         return float(self.body.start_s + STEP_S * lag - self.picture.start_s)
 
@@ -156,7 +162,7 @@ def _shortest_s(picture: Signals, body: Signals) -> float:
 
 def _scores(fit: _Fit) -> tuple[NDArray[np.int64], Floats, Floats]:
     """All lags, and at each the score and the number of common samples."""
-    p, b = _scaled(fit.picture), _scaled(fit.body)
+    p, b = fit.scaled
     mp, mb = fit.picture.valid.astype(float), fit.body.valid.astype(float)
     p, b = p * mp[:, None], b * mb[:, None]
 
@@ -180,7 +186,6 @@ def _scores(fit: _Fit) -> tuple[NDArray[np.int64], Floats, Floats]:
 
 
 def _scaled(signals: Signals) -> Floats:
-    """Courses with variance 1 over the whole."""
     spread = signals.values[signals.valid].std(axis=0)
     return signals.values / np.where(spread > 0.0, spread, 1.0)
 
@@ -219,7 +224,7 @@ def _common(fit: _Fit, lags: tuple[int, ...]) -> NDArray[np.int64]:
 
 
 def _score_of(fit: _Fit, rows: NDArray[np.int64], lag: int) -> float:
-    p, b = _scaled(fit.picture)[rows], _scaled(fit.body)[rows + lag]
+    p, b = fit.scaled[0][rows], fit.scaled[1][rows + lag]
     p, b = p - p.mean(axis=0), b - b.mean(axis=0)
     n = len(rows)
     return float(_information(p.T @ p / n, b.T @ b / n, p.T @ b / n))
@@ -251,7 +256,7 @@ def _champion(fit: _Fit, lags: NDArray[np.int64]) -> int:
 def _independence(fit: _Fit, lag: int) -> tuple[float, float]:
     """Independent samples in a second by the residual of the best pair of courses, and that pair's correlation."""
     rows = _common(fit, (lag,))
-    p, b = _scaled(fit.picture)[rows], _scaled(fit.body)[rows + lag]
+    p, b = fit.scaled[0][rows], fit.scaled[1][rows + lag]
     p, b = p - p.mean(axis=0), b - b.mean(axis=0)
     white_p, white_b = (
         x @ np.linalg.inv(np.linalg.cholesky(x.T @ x / len(x) + RIDGE * np.eye(x.shape[1]))).T for x in (p, b)

@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 WINDOW_S = 30.0
 LEAST_WINDOWS = 6
 NEAR_S = 0.6
-"""Within this of the common offset each minute is searched: less than half a cycle, so that none slips by one."""
+"""Within this of the common offset each half minute is searched: less than half a cycle, so that none slips by one."""
 
 
 def with_drift(picture: Signals, body: Signals, found: Alignment, frame_s: float) -> Alignment:

@@ -93,6 +93,7 @@ def scene(
         "places_m": packed(places),
         "bones": bones,
         "loops": loops,
+        "loop_words": seen.loop_words,
         "strands": strands,
         "shapes": shapes,
         "carriers": {"points": origins, "quat_wxyz": packed(turns)},

@@ -1,15 +1,15 @@
-"""Speed, rate, heart rate and power over a piece, from strokes or from points in time, and its parts as a table."""
+"""Speed, rate, heart rate and power over a piece, from strokes or from points in time, and its parts for tables."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.rowing.alongside.counted import counted_strokes
+from oarlock.rowing.alongside.stretches import Clock, Stretch, reasons_left_out, stretches_of
 from oarlock.rowing.exports.activity import Activity
 from oarlock.rowing.strokes.table import Floats, StrokeTable, running
 
@@ -23,7 +23,10 @@ QUANTITIES = (
 )
 _SPLIT_M = 500.0
 _FEWEST_SPLITS = 3
+_REST_M = 50.0
+"""A rest behind the last mark that is shorter belongs to the last split: its pace would be noise."""
 _PARTS = 5
+_ALONE = "outside of the pieces: fewer than 6 strokes together, or without way"
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,104 +34,204 @@ class Course:
     """Numbers over time: (N,) each, NaN where they are missing.
 
     Attributes:
-        time_s: on one clock.
-        distance_m: from the first row.
-        interval: which interval of the piece, from 1; all 1 if the file has none.
+        clock: time, distance and interval of each row.
         values: by the names of `QUANTITIES`; only what is known of some rows.
-        counted: (N,) which rows are rowing, not paddling or misread strokes.
+        counted: (N,) which rows are rowing, in a piece.
+        left_out: how many rows are not, by reason.
+        stretches: the pieces that were rowed without a pause; empty without times.
         is_strokes: whether a row is a stroke.
+        through_water: whether speed and distance are those of an impeller.
     """
 
-    time_s: Floats
-    distance_m: Floats
-    interval: Floats
+    clock: Clock
     values: Mapping[str, Floats]
     counted: NDArray[np.bool_]
+    left_out: Mapping[str, int]
+    stretches: Sequence[Stretch]
     is_strokes: bool
+    through_water: bool
+
+    @property
+    def time_s(self) -> Floats:
+        """Times on one clock."""
+        return self.clock.time_s
+
+    @property
+    def duration_s(self) -> float:
+        """Time rowed, without pauses; NaN if unknown."""
+        return sum(one.duration_s for one in self.stretches) if self.stretches else float("nan")
+
+    @property
+    def distance_m(self) -> float:
+        """Distance rowed, without pauses; NaN if unknown."""
+        return sum(one.distance_m for one in self.stretches) if self.stretches else float("nan")
+
+    @property
+    def total_s(self) -> float:
+        """To the last row, from the first one or where the device began to count; with pauses while its clock ran."""
+        return _reach(np.append(self.clock.time_s, [one.begin_s for one in self.stretches]))
+
+    @property
+    def total_m(self) -> float:
+        """Distance likewise, drifting and paddling included."""
+        return _reach(np.append(self.clock.distance_m, [one.begin_m for one in self.stretches]))
+
+    @property
+    def longest(self) -> Stretch | None:
+        """The longest piece; None without times."""
+        return max(self.stretches, key=lambda one: one.duration_s, default=None)
 
 
 @dataclass(frozen=True)
 class Part:
-    """A part of a piece: its name, strokes, time, distance, and the medians of the quantities."""
+    """A part of a piece: its name, strokes, time, distance, the medians of the quantities, and the pause before it."""
 
     name: str
     strokes: int
     duration_s: float
     distance_m: float
     medians: Mapping[str, float]
+    pause_s: float = 0.0
+
+    @property
+    def speed_m_s(self) -> float:
+        """Distance over time; the median of the device's speed where the distance is not known."""
+        known = self.distance_m > 0.0 and self.duration_s > 0.0
+        return self.distance_m / self.duration_s if known else self.medians.get("speed_m_s", float("nan"))
 
 
 def course_of(found: StrokeTable | Activity) -> Course:
     """The course of an export; the clock and the distance go on where they restart."""
     is_strokes = isinstance(found, StrokeTable)
-    time_s = found.clock_s if isinstance(found, StrokeTable) else found["time_s"]
-    count = len(time_s)
+    clock, through_water = _clock(found)
+    reasons = reasons_left_out(found, clock)
+    rowing = np.array([not reason for reason in reasons], dtype=bool)
+    stretches = stretches_of(clock, rowing)
+    counted = np.any([one.rows for one in stretches], axis=0) if stretches else rowing
+    reasons = [_ALONE if rowing[k] and not counted[k] else reason for k, reason in enumerate(reasons)]
+    told = [reason for reason in reasons if reason]
     values = {
         name: found[name] for name in QUANTITIES if name in found and bool(np.isfinite(found[name]).any())
     }
+    if through_water and "impeller_speed_m_s" in found:
+        values["speed_m_s"] = found["impeller_speed_m_s"]
     if "peak_force_n" in values:
         values.pop("curve_peak_force_n", None)
-    distance = running(found["distance_m"]) if "distance_m" in found else np.full(count, np.nan)
-    interval = found["interval"] if "interval" in found else np.ones(count)
-    counted = counted_strokes(found) if isinstance(found, StrokeTable) else np.ones(count, dtype=bool)
-    return Course(time_s, distance, np.nan_to_num(interval, nan=1.0), values, counted, is_strokes)
+    left_out = {reason: told.count(reason) for reason in dict.fromkeys(told)}
+    return Course(clock, values, counted, left_out, stretches, is_strokes, through_water)
+
+
+def _clock(found: StrokeTable | Activity) -> tuple[Clock, bool]:
+    """When and where each row was, and whether an impeller says so."""
+    ends_s = found.end_of_stroke_s if isinstance(found, StrokeTable) else found["time_s"]
+    count = len(ends_s)
+    unknown = np.full(count, np.nan)
+
+    def column(name: str) -> Floats:
+        return found.columns.get(name, unknown)
+
+    through_water = not any(np.isfinite(column(name)).any() for name in ("distance_m", "speed_m_s"))
+    kind = "impeller_" if through_water else ""
+    time_s = running(ends_s)
+    distance_m = _between(time_s, running(column(f"{kind}distance_m")))
+    speed = column(f"{kind}speed_m_s")
+    if not np.isfinite(speed).any():
+        speed = _speed_m_s(time_s, distance_m)
+    restarts = np.zeros(count, dtype=bool)
+    known = np.flatnonzero(np.isfinite(time_s))
+    restarts[known[1:]] = np.diff(ends_s[known]) < 0.0
+    return Clock(
+        time_s, distance_m, speed, np.nan_to_num(column("interval"), nan=1.0), restarts
+    ), through_water
+
+
+def _between(time_s: Floats, distance_m: Floats) -> Floats:
+    """The distance (N,) with gaps filled in between rows that have one."""
+    known = np.isfinite(time_s) & np.isfinite(distance_m)
+    if not known.any():
+        return distance_m
+    filled = np.interp(time_s, time_s[known], distance_m[known])
+    return np.where(np.isfinite(time_s), filled, np.nan)
+
+
+def _speed_m_s(time_s: Floats, distance_m: Floats) -> Floats:
+    """From row to row (N,), where a device gives only the distance."""
+    speed = np.full(len(time_s), np.nan)
+    known = np.flatnonzero(np.isfinite(time_s) & np.isfinite(distance_m))
+    if len(known) > 1:
+        steps_s = np.diff(time_s[known])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = np.where(steps_s > 0.0, np.diff(distance_m[known]) / steps_s, np.nan)
+        speed[known] = np.append(found[:1], found)
+    return speed
 
 
 def parts_of(course: Course) -> list[Part]:
-    """The intervals of a piece; else every 500 m; else five parts equal in time."""
-    known = np.isfinite(course.time_s)
-    if known.sum() < 2:
-        return []
-    intervals = list(dict.fromkeys(course.interval[known].tolist()))
-    if len(intervals) > 1:
-        inside = [known & (course.interval == value) for value in intervals]
-        return [_between(course, f"interval {k + 1}", part) for k, part in enumerate(inside)]
-    rowed = course.distance_m - np.nanmin(course.distance_m) if np.isfinite(course.distance_m).any() else None
-    if rowed is not None and np.nanmax(rowed) >= _FEWEST_SPLITS * _SPLIT_M:
-        return _splits(course, rowed)
-    ends_s = np.linspace(*_ends(course.time_s[known]), _PARTS + 1)
-    inside = [
-        known & (course.time_s >= begin_s) & (course.time_s <= end_s) for begin_s, end_s in pairwise(ends_s)
-    ]
-    return [_between(course, f"fifth {k + 1}", part) for k, part in enumerate(inside) if part.sum() > 1]
+    """The pieces between pauses, or the parts of the only one."""
+    return pieces_of(course) if len(course.stretches) > 1 else splits_of(course)
 
 
-def _splits(course: Course, rowed_m: Floats) -> list[Part]:
-    """Every 500 m; the time at a mark is interpolated between rows."""
-    good = np.isfinite(rowed_m) & np.isfinite(course.time_s)
-    ahead_m = np.maximum.accumulate(rowed_m[good])
-    last_m = float(ahead_m[-1])
-    marks_m = [*np.arange(0.0, last_m, _SPLIT_M).tolist(), last_m]
-    at_s = np.interp(marks_m, ahead_m, course.time_s[good])
+def pieces_of(course: Course) -> list[Part]:
+    """What was rowed between pauses."""
     return [
-        Part(
-            f"to {end_m:.0f} m",
-            int(((rowed_m > begin_m) & (rowed_m <= end_m)).sum()) if course.is_strokes else 0,
-            float(at_s[k + 1] - at_s[k]),
-            end_m - begin_m,
-            _medians(course, (rowed_m > begin_m) & (rowed_m <= end_m)),
-        )
-        for k, (begin_m, end_m) in enumerate(pairwise(marks_m))
-        if end_m - begin_m > 1.0
+        _part(course, f"piece {k + 1}", one.rows, one.duration_s, one.distance_m, one.pause_s)
+        for k, one in enumerate(course.stretches)
     ]
 
 
-def _between(course: Course, name: str, inside: NDArray[np.bool_]) -> Part:
-    """Rows that belong together."""
-    first_s, last_s = _ends(course.time_s[inside])
-    first_m, last_m = _ends(course.distance_m[inside])
-    strokes = int(inside.sum()) if course.is_strokes else 0
-    return Part(name, strokes, last_s - first_s, last_m - first_m, _medians(course, inside))
+def splits_of(course: Course) -> list[Part]:
+    """The longest piece by 500 m, or by fifths of its time if it is short or has no distance."""
+    piece = course.longest
+    if piece is None or piece.duration_s <= 0.0:
+        return []
+    time_s, rows = course.clock.time_s, piece.rows
+    far_m = course.clock.distance_m - piece.begin_m
+    if piece.distance_m >= _FEWEST_SPLITS * _SPLIT_M:
+        marks_m = np.arange(0.0, piece.distance_m - _REST_M, _SPLIT_M)
+        ends_m = np.append(marks_m, piece.distance_m)
+        good = rows & np.isfinite(far_m)
+        ahead_m = np.maximum.accumulate(np.append(0.0, far_m[good]))
+        ends_s = np.interp(ends_m, ahead_m, np.append(piece.begin_s, time_s[good]))
+        names = [f"to {end:.0f} m" for end in ends_m[1:]]
+    else:
+        ends_s = np.linspace(piece.begin_s, piece.end_s, _PARTS + 1)
+        good = rows & np.isfinite(far_m)
+        known_m = np.append(0.0, far_m[good]) if good.any() else np.full(1, np.nan)
+        ends_m = np.interp(ends_s, np.append(piece.begin_s, time_s[good]), known_m)
+        names = [f"fifth {k + 1}" for k in range(_PARTS)]
+    ends_s[-1] = piece.end_s
+    return [
+        _part(course, name, _within(rows, time_s, begin_s, end_s, k == 0), end_s - begin_s, end_m - begin_m)
+        for k, (name, (begin_s, end_s), (begin_m, end_m)) in enumerate(
+            zip(names, pairwise(ends_s.tolist()), pairwise(ends_m.tolist()), strict=True)
+        )
+    ]
 
 
-def _ends(values: Floats) -> tuple[float, float]:
+def _within(
+    rows: NDArray[np.bool_], time_s: Floats, begin_s: float, end_s: float, first: bool
+) -> NDArray[np.bool_]:
+    """Rows (N,) of a part: each row is in one part, that at its begin only in the first."""
+    after = time_s >= begin_s if first else time_s > begin_s
+    return rows & after & (time_s <= end_s)
+
+
+def _part(
+    course: Course,
+    name: str,
+    rows: NDArray[np.bool_],
+    duration_s: float,
+    distance_m: float,
+    pause_s: float = 0.0,
+) -> Part:
+    strokes = int(rows.sum()) if course.is_strokes else 0
+    medians = {key: _median(values[rows]) for key, values in course.values.items()}
+    return Part(name, strokes, duration_s, distance_m, medians, pause_s)
+
+
+def _reach(values: Floats) -> float:
     known = values[np.isfinite(values)]
-    return (float(known.min()), float(known.max())) if len(known) else (float("nan"), float("nan"))
-
-
-def _medians(course: Course, inside: NDArray[np.bool_]) -> dict[str, float]:
-    rows = inside & course.counted
-    return {key: _median(values[rows]) for key, values in course.values.items()}
+    return float(known.max() - known.min()) if len(known) else float("nan")
 
 
 def _median(values: Floats) -> float:
@@ -140,14 +243,15 @@ def pace_text(speed_m_s: float) -> str:
     """Time for 500 m, such as 2:03.4; a dash if the boat stands or the speed is not known."""
     if not np.isfinite(speed_m_s) or speed_m_s < 0.5:
         return "–"
-    tenths = round(5000.0 / speed_m_s)
-    return f"{tenths // 600}:{tenths % 600 / 10:04.1f}"
+    return clock_text(500.0 / speed_m_s, tenths=True)
 
 
-def clock_text(duration_s: float) -> str:
-    """A duration such as 7:05 or 1:02:03; a dash if it is not known."""
+def clock_text(duration_s: float, tenths: bool = False) -> str:
+    """A duration such as 7:05, 7:04.8 with tenths, or 1:02:03; a dash if it is not known."""
     if not np.isfinite(duration_s):
         return "–"
-    seconds = round(duration_s)
+    whole = round(10.0 * duration_s) if tenths else 10 * round(duration_s)
+    seconds, tenth = divmod(whole, 10)
     hours, rest = divmod(seconds, 3600)
-    return f"{hours}:{rest // 60:02d}:{rest % 60:02d}" if hours else f"{rest // 60}:{rest % 60:02d}"
+    end = f".{tenth}" if tenths else ""
+    return f"{hours}:{rest // 60:02d}:{rest % 60:02d}{end}" if hours else f"{rest // 60}:{rest % 60:02d}{end}"

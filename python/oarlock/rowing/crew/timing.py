@@ -142,7 +142,7 @@ def crew_timing(
     first = _first_share(late["catch"]) if clocks.known else np.full(len(seats), np.nan)
     mean = against == "mean"
     if mean:
-        late, std = _against_mean(late), std
+        late = _against_mean(late)
     delays = [
         _delay(seat.name, event, late[event][:, k], std[event][:, k], clocks, k, leader)
         for k, seat in enumerate(seats)

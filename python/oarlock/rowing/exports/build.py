@@ -12,6 +12,8 @@ from oarlock.rowing.exports.grid import Rows
 from oarlock.rowing.strokes.table import StrokeTable
 from oarlock.storage.errors import DataError
 
+NAMED = "named in the file: "
+"""Begins a note on the session and boat that a file names."""
 _MOST_NAMED = 5
 
 

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from oarlock.rowing.exports.build import Gathered, Wanted, left_out_note, many, twice_note
+from oarlock.rowing.exports.build import NAMED, Gathered, Wanted, left_out_note, many, twice_note
 from oarlock.rowing.exports.cells import DEGREE_RAD, POUND_FORCE_N, Column, is_missing
 from oarlock.rowing.exports.empower import add_arcs, told_angles
 from oarlock.rowing.exports.grid import Grid, Rows, plain_name
@@ -144,10 +144,13 @@ def _settings(grid: Grid, header: int) -> list[str]:
     found: dict[str, str] = {}
     for row in grid.cells[:header]:
         for name, value in pairwise(row):
-            if name.endswith(":") and value and not is_missing(value):
+            if name.endswith(":"):  # a session's name stands before its device's
                 found.setdefault(plain_name(name), value)
+    found = {name: value for name, value in found.items() if value and not is_missing(value)}
     side, firmware = found.get("port starboard:", ""), found.get("firmware:", "")
-    notes = [f"oarlock on {side.lower()}"] if side.lower() in ("port", "starboard") else []
+    names = [f"{word} {found[key]}" for word, key in _NAMES if key in found]
+    notes = [f"{NAMED}{', '.join(names)}"] if names else []
+    notes += [f"oarlock on {side.lower()}"] if side.lower() in ("port", "starboard") else []
     lengths = [
         f"{name} {found[key]} cm" for name, key in _LENGTHS if _PLAUSIBLE_CM.fullmatch(found.get(key, ""))
     ]
@@ -156,4 +159,5 @@ def _settings(grid: Grid, header: int) -> list[str]:
 
 
 _PLAUSIBLE_CM = re.compile(r"[1-9]\d{1,2}(\.\d+)?")  # some versions write the rubbish of unset memory
+_NAMES = (("session", "name:"), ("boat", "boat id:"))
 _LENGTHS = (("oar", "oar length:"), ("inboard", "inboard length:"))

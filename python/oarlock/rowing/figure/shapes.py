@@ -90,7 +90,7 @@ def live_look(model: Model) -> LiveLook | None:
 def _look(rower: Rower, strands: tuple[Strand, ...]) -> Look:
     parts = (boat_shapes if rower.afloat else machine_shapes)(rower)
     drawn = [
-        "trunk, head, legs and stretcher",
+        "shape of the trunk, head, legs and stretcher",
         "hull, water and feathering of the blades" if rower.afloat else "machine",
     ]
     return Look(
@@ -104,6 +104,7 @@ def _look(rower: Rower, strands: tuple[Strand, ...]) -> Look:
         fixed_lines=False,
         first_curves=_FIRST_CURVES,
         notes=tuple(drawn),
+        loop_words="hands hold the handles",
     )
 
 

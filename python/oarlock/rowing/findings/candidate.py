@@ -187,7 +187,7 @@ def beyond_chance(candidates: Sequence[Candidate], false_share: float = FALSE_SH
 
 def _columns(rowed: Rowed) -> list[Watched]:
     return [
-        watched
+        rowed.own(watched)
         for watched in WATCHED.values()
         if not watched.sides
         and (not watched.kinds or rowed.kind in watched.kinds)

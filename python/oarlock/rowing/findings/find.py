@@ -8,14 +8,17 @@ from oarlock.rowing.analysis.features import Feature
 from oarlock.rowing.findings.candidate import Candidate, against, against_usual, beyond_chance, sides, within
 from oarlock.rowing.findings.causes import by_cause
 from oarlock.rowing.findings.finding import Finding
-from oarlock.rowing.findings.rowed import Rowed
+from oarlock.rowing.findings.rowed import Kept, Rowed
 from oarlock.rowing.findings.sentences import finding
 from oarlock.rowing.findings.watched import LEAST, WATCHED
 from oarlock.rowing.report.piece import Piece
 
 
 def findings(
-    piece: Piece, last: Piece | None = None, best: Piece | None = None, other: Piece | None = None
+    piece: Piece,
+    last: Piece | Kept | None = None,
+    best: Piece | Kept | None = None,
+    other: Piece | None = None,
 ) -> list[Finding]:
     """What stands out, the most important first; empty if nothing does.
 

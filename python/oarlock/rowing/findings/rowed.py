@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.rowing.analysis.targets import Target
-from oarlock.rowing.report.piece import Piece
+from oarlock.rowing.findings.watched import Watched
+from oarlock.rowing.report.piece import Counted, Piece
 from oarlock.rowing.strokes.table import StrokeTable
 
 Floats = NDArray[np.float64]
@@ -18,6 +20,13 @@ RATES_APART = 6.0
 """Pieces whose usual rates differ by more strokes a minute are not compared."""
 FEWEST_STROKES = 6
 """Smallest number of strokes of one number for anything but a difference of sides."""
+
+
+class Kept(Counted, Protocol):
+    """Strokes without their track, which say themselves what they are: a `StoredPiece`."""
+
+    def rowed(self) -> Rowed:
+        """For findings."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +40,7 @@ class Rowed:
         numbers: of the strokes in the piece, the first is 1.
         targets: by column; empty if none were chosen.
         source: signal from which the strokes were found, or the device that counted them.
+        least: smallest sizes that matter, in shown units, where this rower's own differ from the general ones.
     """
 
     kind: str
@@ -39,10 +49,13 @@ class Rowed:
     numbers: Floats
     targets: Mapping[str, Target]
     source: str
+    least: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, piece: Piece) -> Rowed:
+    def of(cls, piece: Piece | Kept) -> Rowed:
         """Of a piece."""
+        if not isinstance(piece, Piece):
+            return piece.rowed()
         technique = piece.technique
         rowed = cls.of_table(piece.table, piece.counted, rowing_kind(piece), technique.found.source)
         return replace(rowed, targets=technique.targets)
@@ -73,6 +86,10 @@ class Rowed:
         stds = stds[np.isfinite(stds)]
         return float(np.sqrt(np.mean(stds**2))) if len(stds) else 0.0
 
+    def own(self, watched: Watched) -> Watched:
+        """The number with the smallest size that matters in this piece."""
+        return replace(watched, own_least=self.least.get(watched.name, watched.own_least))
+
     def comparable(self, other: Rowed) -> bool:
         """Whether numbers of both mean the same: boat kind, signal of the strokes, and about the stroke rate."""
         apart = abs(self.rate_per_min - other.rate_per_min)
@@ -81,7 +98,11 @@ class Rowed:
 
 def rowing_kind(piece: Piece) -> str:
     """Sculling, sweep or ergometer, from the joints of the model."""
-    joints = piece.track.joint_names
+    return kind_of(piece.track.joint_names)
+
+
+def kind_of(joints: Collection[str]) -> str:
+    """As `rowing_kind`, from the names of the joints."""
     if "handle" in joints:
         return "ergometer"
     return "sweep" if "oar_phi" in joints else "sculling"

@@ -6,7 +6,7 @@ from oarlock.rowing.findings.candidate import Candidate
 from oarlock.rowing.findings.causes import Cause
 from oarlock.rowing.findings.finding import Finding
 from oarlock.rowing.findings.watched import Told
-from oarlock.rowing.report.shown import places, with_unit
+from oarlock.rowing.report.shown import capital, places, with_unit
 
 _MOST_FOLLOWED = 2
 _THAN = {
@@ -65,9 +65,9 @@ def sentence(cause: Cause) -> str:
         )
     if lead.kind == "against usual":
         whose = f" ({lead.limit_source})" if lead.limit_source else ""
-        return f"{_capital(_changed(lead))} than the usual {_value(lead, lead.limit)}{whose}: {_value(lead, lead.now)}."
+        return f"{capital(_changed(lead))} than the usual {_value(lead, lead.limit)}{whose}: {_value(lead, lead.now)}."
     start = f"In the last third {_changed(lead)} than before" if lead.kind == "drift" else ""
-    start = start or f"{_capital(_changed(lead))} {_THAN[lead.kind]}"
+    start = start or f"{capital(_changed(lead))} {_THAN[lead.kind]}"
     like = " at like stroke rate" if lead.like_rate else ""
     values = f"{_value(lead, lead.now)} instead of {_value(lead, _before(lead))}{like}"
     return f"{start}: {values}.{_followed(cause)}"
@@ -105,7 +105,3 @@ def _before(one: Candidate) -> float:
 def _value(one: Candidate, value: float) -> str:
     feature, sign = one.watched.feature, -1.0 if one.watched.flipped else 1.0
     return with_unit(feature, sign * value / feature.shown_scale)
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]

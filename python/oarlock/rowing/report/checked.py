@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from html import escape
 
-from oarlock.report import plain_table
+from oarlock.report import fixed, plain_table
 from oarlock.rowing.findings.candidate import Candidate, against
 from oarlock.rowing.findings.rowed import Rowed
 from oarlock.rowing.findings.watched import WATCHED
 from oarlock.rowing.report.averages import SIGMAS_95
 from oarlock.rowing.report.piece import Piece
-from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, shown, spread, with_unit
+from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, places, shown, spread, with_unit
 from oarlock.rowing.report.tables import link
 from oarlock.rowing.report.words import usual_span
 
@@ -27,36 +28,63 @@ HEADS = {
 """What was compared with what, by kind of finding."""
 _OF_SIDES = ("catch_time_difference_s",)
 _OF_DRIFT = ("arc_rad", "catch_angle_rad", "lean_swing_rad")
+_USELESS = 4.0
+"""A limit of so many times the smallest size that matters tells a rower nothing."""
+_NEARLY = 1e-9
 _OF_NEXT = ("catch_angle_rad", "lean_swing_rad")
 
 
 def quiet(candidates: Sequence[Candidate]) -> str:
-    """That nothing stands out, and which differences would have."""
+    """What agrees, and from which size a difference would have been named."""
     if not candidates:
         return "Too few strokes count, so nothing was compared."
-    late = _sizes(candidates, "sides", _OF_SIDES)
-    changed = _sizes(candidates, "drift", _OF_DRIFT)
-    told = [
-        *(f"one oar {size} late at the catch" for _, size in late),
-        *([f"a change over the piece of {_listed(changed)}"] if changed else []),
-    ]
-    would = f" It would have shown: {'; '.join(told)}." if told else ""
-    return f"Nothing: no difference is larger than its uncertainty.{would}"
+    total, useful = len(candidates), [one for one in candidates if _is_useful(one, len(candidates))]
+    late = sizes(useful, "sides", _OF_SIDES, total)
+    changed = sizes(useful, "drift", _OF_DRIFT, total)
+    told = [f"Both oars turn together at the catch (a difference of {size} would show)." for _, size in late]
+    if changed:
+        shown = f"a change of {_listed(changed)} would show"
+        told.append(f"Nothing changes from start to end at like rate ({shown}).")
+    else:
+        told.append("Too few strokes count to see small changes from start to end.")
+    return " ".join(told)
+
+
+def _is_useful(one: Candidate, comparisons: int) -> bool:
+    """Whether less than a very large difference would be named."""
+    return one.named_from(comparisons) < _USELESS * one.watched.least
 
 
 def next_sizes(rowed: Rowed) -> str:
-    """The differences that another piece like this one could show: "2.1° of catch angle or 6° of lean"; "" if none."""
-    return _listed(_sizes(list(against(rowed, rowed, "again")), "again", _OF_NEXT))
+    """The differences that another piece like this one could show: "3° of catch angle or 6° of trunk swing".
+
+    "" without any, and without the trunk if only a very large difference would show.
+    """
+    again = list(against(rowed, rowed, "again"))
+    useful = [one for one in again if _is_useful(one, len(again))]
+    return _listed(sizes(useful, "again", _OF_NEXT, len(again)))
 
 
-def _sizes(candidates: Sequence[Candidate], kind: str, names: Iterable[str]) -> list[tuple[str, str]]:
-    """Label and size from which it is named, of those numbers that were compared."""
+def sizes(
+    candidates: Sequence[Candidate], kind: str, names: Iterable[str], comparisons: int | None = None
+) -> list[tuple[str, str]]:
+    """Label and size from which it is named, rounded up, of those numbers that were compared.
+
+    `comparisons` is how many there are in all, if more than `candidates`.
+    """
+    total = comparisons or len(candidates)
     found = {one.watched.name: one for one in candidates if one.kind == kind}
     return [
-        (found[name].watched.feature.label, _size(found[name], found[name].named_from(len(candidates))))
+        (found[name].watched.feature.label, _rounded_up(found[name], found[name].named_from(total)))
         for name in names
         if name in found
     ]
+
+
+def _rounded_up(one: Candidate, size: float) -> str:
+    feature = one.watched.feature
+    digits = max(places(feature) - 1, 0)
+    return f"{fixed(math.ceil(size * 10.0**digits - _NEARLY) / 10.0**digits, digits)}{joined_unit(feature)}"
 
 
 def _listed(sizes: Sequence[tuple[str, str]]) -> str:
@@ -86,7 +114,7 @@ def checked(candidates: Sequence[Candidate]) -> str:
         f"{len(candidates)} comparisons and more than matters."
     )
     heads = ["compared", "number", "difference", "named from"]
-    return plain_table("checked", caption, heads, rows) if rows else ""
+    return plain_table("checked", caption, heads, rows, style="stacked") if rows else ""
 
 
 def _with_interval(one: Candidate) -> str:

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from html import escape
 
 from oarlock.report import Column, sortable_table, value_cell
+from oarlock.rowing.findings.candidate import against
 from oarlock.rowing.findings.find import least
-from oarlock.rowing.findings.rowed import RATES_APART
-from oarlock.rowing.report.averages import Average, Difference, difference
-from oarlock.rowing.report.earlier import SAME_RATE_PER_MIN, matters
+from oarlock.rowing.findings.rowed import RATES_APART, Rowed
+from oarlock.rowing.report.averages import SIGMAS_95, Average, Difference, difference
+from oarlock.rowing.report.earlier import SAME_RATE_PER_MIN, in_words, matters
 from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.report.shown import PLUS_MINUS, shown, spread, unit_of, with_unit
 from oarlock.rowing.report.tables import beyond_words, link
 
+_OF_RATE = ("rate_per_min", "drive_time_s", "recovery_time_s")
+"""Numbers that make up the stroke rate."""
 MOST_TOLD = 5
 """Numbers that a sentence names."""
 
@@ -28,9 +31,11 @@ def differences(this: Piece, other: Piece) -> dict[str, tuple[Average, Average, 
 
 
 def comparison_table(key: str, this: Piece, other: Piece) -> str:
-    """One row per number with both means, their difference, and whether it exceeds both uncertainties."""
+    """One row per number with both means, their difference, and whether it exceeds both uncertainties; those first."""
     rows = []
-    for name, (mine, theirs, between) in differences(this, other).items():
+    found = differences(this, other)
+    for name in largest_first(found):
+        mine, theirs, between = found[name]
         feature = mine.feature
         rows.append(
             [
@@ -59,40 +64,86 @@ def comparison_table(key: str, this: Piece, other: Piece) -> str:
         "between strokes is divided by the square root of their number. If the sensors were not moved between "
         "the pieces, smaller differences may be real too. Differences are taken before rounding."
     )
-    return sortable_table(key, caption, columns, rows)
+    return sortable_table(key, caption, columns, rows, style="stacked")
 
 
 def sentences(this: Piece, other: Piece) -> list[str]:
-    """How many numbers differ, which most, and how many would by chance, as markup."""
+    """Which numbers differ, how many would by chance, and what the rate does; markup."""
     found = differences(this, other)
     if not found:
         return ["The pieces have no number in common."]
-    sure = [held for held in found.values() if held[2].beyond]
-    chance = f"by chance about {0.05 * len(found):.0f} would"
-    counted = f"{len(sure)} of {len(found)} numbers differ by more than both uncertainties; {chance}"
-    telling = sorted(
-        (held[0].feature for held in sure if matters(held[2])),
-        key=lambda feature: -abs(found[feature.name][2].value) / least(feature),
+    sure = [name for name in largest_first(found) if found[name][2].beyond]
+    tested = sum(held[2].beyond is not None for held in found.values())
+    counted = (
+        f"<b>{len(sure)} of {len(found)} numbers differ</b> by more than both uncertainties; "
+        f"by chance about {0.05 * tested:.0f} would if they were independent."
     )
-    labels = list(dict.fromkeys(feature.label for feature in telling))
-    most = "None is large enough to matter."
-    if labels:
-        more = ", …" if len(labels) > MOST_TOLD else ""
-        most = f"Largest: {escape(', '.join(labels[:MOST_TOLD]))}{more}."
     table = '<a href="#compared-pieces-in">Side by side</a> has all.'
-    return [f"{counted}. {most} {table}{_rates(found)}"]
+    rates = _rates(found, this, other, sure)
+    return [f"{counted} {escape(rates or _largest(found, sure))} {table}"]
 
 
-def _rates(found: Mapping[str, tuple[Average, Average, Difference]]) -> str:
-    """What different stroke rates mean for the comparison; "" if they are alike."""
+def _largest(found: Mapping[str, tuple[Average, Average, Difference]], sure: Sequence[str]) -> str:
+    telling = [name for name in sure if matters(found[name][2])]
+    if not telling:
+        return "None is large enough to matter."
+    named = [f"{found[name][0].feature.label} ({in_words(found[name][2])})" for name in telling]
+    return f"Largest: {_listed(named)}."
+
+
+def largest_first(found: Mapping[str, tuple[Average, Average, Difference]]) -> list[str]:
+    """Names, those beyond both uncertainties first, the largest relative to what matters before others."""
+
+    def order(name: str) -> tuple[bool, float]:
+        between = found[name][2]
+        weight = abs(between.value) / least(between.feature)
+        return not between.beyond, -(weight if weight == weight else 0.0)
+
+    return sorted(found, key=order)
+
+
+def _rates(
+    found: Mapping[str, tuple[Average, Average, Difference]], this: Piece, other: Piece, sure: Sequence[str]
+) -> str:
+    """Which differences follow the stroke rate and which remain without it, as text; "" if the rates are alike."""
     rates = found.get("rate_per_min")
     if rates is None or abs(rates[2].value) < SAME_RATE_PER_MIN:
         return ""
     now, then = (with_unit(one.feature, one.over.mean) for one in rates[:2])
-    start = f" The stroke rates differ ({now} and {then}), and many numbers follow the rate:"
-    if abs(rates[2].value) <= RATES_APART:
-        return f"{start} what stands out is compared at like rate."
-    return f"{start} more than {RATES_APART:.0f}/min apart, nothing is compared at like rate."
+    start = f"But the stroke rates differ ({now} and {then})"
+    mine, theirs = Rowed.of(this), Rowed.of(other)
+    if not mine.comparable(theirs):
+        return f"{start}{_not_at_like_rate(mine, theirs)}"
+    like = {one.watched.name: one for one in against(mine, theirs, "against other")}
+    remain = [name for name in sure if name in like and abs(like[name].size) > SIGMAS_95 * like[name].sd]
+    follow = [name for name in sure if name in _OF_RATE or (name in like and name not in remain)]
+    untested = [name for name in sure if name not in follow and name not in remain]
+    told = [f"{start}."]
+    for said, group in (
+        ("At the same rate these would not clearly differ", follow),
+        ("At the same rate too these differ", remain),
+    ):
+        labels = [found[name][0].feature.label for name in group if name != "rate_per_min"]
+        if labels:
+            told.append(f"{said}: {_listed(labels)}.")
+    if untested:
+        told.append(f"The other {len(untested)} cannot be compared at like rate.")
+    return " ".join(told)
+
+
+def _not_at_like_rate(mine: Rowed, theirs: Rowed) -> str:
+    if abs(mine.rate_per_min - theirs.rate_per_min) > RATES_APART:
+        why = f": over more than {RATES_APART:.0f}/min its effect is not known well enough to remove it"
+    else:
+        why = ", and its effect was not removed, because the boats or the sensors differ"
+    return f"{why}. Each number is still that of its own piece; how much of a difference comes from the rate is open."
+
+
+def _listed(names: Sequence[str]) -> str:
+    """The first few, and how many more."""
+    named = list(dict.fromkeys(names))
+    more = len(named) - MOST_TOLD
+    return "; ".join(named[:MOST_TOLD]) + (f" and {more} more" if more > 0 else "")
 
 
 def _mean(one: Average) -> str:

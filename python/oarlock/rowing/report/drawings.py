@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from oarlock.report import Axis, Mark, Series, Zone, course_chart, plane_chart, row_chart
+from oarlock.report import Axis, Mark, Series, Zone, course_chart, grid, plane_chart, row_chart
 from oarlock.rowing.analysis.features import Feature
 from oarlock.rowing.findings.watched import LEAST
 from oarlock.rowing.report.averages import SIGMAS_95, feature_of
@@ -49,11 +49,6 @@ SPEEDS = {
     "arms_speed_m_s": "arms",
 }
 SIDES = {"r": "right (port)", "l": "left (starboard)"}
-
-
-def grid(figures: Sequence[str]) -> str:
-    """Drawings side by side; "" without drawings."""
-    return f'<div class="grid-figures">{"".join(figures)}</div>' if any(figures) else ""
 
 
 def pairs(figures: Sequence[str]) -> str:

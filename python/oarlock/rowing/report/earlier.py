@@ -38,10 +38,10 @@ COMPARED = (
 SAME_RATE_PER_MIN = 1.0
 """Pieces whose rates differ by more are compared with a warning."""
 _CAPTION = (
-    "Below each value of the other piece: how {now} differs, with its 95 % interval. Bold: clear, and large "
-    "enough to matter. Plain: clear, but small. Grey: not clear."
+    "{change}, with its 95 % interval. Bold: clear, and large enough to matter. Plain: clear, but small. "
+    "Grey: not clear."
 )
-_LIKE = " The stroke rates differ, so the changes are those at like rate; (as rowed): that is not known."
+_LIKE = " At like rate: what the stroke rate does is removed."
 
 
 class Other(NamedTuple):
@@ -67,24 +67,28 @@ def at_like_rate(candidates: Sequence[Candidate], kind: str) -> dict[str, Candid
     return {one.watched.name: one for one in candidates if one.kind == kind and one.like_rate}
 
 
-def compared(piece: Counted, others: Sequence[Other], now: str = "now", command: str = "") -> str:
-    """Numbers beside those of others, as markup; without others, the `command` that gives one, if any."""
+def compared(piece: Counted, others: Sequence[Other], now: str = "now") -> str:
+    """Numbers beside those of others, as markup; "" without others."""
     if not others:
-        said = f"No earlier piece was given: <code>{escape(command)}</code>."
-        return f'<p class="hint">{said}</p>' if command else ""
+        return ""
     names = [name for name in COMPARED if name in piece.averages and piece.averages[name].known]
     rows = [
         [
             link(name, feature_of(name).label),
             escape(with_unit(feature_of(name), piece.averages[name].over.mean)),
-            *(_cell(piece, other, name) for other in others),
+            *(cell for other in others for cell in _cells(piece, other, name)),
         ]
         for name in names
     ]
-    caption = _CAPTION.format(now=now if now != "now" else "the piece now")
+    caption = _CAPTION.format(
+        change=f"Change: how {piece.name} differs from {others[0].label}"
+        if piece.name
+        else "Change until now"
+    )
     if any(_rates_differ(piece, one) for one in others):
         caption += _LIKE
-    heads = ["number", now, *(", ".join(filter(None, (one.label, one.piece.date))) for one in others)]
+    dated = (", ".join(filter(None, (one.label, one.piece.date))) for one in others)
+    heads = ["number", now, *(head for name in dated for head in (name, "change"))]
     return _which(others) + plain_table("compared-earlier", caption, heads, rows)
 
 
@@ -104,18 +108,17 @@ def _rates_differ(piece: Counted, other: Other) -> bool:
     return bool(abs(now - then) >= SAME_RATE_PER_MIN)
 
 
-def _cell(piece: Counted, other: Other, name: str) -> str:
+def _cells(piece: Counted, other: Other, name: str) -> tuple[str, str]:
+    """The value of the other piece, and the change from it; where the rates differ, at like rate too."""
     now, then = piece.averages[name], other.piece.averages.get(name)
     if then is None or not then.known:
-        return '<span class="mark">not known</span>'
-    like = other.like_rate.get(name)
-    change, remark = difference(now, then), ""
+        return '<span class="mark">not known</span>', ""
+    change, like = _levelled(difference(now, then)), other.like_rate.get(name)
     if like is not None:
         scale = like.watched.feature.shown_scale
-        change = Difference(now.feature, like.size / scale, like.sd / scale)
-    elif name != "rate_per_min" and _rates_differ(piece, other):
-        remark = " (as rowed)"
-    return f"{escape(with_unit(then.feature, then.over.mean))}<br>{_levelled(change)}{remark}"
+        at_like = Difference(now.feature, like.size / scale, like.sd / scale)
+        change += f'<br><span class="mark">at like rate</span> {_levelled(at_like)}'
+    return escape(with_unit(then.feature, then.over.mean)), change
 
 
 def _levelled(change: Difference) -> str:

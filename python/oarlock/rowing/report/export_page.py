@@ -8,12 +8,9 @@ from importlib.resources import files
 from pathlib import Path
 from types import MappingProxyType
 
-import numpy as np
-
 from oarlock.report import (
     Column,
-    Front,
-    KeyFigure,
+    Section,
     Trust,
     belief_markup,
     fixed,
@@ -23,20 +20,18 @@ from oarlock.report import (
     shell,
     who_and_when,
 )
-from oarlock.rowing.alongside.course import clock_text, course_of, pace_text
+from oarlock.rowing.alongside.course import Course, course_of
 from oarlock.rowing.analysis.stroke_summary import summarise_strokes
 from oarlock.rowing.exports.activity import Activity
+from oarlock.rowing.exports.build import NAMED
 from oarlock.rowing.findings.candidate import FALSE_SHARE
-from oarlock.rowing.findings.find import findings_of
-from oarlock.rowing.findings.finding import Finding
-from oarlock.rowing.findings.rowed import FEWEST_STROKES
-from oarlock.rowing.report import words
 from oarlock.rowing.report.averages import feature_of
-from oarlock.rowing.report.beside import export_sections
 from oarlock.rowing.report.definitions import definitions
-from oarlock.rowing.report.earlier import compared, earlier_pieces
+from oarlock.rowing.report.export_fade import fade_section
+from oarlock.rowing.report.export_force import force_section
+from oarlock.rowing.report.export_front import course_front, left_out_text, strokes_front
+from oarlock.rowing.report.export_pace import heart_section, pace_section
 from oarlock.rowing.report.export_piece import ExportPiece, device_of
-from oarlock.rowing.report.front import point
 from oarlock.rowing.report.shown import places
 from oarlock.rowing.report.tables import link
 from oarlock.rowing.strokes.table import StrokeTable
@@ -44,12 +39,17 @@ from oarlock.storage.epoch import moment_text
 from oarlock.storage.progress import Progress, mark, shown
 from oarlock.storage.write_file import write_file
 
-_ODD = ("leaves out", "comes again", "cut off")
-"""Words of notes that say that strokes are missing or doubled."""
-_TILES = ("rate_per_min", "heart_rate_per_min", "power_w", "peak_force_n", "handle_travel_m", "arc_rad")
-_COMMAND = "oarlock strokes FILE --report PAGE --last EARLIER"
-_OWN = "The numbers are the device's own and were not compared with a reference."
 _NOBODY: Mapping[str, str] = MappingProxyType({})
+_CONCEPT2 = "Concept2 ergometers read 11 to 15 % less power than a reference (doi 10.3389/fphys.2021.758015)."
+_PUBLISHED = {
+    **dict.fromkeys(("Concept2", "Painsled", "ErgData", "ErgStick"), ("power_w", _CONCEPT2)),
+    "Peach": (
+        "power_w",
+        "Peach reads 8 to 17 % less power than a reference (doi 10.3389/fphys.2021.758015).",
+    ),
+    "NK": ("wash_rad", "EmPower reads about 23 % less wash than a sensor on the handle (BioRow, 2017)."),
+}
+"""What is known of a device's errors, by the begin of its name: of which column, and the sentence."""
 
 
 def write_strokes_report(
@@ -86,94 +86,51 @@ def strokes_page(
     found: StrokeTable | Activity, last: StrokeTable | None = None, session: Mapping[str, str] = _NOBODY
 ) -> str:
     """The page as text."""
-    sections = [(one.key, one.name, one.markup) for one in export_sections(found)]
     if isinstance(found, StrokeTable):
-        front, trust = _front_of_strokes(found, last), _trust(found)
-        sections.append(("numbers", "All numbers", _numbers(found)))
-        sections.append(("meanings", "What each number means", definitions(found.columns)))
+        piece = ExportPiece(found)
+        course = piece.course
+        front = strokes_front(piece, None if last is None else ExportPiece(last))
+        sections = [pace_section(course), fade_section(piece.faded, course), force_section(found, course)]
+        others = [
+            Section("numbers", "All numbers", _numbers(found)),
+            Section("meanings", "What each number means", definitions(found.columns)),
+        ]
     else:
-        front, trust = Front(did=_did(found), figures=_pace(found)), Trust("care", (_OWN,))
-    sections.append(("measured", "How it was measured", _measured(found)))
-    heading, rest = _heading(found, session)
-    about = f'<p class="about">{escape(rest)}</p>' if rest else ""
+        course = course_of(found)
+        front, sections, others = course_front(found, course), [pace_section(course)], []
+    others.append(Section("measured", "How it was measured", _measured(found, course)))
+    heading, about = _heading(found, course, session)
     return shell(
         heading,
-        about + belief_markup(trust, "measured-in") + front_markup(front),
-        sections,
+        about + belief_markup(_trust(found), "measured-in") + front_markup(front),
+        [(one.key, one.name, one.markup) for one in (*sections, heart_section(course), *others) if one],
         style=files(__package__).joinpath("style.css").read_text("utf-8"),
-        folded=("numbers", "meanings", "measured"),
+        folded=[one.key for one in others],
     )
 
 
-def _heading(found: StrokeTable | Activity, session: Mapping[str, str]) -> tuple[str, str]:
+def _heading(found: StrokeTable | Activity, course: Course, session: Mapping[str, str]) -> tuple[str, str]:
+    """Who and what, and markup of what else is known of the session."""
     day = moment_text(found.epoch)[:10]
     who, rest = who_and_when({"session": {**({"date": day} if day else {}), **session}})
-    what = f"{len(found)} strokes" if isinstance(found, StrokeTable) else "Course"
-    return ": ".join(filter(None, (who, f"{what}, {device_of(found.source)}"))), rest
+    what = f"{int(course.counted.sum())} strokes" if isinstance(found, StrokeTable) else "Course"
+    heading = ": ".join(filter(None, (who, f"{what}, {device_of(found.source)}")))
+    named = next((note.removeprefix(NAMED) for note in found.notes if note.startswith(NAMED)), "")
+    parts = ", ".join(filter(None, (rest, named, f"file {found.source.partition(': ')[0]}")))
+    about = escape(parts[0].upper() + parts[1:])
+    asked = "" if session.get("athlete") else " The athlete is not named."
+    return heading, f'<p class="about">{about}.{asked}</p>'
 
 
-def _front_of_strokes(found: StrokeTable, last: StrokeTable | None) -> Front:
-    piece, earlier = ExportPiece(found), None if last is None else ExportPiece(last)
-    apart = ""
-    if earlier is not None and not piece.rowed().comparable(earlier.rowed()):
-        devices = f"({piece.device}, {earlier.device})"
-        apart = f" Differences from last time are not assessed, because the devices differ {devices}."
-    return Front(
-        did=_did(found),
-        points=[point(one) for one in findings_of_export(found, last)],
-        quiet=_quiet(piece) + apart,
-        figures=_pace(found) + words.key_figures(piece, _TILES),
-        compared=compared(piece, earlier_pieces(earlier, None), command=_COMMAND),
+def _trust(found: StrokeTable | Activity) -> Trust:
+    """What is known of the device: its numbers are shown as it gives them."""
+    device = device_of(found.source)
+    known = next(
+        (text for name, (of, text) in _PUBLISHED.items() if device.startswith(name) and of in found.columns),
+        "",
     )
-
-
-def findings_of_export(found: StrokeTable, last: StrokeTable | None = None) -> list[Finding]:
-    """What stands out of an export, by itself and against last time's; no single strokes, which devices misread."""
-    compared_with = {} if last is None else {"against last": ExportPiece(last).rowed()}
-    named = findings_of(ExportPiece(found).rowed(), compared_with)
-    return [one for one in named if one.kind != "odd stroke"]
-
-
-def _quiet(piece: ExportPiece) -> str:
-    counted = int(piece.counted.sum())
-    if counted < FEWEST_STROKES:
-        return f"Not assessed: {counted} whole strokes, {FEWEST_STROKES} are needed."
-    return "Nothing changed over the piece beyond the scatter of its strokes."
-
-
-def _did(found: StrokeTable | Activity) -> str:
-    course = course_of(found)
-    parts = []
-    if isinstance(found, StrokeTable):
-        parts.append(f"{len(found)} strokes")
-    intervals = len(set(course.interval[np.isfinite(course.interval)].tolist()))
-    if intervals > 1:
-        parts.append(f"{intervals} intervals")
-    known = course.time_s[np.isfinite(course.time_s)]
-    if len(known) > 1:
-        parts.append(f"{clock_text(float(known[-1] - known[0]))} min")
-    if np.isfinite(course.distance_m).any():
-        parts.append(f"{fixed(float(np.nanmax(course.distance_m) - np.nanmin(course.distance_m)), 0)} m")
-    begun = moment_text(found.epoch)[:16]
-    return f"{', '.join(parts)}{f'; started {begun}' if begun else ''}."
-
-
-def _pace(found: StrokeTable | Activity) -> list[KeyFigure]:
-    course = course_of(found)
-    speed = course.values.get("speed_m_s", np.zeros(len(course.counted)))[course.counted]
-    speed = speed[speed > 0.0]
-    if not len(speed):
-        return []
-    middle, slow, fast = (pace_text(float(v)) for v in np.percentile(speed, (50.0, 5.0, 95.0)))
-    meaning = "Time for 500 m at the device's speed: median of the counted strokes."
-    return [KeyFigure("pace, per 500 m", middle, f"90 % within {fast} to {slow}", meaning)]
-
-
-def _trust(found: StrokeTable) -> Trust:
-    share = float(ExportPiece(found).counted.mean())
-    odd = [note for note in found.notes if any(word in note for word in _ODD)]
-    why = f"{fixed(100.0 * share, 0)} % of the rows are whole strokes at a rate of rowing"
-    return Trust("care", (f"{'; '.join([why, *odd[:1]])}. {_OWN}",))
+    own = f"the numbers are those of the device ({device}), not compared with a reference here."
+    return Trust("care", (" ".join(filter(None, (own, known))),))
 
 
 def _numbers(found: StrokeTable) -> str:
@@ -183,23 +140,26 @@ def _numbers(found: StrokeTable) -> str:
         cells = [fixed(value, digits) for value in (row.median, row.low, row.high)]
         rows.append([link(row.name, row.label), escape(row.unit), str(row.strokes), *cells])
     heads = [Column(name) for name in ("quantity", "unit", "strokes", "median", "5 %", "95 %")]
-    return plain_table("numbers-all", "Over all rows of the file; nothing is left out.", heads, rows)
+    caption = "Over all rows of the file, waiting and paddling included: nothing is left out here."
+    return plain_table("numbers-all", caption, heads, rows)
 
 
-def _measured(found: StrokeTable | Activity) -> str:
+def _measured(found: StrokeTable | Activity, course: Course) -> str:
     notes = [f"{found.source}.", *(f"{note}." for note in found.notes)]
     if isinstance(found, StrokeTable):
         if found.onset:
             notes.append(f"A stroke begins with {found.onset}.")
         notes += [
-            "Strokes count at 14 to 50 a minute with at least half of the median length; others are paddling, "
-            "starts or misread.",
+            f"{len(found)} rows: {int(course.counted.sum())} rowed strokes; left out: {left_out_text(course)}.",
+            "A row is rowing at 14 to 50 strokes a minute, with at least half of the usual length and half of the "
+            "usual speed; slower rows of a start count. A pause is longer than 8.6 s (two strokes at 14 a minute), "
+            "unless the boat went on at 80 % of its speed for up to 30 s, where the device missed strokes. Fewer than "
+            "6 strokes between two pauses are no piece. A piece begins where the device began to count, if it was "
+            "rowed from there.",
             "The effect of the stroke rate is removed by a robust regression (Huber 1964). A change is named if it is "
-            "larger than the smallest relevant size and if chance explains it in fewer than "
+            "larger than the smallest relevant size (force, work and power: 5 % of the usual value in this file, or "
+            "the device's rounding) and if chance explains it in fewer than "
             f"{fixed(100.0 * FALSE_SHARE, 0)} % of pieces without any change (Holm 1979). Single strokes are not "
             "judged, since devices misread some.",
-            "Published: Concept2 reads 11 to 15 % and Peach 8 to 17 % less power than a reference (doi "
-            "10.3389/fphys.2021.758015); EmPower reads about 23 % less wash than a sensor on the "
-            "handle (BioRow, 2017).",
         ]
     return notes_list(notes)

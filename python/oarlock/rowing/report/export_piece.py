@@ -8,12 +8,18 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.rowing.alongside.counted import counted_strokes
+from oarlock.rowing.alongside.course import Course, course_of
 from oarlock.rowing.analysis.stroke_means import feature_means
 from oarlock.rowing.findings.rowed import Rowed
+from oarlock.rowing.findings.watched import WATCHED
 from oarlock.rowing.report.averages import Average, averages
-from oarlock.rowing.strokes.table import StrokeTable
+from oarlock.rowing.report.export_fade import Faded, faded_of
+from oarlock.rowing.strokes.table import Floats, StrokeTable
 from oarlock.storage.epoch import moment_text
+
+_MATTERS = 0.05
+"""Share of a rower's own force, work or power from which a change matters; makers and references differ by more."""
+_OF_FORCE = ("N", "J", "W")
 
 
 @dataclass(frozen=True)
@@ -38,9 +44,14 @@ class ExportPiece:
         return device_of(self.table.source)
 
     @cached_property
+    def course(self) -> Course:
+        """What was rowed when."""
+        return course_of(self.table)
+
+    @property
     def counted(self) -> NDArray[np.bool_]:
         """Which strokes count in averages, (N,)."""
-        return counted_strokes(self.table)
+        return self.course.counted
 
     @cached_property
     def averages(self) -> dict[str, Average]:
@@ -48,10 +59,43 @@ class ExportPiece:
         known = {name: np.zeros(len(self.table)) for name in self.table.columns}
         return averages(self.table, feature_means(replace(self.table, stds=known), self.counted))
 
+    @cached_property
     def rowed(self) -> Rowed:
-        """For findings. Which boat it was is known of ergometers only, which measure the handle and no oar."""
+        """For findings. Which boat it was is known of ergometers only, which measure the handle and no oar.
+
+        Where strokes differ by less than the device's rounding, they share its error: it does not average out.
+        """
         on_ergometer = "handle_travel_m" in self.table and "arc_rad" not in self.table
-        return Rowed.of_table(self.table, self.counted, "ergometer" if on_ergometer else "", self.device)
+        found = Rowed.of_table(self.table, self.counted, "ergometer" if on_ergometer else "", self.device)
+        steps = {name: resolution(values) for name, values in found.columns.items()}
+        stds = {
+            name: np.full(len(found.numbers), _shared(found.columns[name], steps[name]))
+            for name in found.stds
+        }
+        least = {}
+        for name, watched in WATCHED.items():
+            if watched.feature.shown_unit in _OF_FORCE and name in found.columns and found.good(name).any():
+                usual = abs(float(np.median(found.columns[name][found.good(name)])))
+                least[name] = watched.feature.shown_scale * max(_MATTERS * usual, steps[name])
+        return replace(found, stds=stds, least=least)
+
+    @cached_property
+    def faded(self) -> dict[str, Faded]:
+        """First against last quarter, by column."""
+        return faded_of(self.rowed, self.course)
+
+
+def resolution(values: Floats) -> float:
+    """The step to which a device rounds: the smallest difference between two of its numbers (N,); 0 without two."""
+    steps = np.diff(np.unique(values[np.isfinite(values)]))
+    steps = steps[steps > 1e-9 * max(float(np.nanmax(np.abs(values))), 1e-12)] if len(steps) else steps
+    return float(steps.min()) if len(steps) else 0.0
+
+
+def _shared(values: Floats, step: float) -> float:
+    """Standard deviation of the rounding that all strokes (N,) share."""
+    known = values[np.isfinite(values)]
+    return step / float(np.sqrt(12.0)) if len(known) and float(known.std()) < step else 0.0
 
 
 def device_of(source: str) -> str:

@@ -8,12 +8,20 @@ from oarlock.report import Course, Front, Point, Sourced, fixed
 from oarlock.rowing.analysis.features import FEATURES
 from oarlock.rowing.findings.find import comparisons, named
 from oarlock.rowing.findings.finding import Finding
-from oarlock.rowing.findings.rowed import Rowed, rowing_kind
+from oarlock.rowing.findings.rowed import Kept, Rowed, rowing_kind
 from oarlock.rowing.report import words
 from oarlock.rowing.report.averages import SIGMAS_95
+from oarlock.rowing.report.by_rate import by_rate
 from oarlock.rowing.report.checked import HEADS, checked, next_sizes, outside_usual, quiet
 from oarlock.rowing.report.drawings import SPEEDS, curve_drawings, speeds
-from oarlock.rowing.report.earlier import Other, at_like_rate, compared, earlier_pieces, largest_change
+from oarlock.rowing.report.earlier import (
+    SAME_RATE_PER_MIN,
+    Other,
+    at_like_rate,
+    compared,
+    earlier_pieces,
+    largest_change,
+)
 from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.report.shown import DECIMALS, PLUS_MINUS
 
@@ -22,7 +30,10 @@ UNITS = {"deg": "°", "1/min": "/min", "cm2": " cm²", "1": ""}
 
 
 def front_of(
-    piece: Piece, last: Piece | None = None, best: Piece | None = None, other: Piece | None = None
+    piece: Piece,
+    last: Piece | Kept | None = None,
+    best: Piece | Kept | None = None,
+    other: Piece | None = None,
 ) -> Front:
     """The front of one piece, with up to two earlier ones of the same athlete, and any other one beside it."""
     others = {"against last": last, "against best": best, "against other": other}
@@ -34,16 +45,15 @@ def front_of(
     if other is not None:
         beside.insert(0, Other(other.name, other, at_like_rate(candidates, "against other")))
     return Front(
-        did=words.strokes(piece),
+        did=words.strokes(piece) if other is None else _both_did(piece, other),
         points=[point(one) for one in found],
         quiet=quiet(candidates),
         remark=outside_usual(piece, rowed.kind),
         checked=checked(candidates),
-        next_step=_next_step(piece, rowed, bool(found)),
+        next_step=_next_step(piece, rowed, bool(found), against.get("against other")),
         commands=_commands(piece, bool(against)),
-        figures=[]
-        if other is not None
-        else words.key_figures(piece, kind=rowed.kind, calibrated=not _nominal(piece)),
+        by_rate=by_rate(piece),
+        figures=words.key_figures(piece, kind=rowed.kind, calibrated=not _nominal(piece)),
         compared=compared(
             piece, beside, now=", ".join(filter(None, (piece.name, piece.date))) if other else "now"
         ),
@@ -55,18 +65,26 @@ def front_of(
     )
 
 
-def _next_step(piece: Piece, rowed: Rowed, found: bool) -> str:
+def _both_did(*pieces: Piece) -> str:
+    return " ".join(f"{piece.name}: {words.strokes(piece)}" for piece in pieces)
+
+
+def _next_step(piece: Piece, rowed: Rowed, found: bool, other: Rowed | None = None) -> str:
     """What to do next, in the words of rowing."""
     steps = []
-    if _nominal(piece):
-        steps.append("Calibrate the sensors: angles of trunk and arms then compare with usual values.")
-    again = "Row this piece again"
     if found:
-        again = "Try what the first finding says, then row this piece again"
+        steps.append("Try the exercises above.")
+    if _nominal(piece):
+        steps.append(
+            "Calibrate the sensors before the next outing (two minutes): without that, angles of trunk and arms "
+            "cannot be compared with usual values or other days."
+        )
+    if other is not None and abs(rowed.rate_per_min - other.rate_per_min) >= SAME_RATE_PER_MIN:
+        return " ".join([*steps, "To compare technique, row both at the same rate."])
     rate = " at the same rates" if words.is_ramp(piece) else f" at {rowed.rate_per_min:.0f}/min"
-    sizes = next_sizes(rowed)
-    shows = f": a difference of {sizes} will show" if sizes else ""
-    return " ".join([*steps, f"{again}{rate} and compare{shows}."])
+    sizes = "" if found else next_sizes(rowed)
+    shows = f": between two such pieces, a difference of {sizes} would show" if sizes else ""
+    return " ".join([*steps, f"Row this piece again{rate} and compare{shows}."])
 
 
 def _nominal(piece: Piece) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock import Track
-from oarlock.recording.session_info import session_info
+from oarlock.report import date_of
 from oarlock.rowing.analysis.technique import Technique
 from oarlock.rowing.report.averages import Average, averages, feature_of
 from oarlock.rowing.report.phase import Stack, frame_courses, stack
@@ -59,7 +59,7 @@ class Piece:
     @property
     def date(self) -> str:
         """The day, such as 2026-05-01; "" if unknown."""
-        return session_info(self.track.provenance).get("date", "")
+        return date_of(self.track.provenance)
 
     @property
     def table(self) -> StrokeTable:

@@ -84,7 +84,7 @@ def _hint(pieces: Sequence[Piece], start_s: float, end_s: float) -> str:
         text += f"It shows {start_s:.0f} to {end_s:.0f} s; <code>oarlock view</code> shows the whole piece."
     if len(pieces) > 1:
         text += (
-            f" <b>{escape(first.name)}</b> in colours, <b>{escape(pieces[1].name)}</b> as the ghost, "
-            "if selected under Ghost."
+            f" <b>{escape(first.name)}</b> in colours; as the ghost, one usual stroke of "
+            f"<b>{escape(pieces[1].name)}</b>, stretched to the same length."
         )
     return text.strip()

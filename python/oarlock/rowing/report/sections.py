@@ -81,7 +81,7 @@ def _speaking(section: Section, pieces: Sequence[Piece]) -> Section:
 
 def _whose(pieces: Sequence[Piece]) -> str:
     first, second = (f"<b>{escape(piece.name)}</b>" for piece in pieces)
-    text = f"Figures, findings and “How it was measured” describe {first}."
+    text = f"The findings and “How it was measured” are those of {first}."
     if pieces[0].track.smoothed != pieces[1].track.smoothed:
         how = ("smoothed", "filtered") if pieces[0].track.smoothed else ("filtered", "smoothed")
         text += f" It was {how[0]} and {second} {how[1]}: small differences may be caused by this."

@@ -61,3 +61,8 @@ def joined_unit(feature: Feature) -> str:
 def with_unit(feature: Feature, value: float, signed: bool = False) -> str:
     """A value with its unit: `-62.1°`, `24.1/min`, `33 %`."""
     return shown(feature, value, signed) + (joined_unit(feature) if math.isfinite(value) else "")
+
+
+def capital(text: str) -> str:
+    """With a large first letter."""
+    return text[:1].upper() + text[1:]

@@ -37,7 +37,7 @@ SHARES = {
     "part of the handle travel": "travel_m",
     "share of it": "share",
     "peak speed": "peak_speed_m_s",
-    "peak after, of the drive time": "peak_position",
+    "time of the peak, share of the drive": "peak_position",
 }
 DASH = "\N{EN DASH}"
 
@@ -124,7 +124,7 @@ def averages_table(key: str, caption: str, found: Iterable[Average], published: 
     rows = [
         [*_average_cells(one), *([published.get(one.feature.name, "")] if published else [])] for one in found
     ]
-    return sortable_table(key, caption, columns, rows)
+    return sortable_table(key, caption, columns, rows, style="stacked")
 
 
 def _average_cells(one: Average) -> list[str]:
@@ -210,7 +210,7 @@ def sides_table(key: str, piece: Piece) -> str:
         caption += (
             " Sensors were not calibrated: mounts may cause differences of several degrees between the arms."
         )
-    return sortable_table(key, caption, columns, rows)
+    return sortable_table(key, caption, columns, rows, style="stacked")
 
 
 def _whose(piece: Piece) -> str:

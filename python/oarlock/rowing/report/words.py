@@ -48,8 +48,19 @@ def key_figures(
         found = piece.averages.get(name)
         if found is not None and found.known:
             unsure = name in _OF_UNITS and not calibrated
-            figures.append(_key_figure(found, WATCHED.get(name), kind, unsure))
+            figures.append(
+                _ramp(piece, found)
+                if name == "rate_per_min" and is_ramp(piece)
+                else _key_figure(found, WATCHED.get(name), kind, unsure)
+            )
     return figures
+
+
+def _ramp(piece: Counted, rate: Average) -> KeyFigure:
+    """The stroke rate of a piece in which it rises or falls: a mean says little."""
+    first, last = _rates_at_ends(piece)
+    mean = f"mean {with_unit(rate.feature, rate.over.mean)}"
+    return KeyFigure(rate.feature.label, f"{first:.0f} to {last:.0f}/min", mean, rate.feature.in_words)
 
 
 def _key_figure(found: Average, watched: Watched | None, kind: str, unsure: bool) -> KeyFigure:
@@ -60,9 +71,8 @@ def _key_figure(found: Average, watched: Watched | None, kind: str, unsure: bool
     if usual.text:
         meaning.append(f"Usual: {usual.text} ({usual.source}).")
     share = _SHARE.get(found.feature.name, "")
-    detail = "; ".join(
-        filter(None, (share, _half(found), "not calibrated" if unsure else "", span and f"usual {span}"))
-    )
+    known = "not calibrated: can be several degrees off" if unsure else _half(found)
+    detail = "; ".join(filter(None, (share, known, span and f"usual {span}")))
     value = with_unit(found.feature, found.over.mean)
     return KeyFigure(found.feature.label, value, detail, " ".join(filter(None, meaning)))
 
@@ -113,21 +123,22 @@ def strokes(piece: Piece) -> str:
     text = f"{count} {'stroke' if count == 1 else 'strokes'} in {duration:.0f} s"
     rate = piece.averages.get("rate_per_min")
     if rate is not None and rate.known:
-        text += f" at {with_unit(rate.feature, rate.over.mean)}"
-        if rate.over.count > 1:
-            text += _course_of_rate(piece, rate)
+        text += _course_of_rate(piece, rate)
     return f"{text}."
 
 
 def _course_of_rate(piece: Piece, rate: Average) -> str:
-    """How the stroke rate went: ", rising from 21 to 34"."""
-    if not is_ramp(piece):
-        return f", between {shown(rate.feature, rate.over.least)} and {shown(rate.feature, rate.over.most)}"
-    first, last = _rates_at_ends(piece)
-    return f", {'rising' if last > first else 'falling'} from {first:.0f} to {last:.0f}"
+    """How the stroke rate went: ", the rate rising from 21 to 34/min"."""
+    if is_ramp(piece):
+        first, last = _rates_at_ends(piece)
+        return f", the rate {'rising' if last > first else 'falling'} from {first:.0f} to {last:.0f}/min"
+    text = f" at {with_unit(rate.feature, rate.over.mean)}"
+    if rate.over.count > 1:
+        text += f", between {shown(rate.feature, rate.over.least)} and {shown(rate.feature, rate.over.most)}"
+    return text
 
 
-def is_ramp(piece: Piece) -> bool:
+def is_ramp(piece: Counted) -> bool:
     """Whether the stroke rate rises or falls from the start of the piece to its end."""
     first, last = _rates_at_ends(piece)
     rates = _rates(piece)
@@ -136,14 +147,14 @@ def is_ramp(piece: Piece) -> bool:
     return high - low >= _RAMP_PER_MIN and between
 
 
-def _rates_at_ends(piece: Piece) -> tuple[float, float]:
+def _rates_at_ends(piece: Counted) -> tuple[float, float]:
     rates = _rates(piece)
     if len(rates) < 2 * _AT_THE_ENDS:
         return float("nan"), float("nan")
     return float(rates[:_AT_THE_ENDS].mean()), float(rates[-_AT_THE_ENDS:].mean())
 
 
-def _rates(piece: Piece) -> Floats:
+def _rates(piece: Counted) -> Floats:
     rates = piece.table["rate_per_min"][piece.counted]
     return rates[np.isfinite(rates)]
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from html import escape
 from os import PathLike
 from pathlib import Path
 
@@ -10,7 +12,7 @@ from oarlock import DataError, Evaluation, Track
 from oarlock.report import Front, Section, who_and_when, write_report
 from oarlock.rowing.analysis.technique import technique
 from oarlock.rowing.exports.activity import Activity
-from oarlock.rowing.findings.rowed import rowing_kind
+from oarlock.rowing.findings.rowed import Kept, rowing_kind
 from oarlock.rowing.report.beside import alongside_sections
 from oarlock.rowing.report.front import front_of
 from oarlock.rowing.report.piece import Piece
@@ -49,8 +51,9 @@ def write_rowing_report(
     names: tuple[str, str] = ("", ""),
     targets: str | PathLike[str] | None = None,
     export: tuple[StrokeTable | Activity, float | None] | None = None,
-    last: tuple[str, Track] | None = None,
-    best: tuple[str, Track] | None = None,
+    last: tuple[str, Track] | Kept | None = None,
+    best: tuple[str, Track] | Kept | None = None,
+    compared_notes: Sequence[str] = (),
     progress: Progress = None,
 ) -> list[Path]:
     """Write a rower's report, and beside it the strokes as CSV.
@@ -66,8 +69,9 @@ def write_rowing_report(
         targets: a boat class of `oarlock.rowing.TARGET_CLASSES` or a file: published targets to draw.
         export: what another device measured during this piece, for sections on pace, heart rate and force; and the
             offset of its clock, s, if it is known.
-        last: name and track of the athlete's piece before this one.
-        best: name and track of the athlete's own best piece.
+        last: name and track of the athlete's piece before this one, or its strokes.
+        best: name and track of the athlete's own best piece, or its strokes.
+        compared_notes: sentences on which pieces these are and why (`oarlock.season.earlier_pieces`).
         progress: True shows a bar or lines; a function is called regularly with the share done, 0 to 1.
 
     Returns:
@@ -102,6 +106,7 @@ def write_rowing_report(
             ]
         mark(told, 0.5)
         front = front_of(pieces[0], _earlier(last), _earlier(best), pieces[1] if other is not None else None)
+        front = _with_notes(front, compared_notes)
         heading = title or _heading(pieces)
         written = write_report(
             track, target, evaluation, truth, heading, sections, front, progress=share(told, 0.6, 1.0)
@@ -123,26 +128,41 @@ def _pieces(
 
 
 def rowing_front(
-    track: Track, last: tuple[str, Track] | None = None, best: tuple[str, Track] | None = None
+    track: Track,
+    last: tuple[str, Track] | Kept | None = None,
+    best: tuple[str, Track] | Kept | None = None,
+    *,
+    other: Track | None = None,
+    names: tuple[str, str] = ("", ""),
+    targets: str | PathLike[str] | None = None,
 ) -> tuple[str, Front]:
     """The title and the front of a rower's track, for the summary on paper and the picture for a chat.
 
+    The arguments are those of `write_rowing_report`.
+
     Raises:
-        DataError: no strokes were found.
+        DataError: no strokes were found, or the targets do not exist.
     """
-    piece = Piece("", track, technique(track))
-    if not len(piece.table):
-        raise DataError(f"no strokes were found. {' '.join(piece.table.notes)}")
-    return _heading([piece]), front_of(piece, _earlier(last), _earlier(best))
+    pieces = _pieces(track, other, names, targets)
+    for piece in pieces:
+        if not len(piece.table):
+            whose = f"'{piece.name}': " if piece.name else ""
+            raise DataError(f"{whose}no strokes were found. {' '.join(piece.table.notes)}")
+    return _heading(pieces), front_of(pieces[0], _earlier(last), _earlier(best), *pieces[1:])
 
 
-def _earlier(named: tuple[str, Track] | None) -> Piece | None:
-    return None if named is None else Piece(named[0], named[1], technique(named[1]))
+def _earlier(given: tuple[str, Track] | Kept | None) -> Piece | Kept | None:
+    return Piece(given[0], given[1], technique(given[1])) if isinstance(given, tuple) else given
+
+
+def _with_notes(front: Front, notes: Sequence[str]) -> Front:
+    said = f'<p class="hint">{escape(" ".join(notes))}</p>' if notes else ""
+    return replace(front, compared=front.compared + said)
 
 
 def _heading(pieces: list[Piece]) -> str:
     if len(pieces) > 1:
-        return " beside ".join(piece.name for piece in pieces)
+        return " compared with ".join(piece.name for piece in pieces)
     count = len(pieces[0].table)
     return f"{count} {'stroke' if count == 1 else 'strokes'} {_ROWED[rowing_kind(pieces[0])]}"
 

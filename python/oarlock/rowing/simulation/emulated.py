@@ -6,6 +6,7 @@ import asyncio
 import itertools
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 
 from oarlock import Calibration, Model, Recording, load_model, simulate
 from oarlock.live.emulators.deliveries import Delivery, Faults, endless
@@ -62,7 +63,8 @@ def main() -> None:
     devices = rowing_devices(load_model("sculler"), rate_hz=float(sys.argv[2]))
     first = next(devices)
     print("ready", flush=True)
-    asyncio.run(send(itertools.chain((first,), devices), "127.0.0.1", int(sys.argv[1])))
+    with suppress(KeyboardInterrupt):  # Ctrl-C of a terminal reaches this process too
+        asyncio.run(send(itertools.chain((first,), devices), "127.0.0.1", int(sys.argv[1])))
 
 
 if __name__ == "__main__":  # a process of its own, so that it does not share the tracker's time

@@ -81,11 +81,22 @@ def load_strokes(path: str | PathLike[str]) -> StrokeTable:
     given = Path(path)
     file = given / PARQUET_NAME if given.is_dir() else given
     try:
-        found = pq.read_table(pa.BufferReader(read_bytes(file)))
+        contents = read_bytes(file)
     except OSError as error:
         raise DataError(f"{file}: cannot be read ({error})") from error
-    except pa.ArrowException as error:
-        raise DataError(f"{file}: cannot be read as Parquet ({error})") from error
+    return parsed_strokes(contents, str(file))
+
+
+def parsed_strokes(contents: bytes, where: str) -> StrokeTable:
+    """As `load_strokes`, of the contents of a file; errors begin with `where`.
+
+    Raises:
+        DataError: they are no such file.
+    """
+    try:
+        found = pq.read_table(pa.BufferReader(contents))
+    except (OSError, pa.ArrowException) as error:
+        raise DataError(f"{where}: cannot be read as Parquet ({error})") from error
     about = {key.decode(): text.decode() for key, text in (found.schema.metadata or {}).items()}
     numbers = {
         field.name: np.asarray(found[field.name].to_numpy(), dtype=np.float64)
@@ -98,7 +109,7 @@ def load_strokes(path: str | PathLike[str]) -> StrokeTable:
         numbers,
         stds,
         {name: tuple(text or "" for text in texts.to_pylist()) for name, texts in words.items()},
-        source=about.get("source", file.name),
+        source=about.get("source", Path(where).name),
         notes=_notes(about.get("notes", "[]")),
         epoch=about.get("epoch", ""),
     )

@@ -5,7 +5,7 @@ use super::support::chance::Chance;
 use super::support::record::Scene;
 use super::support::stroke::{Posture, Stroke};
 use super::support::textbook::{run_both, SAME_FILTER_SIGMA};
-use super::support::tree::{spanned, TREE};
+use super::support::tree::{spanned, standing, TREE};
 use super::support::wave::Wave;
 use super::support::{body, model, plain, SCULLER};
 use oarlock::body::Body;
@@ -41,10 +41,12 @@ fn on_distances_and_orientations() {
 fn on_balls_and_free_joints() {
     let all = ["gyro_bias", "accel_bias", "surge", "heave"];
     for (estimate, steps) in [(&[][..], 150), (&all, 60)] {
-        let text = TREE.replace("azimuth_fixed = true", "azimuth_fixed = false");
-        let config = Config { filter: FilterKind::Ekf, ..plain(estimate) };
-        let body = body(&model(&text), &config);
-        let wave = Wave::random(&body.model, 0.8, 0.8, &mut Chance::new(2));
-        assert_same("tree", &body, &|t| wave.at(t), &config, steps, 3);
+        let free = TREE.replace("azimuth_fixed = true", "azimuth_fixed = false");
+        for (name, text) in [("tree", free), ("standing tree", standing(TREE))] {
+            let config = Config { filter: FilterKind::Ekf, ..plain(estimate) };
+            let body = body(&model(&text), &config);
+            let wave = Wave::random(&body.model, 0.8, 0.8, &mut Chance::new(2));
+            assert_same(name, &body, &|t| wave.at(t), &config, steps, 3);
+        }
     }
 }

@@ -6,6 +6,7 @@ use super::support::chance::Chance;
 use super::support::record::Scene;
 use super::support::stroke::{Posture, Stroke};
 use super::support::textbook::{run_both, SAME_FILTER_SIGMA};
+use super::support::tree::standing;
 use super::support::wave::Wave;
 use super::support::{body, model, plain, SCULLER};
 use oarlock::body::Body;
@@ -42,9 +43,11 @@ fn on_balls_and_free_joints() {
     // Lengths are not among what the plain readings take for states.
     let all = ["gyro_bias", "accel_bias", "surge"];
     for (estimate, steps) in [(&[][..], 100), (&all, 60)] {
-        let config = Config { filter: FilterKind::Factorised, ..plain(estimate) };
-        let body = body(&model(&walker()), &config);
-        let wave = Wave::random(&body.model, 0.6, 0.8, &mut Chance::new(2));
-        assert_same("walker", &body, &|t| wave.at(t), &config, steps, 3);
+        for (name, text) in [("walker", walker()), ("standing walker", standing(&walker()))] {
+            let config = Config { filter: FilterKind::Factorised, ..plain(estimate) };
+            let body = body(&model(&text), &config);
+            let wave = Wave::random(&body.model, 0.6, 0.8, &mut Chance::new(2));
+            assert_same(name, &body, &|t| wave.at(t), &config, steps, 3);
+        }
     }
 }

@@ -3,7 +3,7 @@
 use super::support::chance::Chance;
 use super::support::record::{times, Scene};
 use super::support::textbook::{run_both, side_by_side, unscented, SAME_FILTER_SIGMA};
-use super::support::tree::{spanned, TREE};
+use super::support::tree::{spanned, standing, TREE};
 use super::support::wave::Wave;
 use super::support::{belief, body, model, plain, start_std};
 use oarlock::config::Config;
@@ -46,6 +46,13 @@ fn with_an_azimuth_and_another_spread() {
     let text = TREE.replace("azimuth_fixed = true", "azimuth_fixed = false");
     let config = Config { alpha: 0.7, beta: 1.1, kappa: 2.0, ..plain(&["surge"]) };
     assert_agrees("tree, alpha 0.7, beta 1.1, kappa 2", &text, &config, 300, 3);
+}
+
+/// Body and field turn together (P5).
+#[test]
+fn on_a_ball_that_stands_still_with_an_azimuth() {
+    assert_agrees("standing tree", &standing(TREE), &plain(&[]), 300, 4);
+    assert_agrees("standing tree, all states", &standing(TREE), &plain(&ALL), 200, 7);
 }
 
 /// Rotation vectors cross half a turn, where the shortest one jumps to the other side.

@@ -10,9 +10,10 @@ import numpy as np
 from oarlock.report import Axis, Column, Mark, Series, course_chart, fixed, grid, plain_table, row_chart
 from oarlock.rowing.crew.overlays import Overlay
 from oarlock.rowing.crew.timing import CrewTiming, Delay
-from oarlock.rowing.report.crew.words import capital, label, ms, seat_about
+from oarlock.rowing.report.averages import SIGMAS_95
+from oarlock.rowing.report.crew.words import label, ms, reference, seat_about
+from oarlock.rowing.report.shown import capital
 
-SIGMAS_95 = 1.96
 _QUANTITIES = {
     "oar": ("Oar angle", "deg", math.degrees(1.0)),
     "handle": ("Handle", "cm", 100.0),
@@ -60,12 +61,10 @@ def timing_table(timing: CrewTiming) -> str:
         first = timing.first_share[k]
         share = f"{100 * first:.0f} %" if math.isfinite(first) else "\N{EN DASH}"
         rows.append([capital(label(seat.name)), *cells, ms(sd), share])
-    than = "the mean of the crew" if timing.against == "crew mean" else label(timing.against)
     caption = (
-        f"Later than {than} (minus: earlier), ms; ±: 95 % band of the mean. Scatter: standard deviation of the "
-        f"difference at the "
-        "catch from stroke to stroke, without the measurement's. First: share of strokes in which the seat is "
-        "first at the catch."
+        f"Later than {reference(timing.against)} (minus: earlier), ms; ±: 95 % band of the mean. "
+        "Scatter: standard deviation of the difference at the catch from stroke to stroke, without the "
+        "measurement's. First: share of strokes in which the seat is first at the catch."
     )
     heads: list[str | Column] = [
         "seat",

@@ -11,6 +11,7 @@ from oarlock.report import Trust
 from oarlock.rowing.crew.findings import LEAST_S, CrewFinding
 from oarlock.rowing.crew.seats import CrewSeat
 from oarlock.rowing.crew.timing import CrewTiming
+from oarlock.rowing.report.shown import capital
 from oarlock.rowing.strokes.signals import KINDS
 
 MOVEMENTS = {
@@ -42,9 +43,9 @@ def label(name: str) -> str:
     return f"seat {name}" if name.isdigit() else name
 
 
-def capital(text: str) -> str:
-    """With a large first letter."""
-    return text[:1].upper() + text[1:]
+def reference(against: str) -> str:
+    """What seats are compared with: "the mean of the crew", or a seat."""
+    return "the mean of the crew" if against == "crew mean" else label(against)
 
 
 def named(names: Sequence[str]) -> str:
@@ -82,7 +83,7 @@ def finding(one: CrewFinding, against: str) -> str:
         )
     low, high = sorted((abs(one.low_s), abs(one.high_s)))
     band = f"95 %: {ms_band(low, high)}"
-    than = label(against) if against != "crew mean" else "the mean of the crew"
+    than = reference(against)
     plural = len(one.seats) > 1
     if one.kind == "drive":
         way = "longer" if one.size_s > 0 else "shorter"

@@ -67,7 +67,7 @@ def write_crew_report(
 
 def crew_page(timing: CrewTiming, title: str, csv_name: str) -> str:
     """The page as text."""
-    than = "the mean of the crew" if timing.against == "crew mean" else words.label(timing.against)
+    than = words.reference(timing.against)
     shown = (
         ""
         if timing.clocks.known

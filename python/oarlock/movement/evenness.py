@@ -1,0 +1,142 @@
+"""Differences between the cycles of a movement: first against last third, and angles whose middle wanders.
+
+For the findings, and for what they could have shown.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import studentized_range, t
+
+from oarlock.movement.angles import Floats
+from oarlock.movement.cycles import RATE_HZ, Repetition, cycle_courses
+from oarlock.movement.movement import Movement
+
+CHANCE = 0.05 / 3.0
+"""Of a false finding among changes of numbers, among changes of middles, and among spans of middles."""
+LEAST_PART = 2
+"""Cycles that a third needs."""
+LEAST_MOVEMENT_DEG = 5.0
+"""Angles that move less in a cycle, and middles that wander by less, are not reported."""
+LEAST_CHANGE_DEG = 2.0
+"""Smaller changes of a range are not reported, even if they are certain."""
+LEAST_CHANGE_S = 0.5 / RATE_HZ
+"""The same for the duration of a cycle: half of a step of the search for cycles."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """A number of the cycles, its means over the first and the last third, in its unit.
+
+    Args:
+        angle: name of the angle whose range it is; "" for the duration of a cycle.
+        first: mean of the first third, deg or s.
+        last: mean of the last third.
+        limit: half of the interval of last minus first; chance is controlled over all numbers that are compared.
+    """
+
+    angle: str
+    first: float
+    last: float
+    limit: float
+
+    @property
+    def difference(self) -> float:
+        """Last minus first."""
+        return self.last - self.first
+
+    @property
+    def least(self) -> float:
+        """The smallest change that is reported: outside the interval, and above 2 deg or 0.02 s."""
+        return max(self.limit, LEAST_CHANGE_DEG if self.angle else LEAST_CHANGE_S)
+
+    @property
+    def certain(self) -> bool:
+        """Whether it is reported."""
+        return abs(self.difference) > self.least
+
+
+@dataclass(frozen=True)
+class Wander:
+    """How the middle of an angle (its mean over a cycle) wanders over the cycles.
+
+    Args:
+        change: of the middle from the first to the last third, deg, against the scatter between cycles.
+        span_deg: largest minus smallest middle.
+        limit_deg: what this span can reach by the uncertainty that the track claims; NaN if it claims none.
+        moves_deg: mean range of the angle in a cycle.
+    """
+
+    change: Change
+    span_deg: float
+    limit_deg: float
+    moves_deg: float
+
+    @property
+    def angle(self) -> str:
+        """Name of the angle."""
+        return self.change.angle
+
+    @property
+    def beyond(self) -> bool:
+        """Whether the span is more than the claimed uncertainty explains."""
+        return self.span_deg > self.limit_deg
+
+    @property
+    def certain(self) -> bool:
+        """Whether the span is above 5 deg, and beyond its limit or a change from the first to the last third."""
+        return self.span_deg > LEAST_MOVEMENT_DEG and (self.beyond or self.change.certain)
+
+
+def changes(movement: Movement) -> tuple[Change, ...]:
+    """Duration of the cycles, and the range of each angle that is measured well: first against last third.
+
+    Student's t on the scatter within both thirds, with Bonferroni's correction; empty below six cycles.
+    """
+    main = movement.main
+    if main is None or main.count < 3 * LEAST_PART:
+        return ()
+    numbers = {"": main.durations_s}
+    for angle in movement.angles:
+        one = movement.in_cycles.get(angle.name)
+        if one is not None and one.well_measured and one.range_deg >= LEAST_MOVEMENT_DEG:
+            numbers[angle.name] = np.ptp(_courses(movement, main, angle.value_deg), axis=1)
+    return tuple(_change(name, values, len(numbers)) for name, values in numbers.items())
+
+
+def wanderings(movement: Movement) -> tuple[Wander, ...]:
+    """The middles of all angles over the cycles, the one that wanders furthest first; empty below six cycles.
+
+    The limit takes errors of one cycle as shared and those of different cycles as independent: then the span follows
+    Tukey's studentized range, here with Bonferroni's correction.
+    """
+    main = movement.main
+    angles = [one for one in movement.angles if one.name in movement.in_cycles]
+    if main is None or main.count < 3 * LEAST_PART or not angles:
+        return ()
+    factor = float(studentized_range.ppf(1.0 - CHANCE / len(angles), main.count, np.inf))
+    found = []
+    for angle in angles:
+        middles = _courses(movement, main, angle.value_deg).mean(axis=1)
+        std = float(np.mean(_courses(movement, main, angle.std_deg)))
+        moves = movement.in_cycles[angle.name].range_deg
+        change = _change(angle.name, middles, len(angles))
+        found.append(Wander(change, float(np.ptp(middles)), factor * std, moves))
+    return tuple(sorted(found, key=lambda one: -one.span_deg))
+
+
+def _change(name: str, values: Floats, compared: int) -> Change:
+    """Bonferroni's correction for so many comparisons; the scatter is that within the three thirds."""
+    part = len(values) // 3
+    thirds = (values[:part], values[part:-part], values[-part:])
+    freedom = len(values) - len(thirds)
+    pooled = sum(float(((one - one.mean()) ** 2).sum()) for one in thirds) / freedom
+    quantile = float(t.ppf(1.0 - 0.5 * CHANCE / compared, freedom))
+    limit = quantile * float(np.sqrt(2.0 * pooled / part))
+    return Change(name, float(thirds[0].mean()), float(thirds[2].mean()), limit)
+
+
+def _courses(movement: Movement, main: Repetition, values: Floats) -> Floats:
+    return cycle_courses(movement.track.time_s, values, main.begins_s)

@@ -1,0 +1,201 @@
+"""The front of an export's page: what was rowed, what stands out, what to do next, and against last time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from oarlock.report import Front, KeyFigure, fixed
+from oarlock.rowing.alongside.course import Course, clock_text, pace_text
+from oarlock.rowing.exports.activity import Activity
+from oarlock.rowing.findings.candidate import Candidate, against
+from oarlock.rowing.findings.find import comparisons, findings_of
+from oarlock.rowing.findings.finding import Finding
+from oarlock.rowing.findings.rowed import FEWEST_STROKES
+from oarlock.rowing.report.averages import Average
+from oarlock.rowing.report.checked import sizes
+from oarlock.rowing.report.earlier import compared, earlier_pieces
+from oarlock.rowing.report.export_fade import FORCES, LENGTHS, where_lost
+from oarlock.rowing.report.export_piece import ExportPiece
+from oarlock.rowing.report.front import point
+from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, spread, with_unit
+from oarlock.rowing.strokes.table import StrokeTable
+from oarlock.storage.epoch import moment_text
+
+_TILES = (
+    "rate_per_min",
+    "power_w",
+    "peak_force_n",
+    "arc_rad",
+    "handle_travel_m",
+    "heart_rate_per_min",
+)
+_PACE = (
+    "Rowed distance over rowed time, for 500 m. Pauses, waiting, drifting and paddling count in neither; "
+    "the tables below show the parts."
+)
+_COMPARE = (
+    "Compare with an earlier piece of the same device",
+    "oarlock strokes FILE --report PAGE --last EARLIER",
+)
+_NAME = (
+    "Name the athlete, or put a session.toml beside the file",
+    "oarlock strokes FILE --report PAGE --athlete NAME --boat BOAT --place PLACE",
+)
+
+
+def strokes_front(piece: ExportPiece, earlier: ExportPiece | None) -> Front:
+    """The front of an export with strokes; `earlier` is the piece of last time."""
+    apart = ""
+    if earlier is not None and not piece.rowed.comparable(earlier.rowed):
+        devices = f"({piece.device}, {earlier.device})"
+        apart = f" Differences from last time are not assessed, because the devices differ {devices}."
+    course = piece.course
+    return Front(
+        did=_did(piece.table, course, _ends(piece)),
+        points=[point(one) for one in _findings(piece, earlier)],
+        quiet=_quiet(piece) + apart,
+        next_step=_next(piece, earlier is not None),
+        commands=[_COMPARE, _NAME] if earlier is None else [_NAME],
+        figures=[*_pace(course), _strokes(course), *_tiles(piece)],
+        compared=compared(piece, earlier_pieces(earlier, None)),
+    )
+
+
+def course_front(found: Activity, course: Course) -> Front:
+    """The front of points in time."""
+    return Front(did=_did(found, course, ""), figures=_pace(course))
+
+
+def findings_of_export(found: StrokeTable, last: StrokeTable | None = None) -> list[Finding]:
+    """What stands out of an export, by itself and against last time's; no single strokes, which devices misread."""
+    return _findings(ExportPiece(found), None if last is None else ExportPiece(last))
+
+
+def _findings(piece: ExportPiece, earlier: ExportPiece | None) -> list[Finding]:
+    compared_with = {} if earlier is None else {"against last": earlier.rowed}
+    return [one for one in findings_of(piece.rowed, compared_with) if one.kind != "odd stroke"]
+
+
+def left_out_text(course: Course) -> str:
+    """How many rows are no rowing, by reason."""
+    return "; ".join(f"{count} {reason}" for reason, count in course.left_out.items()) or "none"
+
+
+def _did(found: StrokeTable | Activity, course: Course, ends: str) -> str:
+    count, rows = int(course.counted.sum()), len(course.counted)
+    begun = moment_text(found.epoch)[:16]
+    pieces = len(course.stretches)
+    what = f"{count} strokes rowed" if course.is_strokes else "Rowed"
+    told = what + (f" in {pieces} pieces" if pieces > 1 else "")
+    if pieces:
+        told += f"{' in' if pieces == 1 else ','} {_lasted(course.duration_s)}"
+    if course.distance_m > 0.0:
+        told += (
+            f": {fixed(course.distance_m, 0)} m, {pace_text(course.distance_m / course.duration_s)} for 500 m"
+        )
+    sentences = [f"{told}{f'; started {begun}' if begun else ''}."]
+    if pieces and (rows > count or course.total_s > course.duration_s + 1.0):
+        far = f" and {fixed(course.total_m, 0)} m" if np.isfinite(course.total_m) else ""
+        left = f"; {rows - count} of its {rows} rows are waiting, paddling or misread" if rows > count else ""
+        sentences.append(f"The whole file: {_lasted(course.total_s)}{far}{left}.")
+    return " ".join([*sentences, ends]).strip()
+
+
+def _lasted(duration_s: float) -> str:
+    return f"{clock_text(duration_s)}\N{NO-BREAK SPACE}{'h' if duration_s >= 3600.0 else 'min'}"
+
+
+def _ends(piece: ExportPiece) -> str:
+    """The first and the last quarter in a sentence; "" if the piece is too short."""
+
+    def quarter(which: str) -> str:
+        values = {name: getattr(one, which) for name, one in piece.faded.items()}
+        speed = values.get("speed_m_s", values.get("impeller_speed_m_s"))
+        parts = [f"{pace_text(speed)} for 500 m"] if speed else []
+        parts += [
+            with_unit(piece.faded[name].feature, values[name])
+            for name in ("power_w", "rate_per_min")
+            if name in values
+        ]
+        return ", ".join(parts)
+
+    if not piece.faded.keys() & {"speed_m_s", "impeller_speed_m_s", "power_w"}:
+        return ""
+    whose = " of the longest piece" if len(piece.course.stretches) > 1 else ""
+    return f"First quarter{whose}: {quarter('first')}. Last quarter: {quarter('last')}."
+
+
+def _quiet(piece: ExportPiece) -> str:
+    counted = int(piece.counted.sum())
+    if counted < FEWEST_STROKES:
+        return f"Not assessed: {counted} whole strokes, {FEWEST_STROKES} are needed."
+    shown = ", ".join(_could_show(comparisons(piece.rowed, {}), "drift"))
+    from_size = f" It would have to be larger than about {shown}." if shown else ""
+    return f"No change in the last third is larger than chance and large enough to matter.{from_size}"
+
+
+def _next(piece: ExportPiece, is_compared: bool) -> str:
+    """What to look at, and what the same piece again could show."""
+    if int(piece.counted.sum()) < FEWEST_STROKES:
+        return "Record a longer piece."
+    lost = where_lost(piece.faded, piece.course)
+    if is_compared:
+        return lost
+    shown = " and ".join(_could_show(list(against(piece.rowed, piece.rowed, "again")), "again")[:2])
+    rate = piece.averages.get("rate_per_min")
+    at = f" at {with_unit(rate.feature, rate.over.mean)}" if rate is not None and rate.known else ""
+    again = f"Row the same {'pieces' if len(piece.course.stretches) > 1 else 'piece'} again{at} and compare"
+    size = (
+        f": differences from about {shown} can be shown; on the water wind and stream come on top"
+        if shown
+        else ""
+    )
+    return " ".join(filter(None, (lost, f"{again}{size}.")))
+
+
+def _could_show(candidates: Sequence[Candidate], kind: str) -> list[str]:
+    """The smallest differences that would be named, of speed, power, force and length."""
+    groups = (("speed_m_s", "impeller_speed_m_s"), ("power_w",), FORCES, LENGTHS[1:])
+    found = [sizes(candidates, kind, group)[:1] for group in groups]
+    return [f"{size} {label}" for one in found for label, size in one]
+
+
+def _pace(course: Course) -> list[KeyFigure]:
+    if course.distance_m > 0.0:
+        speed = course.distance_m / course.duration_s
+        detail = f"{fixed(course.distance_m, 0)} m in {clock_text(course.duration_s, tenths=True)}"
+        return [KeyFigure("pace, per 500 m", pace_text(speed), detail, _PACE)]
+    known = course.values.get("speed_m_s", np.zeros(len(course.counted)))[course.counted]
+    known = known[known > 0.0]
+    if not len(known):
+        return []
+    meaning = "Time for 500 m at the device's speed: median of the rowed rows. The file gives no distance."
+    return [KeyFigure("pace, per 500 m", pace_text(float(np.median(known))), "median of the speed", meaning)]
+
+
+def _strokes(course: Course) -> KeyFigure:
+    rows, count = len(course.counted), int(course.counted.sum())
+    left = f"{rows - count} of {rows} rows left out" if rows > count else "every row of the file"
+    return KeyFigure("strokes rowed", str(count), left, f"Left out: {left_out_text(course)}.")
+
+
+def _tiles(piece: ExportPiece) -> Iterator[KeyFigure]:
+    for name in _TILES:
+        one = piece.averages.get(name)
+        if one is not None and one.known:
+            yield KeyFigure(
+                one.feature.label, with_unit(one.feature, one.over.mean), _scatter(one), _meaning(one)
+            )
+
+
+def _scatter(one: Average) -> str:
+    if not np.isfinite(one.over.sd):
+        return "of a single stroke"
+    return f"{PLUS_MINUS}{spread(one.feature, one.over.sd)}{joined_unit(one.feature)} from stroke to stroke"
+
+
+def _meaning(one: Average) -> str:
+    how = "Mean over the rowed strokes. From stroke to stroke: standard deviation of single strokes, a fade included."
+    return f"{one.feature.in_words} {how}"
