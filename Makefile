@@ -43,14 +43,14 @@ LONG_SECONDS ?= 600
 test-long: $(VENV)/.package $(VENV)/.dev ## run what is only in `make test-all` for LONG_SECONDS (600), another part every hour
 	$(BIN)/python .ci/long_tier.py --seconds $(LONG_SECONDS) $(if $(LONG_TURN),--turn $(LONG_TURN))
 
-# There are eight campaigns in Rust and fifty-six in Python; each gets an equal share of the time.
+# There are 10 campaigns in Rust and 109 in Python; each gets an equal share of the time.
 FUZZ_MINUTES ?= 60
-fuzz: export OARLOCK_FUZZ_SECONDS := $(shell echo $$(( $(FUZZ_MINUTES) * 60 / 64 )))
+fuzz: export OARLOCK_FUZZ_SECONDS := $(shell echo $$(( $(FUZZ_MINUTES) * 60 / 119 )))
 fuzz: export OARLOCK_FUZZ_SEED ?= $(shell date +%s)
 fuzz: $(VENV)/.package $(VENV)/.dev ## feed parsers, readers, arrays and filters with rubbish for FUZZ_MINUTES (60)
 	@echo "seeds from $$OARLOCK_FUZZ_SEED, $$OARLOCK_FUZZ_SECONDS s a campaign"
 	cargo test --locked --quiet --package oarlock --test fuzz -- --nocapture --test-threads 1
-	$(BIN)/python -m pytest --timeout 0 -s tests/test_fuzz_arrays.py tests/test_fuzz_settings.py tests/test_fuzz_files.py tests/test_fuzz_units.py tests/test_fuzz_wearings.py tests/test_fuzz_decoders.py tests/test_fuzz_messages.py
+	$(BIN)/python -m pytest --timeout 0 -s $(sort $(wildcard tests/test_fuzz_*.py))
 
 bench: $(VENV)/.package ## time steps, parts, recordings, latency and memory, and print one table
 	OARLOCK_BENCH_OUT=$(CURDIR)/out/bench cargo bench --locked --package oarlock

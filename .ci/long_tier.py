@@ -17,7 +17,7 @@ from pathlib import Path
 from threading import Lock
 
 ROOT = Path(__file__).parents[1]
-FUZZED = ("arrays", "settings", "files", "units", "wearings", "decoders", "messages")
+FUZZED = ("arrays", "settings", "files", "units", "wearings", "decoders", "messages", "import", "strokes")
 CAMPAIGN_S = 5
 # The same in every run, so that a change does not fail for what it did not touch; `make fuzz` draws new ones.
 FUZZ_SEED = "1"
@@ -28,6 +28,8 @@ USUAL_S = {
     "fuzz settings": 25.0,
     "fuzz wearings": 45.0,
     "fuzz units": 85.0,
+    "fuzz import": 45.0,
+    "fuzz strokes": 100.0,
     "test_apart": 25.0,
     "test_bodies_data": 75.0,
     "test_body_sessions": 880.0,

@@ -62,8 +62,6 @@ def _parts(criterion: dict[str, dict[str, float]]) -> str:
         [text, *(_us(criterion[name][n]) if n in criterion[name] else "" for n in sizes)]
         for name, text in names.items()
     ]
-    back = [criterion["smooth"][n] - criterion["track"][n] for n in sizes]
-    rows.append(["the way back alone, a sample (the difference of the two)", *map(_us, back)])
     return table(["what, µs", *(f"n = {n}" for n in sizes)], rows)
 
 
@@ -82,7 +80,7 @@ def _rest(figures: dict[str, Any]) -> str:
     for threads, row in sorted(many.items()):
         rows.append(
             [
-                f"samples/s on {threads} threads, from Rust, n = 72",
+                f"samples/s on {threads} {'thread' if threads == 1 else 'threads'}, from Rust, n = 72",
                 f"{row['steps_s']:.0f} ({row['ratio']:.2f} times one)",
             ]
         )

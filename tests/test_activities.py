@@ -219,10 +219,10 @@ def test_tcx_zero_heart_rate_and_rate_are_missing_and_a_clock_that_goes_back_is_
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        (tcx(heart="x"), ('row.tcx:5: Value: "x" is not a number',)),
+        (tcx(heart="x"), ('row.tcx:6: Value: "x" is not a number',)),
         (tcx(heart="inf"), ("is not a number",)),
-        (tcx(("soon",)), ('row.tcx:3: Time: "soon" is not a moment',)),
-        (tcx((TIMES[0], "2026-05-01T09:30:00")), ("row.tcx:8", "some times have a zone")),
+        (tcx(("soon",)), ('row.tcx:4: Time: "soon" is not a moment',)),
+        (tcx((TIMES[0], "2026-05-01T09:30:00")), ("row.tcx:9", "some times have a zone")),
         (tcx()[:600], ("row.tcx:", "no whole XML", "cut off")),
         (tcx(("x",)).replace("<Time>x</Time>", ""), ("a point ends without a Time",)),
         (tcx().replace("<Activities>", "<Activities><Activity/>"), ("begins a second activity",)),

@@ -167,7 +167,9 @@ def test_track_takes_a_filter_and_writes_it_down(trial, tmp_path):
 
 
 def test_track_does_not_write_into_a_recording(trial):
-    run("track", trial / "trial", "--model", "sculler", "--out", trial / "trial", "--force", status=2)
+    into = ("--out", trial / "trial", "--force")
+    shown = run("track", trial / "trial", "--model", "sculler", *into, status=2).stderr
+    assert "is a recording; choose another folder" in " ".join(shown.split())
 
 
 def test_evaluate_prints_a_table_and_json(trial):

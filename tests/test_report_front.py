@@ -108,6 +108,7 @@ def test_earlier_pieces_are_compared_on_the_front(piece, tmp_path):
     front = read.text[read.text.index("Compared with earlier") : read.text.index("The strokes, moving")]
     assert "Last time: tuesday. Own best: record." in front
     assert "At like rate: what the stroke rate does is removed." in front
+    assert '<table id="compared-earlier-table" class="stacked">' in files[0].read_text(encoding="utf-8")
     assert "A07, 2026-05-01, Rotsee, boat single" in files[1].read_text(encoding="utf-8").splitlines()[0]
 
 
@@ -121,7 +122,7 @@ def test_a_piece_in_which_nothing_stands_out_says_what_would_have(piece):
     front = front_of(Piece("", long, technique(long)))
     assert front.points == []
     assert re.search(r"at the catch \(a difference of \d+ ms would show\)", front.quiet)
-    assert re.search(r"at like rate \(a change of \d° of arc(,| or) \d° of catch angle", front.quiet)
+    assert re.search(r"from start to end \(a change of \d° of arc(,| or) \d° of catch angle", front.quiet)
     assert "named from" in front.checked
     assert re.search(r"Row this piece again at 24/min and compare: .* of \d° of catch angle", front.next_step)
     assert "Too few strokes count to see small changes" in front_of(Piece("", piece, technique(piece))).quiet
@@ -148,8 +149,8 @@ def test_the_course_of_the_rate_is_said():
 def test_a_ramp_has_its_numbers_by_rate_and_a_steady_piece_has_not():
     ramp = rowed("S-NB", 60.0, (20.0, 34.0), 6)
     table = front_of(Piece("", ramp, technique(ramp))).by_rate
-    ends = [int(text) for text in re.findall(r"(\d\d) to \d\d/min", table)]
-    assert len(ends) == 4 and ends == sorted(ends) and ends[0] < 24 < 30 < ends[-1]
+    ends = [int(text) for text in re.findall(r"(\d\d)/min", table)]
+    assert len(ends) == 4 and ends == sorted(ends) and ends[0] < 26 < 30 < ends[-1]
     steady = rowed("S-NB", 30.0, 24.0, 6)
     assert front_of(Piece("", steady, technique(steady))).by_rate == ""
 
@@ -161,13 +162,26 @@ def test_without_calibration_the_first_step_is_to_calibrate_and_lean_is_marked(p
     marked = {figure.name for figure in front.figures if "not calibrated" in figure.detail}
     assert marked == {"trunk lean at the catch", "trunk lean at the finish"}
     assert front.commands[0][1].startswith("oarlock calibrate")
+    beside = front_of(
+        Piece("", nominal, technique(nominal)), Piece("before", piece, technique(piece))
+    ).compared
+    assert beside.count("not calibrated") == 2
+
+
+def test_sensors_that_disagreed_are_checked_first(piece):
+    noted = replace(piece, notes=("uncertainty was increased, by up to 3 deg: for several seconds ...",))
+    told = front_of(Piece("", noted, technique(noted))).next_step
+    assert told.startswith("Check where the sensors sit and the lengths that were entered")
 
 
 def test_every_reason_to_read_with_care_is_named(track):
     loud = tuple(replace(score, nis=4.0) for score in sensors_of(track, None))
     nominal = replace(track, provenance={"nominal_mounts": ("back", "r_wrist")}, notes=())
     told = belief_markup(trust(nominal, None, loud), "measured-in")
-    assert "misses the prediction by 2.0 times" in told and "The 2 inertial units were not calibrated" in told
+    assert (
+        "misses the prediction by 2.0 times" in told
+        and "The 2 inertial units on the body were not calibrated" in told
+    )
 
 
 def test_the_sheet_has_no_link_no_script_and_the_front(piece, tmp_path):
@@ -212,6 +226,7 @@ def test_sheet_and_picture_take_another_piece_and_targets_and_refuse_what_they_c
     )
     assert title == "after compared with before"
     assert front.figures and any(text.startswith("Against before:") for text in front.changes)
+    assert "before" in front.drawings[1]
     read = Page(write_summary(piece, tmp_path / "s.html", title, front).read_text(encoding="utf-8"))
     assert read.errors == [] and not read.all("a") and "Against before:" in read.text
     assert len(re.findall(r'class="name"', (tmp_path / "s.html").read_text(encoding="utf-8"))) <= 4

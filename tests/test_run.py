@@ -51,7 +51,8 @@ def test_a_step_that_fails_ends_it(recording, tmp_path):
 
 def test_two_sources_of_mounts_contradict_each_other(recording, tmp_path):
     both = ("--session", recording, "--calibration", tmp_path / "cal.toml")
-    run("run", recording, "--body", "lower_body", *both, "--out", tmp_path / "out", status=2)
+    shown = run("run", recording, "--body", "lower_body", *both, "--out", tmp_path / "out", status=2).stderr
+    assert "--session and --calibration contradict each other" in shown
 
 
 def test_a_folder_that_exists_is_replaced_only_with_force(recording, tmp_path):

@@ -393,10 +393,13 @@ def test_page_shows_what_the_command_prints():
 
 
 def test_command_refuses(tmp_path):
-    run("strokes", tmp_path / "absent.csv", status=1)
-    run("strokes", EXAMPLES / "rp3.csv", "--format", "rp4", status=2)
-    run("strokes", tmp_path, "--format", "rp3", status=2)
-    run("strokes", tmp_path, status=1)
+    for arguments, status, words in (
+        ((tmp_path / "absent.csv",), 1, "cannot be read"),
+        ((EXAMPLES / "rp3.csv", "--format", "rp4"), 2, "--format rp4: is not known"),
+        ((tmp_path, "--format", "rp3"), 2, "--format needs a file"),
+        ((tmp_path,), 1, "contains neither"),
+    ):
+        assert words in " ".join(run("strokes", *arguments, status=status).stderr.split())
 
 
 def test_command_takes_a_track_or_a_recording(tmp_path):

@@ -223,5 +223,6 @@ def environment(programs: Path, home: Path) -> dict[str, str]:
         "BROWSER": "true",
         "MPLBACKEND": "Agg",
         "HOME": str(home),
+        "XDG_STATE_HOME": str(home / ".local/state"),
         "XDG_CACHE_HOME": caches,
     }

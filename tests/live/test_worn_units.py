@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from decoded import as_bytes, damaged, near, one, readings
 from oarlock.live.decoders import DECODERS
 from oarlock.live.decoders.dot import OUT_OF_RANGE
-from oarlock.live.decoders.dot_messages import message, message_of, output_rate, start, start_sync, stop
+from oarlock.live.decoders.dot_messages import message, message_of, output_rate, start, stop
 
 POSE = as_bytes(
     "4d5854503032 000004d2 80 01 0000162e 00 17 00 00 0000 0020 00000001 3dcccccd 3e4ccccd 3f666666 3f800000"
@@ -121,7 +121,6 @@ def test_the_published_messages(sent, service, content):
 
 
 def test_commands():
-    assert start_sync("D4:22:CD:AA:BB:CC") == as_bytes("02 07 01 CC BB AA CD 22 D4 02")
     assert (start(20), stop(20)) == (b"\x01\x01\x14", b"\x01\x00\x14")
     assert output_rate(60) == as_bytes("10" + "00" * 23 + "3C00" + "00" * 6)
     assert len(output_rate(60)) == 32

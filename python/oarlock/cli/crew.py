@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from oarlock.cli.options import Json, Replace, example, names
+from oarlock.cli.rowed_folder import track_or_recording
 from oarlock.cli.terminal import UsageError, free_file, heading, print_json, say, table, verb
 
 if TYPE_CHECKING:
-    from oarlock import Recording, Track
+    from oarlock import Recording
     from oarlock.rowing import CrewTiming
 
 
@@ -74,7 +75,7 @@ def crew(
     for file in (page, page.with_suffix(".csv")):
         free_file(file, force)
     given = _recordings(recording, len(seats))
-    pieces = [_loaded(folder) for folder in seats]
+    pieces = [track_or_recording(folder) for folder in seats]
     found = crew_seats(pieces, names(named) if named else None, given, source)
     timing = crew_timing(found, against, None if clock_ms is None else clock_ms / 1e3)
     files = write_crew_report(timing, page, progress=True)
@@ -82,12 +83,6 @@ def crew(
         return print_json(_document(timing, files))
     _show(timing)
     say(f"Wrote {files[0]} and {files[1]}")
-
-
-def _loaded(folder: Path) -> Track | Recording:
-    from oarlock import load_recording, load_track
-
-    return load_recording(folder) if (folder / "recording.toml").exists() else load_track(folder)
 
 
 def _recordings(folders: list[Path] | None, count: int) -> list[Recording | None] | None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from oarlock.cli.options import Json, example
+from oarlock.cli.rowed_folder import track_or_recording
 from oarlock.cli.session_options import taken_session
 from oarlock.cli.strokes_files import Wanted, given_epoch, show_activity, write_page, write_strokes
 from oarlock.cli.terminal import UsageError, heading, number, print_json, say, table, verb
@@ -167,11 +168,9 @@ def _loaded(source: Path, format: str | None, seat: int | None) -> StrokeTable |
         return load_strokes(source) if is_own else load_export(source, format, seat)
     if format is not None:
         raise UsageError(f"--format needs a file; {source} is a folder")
-    from oarlock import load_recording, load_track
     from oarlock.rowing import find_strokes
 
-    is_recording = (source / "recording.toml").exists()
-    return find_strokes(load_recording(source) if is_recording else load_track(source)).table()
+    return find_strokes(track_or_recording(source)).table()
 
 
 def _document(found: StrokeTable, files: tuple[Path, ...]) -> dict[str, object]:

@@ -43,11 +43,6 @@ class MovementAngle:
     std_deg: Floats
     limits_deg: tuple[float, float] | None = None
 
-    @property
-    def moves_deg(self) -> float:
-        """Range of the angle, deg."""
-        return float(np.nanmax(self.value_deg) - np.nanmin(self.value_deg))
-
 
 def movement_angles(track: Track) -> tuple[MovementAngle, ...]:
     """The observed angles of all joints of a track, in the order of the model.

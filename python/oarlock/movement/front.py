@@ -110,9 +110,13 @@ def _drifting(movement: Movement) -> str:
     within = [one for one in wanderings(movement) if one.certain and not one.beyond]
     if not within:
         return ""
+    good = {one.name for one in measured(movement)}
+    use = "Of these angles use the range in a cycle only."
+    if not good & {one.angle for one in within}:
+        use = "Do not use these angles of this recording."
     return (
         f"{_wandered(movement, within)}. Drift of the estimate explains that: the uncertainty allows up to "
-        f"{fixed(within[0].limit_deg, 0)}°. Of these angles use the range in a cycle only."
+        f"{fixed(within[0].limit_deg, 0)}°. {use}"
     )
 
 

@@ -65,7 +65,7 @@ def measured(movement: Movement) -> list[MotionRange]:
 def _figure(movement: Movement, one: MotionRange) -> KeyFigure:
     half = f"± {fixed(one.half_deg, 1)}°" if isfinite(one.half_deg) else ""
     if half and movement.nominal:
-        half += " plus mounts"
+        half += ", mounts not calibrated"
     meaning = RANGE_IN_CYCLE if one.name in movement.in_cycles else RANGE
     if movement.nominal:
         meaning += f" {MOUNTS}"

@@ -95,8 +95,10 @@ def _not_calibrated(track: Track) -> str:
     units = len(track.provenance.get("nominal_mounts") or ())
     if not units:
         return ""
-    what = "the inertial unit was" if units == 1 else f"the {units} inertial units were"
-    return f"{what} not calibrated: their angles can be off by several degrees, changes by less."
+    what = (
+        "the inertial unit on the body was" if units == 1 else f"the {units} inertial units on the body were"
+    )
+    return f"{what} not calibrated: their angles can be several degrees wrong; changes of an angle are better known."
 
 
 def _short(text: str) -> str:

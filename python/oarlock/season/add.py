@@ -35,7 +35,7 @@ _TEXTS = (".csv", ".txt", ".tsv", ".tcx", ".json", ".toml", ".xml")
 
 @dataclass(frozen=True)
 class Added:
-    """What became of one recording: its entry, and whether it is new here."""
+    """Result of adding one recording: its entry, and whether it is new in the season."""
 
     entry: Entry
     is_new: bool
@@ -218,7 +218,7 @@ def done_record(
 
 
 def content_name(recording: Recording) -> str:
-    """The name of a recording, made of its measured numbers and the moment of its time stamps, whatever the file."""
+    """Name of a recording: a hash of its numbers and its start time, independent of the file format."""
     parts = [(recording.epoch or "").encode()]
     for stream in sorted(recording.streams, key=lambda stream: stream.name):
         arrays = {"time_s": stream.time_s, **stream.values}

@@ -80,7 +80,7 @@ class Athlete:
 
 
 def new_pseudonym(taken: Mapping[str, object]) -> str:
-    """A random pseudonym that nobody has."""
+    """A random pseudonym that is not in use."""
     while True:
         found = "".join(secrets.choice(PSEUDONYM_LETTERS) for _ in range(PSEUDONYM_LENGTH))
         if found not in taken and not found.isdigit():
@@ -89,9 +89,9 @@ def new_pseudonym(taken: Mapping[str, object]) -> str:
 
 @functools.cache
 def pseudonym_hash(season: str, pseudonym: str) -> str:
-    """What a tombstone keeps of a pseudonym; a copy of the season has the same.
+    """Hash of a pseudonym, as a tombstone contains it; the same in every copy of the season.
 
-    A pseudonym has 30 bits of chance, so the hash can be searched; it hides nothing but what stood there.
+    A pseudonym has only 30 random bits, so it can be found from its hash by trial: the hash is no secret.
     """
     return hashlib.scrypt(pseudonym.encode(), salt=season.encode(), n=2**12, r=8, p=1, dklen=16).hex()
 
@@ -118,7 +118,7 @@ def checked_day(text: str, where: str) -> str:
 
 @dataclass(frozen=True)
 class NamesFile:
-    """Who stands behind a pseudonym: a file that people keep outside the season.
+    """The file of names: the pseudonym of each person, in a file outside the season.
 
     Args:
         path: of the file.
@@ -144,12 +144,12 @@ class NamesFile:
         return cls(path, {name: names.string(name) for name in names.values})
 
     def with_name(self, name: str, pseudonym: str) -> NamesFile:
-        """The same with one more name."""
+        """The file with one more name."""
         check_name(name, "athlete")
         return NamesFile(self.path, {**self.pseudonyms, name: pseudonym})
 
     def without(self, pseudonym: str) -> NamesFile:
-        """The same without whoever has this pseudonym."""
+        """The file without the person of this pseudonym."""
         return NamesFile(self.path, {n: p for n, p in self.pseudonyms.items() if p != pseudonym})
 
     def write(self) -> None:

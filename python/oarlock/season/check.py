@@ -52,7 +52,7 @@ class Finding:
 
     @property
     def is_damage(self) -> bool:
-        """Whether data are lost, or are there that must not be."""
+        """Whether data are lost, or data of an erased athlete are there."""
         return self.what in ("damaged", "missing", "erased")
 
 
@@ -96,7 +96,7 @@ def _recording(season: Season, name: str, erased: frozenset[str]) -> Iterator[Fi
         )
         return
     if entry.recording != name:
-        yield Finding("damaged", folder, f"is named otherwise than its {ENTRY_FILE} says, {entry.recording}")
+        yield Finding("damaged", folder, f"its name differs from the one in {ENTRY_FILE}, {entry.recording}")
     if season.is_erased(entry.athlete, erased):
         yield Finding("erased", folder, _erased(entry.athlete))
     yield from _files(season, folder, entry.files, ENTRY_FILE)
@@ -134,12 +134,12 @@ def _files(season: Season, folder: str, files: Mapping[str, str], record: str) -
 
 
 def _came_back(season: Season, erased: frozenset[str]) -> Iterator[Finding]:
-    """What should be gone, apart from recordings: tombstones that a backup lacks, athletes, rows of tables."""
+    """Signs of a restored backup other than recordings: missing tombstones, erased athletes, their table rows."""
     for name in sorted(erased - season.erased()):
         yield Finding(
             "erased",
             f"{ERASED}/{name}.toml",
-            "is missing, and its copy outside the season says that somebody was erased: a backup was restored. Run "
+            "is missing, but its copy outside the season shows that an athlete was erased: a backup was restored. Run "
             "`oarlock season erase SEASON --again --yes`.",
         )
     if not erased:

@@ -1,8 +1,8 @@
-"""Compaction: tables of all recordings, runs and strokes, made from what is stored one by one, changed months only.
+"""Compaction: collects all recordings, runs and strokes in tables by month; writes only months that changed.
 
-`tables/current.toml` says which files count and is replaced last, so a reader finds the tables before or after. Their
-names are made of what is in them. Two compactions at once are both right; one that missed a new result is made up for
-by the next, because a table is compared with what is stored before it is used.
+`tables/current.toml` names the valid files and is replaced last, so a reader finds either the old or the new tables.
+File names are hashes of the contents. Two compactions at once are both right; if one misses a new result, the next adds
+it, because tables are compared with what is stored before they are used.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _UNUSED_S = 600.0
 
 @dataclass(frozen=True)
 class Current:
-    """Which files of tables count.
+    """Which table files are valid.
 
     Args:
         schema: version of their columns.
@@ -150,7 +150,7 @@ def _compacted(season: Season, erased: frozenset[str]) -> Current:
 
 
 def _gone(season: Season, asked: Iterable[str], erased: frozenset[str]) -> set[str]:
-    """Who of these was erased; a hash costs 20 ms."""
+    """The erased among these athletes; each hash takes 20 ms."""
     return {one for one in set(asked) if season.is_erased(one, erased)} if erased else set()
 
 
@@ -230,7 +230,7 @@ def _rank(record: RunRecord, wanted: str) -> tuple[object, ...]:
 
 
 def _old(season: Season, current: Current) -> Known:
-    """What the tables of now were made from, without reading every commit record again."""
+    """What the present tables were made from, without reading every commit record again."""
     if not {"recordings", "runs"} <= set(current.files):
         return Known({}, ())
     try:
@@ -253,7 +253,7 @@ def _old(season: Season, current: Current) -> Known:
 
 
 def _known(season: Season, old: Known, erased: frozenset[str], clean: Iterable[str] = ()) -> Known:
-    """What is stored of those who were not erased; `clean` is known not to be."""
+    """What is stored, without erased athletes; those in `clean` are known not to be erased."""
     here = season.recordings()
     entries = {name: old.entries[name] for name in here if name in old.entries}
     new = season.entries([name for name in here if name not in entries])
@@ -269,7 +269,7 @@ def _known(season: Season, old: Known, erased: frozenset[str], clean: Iterable[s
 
 
 def _stroke_files(season: Season, before: Current, known: Known) -> tuple[dict[str, str], Known]:
-    """The file of each month, and what is known after reading the results: of damaged ones, that they failed."""
+    """The file of each month; and `known`, in which runs with a damaged result have failed."""
     months: dict[str, list[RunRecord]] = {}
     for name, record in sorted(known.current(season).items()):
         if record.status == "done" and record.strokes:
@@ -311,7 +311,7 @@ def _month(
 
 
 def _kept(season: Season, before: str | None, wanted: set[tuple[str, str]]) -> pa.Table | None:
-    """The rows of the month's file from before that still count."""
+    """The rows of the month's previous file that are still valid."""
     if before is None:
         return None
     try:

@@ -8,21 +8,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
-from xml.parsers import expat
 
 import numpy as np
 
 from oarlock.storage.array_gate import FloatArray
-from oarlock.storage.errors import DataError
-from oarlock.storage.regular_file import TABLE_LIMIT_BYTES, open_regular, shown_bytes
+from oarlock.storage.xml_stream import XmlStream
 
 WIDTHS = MappingProxyType(
     {"orientation": 4, "sensorOrientation": 4, "sensorMagneticField": 3, "sensorFreeAcceleration": 3}
 )
 """Elements of a frame that are read -> numbers per segment or sensor."""
-_DEEPEST = 32
 _LONGEST_TEXT = 2**20
-_AT_ONCE_BYTES = 2**20
 
 
 @dataclass
@@ -88,56 +84,24 @@ def parsed_mvnx(file: Path) -> MvnxContents:
         DataError: it cannot be read, is no XML, declares entities, or a frame differs from the first; names the line.
     """
     reader = _Reader(file)
-    try:
-        with open_regular(file) as stream:
-            size = 0
-            while block := stream.read(_AT_ONCE_BYTES):
-                size += len(block)
-                if size > TABLE_LIMIT_BYTES:
-                    raise DataError(
-                        f"{file}: has more than the {shown_bytes(TABLE_LIMIT_BYTES)} that are read"
-                    )
-                reader.parser.Parse(block, False)
-            reader.parser.Parse(b"", True)
-    except OSError as error:
-        raise DataError(f"{file}: cannot be read ({error.strerror})") from error
-    except (expat.ExpatError, LookupError, UnicodeError) as error:
-        line = reader.parser.CurrentLineNumber
-        raise DataError(
-            f"{file}:{line}: is no whole XML ({error}). Was it cut off? Export it again."
-        ) from error
+    reader.read()
     return reader.found
 
 
-class _Reader:
-    """Takes what the XML parser reports and collects the frames."""
+class _Reader(XmlStream):
+    """Collects the frames."""
 
     def __init__(self, file: Path) -> None:
+        super().__init__(file, "MVNX file")
         self.found = MvnxContents(file)
-        self.parser = expat.ParserCreate(namespace_separator="}")
-        self.parser.buffer_text = True
-        self.parser.StartElementHandler = self._start
-        self.parser.EndElementHandler = self._end
-        self.parser.CharacterDataHandler = self._text
-        self.parser.EntityDeclHandler = self._entity
-        self._path: list[str] = []
         self._parts: list[str] | None = None
         self._length = 0
         self._seen: set[str] | None = None
         self._elements: set[str] | None = None
 
-    def _refused(self, text: str) -> DataError:
-        return DataError(f"{self.found.file}:{self.parser.CurrentLineNumber}: {text}")
-
-    def _entity(self, *_: object) -> None:
-        raise self._refused("declares an entity, which an MVNX file never needs. It is not read.")
-
-    def _start(self, name: str, attributes: dict[str, str]) -> None:
-        element = name.rpartition("}")[2]
-        self._path.append(element)
-        if len(self._path) > _DEEPEST:
-            raise self._refused(f"elements are nested more than {_DEEPEST} deep; this is no MVNX file")
-        if self._seen is not None and self._path[-2:-1] == ["frame"]:
+    def started(self, element: str, attributes: dict[str, str]) -> None:
+        """As `XmlStream.started`."""
+        if self._seen is not None and self.path[-2:-1] == ["frame"]:
             self._start_of_part(element, self._seen)
         elif element == "frame" and attributes.get("type") == "normal":
             self._start_of_frame(attributes)
@@ -146,7 +110,7 @@ class _Reader:
             labels.append(attributes.get("label", "").strip())
         elif element == "subject":
             if self.found.subject:
-                raise self._refused("begins a second subject. Export each subject to a file of its own.")
+                raise self.refused("begins a second subject. Export each subject to a file of its own.")
             self.found.subject = dict(attributes)
         elif element == "mvn":
             self.found.software = attributes.get("version", "")
@@ -154,7 +118,7 @@ class _Reader:
     def _start_of_frame(self, attributes: dict[str, str]) -> None:
         found = self.found
         found.first_ms = found.first_ms if found.lines else attributes.get("ms", "")
-        found.lines.append(self.parser.CurrentLineNumber)
+        found.lines.append(self.line)
         found.time.append(attributes.get("time", ""))
         found.index.append(attributes.get("index", ""))
         self._seen = set()
@@ -164,20 +128,22 @@ class _Reader:
             self.found.others[element] = None
             return
         if element in seen:
-            raise self._refused(f"this frame has <{element}> twice")
+            raise self.refused(f"this frame has <{element}> twice")
         seen.add(element)
         self._parts, self._length = [], 0
 
-    def _text(self, text: str) -> None:
+    def text_found(self, text: str) -> None:
+        """As `XmlStream.text_found`."""
         if self._parts is None:
             return
         self._length += len(text)
         if self._length > _LONGEST_TEXT:
-            raise self._refused(f"<{self._path[-1]}> has more than {_LONGEST_TEXT:,} characters")
+            raise self.refused(f"<{self.path[-1]}> has more than {_LONGEST_TEXT:,} characters")
         self._parts.append(text)
 
-    def _end(self, name: str) -> None:
-        element = self._path.pop()
+    def ended(self, name: str) -> None:
+        """As `XmlStream.ended`."""
+        element = self.path.pop()
         if self._parts is not None and element in WIDTHS:
             self._add(element, "".join(self._parts))
             self._parts = None
@@ -187,7 +153,7 @@ class _Reader:
     def _end_of_frame(self, seen: set[str]) -> None:
         if self._elements is not None and seen != self._elements:
             odd = sorted(self._elements ^ seen)[0]
-            raise self._refused(f"this frame and the first differ: only one of them has <{odd}>")
+            raise self.refused(f"this frame and the first differ: only one of them has <{odd}>")
         self._elements, self._seen = seen, None
 
     def _add(self, element: str, text: str) -> None:
@@ -196,10 +162,10 @@ class _Reader:
                 raise ValueError
             values = [float(part) for part in text.split()]
         except ValueError:
-            raise self._refused(f"<{element}> contains a text that is not a number") from None
+            raise self.refused(f"<{element}> contains a text that is not a number") from None
         known = self.found.numbers.setdefault(element, array("d"))
         width = len(known) // max(len(self.found.lines) - 1, 1) if known else len(values)
         if len(values) != width or not values or width % WIDTHS[element]:
             expected = f"{width}" if known else f"a multiple of {WIDTHS[element]}"
-            raise self._refused(f"<{element}> has {len(values)} numbers, expected {expected}")
+            raise self.refused(f"<{element}> has {len(values)} numbers, expected {expected}")
         known.extend(values)

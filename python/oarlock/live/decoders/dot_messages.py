@@ -1,4 +1,4 @@
-"""Commands and messages of Movella DOT (Xsens DOT) over Bluetooth, for its decoder and for who starts and synchronises.
+"""Commands and messages of Movella DOT (Xsens DOT) over Bluetooth, for its decoder and its transport.
 
 Source: Movella, "Movella DOT BLE Services Specification" (XD0506P, revision C). Set the output rate, subscribe to
 notifications, then start: in another order the unit sends nothing.
@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import struct
 
-_RATES_HZ = (1, 4, 10, 12, 15, 20, 30, 60)
-HEADING_RESET = bytes((1, 0))
-"""To be written to characteristic 2006 while the unit measures."""
+RATES_HZ = (1, 4, 10, 12, 15, 20, 30, 60)
 
 
 def start(mode: int) -> bytes:
@@ -26,11 +24,13 @@ def stop(mode: int) -> bytes:
 def output_rate(rate_hz: int) -> bytes:
     """Sets the output rate: to be written to characteristic 1002 before measuring starts.
 
+    The first byte says which setting is meant; the others stay as they are.
+
     Raises:
         ValueError: the units have no such rate.
     """
-    if rate_hz not in _RATES_HZ:
-        raise ValueError(f"rate_hz is {rate_hz}; expected one of {', '.join(map(str, _RATES_HZ))}")
+    if rate_hz not in RATES_HZ:
+        raise ValueError(f"rate_hz is {rate_hz}; expected one of {', '.join(map(str, RATES_HZ))}")
     return struct.pack("<B23xH6x", 0x10, rate_hz)
 
 
@@ -51,12 +51,3 @@ def message_of(data: bytes) -> tuple[int, bytes] | None:
     if not 3 < size <= len(data) or sum(data[:size]) % 256 or any(data[size:]):
         return None
     return data[0], data[2 : size - 1]
-
-
-def start_sync(root: str) -> bytes:
-    """The message that makes synchronisation start, for each of the units.
-
-    Args:
-        root: the Bluetooth address of the unit whose clock the others take, "D4:22:CD:AA:BB:CC".
-    """
-    return message(2, b"\x01" + bytes.fromhex(root.replace(":", ""))[::-1])

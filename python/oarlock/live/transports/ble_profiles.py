@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from oarlock.live.decoders.dot_messages import RATES_HZ, output_rate, start, stop
 from oarlock.live.transports.radio import standard
 from oarlock.live.transports.transport import Options
 from oarlock.storage.errors import DataError
@@ -23,7 +24,6 @@ _DOT_PAYLOADS = {
     **dict.fromkeys((4, 5, 6), 0x2004),
     26: 0x2002,
 }
-_DOT_RATES_HZ = (1, 4, 10, 12, 15, 20, 30, 60)
 
 
 @dataclass(frozen=True)
@@ -87,18 +87,16 @@ def _dot(options: Options) -> Profile:
     mode, rate_hz = options.integer("mode", 20), options.integer("rate_hz", 60)
     if mode not in _DOT_PAYLOADS:
         raise _refused(options, "mode", mode, sorted(_DOT_PAYLOADS))
-    if rate_hz not in _DOT_RATES_HZ:
-        raise _refused(options, "rate_hz", rate_hz, _DOT_RATES_HZ)
-    # The first byte says which setting is meant, here the output rate; the others stay as they are.
-    control = bytes([0x10, *bytes(23)]) + rate_hz.to_bytes(2, "little") + bytes(6)
+    if rate_hz not in RATES_HZ:
+        raise _refused(options, "rate_hz", rate_hz, RATES_HZ)
     return Profile(
         (
-            Write(_DOT.format(0x1002), control),
+            Write(_DOT.format(0x1002), output_rate(rate_hz)),
             Subscribe(_DOT.format(_DOT_PAYLOADS[mode])),
             Subscribe(_DOT.format(0x3001), needed=False),
-            Write(_DOT.format(0x2001), bytes([1, 1, mode])),
+            Write(_DOT.format(0x2001), start(mode)),
         ),
-        (Write(_DOT.format(0x2001), bytes([1, 0, mode])),),
+        (Write(_DOT.format(0x2001), stop(mode)),),
     )
 
 

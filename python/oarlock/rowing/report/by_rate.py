@@ -27,11 +27,11 @@ def by_rate(piece: Piece) -> str:
     if not is_ramp(piece) or groups < 2:
         return ""
     ordered = np.array_split(rows[np.argsort(rates[rows], kind="stable")], groups)
-    ends = [f"{rates[group].min():.0f} to {rates[group].max():.0f}/min" for group in ordered]
+    ends = [f"{rates[group].mean():.0f}/min" for group in ordered]
     lines = [
         [link(name, _head(name)), *(_mean(piece, name, group) for group in ordered)] for name in _NUMBERS
     ]
-    caption = f"Means of strokes of similar rate, {PLUS_MINUS} the 95 % interval from their scatter."
+    caption = f"By stroke rate: means of strokes of similar rate, {PLUS_MINUS} the 95 % interval from their scatter."
     return plain_table("by-rate", caption, ["number", *ends], lines)
 
 

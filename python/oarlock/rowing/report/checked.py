@@ -34,8 +34,8 @@ _NEARLY = 1e-9
 _OF_NEXT = ("catch_angle_rad", "lean_swing_rad")
 
 
-def quiet(candidates: Sequence[Candidate]) -> str:
-    """What agrees, and from which size a difference would have been named."""
+def quiet(candidates: Sequence[Candidate], is_ramp: bool = False) -> str:
+    """What agrees, and from which size a difference would have been named; `is_ramp`: whether the rate changes."""
     if not candidates:
         return "Too few strokes count, so nothing was compared."
     total, useful = len(candidates), [one for one in candidates if _is_useful(one, len(candidates))]
@@ -44,7 +44,8 @@ def quiet(candidates: Sequence[Candidate]) -> str:
     told = [f"Both oars turn together at the catch (a difference of {size} would show)." for _, size in late]
     if changed:
         shown = f"a change of {_listed(changed)} would show"
-        told.append(f"Nothing changes from start to end at like rate ({shown}).")
+        apart = "Apart from what goes with the stroke rate, nothing" if is_ramp else "Nothing"
+        told.append(f"{apart} changes from start to end ({shown}).")
     else:
         told.append("Too few strokes count to see small changes from start to end.")
     return " ".join(told)
@@ -135,7 +136,7 @@ def outside_usual(piece: Piece, kind: str) -> str:
             continue
         scale = watched.feature.shown_scale
         by = watched.beyond_usual(kind, scale * found.over.mean)
-        if not abs(by) > max(SIGMAS_95 * scale * found.uncertainty, watched.least):
+        if not abs(by) > SIGMAS_95 * scale * found.uncertainty:
             continue
         word = watched.grew if by > 0.0 else watched.fell
         size = with_unit(watched.feature, abs(by) / scale)

@@ -80,7 +80,10 @@ def sentences(this: Piece, other: Piece) -> list[str]:
     )
     table = '<a href="#compared-pieces-in">Side by side</a> has all.'
     rates = _rates(found, this, other, sure)
-    return [f"{counted} {escape(rates or _largest(found, sure))} {table}"]
+    return [
+        *([f"<b>{escape(rates[0])}</b>"] if rates else []),
+        f"{counted} {escape(' '.join(rates[1:]) or _largest(found, sure))} {table}",
+    ]
 
 
 def _largest(found: Mapping[str, tuple[Average, Average, Difference]], sure: Sequence[str]) -> str:
@@ -104,31 +107,35 @@ def largest_first(found: Mapping[str, tuple[Average, Average, Difference]]) -> l
 
 def _rates(
     found: Mapping[str, tuple[Average, Average, Difference]], this: Piece, other: Piece, sure: Sequence[str]
-) -> str:
-    """Which differences follow the stroke rate and which remain without it, as text; "" if the rates are alike."""
+) -> list[str]:
+    """What differs at like rate in one sentence, then what follows the rate; text, [] if the rates are alike."""
     rates = found.get("rate_per_min")
     if rates is None or abs(rates[2].value) < SAME_RATE_PER_MIN:
-        return ""
+        return []
     now, then = (with_unit(one.feature, one.over.mean) for one in rates[:2])
-    start = f"But the stroke rates differ ({now} and {then})"
+    start = f"The stroke rates differ ({now} and {then})"
     mine, theirs = Rowed.of(this), Rowed.of(other)
     if not mine.comparable(theirs):
-        return f"{start}{_not_at_like_rate(mine, theirs)}"
+        return [f"{start}{_not_at_like_rate(mine, theirs)}"]
     like = {one.watched.name: one for one in against(mine, theirs, "against other")}
     remain = [name for name in sure if name in like and abs(like[name].size) > SIGMAS_95 * like[name].sd]
     follow = [name for name in sure if name in _OF_RATE or (name in like and name not in remain)]
-    untested = [name for name in sure if name not in follow and name not in remain]
-    told = [f"{start}."]
-    for said, group in (
-        ("At the same rate these would not clearly differ", follow),
-        ("At the same rate too these differ", remain),
-    ):
-        labels = [found[name][0].feature.label for name in group if name != "rate_per_min"]
-        if labels:
-            told.append(f"{said}: {_listed(labels)}.")
+    untested = len(sure) - len(follow) - len(remain)
+    told = [
+        f"{start}. At the same rate no other number would clearly differ, of those that can be compared so."
+    ]
+    if remain:
+        told = [f"{start}. At the same rate these would differ too: {_labels(found, remain)}."]
+    labels = _labels(found, [name for name in follow if name != "rate_per_min"])
+    if labels:
+        told.append(f"With the rate go: {labels}.")
     if untested:
-        told.append(f"The other {len(untested)} cannot be compared at like rate.")
-    return " ".join(told)
+        told.append(f"The other {untested} cannot be compared at like rate.")
+    return told
+
+
+def _labels(found: Mapping[str, tuple[Average, Average, Difference]], names: Sequence[str]) -> str:
+    return _listed([found[name][0].feature.label for name in names])
 
 
 def _not_at_like_rate(mine: Rowed, theirs: Rowed) -> str:

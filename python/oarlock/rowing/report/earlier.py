@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from html import escape
 from typing import NamedTuple
 
@@ -67,8 +67,13 @@ def at_like_rate(candidates: Sequence[Candidate], kind: str) -> dict[str, Candid
     return {one.watched.name: one for one in candidates if one.kind == kind and one.like_rate}
 
 
-def compared(piece: Counted, others: Sequence[Other], now: str = "now") -> str:
-    """Numbers beside those of others, as markup; "" without others."""
+def compared(
+    piece: Counted, others: Sequence[Other], incomparable: Collection[str] = (), now: str = "now"
+) -> str:
+    """Numbers beside those of others, as markup; "" without others.
+
+    `incomparable` are those that another day's cannot be compared with, such as angles without calibration.
+    """
     if not others:
         return ""
     names = [name for name in COMPARED if name in piece.averages and piece.averages[name].known]
@@ -76,7 +81,7 @@ def compared(piece: Counted, others: Sequence[Other], now: str = "now") -> str:
         [
             link(name, feature_of(name).label),
             escape(with_unit(feature_of(name), piece.averages[name].over.mean)),
-            *(cell for other in others for cell in _cells(piece, other, name)),
+            *(cell for other in others for cell in _cells(piece, other, name, name in incomparable)),
         ]
         for name in names
     ]
@@ -89,7 +94,9 @@ def compared(piece: Counted, others: Sequence[Other], now: str = "now") -> str:
         caption += _LIKE
     dated = (", ".join(filter(None, (one.label, one.piece.date))) for one in others)
     heads = ["number", now, *(head for name in dated for head in (name, "change"))]
-    return _which(others) + plain_table("compared-earlier", caption, heads, rows)
+    # Six columns are too many for a telephone.
+    style = "stacked" if others[1:] else ""
+    return _which(others) + plain_table("compared-earlier", caption, heads, rows, style=style)
 
 
 def _which(others: Sequence[Other]) -> str:
@@ -108,11 +115,13 @@ def _rates_differ(piece: Counted, other: Other) -> bool:
     return bool(abs(now - then) >= SAME_RATE_PER_MIN)
 
 
-def _cells(piece: Counted, other: Other, name: str) -> tuple[str, str]:
+def _cells(piece: Counted, other: Other, name: str, incomparable: bool) -> tuple[str, str]:
     """The value of the other piece, and the change from it; where the rates differ, at like rate too."""
     now, then = piece.averages[name], other.piece.averages.get(name)
     if then is None or not then.known:
         return '<span class="mark">not known</span>', ""
+    if incomparable:
+        return escape(with_unit(then.feature, then.over.mean)), '<span class="mark">not calibrated</span>'
     change, like = _levelled(difference(now, then)), other.like_rate.get(name)
     if like is not None:
         scale = like.watched.feature.shown_scale
@@ -151,10 +160,10 @@ def _unit(change: Difference) -> str:
     return " points" if unit == " %" else unit
 
 
-def largest_change(piece: Counted, other: Other) -> str:
+def largest_change(piece: Counted, other: Other, incomparable: Collection[str] = ()) -> str:
     """The largest change that is clear and matters in one sentence, or that there is none."""
     changes = []
-    for key in COMPARED[1:]:
+    for key in (key for key in COMPARED[1:] if key not in incomparable):
         now, then = piece.averages.get(key), other.piece.averages.get(key)
         if now is not None and then is not None and now.known and then.known:
             change = difference(now, then)

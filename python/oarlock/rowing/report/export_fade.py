@@ -45,7 +45,7 @@ class Faded:
     Attributes:
         feature: what it is.
         first, last: means.
-        change: last minus first, outliers down-weighted.
+        change: last minus first.
         sd: standard deviation of the change.
         least: smallest size that matters.
     """
@@ -101,7 +101,7 @@ def _faded(rowed: Rowed, name: str, first: Places, last: Places) -> Faded | None
     least = rowed.own(watched).least / feature.shown_scale if watched else 1.0
     between = change(values[rows], np.zeros(len(rows)), later, 1.0)
     sd = float(np.hypot(between.scatter_sd, rowed.shared_std(name)))
-    return Faded(feature, *ends, between.size, sd, least)
+    return Faded(feature, *ends, ends[1] - ends[0], sd, least)
 
 
 def fade_section(faded: dict[str, Faded], course: Course) -> Section | None:

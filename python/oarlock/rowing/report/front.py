@@ -41,13 +41,14 @@ def front_of(
     against = {kind: Rowed.of(one) for kind, one in others.items() if one is not None}
     candidates = comparisons(rowed, against)
     found = named(rowed, candidates)
+    pieces = [piece] if other is None else [piece, other]
     beside = earlier_pieces(last, best, candidates)
     if other is not None:
         beside.insert(0, Other(other.name, other, at_like_rate(candidates, "against other")))
     return Front(
         did=words.strokes(piece) if other is None else _both_did(piece, other),
         points=[point(one) for one in found],
-        quiet=quiet(candidates),
+        quiet=quiet(candidates, words.is_ramp(piece)),
         remark=outside_usual(piece, rowed.kind),
         checked=checked(candidates),
         next_step=_next_step(piece, rowed, bool(found), against.get("against other")),
@@ -55,12 +56,15 @@ def front_of(
         by_rate=by_rate(piece),
         figures=words.key_figures(piece, kind=rowed.kind, calibrated=not _nominal(piece)),
         compared=compared(
-            piece, beside, now=", ".join(filter(None, (piece.name, piece.date))) if other else "now"
+            piece,
+            beside,
+            words.OF_UNITS if _nominal(piece) else (),
+            now=", ".join(filter(None, (piece.name, piece.date))) if other else "now",
         ),
         compared_head=f"{piece.name} and {other.name}" if other is not None else "Compared with earlier",
         compared_first=other is not None,
-        changes=[largest_change(piece, one) for one in beside],
-        drawings=[*speeds([piece]), *curve_drawings([piece])],
+        changes=[largest_change(piece, one, words.OF_UNITS if _nominal(piece) else ()) for one in beside],
+        drawings=[*speeds(pieces), *curve_drawings(pieces)],
         course=_course(piece),
     )
 
@@ -74,10 +78,12 @@ def _next_step(piece: Piece, rowed: Rowed, found: bool, other: Rowed | None = No
     steps = []
     if found:
         steps.append("Try the exercises above.")
+    if any(note.startswith("uncertainty was increased") for note in piece.track.notes):
+        steps.append("Check where the sensors sit and the lengths that were entered, then track again.")
     if _nominal(piece):
         steps.append(
             "Calibrate the sensors before the next outing (two minutes): without that, angles of trunk and arms "
-            "cannot be compared with usual values or other days."
+            "cannot be compared with usual values or other days; oars, seat and stroke rate can."
         )
     if other is not None and abs(rowed.rate_per_min - other.rate_per_min) >= SAME_RATE_PER_MIN:
         return " ".join([*steps, "To compare technique, row both at the same rate."])

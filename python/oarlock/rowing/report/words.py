@@ -25,7 +25,7 @@ TILES = (
     "finish_lean_rad",
     "seat_travel_m",
 )
-_OF_UNITS = ("catch_lean_rad", "finish_lean_rad")
+OF_UNITS = ("catch_lean_rad", "finish_lean_rad")
 """Key figures that inertial units measure; encoders measure the others."""
 _RAMP_PER_MIN = 2.0
 """A rate that differs by less between start and end of a piece is called steady, 1/min."""
@@ -47,7 +47,7 @@ def key_figures(
     for name in names:
         found = piece.averages.get(name)
         if found is not None and found.known:
-            unsure = name in _OF_UNITS and not calibrated
+            unsure = name in OF_UNITS and not calibrated
             figures.append(
                 _ramp(piece, found)
                 if name == "rate_per_min" and is_ramp(piece)
