@@ -4,7 +4,8 @@
 
 b and c have normal priors about 0, so that a small change of rate does not make d uncertain, and a ramp, which the
 rate explains as well as the time does, leaves d uncertain. Outliers get Huber's weights (1964). Neighbouring strokes
-are alike, so their variance is widened by (1 + q) / (1 - q), q the correlation of neighbours.
+are alike, so their variance is widened by (1 + q) / (1 - q), q the correlation of neighbours. The scatter itself is
+as well known as from (1 - q^2) / (1 + q^2) as many independent strokes (Bayley and Hammersley 1946).
 """
 
 from __future__ import annotations
@@ -70,7 +71,7 @@ def change(values: Floats, rate: Floats, later: NDArray[np.bool_], slope_sd: flo
     of_values, of_prior = _variances(normal, precision, scatter)
     alike = _alike(residuals, scatter)
     widened = (1.0 + alike) / (1.0 - alike)
-    freedom = max(len(values) / widened - 2.0, 2.0)
+    freedom = max(len(values) * (1.0 - alike**2) / (1.0 + alike**2) - 2.0, 2.0)
     return Change(
         float(found[-1]),
         max(float(np.sqrt(of_values * widened)), _NO_SCATTER),
