@@ -13,7 +13,7 @@ from oarlock.rowing.alongside.course import Course
 from oarlock.rowing.alongside.force_curves import LABELS, ForceStack, force_stacks
 from oarlock.rowing.report.averages import feature_of
 from oarlock.rowing.report.export_fade import quarters
-from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, shown, spread
+from oarlock.rowing.report.shown import joined_unit, shown, spread
 from oarlock.rowing.report.tables import link
 from oarlock.rowing.strokes.table import StrokeTable
 
@@ -37,7 +37,7 @@ _NUMBERS = (
 )
 _FEWEST = 4
 """Strokes of a group with a curve of its own."""
-BAND = "Tinted: plus and minus one standard deviation from stroke to stroke."
+BAND = "Tinted: SD, the standard deviation from stroke to stroke, to either side."
 _PLACES = {"%": "of the drive", "m": "of handle travel", "s": "after the catch"}
 
 
@@ -95,7 +95,7 @@ def _table(export: StrokeTable, counted: Places, course: Course) -> str:
     for name in held:
         feature = feature_of(name)
         cells = [shown(feature, _mean(export[name][part])) for part in (counted, first, last)]
-        scatter = f"{PLUS_MINUS} {spread(feature, float(np.nanstd(export[name][counted])))}"
+        scatter = f"SD {spread(feature, float(np.nanstd(export[name][counted])))}"
         label = f"{link(name, feature.label)} <small>{escape(joined_unit(feature).strip())}</small>"
         rows.append([label, cells[0], scatter, *cells[1:]])
     heads = [Column(name) for name in ("number", "mean", "stroke to stroke", "first quarter", "last quarter")]
@@ -137,8 +137,8 @@ def _peaks(stacks: Sequence[ForceStack], counted: Places) -> str:
         size, differs = (f"{fixed(float(of(peak)), 0)}" for of in (np.mean, np.std))
         at, varies = (f"{fixed(float(of(place)), digits)}" for of in (np.nanmean, np.nanstd))
         text = (
-            f"{LABELS[stack.name].capitalize()}: the peak is {size} N ({PLUS_MINUS} {differs} N from stroke to stroke)"
-            f", at {at} {stack.unit} {_PLACES[stack.unit]} ({PLUS_MINUS} {varies} {stack.unit})."
+            f"{LABELS[stack.name].capitalize()}: the peak is {size} N (SD {differs} N from stroke to stroke)"
+            f", at {at} {stack.unit} {_PLACES[stack.unit]} (SD {varies} {stack.unit})."
         )
         told.append(f"<p>{escape(text)}</p>")
     return "".join(told)

@@ -19,7 +19,7 @@ from oarlock.rowing.report.earlier import compared, earlier_pieces
 from oarlock.rowing.report.export_fade import FORCES, LENGTHS, where_lost
 from oarlock.rowing.report.export_piece import ExportPiece
 from oarlock.rowing.report.front import point
-from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, spread, with_unit
+from oarlock.rowing.report.shown import joined_unit, spread, with_unit
 from oarlock.rowing.strokes.table import StrokeTable
 from oarlock.storage.epoch import moment_text
 
@@ -193,7 +193,7 @@ def _tiles(piece: ExportPiece) -> Iterator[KeyFigure]:
 def _scatter(one: Average) -> str:
     if not np.isfinite(one.over.sd):
         return "of a single stroke"
-    return f"{PLUS_MINUS}{spread(one.feature, one.over.sd)}{joined_unit(one.feature)} from stroke to stroke"
+    return f"SD {spread(one.feature, one.over.sd)}{joined_unit(one.feature)} from stroke to stroke"
 
 
 def _meaning(one: Average) -> str:

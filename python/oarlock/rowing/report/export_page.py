@@ -19,6 +19,7 @@ from oarlock.report import (
     plain_table,
     shell,
     who_and_when,
+    who_in_words,
 )
 from oarlock.rowing.alongside.course import Course, course_of
 from oarlock.rowing.analysis.stroke_summary import summarise_strokes
@@ -112,7 +113,8 @@ def strokes_page(
 def _heading(found: StrokeTable | Activity, course: Course, session: Mapping[str, str]) -> tuple[str, str]:
     """Who and what, and markup of what else is known of the session."""
     day = moment_text(found.epoch)[:10]
-    who, rest = who_and_when({"session": {**({"date": day} if day else {}), **session}})
+    known = {"session": {**({"date": day} if day else {}), **session}}
+    who, (_, rest) = who_in_words(known), who_and_when(known)
     what = f"{int(course.counted.sum())} strokes" if isinstance(found, StrokeTable) else "Course"
     heading = ": ".join(filter(None, (who, f"{what}, {device_of(found.source)}")))
     named = next((note.removeprefix(NAMED) for note in found.notes if note.startswith(NAMED)), "")
