@@ -26,6 +26,7 @@ HEADS = {
     "against other": "Against the other piece",
 }
 """What was compared with what, by kind of finding."""
+_OTHERS = ("against last", "against best", "against other")
 _LIKE = ", at like rate"
 _OF_SIDES = ("catch_time_difference_s",)
 _OF_DRIFT = ("arc_rad", "catch_angle_rad", "lean_swing_rad")
@@ -33,8 +34,7 @@ _USELESS = 4.0
 """A limit of so many times the smallest size that matters tells a rower nothing."""
 _HALF = "At these sizes a true difference is named in about half of the cases."
 _STEPS = {"ms": 5.0, "deg": 1.0, "cm": 1.0, "%": 1.0, "W": 5.0, "N": 5.0, "m": 0.01, "m/s": 0.05}
-"""Sizes from which a difference is named are shown in these steps: they depend a little on how many comparisons a page
-has, and a reader of two pages about one piece should see one value."""
+"""Sizes from which a difference is named are shown in these steps, by shown unit."""
 _OF_NEXT = ("catch_angle_rad", "lean_swing_rad")
 
 
@@ -42,7 +42,8 @@ def quiet(candidates: Sequence[Candidate], is_ramp: bool = False) -> str:
     """What agrees, and from which size a difference would have been named; `is_ramp`: whether the rate changes."""
     if not candidates:
         return "Too few strokes count, so nothing was compared."
-    total, useful = len(candidates), [one for one in candidates if _is_useful(one, len(candidates))]
+    total = _judged_with(candidates)
+    useful = [one for one in candidates if _is_useful(one, total)]
     late = sizes(useful, "sides", _OF_SIDES, total)
     changed = sizes(useful, "drift", _OF_DRIFT, total)
     told = [
@@ -58,6 +59,16 @@ def quiet(candidates: Sequence[Candidate], is_ramp: bool = False) -> str:
     else:
         told.append("Too few strokes count to see small changes from start to end.")
     return " ".join(told)
+
+
+def _judged_with(candidates: Sequence[Candidate]) -> int:
+    """Comparisons among which chance is judged on a page with another piece, where limits are larger.
+
+    Limits are stated with it on a page without one too: a reader of both pages sees one limit.
+    """
+    own = sum(one.kind not in _OTHERS for one in candidates)
+    beside = sum(one.kind == "drift" for one in candidates)
+    return max(len(candidates), own + beside)
 
 
 def _is_useful(one: Candidate, comparisons: int) -> bool:
@@ -107,24 +118,30 @@ def checked(candidates: Sequence[Candidate], unsure: Collection[tuple[str, str]]
 
     `unsure` are the kinds and numbers of those in which a unit was not calibrated.
     """
+    total = _judged_with(candidates)
     rows = [
         [
-            escape(
-                f"Stroke {one.stroke}" if one.stroke else f"{HEADS[one.kind]}{_LIKE if one.like_rate else ''}"
-            ),
+            escape(_compared(one)),
             link(one.watched.name, one.watched.feature.label),
             NOT_CALIBRATED if (one.kind, one.watched.name) in unsure else escape(_with_interval(one)),
-            escape(_limit(one, len(candidates))),
+            escape(_limit(one, total)),
         ]
         for one in sorted(candidates, key=lambda one: list(HEADS).index(one.kind))
     ]
     caption = (
         "The differences that were compared. The stroke rate's effect is removed within the piece and between pieces "
         f"of different rates. {PLUS_MINUS}: half of the 95 % interval. A difference is named from about the size on "
-        f"the right: more than chance among {len(candidates)} comparisons and more than matters. {_HALF}"
+        f"the right: more than chance among {total} comparisons, those of a page with another piece, and more than "
+        f"matters. {_HALF}"
     )
     heads = ["compared", "number", "difference", "named from"]
     return plain_table("checked", caption, heads, rows, style="stacked") if rows else ""
+
+
+def _compared(one: Candidate) -> str:
+    if one.stroke:
+        return f"Stroke {one.stroke}"
+    return HEADS[one.kind] + (_LIKE if one.like_rate else "")
 
 
 def _with_interval(one: Candidate) -> str:

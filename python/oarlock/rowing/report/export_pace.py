@@ -132,7 +132,7 @@ def _table(key: str, caption: str, course: Course, parts: Sequence[Part], foot: 
     heads = [
         Column("part"),
         Column("pace", "/500 m"),
-        Column("± mean", "s"),
+        Column("against mean", "s"),
         Column("time", "min:s"),
     ]
     heads += [Column(*_NAMES[name][:2]) for name in held]
