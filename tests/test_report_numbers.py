@@ -129,8 +129,8 @@ def test_a_size_with_a_large_interval_and_an_uncalibrated_angle_are_marked(piece
 
 def test_a_clear_difference_below_the_smallest_size_is_small():
     assert verdict(difference(average(103.0), average(102.0))) == "clear, but small"
-    assert verdict(difference(average(106.0), average(102.0))) == "<b>yes</b>"
-    assert verdict(difference(average(102.1), average(102.0))) == "no"
+    assert verdict(difference(average(106.0), average(102.0))) == "<b>clear</b>"
+    assert verdict(difference(average(102.1), average(102.0))) == "not clear"
 
 
 def test_the_rate_explains_only_what_is_smaller_at_like_rate(piece, ramp):

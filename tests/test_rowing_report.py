@@ -178,7 +178,7 @@ def test_two_pieces_stand_beside_each_other(compared):
         r">stroke rate</a></th>(.*?)</tr>", text[text.index('<table id="compared-pieces-table') :]
     )
     assert row
-    assert row[1].endswith('<td data-head="clear"><b>yes</b></td>')
+    assert row[1].endswith('<td data-head="verdict"><b>clear</b></td>')
 
 
 def test_the_numbers_that_differ_are_named_with_chance_and_those_that_follow_the_rate(compared):
@@ -210,7 +210,7 @@ def test_rates_too_far_apart_are_said_with_what_can_still_be_read(track, found, 
 def test_a_piece_beside_itself_differs_in_nothing_but_its_name(other):
     sections = rowing_sections(other, other, names=("out", "out"))
     same = next(section for section in sections if section.key == "compared-pieces")
-    assert "<b>yes</b>" not in same.markup
+    assert "<b>clear</b>" not in same.markup
     told = sections[0].sentences[0]
     assert "No change of technique is clear." in told
     assert "out (first)" in same.markup and "out (second)" in same.markup

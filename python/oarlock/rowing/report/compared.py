@@ -76,7 +76,8 @@ def comparison_table(key: str, this: Piece, other: Piece) -> str:
         Column("difference", meaning="Of the two shown means."),
         Column(PLUS_MINUS, meaning="Half of the 95 % interval of the difference."),
         Column(
-            "clear", meaning="Larger than its 95 % interval. Small: below the smallest size that matters."
+            "verdict",
+            meaning="Clear: larger than its 95 % interval. Small: below the smallest size that matters.",
         ),
     ]
     caption = (

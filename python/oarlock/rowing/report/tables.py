@@ -234,7 +234,8 @@ def sides_table(key: str, piece: Piece) -> str:
         Column("right − left", meaning="Of the two shown means."),
         Column(PLUS_MINUS, meaning="Half of the 95 % interval of the difference."),
         Column(
-            "clear", meaning="Larger than its 95 % interval. Small: below the smallest size that matters."
+            "verdict",
+            meaning="Clear: larger than its 95 % interval. Small: below the smallest size that matters.",
         ),
     ]
     caption = (
@@ -266,13 +267,13 @@ NOT_KNOWN = '<span class="mark">not known</span>'
 
 
 def verdict(between: Difference) -> str:
-    """`yes`, `clear, but small`, `no` or `not known`."""
+    """`clear`, `clear, but small`, `not clear` or `not known`."""
     if between.beyond is None:
         return NOT_KNOWN
     if not between.beyond:
-        return "no"
+        return "not clear"
     small = abs(between.told) <= least(between.feature)
-    return "clear, but small" if small else "<b>yes</b>"
+    return "clear, but small" if small else "<b>clear</b>"
 
 
 def _with_scatter(one: Average) -> str:
