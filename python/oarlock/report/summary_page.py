@@ -43,7 +43,7 @@ def write_summary(track: Track, path: Path, title: str | None, front: Front) -> 
             policy=POLICY,
             style="".join(style.joinpath(name).read_text("utf-8") for name in ("style.css", "summary.css")),
             definitions=definitions(),
-            trust=trust(track, None, sensors_of(track, None)),
+            trust=trust(track, None, sensors_of(track, None), front.direct),
             did=front.did,
             figures=list(front.figures)[:MOST_FIGURES],
             points=list(front.points)[:MOST_POINTS],

@@ -9,12 +9,9 @@ from html import escape
 from oarlock.report import fixed, plain_table
 from oarlock.rowing.findings.candidate import Candidate, against
 from oarlock.rowing.findings.rowed import Rowed
-from oarlock.rowing.findings.watched import WATCHED
 from oarlock.rowing.report.averages import SIGMAS_95
-from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, places, shown, spread, with_unit
 from oarlock.rowing.report.tables import link
-from oarlock.rowing.report.words import usual_span
 
 HEADS = {
     "sides": "Right and left",
@@ -123,27 +120,3 @@ def _with_interval(one: Candidate) -> str:
     size, sd = one.size / feature.shown_scale, one.sd / feature.shown_scale
     half = spread(feature, SIGMAS_95 * sd)
     return f"{shown(feature, size, signed=True)} {PLUS_MINUS} {half}{joined_unit(feature)}"
-
-
-def outside_usual(piece: Piece, kind: str) -> str:
-    """Means that lie clearly outside of usual values, as a sentence; "" if none does or targets were chosen."""
-    if piece.technique.targets:
-        return ""
-    told, sources = [], []
-    for name, watched in WATCHED.items():
-        found = piece.averages.get(name)
-        if found is None or not found.known:
-            continue
-        scale = watched.feature.shown_scale
-        by = watched.beyond_usual(kind, scale * found.over.mean)
-        if not abs(by) > SIGMAS_95 * scale * found.uncertainty:
-            continue
-        word = watched.grew if by > 0.0 else watched.fell
-        size = with_unit(watched.feature, abs(by) / scale)
-        told.append(f"{watched.subject} is {size} {word} than {usual_span(watched, kind)}")
-        sources.append(watched.usual_source)
-    if not told:
-        return ""
-    cited = "; ".join(dict.fromkeys(sources))
-    start = f"Against usual values, {' and '.join(told)} ({cited})."
-    return f"{start} These are guidelines: body height, rig and boat class change them."
