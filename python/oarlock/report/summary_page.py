@@ -44,11 +44,9 @@ def write_summary(track: Track, path: Path, title: str | None, front: Front) -> 
             style="".join(style.joinpath(name).read_text("utf-8") for name in ("style.css", "summary.css")),
             definitions=definitions(),
             trust=trust(track, None, sensors_of(track, None), front.direct),
-            did=front.did,
+            front=front,
             figures=list(front.figures)[:MOST_FIGURES],
             points=list(front.points)[:MOST_POINTS],
-            quiet=front.quiet,
-            changes=front.changes,
             drawings=list(front.drawings)[: DRAWINGS if front.points else DRAWINGS_ALONE],
         ),
     )

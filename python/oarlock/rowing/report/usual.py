@@ -46,7 +46,7 @@ class Beyond:
         value = with_unit(feature, self.found.over.mean)
         size = with_unit(feature, abs(self.by) / feature.shown_scale)
         word = self.watched.grew if self.by > 0.0 else self.watched.fell
-        small = "" if self.matters else ", which is little"
+        small = "" if self.matters else ", a small difference"
         subject = f"{self.watched.subject[:1].upper()}{self.watched.subject[1:]}"
         return f"{subject}: {value}, {size} {word} than usual{small} ({usual.text}; {usual.source})."
 
