@@ -103,6 +103,13 @@ def test_belief_is_the_worst_that_is_known(track):
     assert trust(calibrated, None, closures).level == "good"
     direct = trust(nominal, None, sensors, "oars and seat")
     assert direct.reason.startswith("oars and seat are within their ±; angles of the body")
+    note = "r_hand_flexion: beyond its soft limits (-80 to 80 deg) in 72 % of the samples, by up to 124 deg; check"
+    contorted = trust(replace(calibrated, notes=(note,)), None, sensors)
+    assert contorted.level == "bad"
+    assert contorted.reason.startswith(
+        "r_hand_flexion: beyond its soft limits (-80 to 80 deg) in 72 % of the samples"
+    )
+    assert "check" not in contorted.reason
     widened = replace(calibrated, notes=(f"{INCREASED}, by up to 3 deg",))
     assert trust(widened, None, sensors).level == "good"
     assert "the ± contain this" in trust(widened, None, sensors).reasons[1]

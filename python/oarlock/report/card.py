@@ -109,11 +109,12 @@ def _tiles(figure: Figure, top: float, front: Front) -> float:
         figure.add_artist(box)
         size = 24 * min(1.0, TILE_LETTERS / len(one.value))
         first, _, _ = one.detail.partition("; ")
-        for text, down, style in (
+        rows: tuple[tuple[str, float, dict[str, Any]], ...] = (
             (one.name, 0.015, {"fontsize": 13, "color": SOFT}),
             (one.value, 0.04, {"fontsize": size, "color": INK, "weight": "bold"}),
             (first, 0.085, {"fontsize": 11, "color": SOFT}),
-        ):
+        )
+        for text, down, style in rows:
             figure.text(left + 0.015, top - down, text, va="top", parse_math=False, **style)
     return top - height
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -22,6 +23,9 @@ WORDS = {"good": "Can be believed", "care": "Read with care", "bad": "Do not rel
 MARKS = {"good": "✓", "care": "!", "bad": "✗"}
 INCREASED = "uncertainty was increased"
 """How the note of a track begins whose uncertainty was increased."""
+
+_CONTORTED = re.compile(r"[^:]+: beyond its soft limits \([^)]*\) in [^,]+, by up to [\d.]+ \w+")
+"""A joint that is far beyond its limits for more than a tenth of the time (the engine's note)."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +62,12 @@ def trust(
     bad = _worst(track, evaluation)
     if bad:
         return Trust("bad", tuple(bad), "Check this sensor and its cable, then record again.")
+    contorted = [found[0] for note in track.notes if (found := _CONTORTED.match(note))]
+    if contorted:
+        told = (f"{note}: the estimate may have settled in a wrong posture." for note in contorted)
+        return Trust(
+            "bad", tuple(told), "Calibrate and track again, or correct the limits in the model file."
+        )
     reasons = _reasons(track, evaluation, sensors, direct)
     if reasons:
         return Trust("care", (*reasons, *_increased(track)))
