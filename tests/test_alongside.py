@@ -13,8 +13,9 @@ from local_data import local_folder
 from oarlock.rowing import StrokeTable, load_export
 from oarlock.rowing.alongside.align import NO_ONSET, align_strokes
 from oarlock.rowing.alongside.clock_match import match_clocks
-from oarlock.rowing.alongside.course import clock_text, course_of, pace_text, parts_of, pieces_of, splits_of
+from oarlock.rowing.alongside.course import course_of, parts_of, pieces_of, splits_of, starts_of
 from oarlock.rowing.alongside.force_curves import FORCES, force_stacks, forces_on_strokes
+from oarlock.rowing.alongside.paces import clock_text, pace_text
 from oarlock.rowing.analysis.technique import technique
 from oarlock.rowing.report.export_fade import where_lost
 from oarlock.rowing.report.export_front import findings_of_export

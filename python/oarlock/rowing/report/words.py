@@ -82,6 +82,8 @@ def usual_span(watched: Watched, kind: str) -> str:
     if kind not in watched.usual_range:
         return ""
     low, high = sorted(watched.usual_range[kind], key=abs)
+    if low == 0.0:
+        return f"up to {fixed(high, 0)}{joined_unit(watched.feature)}".replace(" ", "\N{NO-BREAK SPACE}")
     span = f"about {fixed(low, 0)}" if low == high else f"{fixed(low, 0)} to {fixed(high, 0)}"
     return f"{span}{joined_unit(watched.feature)}".replace(" ", "\N{NO-BREAK SPACE}")
 
