@@ -71,8 +71,8 @@ def sentence(cause: Cause) -> str:
     start = f"In the last third {_changed(lead)} than before" if lead.kind == "drift" else ""
     start = start or f"{capital(_changed(lead))} {_THAN[lead.kind]}"
     like = " at like stroke rate" if lead.like_rate else ""
-    before = lead.now - lead.size if _is_pace(lead) else _before(lead)
-    values = f"{_value(lead, lead.now)} instead of {_value(lead, before)}{like}"
+    earlier = lead.now - lead.size if _is_pace(lead) else _before(lead)
+    values = f"{_value(lead, lead.now)} instead of {_value(lead, earlier)}{like}"
     return f"{start}: {values}.{_followed(cause)}"
 
 
