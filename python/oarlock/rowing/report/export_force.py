@@ -64,7 +64,10 @@ def force_section(export: StrokeTable, course: Course) -> Section | None:
 def _where(export: StrokeTable) -> str:
     """Where the force acts, in a sentence."""
     if is_empower(export):
-        return "The EmPower oarlock measures one oar, at the gate (the pin of the rigger); in sculling, NK doubles it."
+        return (
+            "The EmPower oarlock measures one oar, at the gate (the pin of the rigger); in sculling its force, work "
+            "and power stand for both oars (BioRow, 2017)."
+        )
     if any("gate_force" in name for name in (*export.columns, *export.curves)):
         return "The force is that at the gate (the pin of the rigger), of each oar."
     if "arc_rad" in export:

@@ -43,7 +43,7 @@ _COMPARE = (
 )
 _NAME = (
     "Name the athlete, or put a session.toml beside the file",
-    "oarlock strokes FILE --report PAGE --athlete NAME --boat BOAT --place PLACE",
+    "oarlock strokes FILE --report PAGE --athlete NAME --date DATE --boat BOAT --place PLACE",
 )
 
 

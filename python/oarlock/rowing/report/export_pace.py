@@ -133,7 +133,7 @@ def _sums(steady: Sequence[Part], starts: Sequence[Part]) -> list[Part]:
     whole = _joined("together", [*starts, *steady])
     if not starts:
         return [whole]
-    return [_joined(_AFTER, steady), whole]
+    return [_joined(_AFTER + ("s" if len(starts) > 1 else ""), steady), whole]
 
 
 def _named_sum(starts: Sequence[Part]) -> list[Part]:
@@ -168,7 +168,7 @@ def _table(
     heads.append(Column("distance", "m"))
     if course.is_strokes:
         heads.append(Column("strokes"))
-    mean_s = _pace_s(next((one for one in foot if one.name == _AFTER), foot[-1]))
+    mean_s = _pace_s(next((one for one in foot if one.name.startswith(_AFTER)), foot[-1]))
     apart_s = [np.nan if k < begun else _pace_s(one) - mean_s for k, one in enumerate(parts)]
     widest_s = max((abs(one) for one in apart_s if np.isfinite(one)), default=1.0)
     rows = [
