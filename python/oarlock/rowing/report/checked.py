@@ -35,7 +35,7 @@ def quiet(candidates: Sequence[Candidate], is_ramp: bool = False) -> str:
     """What agrees, and from which size a difference would have been named; `is_ramp`: whether the rate changes."""
     if not candidates:
         return "Too few strokes count, so nothing was compared."
-    total, useful = len(candidates), [one for one in candidates if _is_useful(one, len(candidates))]
+    total, useful = len(candidates), [one for one in candidates if is_useful(one, len(candidates))]
     late = sizes(useful, "sides", _OF_SIDES, total)
     changed = sizes(useful, "drift", _OF_DRIFT, total)
     told = [f"Both oars turn together at the catch (a difference of {size} would show)." for _, size in late]
@@ -48,7 +48,7 @@ def quiet(candidates: Sequence[Candidate], is_ramp: bool = False) -> str:
     return " ".join(told)
 
 
-def _is_useful(one: Candidate, comparisons: int) -> bool:
+def is_useful(one: Candidate, comparisons: int) -> bool:
     """Whether less than a very large difference would be named."""
     return one.named_from(comparisons) < _USELESS * one.watched.least
 
@@ -59,7 +59,7 @@ def next_sizes(rowed: Rowed) -> str:
     "" without any, and without the trunk if only a very large difference would show.
     """
     again = list(against(rowed, rowed, "again"))
-    useful = [one for one in again if _is_useful(one, len(again))]
+    useful = [one for one in again if is_useful(one, len(again))]
     return _listed(sizes(useful, "again", _OF_NEXT, len(again)))
 
 

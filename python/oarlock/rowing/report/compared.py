@@ -90,7 +90,10 @@ def _largest(found: Mapping[str, tuple[Average, Average, Difference]], sure: Seq
     telling = [name for name in sure if matters(found[name][2])]
     if not telling:
         return "None is large enough to matter."
-    named = [f"{found[name][0].feature.label} ({in_words(found[name][2])})" for name in telling]
+    named = [
+        f"{found[name][0].feature.label} ({in_words(found[name][2], found[name][0].over.mean)})"
+        for name in telling
+    ]
     return f"Largest: {_listed(named)}."
 
 

@@ -8,7 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from oarlock.report import plain_table
+from oarlock.report import fixed, plain_table
+from oarlock.rowing.alongside.paces import PER_500_M, SPEEDS, of_pace, pace_text, slower_s
+from oarlock.rowing.analysis.features import Feature
 from oarlock.rowing.findings.candidate import Candidate
 from oarlock.rowing.findings.find import least
 from oarlock.rowing.findings.watched import WATCHED
@@ -80,7 +82,7 @@ def compared(
     rows = [
         [
             link(name, feature_of(name).label),
-            escape(with_unit(feature_of(name), piece.averages[name].over.mean)),
+            escape(_value(feature_of(name), piece.averages[name].over.mean)),
             *(cell for other in others for cell in _cells(piece, other, name, name in incomparable)),
         ]
         for name in names
@@ -122,17 +124,23 @@ def _cells(piece: Counted, other: Other, name: str, incomparable: bool) -> tuple
         return '<span class="mark">not known</span>', ""
     if incomparable:
         return escape(with_unit(then.feature, then.over.mean)), '<span class="mark">not calibrated</span>'
-    change, like = _levelled(difference(now, then)), other.like_rate.get(name)
+    mean = now.over.mean
+    change, like = _levelled(difference(now, then), mean), other.like_rate.get(name)
     if like is not None:
         scale = like.watched.feature.shown_scale
         at_like = Difference(now.feature, like.size / scale, like.sd / scale)
-        change += f'<br><span class="mark">at like rate</span> {_levelled(at_like)}'
-    return escape(with_unit(then.feature, then.over.mean)), change
+        change += f'<br><span class="mark">at like rate</span> {_levelled(at_like, mean)}'
+    return escape(_value(then.feature, then.over.mean)), change
 
 
-def _levelled(change: Difference) -> str:
+def _value(feature: Feature, mean: float) -> str:
+    """A mean with its unit; a speed as pace."""
+    return f"{pace_text(mean)} per 500 m" if feature.name in SPEEDS else with_unit(feature, mean)
+
+
+def _levelled(change: Difference, now: float) -> str:
     """A change in words, bold if it is clear and matters, plain if it is clear, else grey; markup."""
-    text = escape(in_words(change))
+    text = escape(in_words(change, now))
     if not change.beyond:
         return f'<span class="mark">{text}</span>'
     return f"<b>{text}</b>" if matters(change) else text
@@ -143,8 +151,15 @@ def matters(change: Difference) -> bool:
     return bool(change.beyond) and abs(change.value) > least(change.feature)
 
 
-def in_words(change: Difference) -> str:
-    """A change with its 95 % interval and direction: `1.4 ± 1.2° shorter`; shares of 100 % in percentage points."""
+def in_words(change: Difference, now: float) -> str:
+    """A change until a mean `now`, with its 95 % interval and direction: `1.4 ± 1.2° shorter`.
+
+    Shares of 100 % in percentage points; speeds as pace: `3.2 ± 1.0 s per 500 m slower`.
+    """
+    if change.feature.name in SPEEDS:
+        late_s, half_s = slower_s(now, now - change.value), of_pace(now, SIGMAS_95 * change.uncertainty)
+        word = "different" if late_s == 0.0 else "slower" if late_s > 0.0 else "faster"
+        return f"{fixed(abs(late_s), 1)} {PLUS_MINUS} {fixed(half_s, 1)} {PER_500_M} {word}"
     watched, up = WATCHED.get(change.feature.name), change.value > 0.0
     word = (watched.grew if up else watched.fell) if watched is not None else ""
     word = word or ("more" if up else "less")
@@ -172,4 +187,5 @@ def largest_change(piece: Counted, other: Other, incomparable: Collection[str] =
     if not changes:
         return f"Against {other.label}: no clear change that matters."
     _, change = max(changes, key=lambda one: one[0])
-    return f"Against {other.label}: {change.feature.label} {in_words(change)}."
+    text = in_words(change, piece.averages[change.feature.name].over.mean)
+    return f"Against {other.label}: {change.feature.label} {text}."

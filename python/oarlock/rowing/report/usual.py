@@ -89,6 +89,8 @@ def usual_span(watched: Watched, kind: str) -> str:
     if kind not in watched.usual_range:
         return ""
     low, high = sorted(watched.usual_range[kind], key=abs)
+    if low == 0.0:
+        return f"up to {fixed(high, 0)}{joined_unit(watched.feature)}".replace(" ", "\N{NO-BREAK SPACE}")
     digits = 0 if low == round(low) and high == round(high) else 2
     span = f"about {fixed(low, digits)}" if low == high else f"{fixed(low, digits)} to {fixed(high, digits)}"
     return f"{span}{joined_unit(watched.feature)}".replace(" ", "\N{NO-BREAK SPACE}")
