@@ -12,7 +12,6 @@ from oarlock.rowing.findings.candidate import Candidate, against
 from oarlock.rowing.findings.find import comparisons
 from oarlock.rowing.findings.finding import Finding
 from oarlock.rowing.findings.rowed import FEWEST_STROKES
-from oarlock.rowing.findings.watched import WATCHED
 from oarlock.rowing.report.checked import is_useful, sizes
 from oarlock.rowing.report.export_fade import FORCES, LENGTHS, where_lost
 from oarlock.rowing.report.export_force import after_start
