@@ -13,8 +13,9 @@ from local_data import local_folder
 from oarlock.rowing import StrokeTable, load_export
 from oarlock.rowing.alongside.align import NO_ONSET, align_strokes
 from oarlock.rowing.alongside.clock_match import match_clocks
-from oarlock.rowing.alongside.course import clock_text, course_of, pace_text, parts_of, pieces_of, splits_of
+from oarlock.rowing.alongside.course import course_of, parts_of, pieces_of, splits_of, starts_of
 from oarlock.rowing.alongside.force_curves import FORCES, force_stacks, forces_on_strokes
+from oarlock.rowing.alongside.paces import clock_text, pace_text
 from oarlock.rowing.analysis.technique import technique
 from oarlock.rowing.report.export_fade import where_lost
 from oarlock.rowing.report.export_front import findings_of_export
@@ -260,7 +261,8 @@ def outing() -> StrokeTable:
 
 def test_only_rowing_counts_and_every_row_has_its_place():
     course = course_of(outing())
-    assert [one.strokes for one in pieces_of(course)] == [252, 75]  # a start of three; one misread
+    assert [one.strokes for one in pieces_of(course)] == [249, 75]  # one misread
+    assert [(one.name, one.strokes) for one in starts_of(course)] == [("standing start", 3)]
     assert [round(one.pause_s) for one in pieces_of(course)] == [0, 62]
     assert int(course.counted.sum()) + sum(course.left_out.values()) == len(outing())
     assert sum(one.strokes for one in splits_of(course)) == 252
@@ -273,10 +275,12 @@ def test_pace_is_rowed_distance_over_rowed_time_and_splits_add_up():
     assert piece is not None
     assert sum(one.duration_s for one in splits) == pytest.approx(piece.duration_s)
     assert sum(one.distance_m for one in splits) == pytest.approx(piece.distance_m)
-    assert sum(one.duration_s for one in pieces_of(course)) == pytest.approx(course.duration_s)
+    parts = [*starts_of(course), *pieces_of(course)]
+    assert sum(one.duration_s for one in parts) == pytest.approx(course.duration_s)
+    assert sum(one.distance_m for one in parts) == pytest.approx(course.distance_m)
     assert splits[1].speed_m_s == pytest.approx(4.0, abs=0.001)
     page = strokes_page(outing())
-    pace = pace_text(course.distance_m / course.duration_s)
+    pace = pace_text(course.steady_m / course.steady_s)
     assert f"{clock_text(course.duration_s, tenths=True)}" in page and f"<b>{pace}</b>" in page
     assert "327 strokes rowed in 2 pieces" in Page(page).text
 
@@ -381,7 +385,7 @@ def test_the_page_names_who_rowed_as_given_or_as_session_toml_says(tmp_path):
     assert "B12: " in texts[0] and "Lake" in texts[0]
     assert "A07: " in texts[1] and "boat 1x" in texts[1] and "Lake" in texts[1]
     assert "--athlete needs --report" in run("strokes", str(file), "--athlete", "A07", status=2).output
-    assert "The athlete is not named" in strokes_page(load_export(file))
+    assert "Athlete, date and place not in the file: add --athlete NAME" in strokes_page(load_export(file))
 
 
 def test_the_report_of_a_track_shows_force_beside_the_motion(tmp_path):

@@ -24,7 +24,7 @@ from oarlock.report import (
     write_summary,
 )
 from oarlock.report.page import sensors_of
-from oarlock.report.trust import trust
+from oarlock.report.trust import INCREASED, trust
 from oarlock.rowing.analysis.technique import technique
 from oarlock.rowing.report.front import front_of
 from oarlock.rowing.report.piece import Piece
@@ -95,8 +95,24 @@ def test_belief_is_the_worst_that_is_known(track):
     suspect = replace(nominal, notes=(f"{SUSPECT_NOTE}back: frozen. It stood still.",))
     assert trust(suspect, None, sensors).level == "bad"
     assert trust(suspect, None, sensors).reason == "back: frozen."
-    loud = tuple(replace(score, nis=4.0) for score in sensors)
-    assert f"{len(loud)} of {len(loud)} sensors disagree" in trust(calibrated, None, loud).reason
+    covered = tuple(replace(score, nis=2.0) for score in sensors)
+    assert trust(calibrated, None, covered).level == "good"
+    loud = tuple(replace(score, nis=9.0) for score in sensors)
+    assert "the sensor back differs from the prediction by 3.0 times" in trust(calibrated, None, loud).reason
+    closures = tuple(replace(score, count=None) for score in loud)
+    assert trust(calibrated, None, closures).level == "good"
+    direct = trust(nominal, None, sensors, "oars and seat")
+    assert direct.reason.startswith("oars and seat are within their ±; angles of the body")
+    note = "r_hand_flexion: beyond its soft limits (-80 to 80 deg) in 72 % of the samples, by up to 124 deg; check"
+    contorted = trust(replace(calibrated, notes=(note,)), None, sensors)
+    assert contorted.level == "bad"
+    assert contorted.reason.startswith(
+        "r_hand_flexion: beyond its soft limits (-80 to 80 deg) in 72 % of the samples"
+    )
+    assert "check" not in contorted.reason
+    widened = replace(calibrated, notes=(f"{INCREASED}, by up to 3 deg",))
+    assert trust(widened, None, sensors).level == "good"
+    assert "the ± contain this" in trust(widened, None, sensors).reasons[1]
     assert trust(calibrated, None, ()).level == "care"
 
 
@@ -128,13 +144,16 @@ def test_a_piece_in_which_nothing_stands_out_says_what_would_have():
     changed = r"from start to end \(no change seen; one from about \d° of arc(,| or) \d° of catch angle"
     assert re.search(changed, front.quiet)
     assert "named from" in front.checked
-    assert re.search(r"Row this piece again at 24/min and compare: .* of \d° of catch angle", front.next_step)
+    assert re.search(r"row this piece again at 24/min and compare: .* of \d° of catch angle", front.next_step)
     short = rowed("S-NB", 14.0, 24.0, 5)
     assert "Too few strokes count to see small changes" in front_of(Piece("", short, technique(short))).quiet
 
 
 def test_a_mean_outside_of_usual_values_is_a_remark_with_its_source_unless_targets_were_chosen(piece):
-    for targets, told in ((None, "the stroke is 2.5° shorter than 102"), ("sculling_men", "")):
+    for targets, told in (
+        (None, "The stroke: 99.5°, 2.5° shorter than usual (102 to 110°"),
+        ("sculling_men", ""),
+    ):
         found = technique(piece, targets=targets)
         short = replace(found.summary["arc_rad"], mean=np.radians(99.5))
         remark = front_of(
@@ -163,7 +182,8 @@ def test_a_ramp_has_its_numbers_by_rate_and_a_steady_piece_has_not():
 def test_without_calibration_the_first_step_is_to_calibrate_and_lean_is_marked(piece):
     nominal = replace(piece, provenance={**piece.provenance, "nominal_mounts": ("back", "r_wrist")})
     front = front_of(Piece("", nominal, technique(nominal)))
-    assert "Calibrate the sensors before the next outing" in front.next_step
+    assert "Calibrate before the next outing" in front.sensors_step
+    assert "Calibrate" not in front.next_step
     marked = {figure.name for figure in front.figures if "not calibrated" in figure.detail}
     assert marked == {"trunk lean at the catch", "trunk lean at the finish"}
     assert front.commands[0][1].startswith("oarlock calibrate")
@@ -173,20 +193,24 @@ def test_without_calibration_the_first_step_is_to_calibrate_and_lean_is_marked(p
     assert beside.count("not calibrated") == 2
 
 
-def test_sensors_that_disagreed_are_checked_first(piece):
-    noted = replace(piece, notes=("uncertainty was increased, by up to 3 deg: for several seconds ...",))
-    told = front_of(Piece("", noted, technique(noted))).next_step
-    assert told.startswith("Check where the sensors sit and the lengths that were entered")
+def test_without_a_finding_the_next_step_is_a_drill_against_what_is_unusual(piece):
+    told = front_of(Piece("", piece, technique(piece)))
+    assert "rowing style factor" in told.remark
+    assert told.next_step.startswith("Reverse pick drill") and "K. Beck" in told.next_step
+    assert told.sensors_step == ""
+    chosen = front_of(Piece("", piece, technique(piece, targets="sculling_men")))
+    assert "Reverse pick drill" not in chosen.next_step or chosen.points
 
 
-def test_every_reason_to_read_with_care_is_named(track):
-    loud = tuple(replace(score, nis=4.0) for score in sensors_of(track, None))
+def test_the_front_has_the_first_reason_and_what_was_measured_all(track, tmp_path):
+    loud = tuple(replace(score, nis=9.0) for score in sensors_of(track, None))
     nominal = replace(track, provenance={"nominal_mounts": ("back", "r_wrist")}, notes=())
-    told = belief_markup(trust(nominal, None, loud), "measured-in")
-    assert (
-        "misses the prediction by 2.0 times" in told
-        and "The 2 inertial units on the body were not calibrated" in told
-    )
+    belief = trust(nominal, None, loud)
+    assert "because the 2 units on the body were not calibrated" in belief.reason
+    assert "by 3.0 times" in belief.reasons[1]
+    assert "3.0 times" not in belief_markup(belief, "measured-in")
+    text = write_report(nominal, tmp_path / "r.html", front=Front(direct="oars")).read_text(encoding="utf-8")
+    assert text.count("Oars are within their ±") == 1 and text.count("oars are within their ±") == 1
 
 
 def test_the_sheet_has_no_link_no_script_and_the_front(piece, tmp_path):

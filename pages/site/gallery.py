@@ -58,7 +58,8 @@ PIECES = (
     Piece(
         "steady-piece.html",
         "A steady piece with the errors of a careful session",
-        "Simulated: mounts and lengths are slightly wrong, packets are lost, clocks drift.",
+        "Simulated: mounts and lengths are slightly wrong, packets are lost, clocks drift. "
+        "The simulated rower is [no example of technique](explanation/limits.md).",
         (SIMULATE, "track piece --model sculler --smooth --out tracked"),
         "tracked/report.html",
     ),

@@ -87,6 +87,10 @@ def strokes(
     boat: Annotated[
         str | None, typer.Option("--boat", metavar="TEXT", help="With --report: boat or boat class.")
     ] = None,
+    date: Annotated[
+        str | None,
+        typer.Option("--date", metavar="TEXT", help="With --report: day of the piece, such as 2026-05-01."),
+    ] = None,
     place: Annotated[
         str | None, typer.Option("--place", metavar="TEXT", help="With --report: place or water.")
     ] = None,
@@ -123,7 +127,7 @@ def strokes(
 
     if last is not None and report is None:
         raise UsageError("--last needs --report: the comparison is part of the page")
-    who = taken_session({"athlete": athlete, "boat": boat, "place": place, "note": note})
+    who = taken_session({"athlete": athlete, "date": date, "boat": boat, "place": place, "note": note})
     if who and report is None:
         raise UsageError(f"--{next(iter(who))} needs --report: the page names who rowed, when and where")
     if report is not None and source.is_dir():

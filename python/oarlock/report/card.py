@@ -26,8 +26,8 @@ INK, SOFT, TILE = "#16202b", "#566270", "#f2f4f7"
 LEVELS = {"good": "#00795a", "care": "#8a5a00", "bad": "#b84a00"}
 STYLES = (("#0072b2", "-"), ("#b84a00", "--"), ("#00795a", "-."), ("#8a3f77", ":"))
 MOST_FIGURES = 4
-LETTERS, TITLE_LETTERS = 80, 44
-"""Letters in a line of text and of the title."""
+LETTERS, TITLE_LETTERS, TILE_LETTERS = 88, 44, 9
+"""Letters in a line of text, of the title and of a key figure; a longer figure is drawn smaller."""
 LEFT, RIGHT, LINE = 0.055, 0.945, 0.03
 """Margins and the height of a line, in parts of the picture."""
 
@@ -52,7 +52,7 @@ def write_card(track: Track, path: Path, title: str | None, front: Front) -> Pat
         raise DataError(f"{path}: pictures are drawn with Matplotlib: pip install 'oarlock[plot]'") from None
     figure = Figure(figsize=(SIDE_IN, SIDE_IN), dpi=DOTS_PER_IN, facecolor="white")
     heading, _ = heading_of(track, title)
-    belief = trust(track, None, sensors_of(track, None))
+    belief = trust(track, None, sensors_of(track, None), front.direct)
     at = _text(figure, 0.955, heading, 25, INK, "bold", TITLE_LETTERS)
     at = _text(figure, at - 0.005, f"{belief.words}: {belief.reason}", 15, LEVELS[belief.level])
     at = _tiles(figure, at - 0.01, front)
@@ -94,7 +94,7 @@ def _tiles(figure: Figure, top: float, front: Front) -> float:
     shown = list(front.figures)[:MOST_FIGURES]
     if not shown:
         return top
-    step, height = (RIGHT - LEFT) / len(shown), 0.1
+    step, height = (RIGHT - LEFT) / len(shown), 0.115
     for place, one in enumerate(shown):
         left = LEFT + place * step
         box = FancyBboxPatch(
@@ -107,25 +107,28 @@ def _tiles(figure: Figure, top: float, front: Front) -> float:
             edgecolor="none",
         )
         figure.add_artist(box)
-        figure.text(left + 0.015, top - 0.015, one.name, fontsize=13, color=SOFT, va="top", parse_math=False)
-        figure.text(
-            left + 0.015,
-            top - 0.043,
-            one.value,
-            fontsize=24,
-            color=INK,
-            weight="bold",
-            va="top",
-            parse_math=False,
+        size = 24 * min(1.0, TILE_LETTERS / len(one.value))
+        first, _, _ = one.detail.partition("; ")
+        rows: tuple[tuple[str, float, dict[str, Any]], ...] = (
+            (one.name, 0.015, {"fontsize": 13, "color": SOFT}),
+            (one.value, 0.04, {"fontsize": size, "color": INK, "weight": "bold"}),
+            (first, 0.085, {"fontsize": 11, "color": SOFT}),
         )
+        for text, down, style in rows:
+            figure.text(left + 0.015, top - down, text, va="top", parse_math=False, **style)
     return top - height
 
 
 def _findings(figure: Figure, front: Front, ceiling: float) -> float:
     """The sentences at the foot; returns where they begin."""
     told = [f"• {point.sentence}" for point in list(front.points)[:MOST_POINTS]] or [front.quiet]
-    told += list(front.changes)
-    lines = [line for text in told if text for line in textwrap.wrap(text, LETTERS, subsequent_indent="   ")]
+    told += [*front.changes, f"Next: {front.next_step}" if front.next_step else ""]
+    lines = [
+        line
+        for text in told
+        if text
+        for line in textwrap.wrap(text, LETTERS, subsequent_indent="   " if text.startswith("•") else "")
+    ]
     top = min(0.045 + (len(lines) + 1) * LINE, ceiling - 0.02)
     _text(figure, top, "What stands out", 16, INK, "bold")
     for place, line in enumerate(lines, 1):

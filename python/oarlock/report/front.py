@@ -77,7 +77,9 @@ class Front:
         quiet: what is said if nothing stands out, with the differences that would have been seen.
         remark: a sentence below what stands out, such as usual values that differ.
         checked: everything that was compared, folded; markup.
-        next_step: what to do next, in the reader's words.
+        next_step: what to do next, in the words of whoever moves.
+        sensors_step: what to do next with the equipment.
+        direct: what encoders measure, in the words of the field: it does not depend on how units sit.
         commands: what each further step is for, and its command; folded.
         figures: key figures, each with its definition.
         by_rate: the key figures by stroke rate, or by another condition that changes; markup.
@@ -95,6 +97,8 @@ class Front:
     remark: str = ""
     checked: str = ""
     next_step: str = ""
+    sensors_step: str = ""
+    direct: str = ""
     commands: Sequence[tuple[str, str]] = ()
     figures: Sequence[KeyFigure] = ()
     by_rate: str = ""

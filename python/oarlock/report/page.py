@@ -47,11 +47,12 @@ def render(
     refuse_doubles(handed, [*(key for key, _, _ in own), *OWN_KEYS])
     sentences = [sentence for section in handed for sentence in section.sentences]
     figures = [figure for section in handed for figure in section.figures]
-    belief = trust(track, evaluation, sensors)
+    front = front or Front()
+    belief = trust(track, evaluation, sensors, front.direct)
     heading, rest = heading_of(track, title)
     anchor = "measured-in" if handed else "measured"
     suspects = verdict.suspect_sentences(track.notes)
-    answers = front_markup(front or Front(), suspects, sentences, figures)
+    answers = front_markup(front, suspects, sentences, figures)
     lead = rest + belief_markup(belief, anchor)
     beside = bool(handed) and not handed[0].folded
     # The drawings of a field of application are more useful than the curves of all joints.
@@ -59,6 +60,7 @@ def render(
     measured = rendered(
         "measured",
         sentences=verdict.sentences(track, evaluation, sensors),
+        trust=belief,
         tiles=tiles(verdict.key_figures(track, evaluation)),
         sections=own,
         folded=folded,
@@ -83,9 +85,9 @@ def sensors_of(track: Track, evaluation: Evaluation | None) -> tuple[SensorScore
     return evaluation.sensors if evaluation else sensor_scores(track, Interval.after(track.time_s, 0.0))
 
 
-def belief_of(track: Track) -> Trust:
-    """Whether a track without a reference can be believed."""
-    return trust(track, None, sensors_of(track, None))
+def belief_of(track: Track, direct: str = "") -> Trust:
+    """Whether a track without a reference can be believed; `direct` as of `trust`."""
+    return trust(track, None, sensors_of(track, None), direct)
 
 
 def who_in_words(provenance: Mapping[str, object]) -> str:

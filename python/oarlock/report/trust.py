@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,13 +11,21 @@ from oarlock.evaluation.scores import Evaluation, SensorScore
 from oarlock.evaluation.summary import readings
 from oarlock.evaluation.suspects.text import SUSPECT_NOTE
 from oarlock.report.text import percent
-from oarlock.report.verdict import MISLEADING_COVERAGE, NARROW_COVERAGE, NIS_TOO_LARGE
+from oarlock.report.verdict import MISLEADING_COVERAGE, NARROW_COVERAGE
 from oarlock.tracking.track import Track
 
 FEW_USED = 0.9
 """Share of used readings below which a page says so."""
+LOUD = 4.0
+"""NIS per reading above which a sensor is named: innovations twice as large as expected. Below, the learnt uncertainty
+covers what the model gets wrong (docs/bands.md)."""
 WORDS = {"good": "Can be believed", "care": "Read with care", "bad": "Do not rely on it"}
 MARKS = {"good": "✓", "care": "!", "bad": "✗"}
+INCREASED = "uncertainty was increased"
+"""How the note of a track begins whose uncertainty was increased."""
+
+_CONTORTED = re.compile(r"[^:]+: beyond its soft limits \([^)]*\) in [^,]+, by up to [\d.]+ \w+")
+"""A joint that is far beyond its limits for more than a tenth of the time (the engine's note)."""
 
 
 @dataclass(frozen=True)
@@ -43,15 +52,26 @@ class Trust:
         return MARKS[self.level]
 
 
-def trust(track: Track, evaluation: Evaluation | None, sensors: Sequence[SensorScore]) -> Trust:
-    """The worst of what is known about sensors, mounts and bands, as one line."""
+def trust(
+    track: Track, evaluation: Evaluation | None, sensors: Sequence[SensorScore], direct: str = ""
+) -> Trust:
+    """The worst of what is known about sensors, mounts and bands, as one line; all reasons after it.
+
+    `direct`: what encoders measure, in the words of a field of application: "oars and seat".
+    """
     bad = _worst(track, evaluation)
     if bad:
         return Trust("bad", tuple(bad), "Check this sensor and its cable, then record again.")
-    reasons = _reasons(track, evaluation, sensors)
+    contorted = [found[0] for note in track.notes if (found := _CONTORTED.match(note))]
+    if contorted:
+        told = (f"{note}: the estimate may have settled in a wrong posture." for note in contorted)
+        return Trust(
+            "bad", tuple(told), "Calibrate and track again, or correct the limits in the model file."
+        )
+    reasons = _reasons(track, evaluation, sensors, direct)
     if reasons:
-        return Trust("care", tuple(reasons))
-    return Trust("good", ("the sensors agree with each other and with the calibration.",))
+        return Trust("care", (*reasons, *_increased(track)))
+    return Trust("good", ("every number within its ±, the 95 % interval.", *_increased(track)))
 
 
 def _worst(track: Track, evaluation: Evaluation | None) -> list[str]:
@@ -64,11 +84,11 @@ def _worst(track: Track, evaluation: Evaluation | None) -> list[str]:
     return found
 
 
-def _reasons(track: Track, evaluation: Evaluation | None, sensors: Sequence[SensorScore]) -> list[str]:
+def _reasons(
+    track: Track, evaluation: Evaluation | None, sensors: Sequence[SensorScore], direct: str
+) -> list[str]:
     share = evaluation.mean_coverage() if evaluation else math.nan
-    found = [_loud(sensors), _not_calibrated(track)]
-    if any(note.startswith("uncertainty was increased") for note in track.notes):
-        found.append("because sensors disagreed for several seconds, the uncertainty was increased.")
+    found = [_not_calibrated(track, direct), *_loud(sensors)]
     if share < NARROW_COVERAGE:
         found.append(f"the 95 % bands contain the reference only {percent(share)} of the time.")
     total = readings(track.counts)
@@ -79,26 +99,34 @@ def _reasons(track: Track, evaluation: Evaluation | None, sensors: Sequence[Sens
     return [reason for reason in found if reason]
 
 
-def _loud(sensors: Sequence[SensorScore]) -> str:
-    """Which sensors differ from the prediction by more than expected, and by how much."""
-    loud = sorted((s for s in sensors if s.nis > NIS_TOO_LARGE), key=lambda s: -s.nis)
-    if not loud:
-        return ""
-    return (
-        f"{len(loud)} of {len(sensors)} sensors disagree with the assumed mounts and lengths; {loud[0].name} misses "
-        f"the prediction by {math.sqrt(loud[0].nis):.1f} times the expected error. Check where they sit and the "
-        "lengths that were entered."
-    )
+def _increased(track: Track) -> tuple[str, ...]:
+    """What the ± contain beyond noise and calibration."""
+    noted = any(note.startswith(INCREASED) for note in track.notes)
+    return ("sensors disagreed with the assumed mounts or lengths; the ± contain this.",) if noted else ()
 
 
-def _not_calibrated(track: Track) -> str:
+def _loud(sensors: Sequence[SensorScore]) -> list[str]:
+    """The sensor that differs most from the prediction, if by more than the learnt uncertainty covers."""
+    loud = max((s for s in sensors if s.count and s.nis > LOUD), key=lambda s: s.nis, default=None)
+    if loud is None:
+        return []
+    return [
+        f"the sensor {loud.name} differs from the prediction by {math.sqrt(loud.nis):.1f} times the expected error "
+        f"(NIS {loud.nis:.1f}): check where it sits and the lengths that were entered."
+    ]
+
+
+def _not_calibrated(track: Track, direct: str) -> str:
     units = len(track.provenance.get("nominal_mounts") or ())
     if not units:
         return ""
-    what = (
-        "the inertial unit on the body was" if units == 1 else f"the {units} inertial units on the body were"
-    )
-    return f"{what} not calibrated: their angles can be several degrees wrong; changes of an angle are better known."
+    if direct:
+        return (
+            f"{direct} are within their ±; angles of the body can be several degrees off, because its units were not "
+            "calibrated."
+        )
+    what = "the unit on the body was" if units == 1 else f"the {units} units on the body were"
+    return f"angles can be several degrees off, because {what} not calibrated; changes of an angle are better known."
 
 
 def _short(text: str) -> str:

@@ -20,6 +20,8 @@ MISLEADING_COVERAGE = 0.8
 """Share below which a band is not usable."""
 NIS_TOO_LARGE = 1.25
 """NIS per reading above which the innovations of a sensor are clearly larger than expected."""
+NIS_QUIET = 0.25
+"""NIS per reading below which innovations are half as large as expected, or smaller."""
 
 
 def sentences(track: Track, evaluation: Evaluation | None, sensors: tuple[SensorScore, ...]) -> list[str]:
@@ -115,8 +117,7 @@ def _how_well(evaluation: Evaluation | None) -> str:
 
 
 def _verdict(evaluation: Evaluation | None, sensors: tuple[SensorScore, ...]) -> str:
-    loud = [f"{s.name} ({fixed(s.nis, 1)})" for s in sensors if s.nis > NIS_TOO_LARGE]
-    parts = [_bands(evaluation), _readings(loud) if sensors else ""]
+    parts = [_bands(evaluation), _readings(sensors) if sensors else ""]
     text = " ".join(part for part in parts if part)
     return f"<strong>Reliability.</strong> {text}" if text else ""
 
@@ -142,10 +143,17 @@ def _bands(evaluation: Evaluation | None) -> str:
     return f"{lead}: they contain the truth {shown} of the time.{but}"
 
 
-def _readings(loud: list[str]) -> str:
-    if not loud:
-        return "All sensors agree: no innovations are larger than the filter expects."
-    return (
-        f"Innovations are larger than the filter expects (NIS per reading above {NIS_TOO_LARGE}) for "
-        f"{escape(listing(loud))}: a mount, a length or a noise level may be wrong. Run oarlock calibrate."
-    )
+def _readings(sensors: Sequence[SensorScore]) -> str:
+    loud = [f"{s.name} ({fixed(s.nis, 1)})" for s in sensors if s.nis > NIS_TOO_LARGE]
+    if loud:
+        return (
+            f"Innovations are larger than the filter expects (NIS per reading above {NIS_TOO_LARGE}) for "
+            f"{escape(listing(loud))}: a mount, a length or a noise level may be wrong. Run oarlock calibrate."
+        )
+    known = [s.nis for s in sensors if s.nis > 0.0]
+    if known and max(known) < NIS_QUIET:
+        return (
+            f"Innovations are much smaller than the filter expects (NIS per reading below {NIS_QUIET}): the model file "
+            "states more noise than these sensors have, as for units on clothes, so the bands are wider than needed."
+        )
+    return "All sensors agree: no innovations are larger than the filter expects."

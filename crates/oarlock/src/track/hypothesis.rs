@@ -119,6 +119,13 @@ impl Hypothesis {
         variance.iter_mut().for_each(|x| *x = x.sqrt());
     }
 
+    /// Standard deviations of what the learnt scale of consider states adds.
+    pub fn learnt_spread(&self) -> Vec<f64> {
+        let mut variance = vec![0.0; self.belief.mean.len()];
+        self.doubt.iter().for_each(|doubt| doubt.add_learnt(&mut variance));
+        variance.iter().map(|x| x.sqrt()).collect()
+    }
+
     /// Writes standard deviations into `std`. With rivals: those of all hypotheses about this mean.
     pub fn spread<S: System>(&self, system: &S, std: &mut [f64]) {
         self.variances(system, std);

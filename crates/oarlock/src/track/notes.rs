@@ -42,13 +42,12 @@ pub fn notes(run: &Run) -> Vec<String> {
     notes
 }
 
-/// Reports bands that the uncertainty of consider states (mounts, lengths, sensor positions) widens.
+/// Reports bands that consider states (mounts, lengths, sensor positions) widen beyond the calibration's own uncertainty.
 fn widened(run: &Run) -> Option<String> {
     let (body, last) = (run.tracker().body(), run.last()?);
     let slides = |c: usize| body.model.joints.iter().any(|j| j.first == c && j.kind == JointKind::Slide);
     let turning = body.moving().filter(|(c, axis, _)| !axis.place && !slides(*c));
-    let mut std_rad = vec![0.0; body.layout.dim()];
-    last.widen(&mut std_rad);
+    let std_rad = last.learnt_spread();
     let (joint, most) =
         turning.map(|(c, _, slots)| (c, std_rad[slots.q].to_degrees())).max_by(|a, b| a.1.total_cmp(&b.1))?;
     (most > WORTH_A_WORD_DEG).then(|| {

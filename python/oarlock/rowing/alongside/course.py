@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from oarlock.rowing.alongside.piece_start import Start, start_of
 from oarlock.rowing.alongside.stretches import Clock, Stretch, reasons_left_out, stretches_of
 from oarlock.rowing.exports.activity import Activity
 from oarlock.rowing.strokes.table import Floats, StrokeTable, running
@@ -26,6 +27,8 @@ _FEWEST_SPLITS = 3
 _REST_M = 50.0
 """A rest behind the last mark that is shorter belongs to the last split: its pace would be noise."""
 _PARTS = 5
+_MOST_HAVE_SPEED = 0.5
+"""Where fewer rows have a speed, it is that from row to row: some monitors give a single one."""
 _ALONE = "outside of the pieces: fewer than 6 strokes together, or without way"
 
 
@@ -36,7 +39,7 @@ class Course:
     Attributes:
         clock: time, distance and interval of each row.
         values: by the names of `QUANTITIES`; only what is known of some rows.
-        counted: (N,) which rows are rowing, in a piece.
+        counted: (N,) which rows are rowing, in a piece, starts included.
         left_out: how many rows are not, by reason.
         stretches: the pieces that were rowed without a pause; empty without times.
         is_strokes: whether a row is a stroke.
@@ -65,6 +68,29 @@ class Course:
     def distance_m(self) -> float:
         """Distance rowed, without pauses; NaN if unknown."""
         return sum(one.distance_m for one in self.stretches) if self.stretches else float("nan")
+
+    @property
+    def starts(self) -> list[Start]:
+        """The starts of the pieces that have one."""
+        return [one.start for one in self.stretches if one.start is not None]
+
+    @property
+    def steady(self) -> NDArray[np.bool_]:
+        """(N,) which rows count in pace, averages and comparisons: those that are rowed after the starts."""
+        found = self.counted.copy()
+        for one in self.starts:
+            found[one.rows] = False
+        return found
+
+    @property
+    def steady_s(self) -> float:
+        """Time rowed after the starts; NaN if unknown."""
+        return sum(one.steady_s for one in self.stretches) if self.stretches else float("nan")
+
+    @property
+    def steady_m(self) -> float:
+        """Distance rowed after the starts; NaN if unknown."""
+        return sum(one.steady_m for one in self.stretches) if self.stretches else float("nan")
 
     @property
     def total_s(self) -> float:
@@ -106,7 +132,7 @@ def course_of(found: StrokeTable | Activity) -> Course:
     clock, through_water = _clock(found)
     reasons = reasons_left_out(found, clock)
     rowing = np.array([not reason for reason in reasons], dtype=bool)
-    stretches = stretches_of(clock, rowing)
+    stretches = [_started(one, clock, found) for one in stretches_of(clock, rowing)]
     counted = np.any([one.rows for one in stretches], axis=0) if stretches else rowing
     reasons = [_ALONE if rowing[k] and not counted[k] else reason for k, reason in enumerate(reasons)]
     told = [reason for reason in reasons if reason]
@@ -119,6 +145,16 @@ def course_of(found: StrokeTable | Activity) -> Course:
         values.pop("curve_peak_force_n", None)
     left_out = {reason: told.count(reason) for reason in dict.fromkeys(told)}
     return Course(clock, values, counted, left_out, stretches, is_strokes, through_water)
+
+
+def _started(one: Stretch, clock: Clock, found: StrokeTable | Activity) -> Stretch:
+    """The piece with its start. Without a speed the power decides, which grows with the cube of the speed."""
+    speed = clock.speed_m_s
+    if "power_w" in found and not np.isfinite(speed[one.rows]).any():
+        speed = np.cbrt(found["power_w"])
+    rows = np.flatnonzero(one.rows)
+    begin = (one.begin_s, one.begin_m)
+    return replace(one, start=start_of(rows, clock.time_s, clock.distance_m, speed, begin))
 
 
 def _clock(found: StrokeTable | Activity) -> tuple[Clock, bool]:
@@ -135,7 +171,7 @@ def _clock(found: StrokeTable | Activity) -> tuple[Clock, bool]:
     time_s = running(ends_s)
     distance_m = _between(time_s, running(column(f"{kind}distance_m")))
     speed = column(f"{kind}speed_m_s")
-    if not np.isfinite(speed).any():
+    if np.isfinite(speed).mean() < _MOST_HAVE_SPEED:
         speed = _speed_m_s(time_s, distance_m)
     restarts = np.zeros(count, dtype=bool)
     known = np.flatnonzero(np.isfinite(time_s))
@@ -172,40 +208,59 @@ def parts_of(course: Course) -> list[Part]:
 
 
 def pieces_of(course: Course) -> list[Part]:
-    """What was rowed between pauses."""
+    """What was rowed between pauses, after the starts."""
     return [
-        _part(course, f"piece {k + 1}", one.rows, one.duration_s, one.distance_m, one.pause_s)
+        _part(course, f"piece {k + 1}", one.steady, one.steady_s, one.steady_m, one.pause_s)
         for k, one in enumerate(course.stretches)
     ]
 
 
-def splits_of(course: Course) -> list[Part]:
-    """The longest piece by 500 m, or by fifths of its time if it is short or has no distance."""
-    piece = course.longest
-    if piece is None or piece.duration_s <= 0.0:
+def starts_of(course: Course) -> list[Part]:
+    """The starts of the pieces that have one."""
+    return [part for one in course.stretches for part in _start_part(course, one)]
+
+
+def _start_part(course: Course, one: Stretch) -> list[Part]:
+    if one.start is None:
         return []
-    time_s, rows = course.clock.time_s, piece.rows
+    rows = one.rows & ~one.steady
+    took_s, way_m = one.start.end_s - one.begin_s, one.start.end_m - one.begin_m
+    return [_part(course, one.start.name, rows, took_s, way_m)]
+
+
+def splits_of(course: Course) -> list[Part]:
+    """The longest piece: its start, then 500 m by 500 m, or fifths of its time if it is short or has no distance.
+
+    Marks count from where the piece begins, as in a race: the first 500 m lack the way of the start.
+    """
+    piece = course.longest
+    if piece is None or piece.steady_s <= 0.0:
+        return []
+    time_s, rows = course.clock.time_s, piece.steady
     far_m = course.clock.distance_m - piece.begin_m
+    begin_s, begin_m = piece.after_start[0], piece.after_start[1] - piece.begin_m
+    good = rows & np.isfinite(far_m)
     if piece.distance_m >= _FEWEST_SPLITS * _SPLIT_M:
-        marks_m = np.arange(0.0, piece.distance_m - _REST_M, _SPLIT_M)
-        ends_m = np.append(marks_m, piece.distance_m)
-        good = rows & np.isfinite(far_m)
-        ahead_m = np.maximum.accumulate(np.append(0.0, far_m[good]))
-        ends_s = np.interp(ends_m, ahead_m, np.append(piece.begin_s, time_s[good]))
+        marks_m = np.arange(_SPLIT_M, piece.distance_m - _REST_M, _SPLIT_M)
+        ends_m = np.concatenate([[begin_m], marks_m, [piece.distance_m]])
+        ahead_m = np.maximum.accumulate(np.append(begin_m, far_m[good]))
+        ends_s = np.interp(ends_m, ahead_m, np.append(begin_s, time_s[good]))
         names = [f"to {end:.0f} m" for end in ends_m[1:]]
     else:
-        ends_s = np.linspace(piece.begin_s, piece.end_s, _PARTS + 1)
-        good = rows & np.isfinite(far_m)
-        known_m = np.append(0.0, far_m[good]) if good.any() else np.full(1, np.nan)
-        ends_m = np.interp(ends_s, np.append(piece.begin_s, time_s[good]), known_m)
+        ends_s = np.linspace(begin_s, piece.end_s, _PARTS + 1)
+        known_m = np.append(begin_m, far_m[good]) if good.any() else np.full(1, np.nan)
+        ends_m = np.interp(ends_s, np.append(begin_s, time_s[good]), known_m)
         names = [f"fifth {k + 1}" for k in range(_PARTS)]
     ends_s[-1] = piece.end_s
-    return [
-        _part(course, name, _within(rows, time_s, begin_s, end_s, k == 0), end_s - begin_s, end_m - begin_m)
-        for k, (name, (begin_s, end_s), (begin_m, end_m)) in enumerate(
-            zip(names, pairwise(ends_s.tolist()), pairwise(ends_m.tolist()), strict=True)
-        )
+    spans = zip(names, pairwise(ends_s.tolist()), pairwise(ends_m.tolist()), strict=True)
+    return _start_part(course, piece) + [
+        _part(course, name, _within(rows, time_s, *times_s, k == 0), _apart(times_s), _apart(ways_m))
+        for k, (name, times_s, ways_m) in enumerate(spans)
     ]
+
+
+def _apart(ends: tuple[float, float]) -> float:
+    return ends[1] - ends[0]
 
 
 def _within(
@@ -237,21 +292,3 @@ def _reach(values: Floats) -> float:
 def _median(values: Floats) -> float:
     known = values[np.isfinite(values)]
     return float(np.median(known)) if len(known) else float("nan")
-
-
-def pace_text(speed_m_s: float) -> str:
-    """Time for 500 m, such as 2:03.4; a dash if the boat stands or the speed is not known."""
-    if not np.isfinite(speed_m_s) or speed_m_s < 0.5:
-        return "–"
-    return clock_text(500.0 / speed_m_s, tenths=True)
-
-
-def clock_text(duration_s: float, tenths: bool = False) -> str:
-    """A duration such as 7:05, 7:04.8 with tenths, or 1:02:03; a dash if it is not known."""
-    if not np.isfinite(duration_s):
-        return "–"
-    whole = round(10.0 * duration_s) if tenths else 10 * round(duration_s)
-    seconds, tenth = divmod(whole, 10)
-    hours, rest = divmod(seconds, 3600)
-    end = f".{tenth}" if tenths else ""
-    return f"{hours}:{rest // 60:02d}:{rest % 60:02d}{end}" if hours else f"{rest // 60}:{rest % 60:02d}{end}"

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from oarlock.rowing.alongside.piece_start import Start
 from oarlock.rowing.exports.activity import Activity
 from oarlock.rowing.strokes.table import Floats, StrokeTable
 
@@ -41,6 +42,7 @@ class Stretch:
         begin_s, end_s: on the clock of the course.
         begin_m, end_m: on the distance of the course; NaN without one.
         pause_s: how long the pause before it was; NaN if the clock stood still, 0 if there was none.
+        start: its first strokes, until it is up to speed; None if it begins at speed.
     """
 
     rows: Rows
@@ -49,16 +51,40 @@ class Stretch:
     begin_m: float
     end_m: float
     pause_s: float
+    start: Start | None = None
+
+    @property
+    def steady(self) -> Rows:
+        """(N,) its rows after the start."""
+        found = self.rows.copy()
+        if self.start is not None:
+            found[self.start.rows] = False
+        return found
+
+    @property
+    def after_start(self) -> tuple[float, float]:
+        """Time and distance of the course at which the start ends, or at which the piece begins."""
+        return (self.begin_s, self.begin_m) if self.start is None else (self.start.end_s, self.start.end_m)
 
     @property
     def duration_s(self) -> float:
-        """Time rowed."""
+        """Time rowed, the start included."""
         return self.end_s - self.begin_s
 
     @property
     def distance_m(self) -> float:
-        """Distance rowed; NaN if unknown."""
+        """Distance rowed, the start included; NaN if unknown."""
         return self.end_m - self.begin_m
+
+    @property
+    def steady_s(self) -> float:
+        """Time rowed after the start."""
+        return self.end_s - self.after_start[0]
+
+    @property
+    def steady_m(self) -> float:
+        """Distance rowed after the start; NaN if unknown."""
+        return self.end_m - self.after_start[1]
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from oarlock.rowing.alongside.paces import PER_500_M, SPEEDS, of_pace, pace_text, slower_s, slower_text
 from oarlock.rowing.findings.candidate import Candidate
 from oarlock.rowing.findings.causes import Cause
 from oarlock.rowing.findings.finding import Finding
@@ -21,13 +22,14 @@ def finding(cause: Cause, kind_of_boat: str) -> Finding:
     lead = cause.lead
     watched = lead.watched
     usual, why, tries = watched.usual_of(kind_of_boat), _why(cause), _try(cause)
+    size, sd, unit = _as_shown(lead)
     return Finding(
         name=watched.name,
         kind=lead.kind,
         sentence=sentence(cause),
-        size=lead.size,
-        size_1sd=lead.sd,
-        unit=watched.feature.shown_unit,
+        size=size,
+        size_1sd=sd,
+        unit=unit,
         usual=usual.text,
         usual_source=usual.source,
         why=why.text,
@@ -69,7 +71,8 @@ def sentence(cause: Cause) -> str:
     start = f"In the last third {_changed(lead)} than before" if lead.kind == "drift" else ""
     start = start or f"{capital(_changed(lead))} {_THAN[lead.kind]}"
     like = " at like stroke rate" if lead.like_rate else ""
-    values = f"{_value(lead, lead.now)} instead of {_value(lead, _before(lead))}{like}"
+    earlier = lead.now - lead.size if _is_pace(lead) else _before(lead)
+    values = f"{_value(lead, lead.now)} instead of {_value(lead, earlier)}{like}"
     return f"{start}: {values}.{_followed(cause)}"
 
 
@@ -86,7 +89,21 @@ def _named_with(cause: Cause) -> tuple[str, list[Candidate]]:
     return "", []
 
 
+def _is_pace(one: Candidate) -> bool:
+    """Whether a difference of two speeds is given as pace, which rowers read."""
+    return one.watched.name in SPEEDS and one.kind not in ("odd stroke", "against usual")
+
+
+def _as_shown(one: Candidate) -> tuple[float, float, str]:
+    """Size, its standard deviation and their unit."""
+    if not _is_pace(one):
+        return one.size, one.sd, one.watched.feature.shown_unit
+    return slower_s(one.now, one.now - one.size), of_pace(one.now, one.sd), PER_500_M
+
+
 def _changed(one: Candidate) -> str:
+    if _is_pace(one):
+        return f"{one.watched.subject} is {slower_text(one.now, one.now - one.size)}"
     word = one.watched.grew if one.size > 0.0 else one.watched.fell
     return f"{one.watched.subject} is {_size(one)} {word}"
 
@@ -103,5 +120,7 @@ def _before(one: Candidate) -> float:
 
 
 def _value(one: Candidate, value: float) -> str:
+    if _is_pace(one):
+        return pace_text(value)
     feature, sign = one.watched.feature, -1.0 if one.watched.flipped else 1.0
     return with_unit(feature, sign * value / feature.shown_scale)

@@ -59,12 +59,14 @@ class Difference:
         value: not rounded.
         uncertainty: its standard deviation.
         told: difference of the two numbers as they are shown; `value` if they are not shown.
+        now: the first mean, from which a difference of speed becomes one of pace.
     """
 
     feature: Feature
     value: float
     uncertainty: float
     told: float
+    now: float = math.nan
 
     @property
     def half(self) -> float:
@@ -102,7 +104,7 @@ def difference(this: Average, other: Average) -> Difference:
     """This minus the other."""
     now, then = this.over.mean, other.over.mean
     uncertainty = math.hypot(this.uncertainty, other.uncertainty)
-    return Difference(this.feature, now - then, uncertainty, apart(this.feature, now, then))
+    return Difference(this.feature, now - then, uncertainty, apart(this.feature, now, then), now)
 
 
 def _reason(table: StrokeTable, name: str, mean: FeatureMean) -> str:

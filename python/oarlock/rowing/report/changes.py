@@ -5,7 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
+from oarlock.report import fixed
+from oarlock.rowing.alongside.paces import PER_500_M, SPEEDS, of_pace, slower_s
 from oarlock.rowing.findings.candidate import Candidate, chance
 from oarlock.rowing.findings.find import least
 from oarlock.rowing.findings.watched import WATCHED
@@ -46,8 +49,8 @@ def change(now: Average, then: Average, tested: Candidate | None = None) -> Diff
 def at_like_rate(tested: Candidate) -> Difference:
     """What remains of a difference when the stroke rate's effect is removed."""
     feature = tested.watched.feature
-    size = tested.size / feature.shown_scale
-    return Difference(feature, size, tested.sd / feature.shown_scale, size)
+    size, sd, now = (value / feature.shown_scale for value in (tested.size, tested.sd, tested.now))
+    return Difference(feature, size, sd, size, now)
 
 
 def as_told(
@@ -88,20 +91,39 @@ def matters(found: Difference) -> bool:
 def in_words(found: Difference) -> str:
     """A change with its 95 % interval and direction: `1.4 ± 1.2° shorter`; shares of 100 % in percentage points.
 
-    What is not clear has no direction: `no clear change (± 1.2°)`.
+    Speeds as pace: `3.2 ± 1.0 s per 500 m slower`. What is not clear has no direction: `no clear change (± 1.2°)`.
     """
-    half, unit = spread(found.feature, found.half), _unit(found)
+    said = _said(found)
     if found.beyond is None:
         return f"{size_in_words(found)}, uncertainty not known"
     if not found.beyond:
-        return f"no clear change ({PLUS_MINUS}\N{NO-BREAK SPACE}{half}{unit})"
-    size = shown(found.feature, abs(found.told))
-    return f"{size} {PLUS_MINUS} {half}{unit} {_direction(found)}"
+        return f"no clear change ({PLUS_MINUS}\N{NO-BREAK SPACE}{said.half}{said.unit})"
+    return f"{said.size} {PLUS_MINUS} {said.half}{said.unit} {said.direction}"
 
 
 def size_in_words(found: Difference) -> str:
     """A change without its interval: `1.4° shorter`."""
-    return f"{shown(found.feature, abs(found.told))}{_unit(found)} {_direction(found)}"
+    said = _said(found)
+    return f"{said.size}{said.unit} {said.direction}"
+
+
+class _Said(NamedTuple):
+    """The parts of a change in words."""
+
+    size: str
+    half: str
+    unit: str
+    direction: str
+
+
+def _said(found: Difference) -> _Said:
+    """Of a speed as pace, the difference of both paces as they are shown."""
+    if found.feature.name in SPEEDS:
+        late_s, half_s = slower_s(found.now, found.now - found.value), of_pace(found.now, found.half)
+        word = "slower" if late_s > 0.0 else "faster"
+        return _Said(fixed(abs(late_s), 1), fixed(half_s, 1), f" {PER_500_M}", word)
+    size, half = shown(found.feature, abs(found.told)), spread(found.feature, found.half)
+    return _Said(size, half, _unit(found), _direction(found))
 
 
 def _direction(found: Difference) -> str:

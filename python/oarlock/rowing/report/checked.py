@@ -8,13 +8,10 @@ from html import escape
 from oarlock.report import fixed, plain_table
 from oarlock.rowing.findings.candidate import Candidate, against
 from oarlock.rowing.findings.rowed import Rowed
-from oarlock.rowing.findings.watched import WATCHED
 from oarlock.rowing.report.averages import SIGMAS_95
 from oarlock.rowing.report.calibrated import NOT_CALIBRATED
-from oarlock.rowing.report.piece import Piece
-from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, places, shown, spread, with_unit
+from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, places, shown, spread
 from oarlock.rowing.report.tables import link
-from oarlock.rowing.report.words import usual_span
 
 HEADS = {
     "sides": "Right and left",
@@ -43,7 +40,7 @@ def quiet(candidates: Sequence[Candidate], is_ramp: bool = False) -> str:
     if not candidates:
         return "Too few strokes count, so nothing was compared."
     total = _judged_with(candidates)
-    useful = [one for one in candidates if _is_useful(one, total)]
+    useful = [one for one in candidates if is_useful(one, total)]
     late = sizes(useful, "sides", _OF_SIDES, total)
     changed = sizes(useful, "drift", _OF_DRIFT, total)
     told = [
@@ -71,7 +68,7 @@ def _judged_with(candidates: Sequence[Candidate]) -> int:
     return max(len(candidates), own + beside)
 
 
-def _is_useful(one: Candidate, comparisons: int) -> bool:
+def is_useful(one: Candidate, comparisons: int) -> bool:
     """Whether less than a very large difference would be named."""
     return one.named_from(comparisons) < _USELESS * one.watched.least
 
@@ -82,7 +79,7 @@ def next_sizes(rowed: Rowed) -> str:
     "" without any, and without the trunk if only a very large difference would show.
     """
     again = list(against(rowed, rowed, "again"))
-    useful = [one for one in again if _is_useful(one, len(again))]
+    useful = [one for one in again if is_useful(one, len(again))]
     return _listed(sizes(useful, "again", _OF_NEXT, len(again)))
 
 
@@ -149,27 +146,3 @@ def _with_interval(one: Candidate) -> str:
     size, sd = one.size / feature.shown_scale, one.sd / feature.shown_scale
     half = spread(feature, SIGMAS_95 * sd)
     return f"{shown(feature, size, signed=True)} {PLUS_MINUS} {half}{joined_unit(feature)}"
-
-
-def outside_usual(piece: Piece, kind: str) -> str:
-    """Means that lie clearly outside of usual values, as a sentence; "" if none does or targets were chosen."""
-    if piece.technique.targets:
-        return ""
-    told, sources = [], []
-    for name, watched in WATCHED.items():
-        found = piece.averages.get(name)
-        if found is None or not found.known:
-            continue
-        scale = watched.feature.shown_scale
-        by = watched.beyond_usual(kind, scale * found.over.mean)
-        if not abs(by) > SIGMAS_95 * scale * found.uncertainty:
-            continue
-        word = watched.grew if by > 0.0 else watched.fell
-        size = with_unit(watched.feature, abs(by) / scale)
-        told.append(f"{watched.subject} is {size} {word} than {usual_span(watched, kind)}")
-        sources.append(watched.usual_source)
-    if not told:
-        return ""
-    cited = "; ".join(dict.fromkeys(sources))
-    start = f"Against usual values, {' and '.join(told)} ({cited})."
-    return f"{start} These are guidelines: body height, rig and boat class change them."

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from html import escape
 
 from oarlock.report import plain_table
@@ -11,17 +11,17 @@ from oarlock.rowing.report.shown import unit_of
 from oarlock.rowing.report.tables import anchor
 
 
-def definitions(names: Iterable[str]) -> str:
+def definitions(names: Iterable[str], features: Mapping[str, Feature] = FEATURES) -> str:
     """A table of the features with these names; both sides of one share a row."""
     rows, seen = [], set()
-    wanted = [name for name in dict.fromkeys(names) if name in FEATURES]
+    wanted = [name for name in dict.fromkeys(names) if name in features]
     for name in wanted:
         plain = name[2:] if name.startswith(("r_", "l_")) else name
         if plain in seen:
             continue
         seen.add(plain)
         same = [n for n in wanted if n == plain or n in (f"r_{plain}", f"l_{plain}")]
-        rows.append(_row(FEATURES[same[0]], same))
+        rows.append(_row(features[same[0]], same))
     caption = (
         "In the order of the tables. Small type: the name of the column in the CSV file of strokes, "
         "in SI units and radians; r_ is the rower's right hand (port), l_ the left (starboard)."

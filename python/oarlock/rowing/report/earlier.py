@@ -7,6 +7,8 @@ from html import escape
 from typing import NamedTuple
 
 from oarlock.report import plain_table
+from oarlock.rowing.alongside.paces import SPEEDS, pace_text
+from oarlock.rowing.analysis.features import Feature
 from oarlock.rowing.findings.candidate import Candidate
 from oarlock.rowing.report.averages import Difference, feature_of
 from oarlock.rowing.report.calibrated import NOT_CALIBRATED, is_uncalibrated
@@ -65,7 +67,7 @@ def compared(piece: Counted, others: Sequence[Other], now: str = "now") -> str:
     rows = [
         [
             link(name, feature_of(name).label),
-            escape(with_unit(feature_of(name), piece.averages[name].over.mean)),
+            escape(_value(feature_of(name), piece.averages[name].over.mean)),
             *(cell for other in others for cell in _cells(piece, other, name)),
         ]
         for name in names
@@ -110,7 +112,7 @@ def _cells(piece: Counted, other: Other, name: str) -> tuple[str, str]:
     then = other.piece.averages.get(name)
     if then is None or not then.known:
         return '<span class="mark">not known</span>', ""
-    value = escape(with_unit(then.feature, then.over.mean))
+    value = escape(_value(then.feature, then.over.mean))
     if is_uncalibrated(piece, name) or is_uncalibrated(other.piece, name):
         return value, NOT_CALIBRATED
     found, tested = change_of(piece, other, name), other.tested.get(name)
@@ -121,6 +123,11 @@ def _cells(piece: Counted, other: Other, name: str) -> tuple[str, str]:
         widest = max(found, like, key=lambda one: one.half)
         return value, f'{_levelled(widest)}<span class="mark">, also at like rate</span>'
     return value, f'{_levelled(found)}<br><span class="mark">at like rate:</span> {_levelled(like)}'
+
+
+def _value(feature: Feature, mean: float) -> str:
+    """A mean with its unit; a speed as pace."""
+    return f"{pace_text(mean)} per 500 m" if feature.name in SPEEDS else with_unit(feature, mean)
 
 
 def change_of(piece: Counted, other: Other, name: str) -> Difference:

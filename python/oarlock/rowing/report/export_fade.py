@@ -10,6 +10,7 @@ import numpy as np
 from oarlock.report import Column, Section, fixed, plain_table
 from oarlock.rowing.alongside.clock_match import Places
 from oarlock.rowing.alongside.course import Course
+from oarlock.rowing.alongside.paces import PER_500_M, SPEEDS, of_pace, pace_text, slower_s
 from oarlock.rowing.analysis.features import Feature
 from oarlock.rowing.findings.at_like_rate import change
 from oarlock.rowing.findings.rowed import FEWEST_STROKES, Rowed
@@ -69,15 +70,15 @@ class Faded:
 
 
 def quarters(course: Course) -> tuple[Places, Places]:
-    """Rows of the first and of the last quarter of the longest piece; empty if it is short."""
-    rows = np.flatnonzero(course.longest.rows if course.longest else course.counted)
+    """Rows of the first and of the last quarter of the longest piece after its start; empty if it is short."""
+    rows = np.flatnonzero(course.longest.steady if course.longest else course.steady)
     count = len(rows) // 4
     return (rows[:count], rows[-count:]) if count >= FEWEST_STROKES else (rows[:0], rows[:0])
 
 
 def faded_of(rowed: Rowed, course: Course) -> dict[str, Faded]:
-    """By column, of those with enough strokes in both quarters; `rowed` has the counted rows of the course."""
-    place = np.cumsum(course.counted) - 1
+    """By column, of those with enough strokes in both quarters; `rowed` has the steady rows of the course."""
+    place = np.cumsum(course.steady) - 1
     first, last = (place[rows] for rows in quarters(course))
     found = {}
     for name in _NUMBERS:
@@ -110,13 +111,12 @@ def fade_section(faded: dict[str, Faded], course: Course) -> Section | None:
         return None
     rows = []
     for name, one in faded.items():
-        label = f"{link(name, one.feature.label)} <small>{escape(joined_unit(one.feature).strip())}</small>"
-        half = spread(one.feature, SIGMAS_95 * one.sd)
-        text = f"{shown(one.feature, one.change, signed=True)} {PLUS_MINUS} {half}"
+        label, unit, *cells, text = _as_pace(one) if name in SPEEDS else _as_is(one)
         told = f"<b>{escape(text)}</b>" if one.clear else f'<span class="mark">{escape(text)}</span>'
-        rows.append([label, shown(one.feature, one.first), shown(one.feature, one.last), told])
+        rows.append([f"{link(name, label)} <small>{escape(unit)}</small>", *cells, told])
     heads = [Column(name) for name in ("number", "first quarter", "last quarter", "change")]
     whose = "the longest piece" if len(course.stretches) > 1 else "the rowed part"
+    whose += " after its start" if course.starts else ""
     caption = (
         f"Means of the first and last quarter of {whose}. Change {PLUS_MINUS} its 95 % interval; what the stroke rate "
         "does is in it. Bold: clear. Small: within its interval or too small to matter."
@@ -124,6 +124,21 @@ def fade_section(faded: dict[str, Faded], course: Course) -> Section | None:
     return Section(
         "fade", "From start to end", plain_table("fade-numbers", caption, heads, rows, style="splits")
     )
+
+
+def _as_is(one: Faded) -> tuple[str, str, str, str, str]:
+    """Label, unit, both quarters, and the change with its 95 % interval."""
+    half = spread(one.feature, SIGMAS_95 * one.sd)
+    change = f"{shown(one.feature, one.change, signed=True)} {PLUS_MINUS} {half}"
+    ends = (shown(one.feature, one.first), shown(one.feature, one.last))
+    return one.feature.label, joined_unit(one.feature).strip(), *ends, change
+
+
+def _as_pace(one: Faded) -> tuple[str, str, str, str, str]:
+    """The same of a speed as time for 500 m."""
+    late, half = slower_s(one.last, one.first), of_pace(one.last, SIGMAS_95 * one.sd)
+    change = f"{'+' if late > 0.0 else ''}{fixed(late, 1)} {PLUS_MINUS} {fixed(half, 1)}"
+    return one.feature.label, f"as pace, {PER_500_M}", pace_text(one.first), pace_text(one.last), change
 
 
 def where_lost(faded: dict[str, Faded], course: Course) -> str:

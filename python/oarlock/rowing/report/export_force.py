@@ -11,11 +11,13 @@ from oarlock.report import Axis, Column, Section, Series, course_chart, fixed, g
 from oarlock.rowing.alongside.clock_match import Places
 from oarlock.rowing.alongside.course import Course
 from oarlock.rowing.alongside.force_curves import LABELS, ForceStack, force_stacks
+from oarlock.rowing.findings.rowed import FEWEST_STROKES
 from oarlock.rowing.report.averages import feature_of
 from oarlock.rowing.report.export_fade import quarters
+from oarlock.rowing.report.export_meanings import is_empower
 from oarlock.rowing.report.shown import joined_unit, shown, spread
 from oarlock.rowing.report.tables import link
-from oarlock.rowing.strokes.table import StrokeTable
+from oarlock.rowing.strokes.table import Floats, StrokeTable
 
 _NUMBERS = (
     "peak_force_n",
@@ -37,13 +39,13 @@ _NUMBERS = (
 )
 _FEWEST = 4
 """Strokes of a group with a curve of its own."""
-BAND = "Tinted: SD, the standard deviation from stroke to stroke, to either side."
+BAND = "Tinted: one standard deviation (SD) from stroke to stroke on either side."
 _PLACES = {"%": "of the drive", "m": "of handle travel", "s": "after the catch"}
 
 
 def force_section(export: StrokeTable, course: Course) -> Section | None:
     """Forces and curves of the rowed strokes; None without any."""
-    counted = np.flatnonzero(course.counted)
+    counted = np.flatnonzero(course.steady)
     stacks, table = force_stacks(export), _table(export, counted, course)
     if not stacks and not table:
         return None
@@ -54,56 +56,66 @@ def force_section(export: StrokeTable, course: Course) -> Section | None:
     charts = [_chart(stack, course, f"force-{k}") for k, stack in enumerate(stacks)]
     said = " ".join(dict.fromkeys(stack.how for stack in stacks if stack.how))
     onset = f" A stroke begins with {export.onset}." if export.onset else ""
-    hint = f"Means over the rowed strokes. {BAND} {said}{onset}"
+    hint = f"Means over the rowed strokes{after_start(course)}. {BAND} {said}{onset}"
     curves = f'{_peaks(stacks, counted)}{grid(charts)}<p class="hint">{escape(hint)}</p>'
     return Section("force", "Force", where + curves + table)
 
 
 def _where(export: StrokeTable) -> str:
-    """Where the force acts, and what the effective arc is."""
-    device = export.source.partition(": ")[2]
-    if device.startswith("NK"):
-        told = (
-            "The EmPower oarlock measures at the gate (the pin of the rigger), horizontally, one oar of one side "
-            "(BioRow, 2017); NK's Logbook calls the numbers handle forces."
+    """Where the force acts, in a sentence."""
+    if is_empower(export):
+        return (
+            "The EmPower oarlock measures one oar, at the gate (the pin of the rigger); in sculling its force, work "
+            "and power stand for both oars (BioRow, 2017)."
         )
-    elif any("gate_force" in name for name in (*export.columns, *export.curves)):
-        told = "The force is that at the gate (the pin of the rigger), of each oar."
-    elif "arc_rad" in export:
-        told = "The file does not name the place of the force: gate or handle."
-    else:
-        told = "The force is that at the handle, as the ergometer gives it."
-    if "effective_arc_rad" in export:
-        told += (
-            " Arc: from catch to finish. Effective arc: the part with load on the blade, without slip (before the "
-            "force passes 100 N in sculling, 200 N in sweep) and wash (after it has fallen below)."
-        )
-    if "peak_force_angle_rad" in export:
-        told += (
-            " Angle of peak force: 0° is the oar square to the boat, negative before it, towards the catch."
-        )
-    return told
+    if any("gate_force" in name for name in (*export.columns, *export.curves)):
+        return "The force is that at the gate (the pin of the rigger), of each oar."
+    if "arc_rad" in export:
+        return "The file does not name the place of the force: gate or handle."
+    return "The force is that at the handle, as the ergometer gives it."
+
+
+def after_start(course: Course) -> str:
+    """What follows "the rowed strokes" where means leave out starts; "" without any."""
+    starts = len(course.starts)
+    return " after the starts" if starts > 1 else " after the start" if starts else ""
 
 
 def _table(export: StrokeTable, counted: Places, course: Course) -> str:
-    """Means of forces, work and length, how far strokes differ, and the quarters."""
+    """Means of forces, work and length, how far strokes differ, and the quarters if the piece is long enough."""
     held = [name for name in _NUMBERS if name in export and np.isfinite(export[name][counted]).any()]
     if not any(name.endswith("_force_n") for name in held):
         return ""
-    first, last = quarters(course)
+    ends = [part for part in quarters(course) if len(part)]
     rows = []
     for name in held:
-        feature = feature_of(name)
-        cells = [shown(feature, _mean(export[name][part])) for part in (counted, first, last)]
-        scatter = f"SD {spread(feature, float(np.nanstd(export[name][counted])))}"
+        feature, values = feature_of(name), export[name]
         label = f"{link(name, feature.label)} <small>{escape(joined_unit(feature).strip())}</small>"
-        rows.append([label, cells[0], scatter, *cells[1:]])
-    heads = [Column(name) for name in ("number", "mean", "stroke to stroke", "first quarter", "last quarter")]
-    caption = "Means over the rowed strokes. Stroke to stroke: standard deviation of single strokes."
-    return plain_table("force-numbers", caption, heads, rows, style="splits")
+        means = [shown(feature, _mean(values[part])) for part in (counted, *ends)]
+        rows.append([label, means[0], spread(feature, _sd(values[counted])), *means[1:]])
+    names = ("number", "mean", "SD", *(("first quarter", "last quarter") if ends else ()))
+    caption = f"Means over the rowed strokes{after_start(course)}. SD: standard deviation of single strokes."
+    table = plain_table("force-numbers", caption, [Column(name) for name in names], rows, style="splits")
+    return table + ("" if ends else _no_quarters(course))
 
 
-def _mean(values: np.ndarray) -> float:
+def _no_quarters(course: Course) -> str:
+    rows = int((course.longest.steady if course.longest else course.steady).sum())
+    whose = " of the longest piece" if len(course.stretches) > 1 else ""
+    told = (
+        f"The first and the last quarter are not compared: {rows} strokes{whose} count, "
+        f"and {4 * FEWEST_STROKES} are needed."
+    )
+    return f'<p class="hint">{escape(told)}</p>'
+
+
+def _sd(values: Floats) -> float:
+    """From stroke to stroke; NaN of fewer than two."""
+    known = values[np.isfinite(values)]
+    return float(known.std(ddof=1)) if len(known) > 1 else float("nan")
+
+
+def _mean(values: Floats) -> float:
     return float(np.nanmean(values)) if np.isfinite(values).any() else float("nan")
 
 
@@ -111,7 +123,7 @@ def _chart(stack: ForceStack, course: Course, key: str) -> str:
     first, last = quarters(course)
     named = {"first quarter": first, "last quarter": last}
     if min(len(first), len(last)) < _FEWEST:
-        named = {"all strokes": np.flatnonzero(course.counted)}
+        named = {"all strokes": np.flatnonzero(course.steady)}
     series = [force_series(name, stack, rows) for name, rows in named.items()]
     return course_chart(
         key, LABELS[stack.name].capitalize(), series, Axis(stack.axis, stack.unit), Axis("", "N")
@@ -134,8 +146,8 @@ def _peaks(stacks: Sequence[ForceStack], counted: Places) -> str:
             continue
         peak, place = np.nanmax(chosen, axis=1), stack.peak_at()[counted]
         digits = 0 if stack.unit == "%" else 2
-        size, differs = (f"{fixed(float(of(peak)), 0)}" for of in (np.mean, np.std))
-        at, varies = (f"{fixed(float(of(place)), digits)}" for of in (np.nanmean, np.nanstd))
+        size, differs = (fixed(float(of(peak)), 0) for of in (_mean, _sd))
+        at, varies = (fixed(float(of(place)), digits) for of in (_mean, _sd))
         text = (
             f"{LABELS[stack.name].capitalize()}: the peak is {size} N (SD {differs} N from stroke to stroke)"
             f", at {at} {stack.unit} {_PLACES[stack.unit]} (SD {varies} {stack.unit})."

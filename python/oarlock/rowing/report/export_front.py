@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
-from oarlock.report import Front, KeyFigure, fixed
-from oarlock.rowing.alongside.course import Course, clock_text, pace_text
+from oarlock.report import Front, KeyFigure, Point, fixed
+from oarlock.rowing.alongside.course import Course, starts_of
+from oarlock.rowing.alongside.paces import clock_text, pace_text
+from oarlock.rowing.analysis.features import Feature
 from oarlock.rowing.exports.activity import Activity
-from oarlock.rowing.findings.candidate import Candidate, against
-from oarlock.rowing.findings.find import comparisons, findings_of
+from oarlock.rowing.findings.find import findings_of
 from oarlock.rowing.findings.finding import Finding
-from oarlock.rowing.findings.rowed import FEWEST_STROKES
 from oarlock.rowing.report.averages import Average
-from oarlock.rowing.report.checked import sizes
 from oarlock.rowing.report.earlier import compared, earlier_pieces
-from oarlock.rowing.report.export_fade import FORCES, LENGTHS, where_lost
+from oarlock.rowing.report.export_force import after_start
+from oarlock.rowing.report.export_meanings import meanings
+from oarlock.rowing.report.export_next import next_step, quiet_text
 from oarlock.rowing.report.export_piece import ExportPiece
 from oarlock.rowing.report.front import point
 from oarlock.rowing.report.shown import joined_unit, spread, with_unit
@@ -32,7 +34,7 @@ _TILES = (
     "heart_rate_per_min",
 )
 _PACE = (
-    "Rowed distance over rowed time, for 500 m. Pauses, waiting, drifting and paddling count in neither; "
+    "Rowed distance over rowed time, for 500 m. Starts, pauses, waiting, drifting and paddling count in neither; "
     "the tables below show the parts."
 )
 _COMPARE = (
@@ -41,7 +43,7 @@ _COMPARE = (
 )
 _NAME = (
     "Name the athlete, or put a session.toml beside the file",
-    "oarlock strokes FILE --report PAGE --athlete NAME --boat BOAT --place PLACE",
+    "oarlock strokes FILE --report PAGE --athlete NAME --date DATE --boat BOAT --place PLACE",
 )
 
 
@@ -51,21 +53,30 @@ def strokes_front(piece: ExportPiece, earlier: ExportPiece | None) -> Front:
     if earlier is not None and not piece.rowed.comparable(earlier.rowed):
         devices = f"({piece.device}, {earlier.device})"
         apart = f" Differences from last time are not assessed, because the devices differ {devices}."
-    course = piece.course
+    course, found = piece.course, _findings(piece, earlier)
+    rate = piece.averages.get("rate_per_min")
+    at = f" at {with_unit(rate.feature, rate.over.mean)}" if rate is not None and rate.known else ""
+    defined = meanings(piece.table)
     return Front(
-        did=_did(piece.table, course, _ends(piece)),
-        points=[point(one) for one in _findings(piece, earlier)],
-        quiet=_quiet(piece) + apart,
-        next_step=_next(piece, earlier is not None),
+        did=_did(piece.table, course, at, _ends(piece)),
+        points=[_point(one, defined) for one in found],
+        quiet=quiet_text(piece) + apart,
+        next_step=next_step(piece, found, earlier is not None),
         commands=[_COMPARE, _NAME] if earlier is None else [_NAME],
         figures=[*_pace(course), _strokes(course), *_tiles(piece)],
         compared=compared(piece, earlier_pieces(earlier, None)),
     )
 
 
+def _point(found: Finding, defined: Mapping[str, Feature]) -> Point:
+    """A finding with the definition that fits the device."""
+    told = point(found)
+    return replace(told, meaning=defined[found.name].in_words) if found.name in defined else told
+
+
 def course_front(found: Activity, course: Course) -> Front:
     """The front of points in time."""
-    return Front(did=_did(found, course, ""), figures=_pace(course))
+    return Front(did=_did(found, course, "", ""), figures=_pace(course))
 
 
 def findings_of_export(found: StrokeTable, last: StrokeTable | None = None) -> list[Finding]:
@@ -83,24 +94,41 @@ def left_out_text(course: Course) -> str:
     return "; ".join(f"{count} {reason}" for reason, count in course.left_out.items()) or "none"
 
 
-def _did(found: StrokeTable | Activity, course: Course, ends: str) -> str:
+def _did(found: StrokeTable | Activity, course: Course, at: str, ends: str) -> str:
+    """What was rowed, the starts, and the pace after them; `at` is the rate."""
     count, rows = int(course.counted.sum()), len(course.counted)
     begun = moment_text(found.epoch)[:16]
     pieces = len(course.stretches)
-    what = f"{count} strokes rowed" if course.is_strokes else "Rowed"
+    what = f"{count} {'stroke' if count == 1 else 'strokes'} rowed" if course.is_strokes else "Rowed"
     told = what + (f" in {pieces} pieces" if pieces > 1 else "")
     if pieces:
         told += f"{' in' if pieces == 1 else ','} {_lasted(course.duration_s)}"
     if course.distance_m > 0.0:
-        told += (
-            f": {fixed(course.distance_m, 0)} m, {pace_text(course.distance_m / course.duration_s)} for 500 m"
-        )
+        told += f": {fixed(course.distance_m, 0)} m"
+    if course.starts:
+        told += f". {_starts(course)}"
+    if course.distance_m > 0.0:
+        told += "; then " if course.starts else ", "
+        told += f"{pace_text(course.steady_m / course.steady_s)} for 500 m{at}"
     sentences = [f"{told}{f'; started {begun}' if begun else ''}."]
     if pieces and (rows > count or course.total_s > course.duration_s + 1.0):
         far = f" and {fixed(course.total_m, 0)} m" if np.isfinite(course.total_m) else ""
         left = f"; {rows - count} of its {rows} rows are waiting, paddling or misread" if rows > count else ""
         sentences.append(f"The whole file: {_lasted(course.total_s)}{far}{left}.")
     return " ".join([*sentences, ends]).strip()
+
+
+def _starts(course: Course) -> str:
+    """The starts with their strokes, time and way: `Standing start: 5 strokes, 9.4 s, 24 m`."""
+    parts = starts_of(course)
+    names = {one.name for one in parts}
+    name = parts[0].name if len(names) == 1 else "start"
+    label = f"{name[0].upper()}{name[1:]}" if len(parts) == 1 else f"{len(parts)} {name}s"
+    strokes = sum(one.strokes for one in parts)
+    count = f"{strokes} {'stroke' if strokes == 1 else 'strokes'}, " if course.is_strokes else ""
+    took_s, way_m = sum(one.duration_s for one in parts), sum(one.distance_m for one in parts)
+    far = f", {fixed(way_m, 0)} m" if np.isfinite(way_m) else ""
+    return f"{label}: {count}{fixed(took_s, 1)} s{far}"
 
 
 def _lasted(duration_s: float) -> str:
@@ -127,47 +155,13 @@ def _ends(piece: ExportPiece) -> str:
     return f"First quarter{whose}: {quarter('first')}. Last quarter: {quarter('last')}."
 
 
-def _quiet(piece: ExportPiece) -> str:
-    counted = int(piece.counted.sum())
-    if counted < FEWEST_STROKES:
-        return f"Not assessed: {counted} whole strokes, {FEWEST_STROKES} are needed."
-    shown = ", ".join(_could_show(comparisons(piece.rowed, {}), "drift"))
-    from_size = f" It would have to be larger than about {shown}." if shown else ""
-    return f"No change in the last third is larger than chance and large enough to matter.{from_size}"
-
-
-def _next(piece: ExportPiece, is_compared: bool) -> str:
-    """What to look at, and what the same piece again could show."""
-    if int(piece.counted.sum()) < FEWEST_STROKES:
-        return "Record a longer piece."
-    lost = where_lost(piece.faded, piece.course)
-    if is_compared:
-        return lost
-    shown = " and ".join(_could_show(list(against(piece.rowed, piece.rowed, "again")), "again")[:2])
-    rate = piece.averages.get("rate_per_min")
-    at = f" at {with_unit(rate.feature, rate.over.mean)}" if rate is not None and rate.known else ""
-    again = f"Row the same {'pieces' if len(piece.course.stretches) > 1 else 'piece'} again{at} and compare"
-    size = (
-        f": differences from about {shown} can be shown; on the water wind and stream come on top"
-        if shown
-        else ""
-    )
-    return " ".join(filter(None, (lost, f"{again}{size}.")))
-
-
-def _could_show(candidates: Sequence[Candidate], kind: str) -> list[str]:
-    """The smallest differences that would be named, of speed, power, force and length."""
-    groups = (("speed_m_s", "impeller_speed_m_s"), ("power_w",), FORCES, LENGTHS[1:])
-    found = [sizes(candidates, kind, group)[:1] for group in groups]
-    return [f"{size} {label}" for one in found for label, size in one]
-
-
 def _pace(course: Course) -> list[KeyFigure]:
     if course.distance_m > 0.0:
-        speed = course.distance_m / course.duration_s
-        detail = f"{fixed(course.distance_m, 0)} m in {clock_text(course.duration_s, tenths=True)}"
+        speed = course.steady_m / course.steady_s
+        time = clock_text(course.steady_s, tenths=True)
+        detail = f"{fixed(course.steady_m, 0)} m in {time}{after_start(course)}"
         return [KeyFigure("pace, per 500 m", pace_text(speed), detail, _PACE)]
-    known = course.values.get("speed_m_s", np.zeros(len(course.counted)))[course.counted]
+    known = course.values.get("speed_m_s", np.zeros(len(course.counted)))[course.steady]
     known = known[known > 0.0]
     if not len(known):
         return []
@@ -178,24 +172,27 @@ def _pace(course: Course) -> list[KeyFigure]:
 def _strokes(course: Course) -> KeyFigure:
     rows, count = len(course.counted), int(course.counted.sum())
     left = f"{rows - count} of {rows} rows left out" if rows > count else "every row of the file"
+    started = count - int(course.steady.sum())
+    left = (
+        f"{started} of them the {'start' if len(course.starts) == 1 else 'starts'}; {left}"
+        if started
+        else left
+    )
     return KeyFigure("strokes rowed", str(count), left, f"Left out: {left_out_text(course)}.")
 
 
 def _tiles(piece: ExportPiece) -> Iterator[KeyFigure]:
+    defined = meanings(piece.table)
+    whose = f"the rowed strokes{after_start(piece.course)}"
+    how = f"Mean over {whose}. SD: standard deviation of single strokes, a fade included."
     for name in _TILES:
         one = piece.averages.get(name)
         if one is not None and one.known:
-            yield KeyFigure(
-                one.feature.label, with_unit(one.feature, one.over.mean), _scatter(one), _meaning(one)
-            )
+            meaning = f"{defined.get(name, one.feature).in_words} {how}"
+            yield KeyFigure(one.feature.label, with_unit(one.feature, one.over.mean), _scatter(one), meaning)
 
 
 def _scatter(one: Average) -> str:
     if not np.isfinite(one.over.sd):
         return "of a single stroke"
     return f"SD {spread(one.feature, one.over.sd)}{joined_unit(one.feature)} from stroke to stroke"
-
-
-def _meaning(one: Average) -> str:
-    how = "Mean over the rowed strokes. From stroke to stroke: standard deviation of single strokes, a fade included."
-    return f"{one.feature.in_words} {how}"

@@ -8,7 +8,9 @@ from html import escape
 import numpy as np
 
 from oarlock.report import Axis, Column, Section, Series, course_chart, fixed, grid, plain_table
-from oarlock.rowing.alongside.course import Course, Part, clock_text, pace_text, pieces_of, splits_of
+from oarlock.rowing.alongside.course import Course, Part, pieces_of, splits_of, starts_of
+from oarlock.rowing.alongside.paces import clock_text, pace_text
+from oarlock.rowing.report.export_force import after_start
 from oarlock.rowing.strokes.table import Floats
 
 _PAUSE_MIN = 0.5
@@ -21,8 +23,11 @@ _MOST_PIECES = 12
 _RACE_SPLITS = 4
 _RACE = (
     '<p class="hint">Championship races over 2000 m: the four quarters at 103.3, 99.0, 98.3 and 99.7 % of the mean '
-    "speed on the water, 101.5, 99.8, 99.0 and 99.7 % on ergometers (Garland 2005, doi 10.1136/bjsm.2003.010801).</p>"
+    "speed on the water, 101.5, 99.8, 99.0 and 99.7 % on ergometers (Garland 2005, doi 10.1136/bjsm.2003.010801)."
+    "{start}</p>"
 )
+_AGAINST = "Against mean: slower (+) or faster (−) than the mean"
+_AFTER = "after the start"
 _WIDE = 24.0
 """Half the width of the bars, px."""
 _NAMES = {
@@ -56,7 +61,7 @@ def heart_section(course: Course) -> Section | None:
     """Heart rate over time; None without it."""
     if "heart_rate_per_min" not in course.values:
         return None
-    heart = course.values["heart_rate_per_min"][course.counted]
+    heart = course.values["heart_rate_per_min"][course.steady]
     known = heart[np.isfinite(heart)]
     chart = _over_time("heart-rate-course", "Heart rate", course, "heart_rate_per_min", "1/min")
     if not chart:
@@ -64,7 +69,8 @@ def heart_section(course: Course) -> Section | None:
     share = 100.0 * len(known) / len(heart)
     said = (
         f"Mean {fixed(float(known.mean()), 0)}, highest {fixed(float(known.max()), 0)} beats a minute, as the device "
-        f"received it, in {fixed(share, 0)} % of the rowed {'strokes' if course.is_strokes else 'points'}."
+        f"received it, in {fixed(share, 0)} % of the rowed {'strokes' if course.is_strokes else 'points'}"
+        f"{after_start(course)}."
     )
     return Section("heart-rate", "Heart rate", f"<p>{escape(said)}</p>{grid([chart])}")
 
@@ -91,7 +97,7 @@ def _running_median(values: Floats) -> Floats:
 
 def _pieces_table(course: Course) -> str:
     """What was rowed between pauses; the longest pieces if there are many."""
-    pieces = pieces_of(course)
+    pieces, starts = pieces_of(course), starts_of(course)
     if len(pieces) < 2:
         return ""
     shown = sorted(sorted(pieces, key=lambda one: -one.duration_s)[:_MOST_PIECES], key=pieces.index)
@@ -99,10 +105,10 @@ def _pieces_table(course: Course) -> str:
     caption = (
         "What was rowed between pauses; small: how long the pause before it was, if the clock ran. Pace is distance "
         "over time; waiting, drifting and paddling count nowhere. "
-        "Bars and signs: slower (+) or faster (−) than the mean of all pieces."
+        f"{'Starts stand apart. ' if starts else ''}{_AGAINST} of all pieces{after_start(course)}."
     )
     foot = [_joined(f"{len(rest)} shorter", rest)] if rest else []
-    return _table("pace-pieces", caption, course, shown, [*foot, _joined("together", pieces)])
+    return _table("pace-pieces", caption, course, shown, [*foot, *_named_sum(starts), *_sums(pieces, starts)])
 
 
 def _splits_table(course: Course) -> str:
@@ -110,11 +116,31 @@ def _splits_table(course: Course) -> str:
     splits, many = splits_of(course), len(course.stretches) > 1
     if len(splits) < 2:
         return ""
+    begun = 1 if course.longest and course.longest.start else 0
+    starts, steady = splits[:begun], splits[begun:]
     k = course.stretches.index(course.longest) + 1 if many and course.longest else 0
     whose = f"Piece {k}, the longest. " if many else "The rowed part. "
-    caption = f"{whose}Bars and signs: slower (+) or faster (−) than the mean of the piece."
-    table = _table("pace-splits", caption, course, splits, [_joined("together", splits)])
-    return table + (_RACE if len(splits) == _RACE_SPLITS and splits[0].name.startswith("to 500") else "")
+    caption = f"{whose}{_AGAINST} of the piece{' after its start' if starts else ''}."
+    table = _table("pace-splits", caption, course, splits, _sums(steady, starts), begun)
+    raced = len(steady) == _RACE_SPLITS and steady[0].name == "to 500 m"
+    if not raced:
+        return table
+    return table + _RACE.format(start=" The first one contains the start." if starts else "")
+
+
+def _sums(steady: Sequence[Part], starts: Sequence[Part]) -> list[Part]:
+    """The sums below a table: what is rowed after the starts, which paces are compared with, and everything."""
+    whole = _joined("together", [*starts, *steady])
+    if not starts:
+        return [whole]
+    return [_joined(_AFTER + ("s" if len(starts) > 1 else ""), steady), whole]
+
+
+def _named_sum(starts: Sequence[Part]) -> list[Part]:
+    """The starts of several pieces in one row."""
+    if not starts:
+        return []
+    return [_joined(starts[0].name if len(starts) == 1 else f"{len(starts)} starts", starts)]
 
 
 def _joined(name: str, parts: Sequence[Part]) -> Part:
@@ -127,7 +153,10 @@ def _joined(name: str, parts: Sequence[Part]) -> Part:
     )
 
 
-def _table(key: str, caption: str, course: Course, parts: Sequence[Part], foot: Sequence[Part]) -> str:
+def _table(
+    key: str, caption: str, course: Course, parts: Sequence[Part], foot: Sequence[Part], begun: int = 0
+) -> str:
+    """Rows of parts, of which the first `begun` are starts, and of sums below."""
     held = [name for name in _NAMES if name in course.values]
     heads = [
         Column("part"),
@@ -139,8 +168,8 @@ def _table(key: str, caption: str, course: Course, parts: Sequence[Part], foot: 
     heads.append(Column("distance", "m"))
     if course.is_strokes:
         heads.append(Column("strokes"))
-    mean_s = _pace_s(foot[-1])
-    apart_s = [_pace_s(one) - mean_s for one in parts]
+    mean_s = _pace_s(next((one for one in foot if one.name.startswith(_AFTER)), foot[-1]))
+    apart_s = [np.nan if k < begun else _pace_s(one) - mean_s for k, one in enumerate(parts)]
     widest_s = max((abs(one) for one in apart_s if np.isfinite(one)), default=1.0)
     rows = [
         _row(one, held, course.is_strokes, _apart(late_s, widest_s))

@@ -31,6 +31,7 @@ from oarlock.rowing.report.definitions import definitions
 from oarlock.rowing.report.export_fade import fade_section
 from oarlock.rowing.report.export_force import force_section
 from oarlock.rowing.report.export_front import course_front, left_out_text, strokes_front
+from oarlock.rowing.report.export_meanings import meanings
 from oarlock.rowing.report.export_pace import heart_section, pace_section
 from oarlock.rowing.report.export_piece import ExportPiece, device_of
 from oarlock.rowing.report.shown import places
@@ -41,6 +42,7 @@ from oarlock.storage.progress import Progress, mark, shown
 from oarlock.storage.write_file import write_file
 
 _NOBODY: Mapping[str, str] = MappingProxyType({})
+_ASKED = {"athlete": "NAME", "date": "2026-05-01", "place": "WATER"}
 _CONCEPT2 = "Concept2 ergometers read 11 to 15 % less power than a reference (doi 10.3389/fphys.2021.758015)."
 _PUBLISHED = {
     **dict.fromkeys(("Concept2", "Painsled", "ErgData", "ErgStick"), ("power_w", _CONCEPT2)),
@@ -88,13 +90,14 @@ def strokes_page(
 ) -> str:
     """The page as text."""
     if isinstance(found, StrokeTable):
-        piece = ExportPiece(found)
+        boat = session.get("boat", "")
+        piece = ExportPiece(found, boat)
         course = piece.course
-        front = strokes_front(piece, None if last is None else ExportPiece(last))
+        front = strokes_front(piece, None if last is None else ExportPiece(last, boat))
         sections = [pace_section(course), fade_section(piece.faded, course), force_section(found, course)]
         others = [
             Section("numbers", "All numbers", _numbers(found)),
-            Section("meanings", "What each number means", definitions(found.columns)),
+            Section("meanings", "What each number means", definitions(found.columns, meanings(found))),
         ]
     else:
         course = course_of(found)
@@ -113,26 +116,37 @@ def strokes_page(
 def _heading(found: StrokeTable | Activity, course: Course, session: Mapping[str, str]) -> tuple[str, str]:
     """Who and what, and markup of what else is known of the session."""
     day = moment_text(found.epoch)[:10]
-    known = {"session": {**({"date": day} if day else {}), **session}}
-    who, (_, rest) = who_in_words(known), who_and_when(known)
+    known = {**({"date": day} if day else {}), **session}
+    who, (_, rest) = who_in_words({"session": known}), who_and_when({"session": known})
     what = f"{int(course.counted.sum())} strokes" if isinstance(found, StrokeTable) else "Course"
     heading = ": ".join(filter(None, (who, f"{what}, {device_of(found.source)}")))
     named = next((note.removeprefix(NAMED) for note in found.notes if note.startswith(NAMED)), "")
     parts = ", ".join(filter(None, (rest, named, f"file {found.source.partition(': ')[0]}")))
     about = escape(parts[0].upper() + parts[1:])
-    asked = "" if session.get("athlete") else " The athlete is not named."
-    return heading, f'<p class="about">{about}.{asked}</p>'
+    return heading, f'<p class="about">{about}. {escape(_unknown(known))}</p>'
+
+
+def _unknown(known: Mapping[str, str]) -> str:
+    """What the file does not say of who, when and where, and the options that do."""
+    missing = [name for name in _ASKED if not known.get(name)]
+    if not missing:
+        return ""
+    names = " and ".join(filter(None, (", ".join(missing[:-1]), missing[-1])))
+    options = " ".join(f"--{name} {_ASKED[name]}" for name in missing)
+    return f"{names[0].upper()}{names[1:]} not in the file: add {options}."
 
 
 def _trust(found: StrokeTable | Activity) -> Trust:
-    """What is known of the device: its numbers are shown as it gives them."""
+    """Its numbers are shown as the device gives them."""
+    return Trust("care", (f"these are the numbers of the {device_of(found.source)}, not checked here.",))
+
+
+def _published(found: StrokeTable | Activity) -> list[str]:
+    """What is known of the device's errors."""
     device = device_of(found.source)
-    known = next(
-        (text for name, (of, text) in _PUBLISHED.items() if device.startswith(name) and of in found.columns),
-        "",
-    )
-    own = f"the numbers are those of the device ({device}), not compared with a reference here."
-    return Trust("care", (" ".join(filter(None, (own, known))),))
+    return [
+        text for name, (of, text) in _PUBLISHED.items() if device.startswith(name) and of in found.columns
+    ][:1]
 
 
 def _numbers(found: StrokeTable) -> str:
@@ -147,7 +161,12 @@ def _numbers(found: StrokeTable) -> str:
 
 
 def _measured(found: StrokeTable | Activity, course: Course) -> str:
-    notes = [f"{found.source}.", *(f"{note}." for note in found.notes)]
+    notes = [
+        f"{found.source}.",
+        "The numbers are those of the device. They were not compared with a reference here.",
+        *_published(found),
+        *(f"{note}." for note in found.notes),
+    ]
     if isinstance(found, StrokeTable):
         if found.onset:
             notes.append(f"A stroke begins with {found.onset}.")
@@ -158,6 +177,11 @@ def _measured(found: StrokeTable | Activity, course: Course) -> str:
             "unless the boat went on at 80 % of its speed for up to 30 s, where the device missed strokes. Fewer than "
             "6 strokes between two pauses are no piece. A piece begins where the device began to count, if it was "
             "rowed from there.",
+            "A piece that begins below 80 % of the speed that follows (the median of 30 s) has a start: half of the "
+            "power would hold this speed, the rest accelerates. The start ends with the last stroke before 90 % is "
+            "reached, after 30 s at most; a piece that takes longer has none. It is a standing start if it begins "
+            "below half of the speed, otherwise a rolling start. Pace, averages, fade and comparisons are of the "
+            "strokes after it; time and distance of the whole contain it.",
             "The effect of the stroke rate is removed by a robust regression (Huber 1964). A change is named if it is "
             "larger than the smallest relevant size (force, work and power: 5 % of the usual value in this file, or "
             "the device's rounding) and if chance explains it in fewer than "

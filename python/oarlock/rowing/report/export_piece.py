@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -20,13 +21,24 @@ from oarlock.storage.epoch import moment_text
 _MATTERS = 0.05
 """Share of a rower's own force, work or power from which a change matters; makers and references differ by more."""
 _OF_FORCE = ("N", "J", "W")
+_SCULLS = re.compile(r"\b[1248]x|scull|double|quad", re.IGNORECASE)
+_SWEEPS = re.compile(r"\b[248][+-]|sweep|pair|eight", re.IGNORECASE)
+_OAR = re.compile(r"\boar (\d+(?:\.\d+)?) cm")
+_LONGEST_SCULL_CM = 330.0
+"""Sculls are 2.8 to 2.95 m long, sweep oars 3.6 to 3.85 m."""
 
 
 @dataclass(frozen=True)
 class ExportPiece:
-    """A table of strokes of another device."""
+    """A table of strokes of another device.
+
+    Attributes:
+        table: the strokes.
+        boat: the boat in the rower's words, such as "1x"; "" if it is not known.
+    """
 
     table: StrokeTable
+    boat: str = ""
 
     @property
     def name(self) -> str:
@@ -50,8 +62,13 @@ class ExportPiece:
 
     @property
     def counted(self) -> NDArray[np.bool_]:
-        """Which strokes count in averages, (N,)."""
-        return self.course.counted
+        """Which strokes count in averages, (N,): the rowed ones after the starts."""
+        return self.course.steady
+
+    @cached_property
+    def kind(self) -> str:
+        """Sculling, sweep or ergometer; "" if it is not known."""
+        return boat_kind(self.table, self.boat)
 
     @cached_property
     def averages(self) -> dict[str, Average]:
@@ -61,12 +78,11 @@ class ExportPiece:
 
     @cached_property
     def rowed(self) -> Rowed:
-        """For findings. Which boat it was is known of ergometers only, which measure the handle and no oar.
+        """For findings.
 
         Where strokes differ by less than the device's rounding, they share its error: it does not average out.
         """
-        on_ergometer = "handle_travel_m" in self.table and "arc_rad" not in self.table
-        found = Rowed.of_table(self.table, self.counted, "ergometer" if on_ergometer else "", self.device)
+        found = Rowed.of_table(self.table, self.counted, self.kind, self.device)
         steps = {name: resolution(values) for name, values in found.columns.items()}
         stds = {
             name: np.full(len(found.numbers), _shared(found.columns[name], steps[name]))
@@ -101,3 +117,18 @@ def _shared(values: Floats, step: float) -> float:
 def device_of(source: str) -> str:
     """The device of an export's source, "FILE: DEVICE, what"."""
     return (source.partition(": ")[2] or source).partition(",")[0]
+
+
+def boat_kind(table: StrokeTable, boat: str) -> str:
+    """Sculling, sweep or ergometer; "" if neither the table nor the name of the boat says it.
+
+    Ergometers measure the handle and no oar. NK's files have the length of the oar.
+    """
+    if "handle_travel_m" in table and "arc_rad" not in table:
+        return "ergometer"
+    if _SCULLS.search(boat):
+        return "sculling"
+    if _SWEEPS.search(boat):
+        return "sweep"
+    oar = next((found for note in table.notes if (found := _OAR.search(note))), None)
+    return "" if oar is None else "sculling" if float(oar[1]) < _LONGEST_SCULL_CM else "sweep"

@@ -18,12 +18,19 @@ from oarlock.rowing.report.averages import SIGMAS_95
 from oarlock.rowing.report.by_rate import by_rate
 from oarlock.rowing.report.calibrated import is_uncalibrated
 from oarlock.rowing.report.changes import SAME_RATE_PER_MIN, as_told, of_kind
-from oarlock.rowing.report.checked import HEADS, checked, next_sizes, outside_usual, quiet
+from oarlock.rowing.report.checked import HEADS, checked, next_sizes, quiet
 from oarlock.rowing.report.drawings import SPEEDS, curve_drawings, speeds
 from oarlock.rowing.report.earlier import Other, compared, earlier_pieces, largest_change
 from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.report.shown import DECIMALS, PLUS_MINUS, capital
+from oarlock.rowing.report.usual import Beyond, beyond_usual, remark
 
+_MEASURED = {
+    "sculling": "oars, seat and stroke rate",
+    "sweep": "oar, seat and stroke rate",
+    "ergometer": "handle, seat and stroke rate",
+}
+"""What encoders measure, by kind of rowing."""
 _CLASS = {"sculling": "sculling_men", "sweep": "sweep_men", "ergometer": "ergometer"}
 UNITS = {"deg": "°", "1/min": "/min", "cm2": " cm²", "1": ""}
 
@@ -41,6 +48,7 @@ def front_of(
     tested = comparisons(rowed, against)
     candidates = as_told(tested, piece, {kind: one for kind, one in others.items() if one is not None})
     found = named(rowed, candidates)
+    outside = beyond_usual(piece, rowed.kind)
     pieces = [piece] if other is None else [piece, other]
     beside = earlier_pieces(last, best, tested)
     if other is not None:
@@ -49,9 +57,11 @@ def front_of(
         did=words.strokes(piece) if other is None else _both_did(piece, other),
         points=[point(one) for one in found],
         quiet=quiet(candidates, words.is_ramp(piece)),
-        remark=outside_usual(piece, rowed.kind),
+        remark=remark(outside),
         checked=checked(candidates, _not_calibrated(candidates, piece, others)),
-        next_step=_next_step(piece, rowed, bool(found), against.get("against other")),
+        next_step=_next_step(piece, rowed, found, outside, against.get("against other")),
+        sensors_step=_sensors_step(piece),
+        direct=_MEASURED.get(rowed.kind, ""),
         commands=_commands(piece, bool(against)),
         by_rate=by_rate(piece),
         figures=words.key_figures(piece, kind=rowed.kind, calibrated=not _nominal(piece)),
@@ -88,30 +98,43 @@ def _both(piece: Piece, other: Piece) -> str:
 
 def _trust_in(other: Piece) -> str:
     """Whether the second piece can be believed; the line above the page is on the first one. Markup."""
-    belief = belief_of(other.track)
+    belief = belief_of(other.track, _MEASURED.get(rowing_kind(other), ""))
     reasons = " ".join(map(capital, belief.reasons))
     text = f"{other.name}: {belief.mark} {belief.words}. {reasons} {belief.remedy}"
     return f'<p class="second-trust">{escape(text.strip())}</p>'
 
 
-def _next_step(piece: Piece, rowed: Rowed, found: bool, other: Rowed | None = None) -> str:
-    """What to do next, in the words of rowing."""
-    steps = []
-    if found:
-        steps.append("Try the exercises above.")
-    if any(note.startswith("uncertainty was increased") for note in piece.track.notes):
-        steps.append("Check where the sensors sit and the lengths that were entered, then track again.")
-    if _nominal(piece):
-        steps.append(
-            "Calibrate the sensors before the next outing (two minutes): without that, angles of trunk and arms "
-            "cannot be compared with usual values or other days; oars, seat and stroke rate can."
-        )
+def _next_step(
+    piece: Piece,
+    rowed: Rowed,
+    found: Sequence[Finding],
+    outside: Sequence[Beyond],
+    other: Rowed | None = None,
+) -> str:
+    """What to do next in the boat."""
     if other is not None and abs(rowed.rate_per_min - other.rate_per_min) >= SAME_RATE_PER_MIN:
-        return " ".join([*steps, "To compare technique, row both at the same rate."])
+        return "To compare technique, row both at the same rate."
+    drills = [one for one in outside if one.matters and one.to_try.text]
+    if any(one.advice for one in found):
+        start = "Try the exercises above."
+    elif drills and not found:
+        start = f"{drills[0].to_try.text.rstrip('.')} ({drills[0].to_try.source})."
+    else:
+        start = "" if found else "These numbers ask for no change of technique."
     rate = " at the same rates" if words.is_ramp(piece) else f" at {rowed.rate_per_min:.0f}/min"
     sizes = "" if found else next_sizes(rowed)
-    shows = f": between two such pieces, a difference of {sizes} would show" if sizes else ""
-    return " ".join([*steps, f"Row this piece again{rate} and compare{shows}."])
+    shows = f": a difference of {sizes} between the two can be named" if sizes else ""
+    return f"{start} Then row this piece again{rate} and compare{shows}.".strip()
+
+
+def _sensors_step(piece: Piece) -> str:
+    """What to do next with the sensors; "" if nothing."""
+    if not _nominal(piece):
+        return ""
+    return (
+        "Calibrate before the next outing (two minutes of movements), or from this rowing. Without that, angles of "
+        "trunk and arms cannot be compared with usual values or other days; oars, seat and stroke rate can."
+    )
 
 
 def _nominal(piece: Piece) -> bool:

@@ -21,6 +21,7 @@ DECIMALS = {
     "N": 0,
     "J": 0,
     "W": 0,
+    "s per 500 m": 1,
 }
 """Decimals of numbers in tables by shown unit."""
 PLUS_MINUS = "\N{PLUS-MINUS SIGN}"

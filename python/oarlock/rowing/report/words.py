@@ -12,6 +12,7 @@ from oarlock.rowing.findings.watched import WATCHED, Told, Watched
 from oarlock.rowing.report.averages import SIGMAS_95, Average, feature_of
 from oarlock.rowing.report.piece import Counted, Piece
 from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, shown, spread, with_unit
+from oarlock.rowing.report.usual import beyond_of, usual_span
 from oarlock.rowing.strokes.table import Floats
 
 _SHARE = {"rhythm": "drive of the stroke"}
@@ -51,7 +52,7 @@ def key_figures(
             figures.append(
                 _ramp(piece, found)
                 if name == "rate_per_min" and is_ramp(piece)
-                else _key_figure(found, WATCHED.get(name), kind, unsure)
+                else _key_figure(found, WATCHED.get(name), kind, _against_usual(piece, name, kind), unsure)
             )
     return figures
 
@@ -63,27 +64,31 @@ def _ramp(piece: Counted, rate: Average) -> KeyFigure:
     return KeyFigure(rate.feature.label, f"{first:.0f} to {last:.0f}/min", mean, rate.feature.in_words)
 
 
-def _key_figure(found: Average, watched: Watched | None, kind: str, unsure: bool) -> KeyFigure:
-    """A number with its uncertainty and usual values; `unsure`: the error of a mount comes on top."""
+def _key_figure(found: Average, watched: Watched | None, kind: str, against: str, unsure: bool) -> KeyFigure:
+    """A number with its uncertainty, `against` usual values; `unsure`: the error of a mount comes on top."""
     usual = watched.usual_of(kind) if watched is not None else Told()
-    span = usual_span(watched, kind) if watched is not None else ""
     meaning = [found.feature.in_words, _within(found, unsure), _scatter(found)]
     if usual.text:
         meaning.append(f"Usual: {usual.text} ({usual.source}).")
     share = _SHARE.get(found.feature.name, "")
     known = "not calibrated: can be several degrees off" if unsure else _half(found)
-    detail = "; ".join(filter(None, (share, known, span and f"usual {span}")))
-    value = with_unit(found.feature, found.over.mean)
+    detail = "; ".join(filter(None, (share, known, against)))
+    value = _rounded(found) if unsure else with_unit(found.feature, found.over.mean)
     return KeyFigure(found.feature.label, value, detail, " ".join(filter(None, meaning)))
 
 
-def usual_span(watched: Watched, kind: str) -> str:
-    """Usual values of a boat kind in short, such as `105 to 110°`; "" without a source."""
-    if kind not in watched.usual_range:
-        return ""
-    low, high = sorted(watched.usual_range[kind], key=abs)
-    span = f"about {fixed(low, 0)}" if low == high else f"{fixed(low, 0)} to {fixed(high, 0)}"
-    return f"{span}{joined_unit(watched.feature)}".replace(" ", "\N{NO-BREAK SPACE}")
+def _rounded(found: Average) -> str:
+    """Without decimals that the error of a mount makes meaningless."""
+    return f"about {fixed(found.feature.shown_scale * found.over.mean, 0)}{joined_unit(found.feature)}"
+
+
+def _against_usual(piece: Counted, name: str, kind: str) -> str:
+    """`usual 105 to 110°`, and whether the mean is outside."""
+    span = usual_span(WATCHED[name], kind) if name in WATCHED else ""
+    outside = beyond_of(piece, name, kind)
+    if not span or outside is None:
+        return span and f"usual {span}"
+    return f"{outside.words} ({span})"
 
 
 def _half(found: Average) -> str:

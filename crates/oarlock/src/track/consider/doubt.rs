@@ -137,6 +137,15 @@ impl Doubt {
         variance.iter_mut().zip(&self.bounds.reach).for_each(|(variance, reach)| *variance = variance.min(*reach));
     }
 
+    /// Adds to variances of all states what the learnt scale adds to those of noise and of the calibration's own uncertainty.
+    pub(in crate::track) fn add_learnt(&self, variance: &mut [f64]) {
+        let unlearnt = Doubt { scale: 0.0, ..self.clone() };
+        let [mut all, mut own] = [0, 1].map(|_| vec![0.0; variance.len()]);
+        self.widen(&mut all);
+        unlearnt.widen(&mut own);
+        variance.iter_mut().zip(all.iter().zip(&own)).for_each(|(variance, (all, own))| *variance += all - own);
+    }
+
     /// Adds the squares of the slopes by some neighbouring parameters, each times its scale. Slopes by those that are missing count as zero.
     fn add_squares(&self, first: usize, scales: [f64; WIDE], variance: &mut [f64]) {
         for (slopes, variance) in self.slopes.chunks_exact(self.width).zip(variance) {
@@ -304,6 +313,18 @@ mod tests {
             widened(&doubt, 1, 0.0)
         };
         assert_eq!([0.0, 1.0, 3.0, 5.0, 1000.0].map(by_the_first), [1.0, 1.0, 9.0, 25.0, 25.0]);
+    }
+
+    #[test]
+    fn a_calibrations_own_uncertainty_is_not_learnt() {
+        let learnt = |scale: f64| {
+            let mut doubt = doubt(scale);
+            doubt.slopes[4..6].copy_from_slice(&[7.0, 1.0]);
+            let mut variance = [0.0; 3];
+            doubt.add_learnt(&mut variance);
+            variance[1]
+        };
+        assert_eq!([0.0, 1.0, 2.0].map(learnt), [0.0, 1.0, 3.0 * 49.0 + 4.0]);
     }
 
     #[test]
