@@ -22,7 +22,7 @@ from oarlock.rowing.analysis.stroke_means import FeatureMean
 from oarlock.rowing.analysis.technique import Technique, technique
 from oarlock.rowing.findings.find import findings
 from oarlock.rowing.report.averages import Average, beyond, difference, feature_of
-from oarlock.rowing.report.compared import differences, largest_first, sentences
+from oarlock.rowing.report.compared import counts, differences, first_sentence, largest_first
 from oarlock.rowing.report.front import front_of
 from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.report.write import is_of_rower, rowing_sections, write_rowing_report
@@ -171,7 +171,7 @@ def test_two_pieces_stand_beside_each_other(compared):
     read = Page(text)
     assert read.errors == []
     assert "after compared with before" in read.text
-    assert re.search(r"The stroke rates differ \(2\d\.\d/min and (29|30)\.\d/min\)", read.text)
+    assert "Only the stroke rate and what goes with it changed; no change of technique is clear." in read.text
     assert re.search(r"stroke rate2\d\.\d/min(29|30)\.\d/min\d\.\d ± \d\.\d/min less", read.text)
     assert read.text.index("after and before") < read.text.index("What stands out")
     assert '"ghost":{' in text
@@ -179,7 +179,7 @@ def test_two_pieces_stand_beside_each_other(compared):
         r">stroke rate</a></th>(.*?)</tr>", text[text.index('<table id="compared-pieces-table') :]
     )
     assert row
-    assert row[1].endswith('<td data-head="exceeds both uncertainties"><b>yes</b></td>')
+    assert row[1].endswith('<td data-head="verdict"><b>clear</b></td>')
 
 
 def test_the_numbers_that_differ_are_named_with_chance_and_those_that_follow_the_rate(compared):
@@ -188,7 +188,8 @@ def test_the_numbers_that_differ_are_named_with_chance_and_those_that_follow_the
     assert re.search(
         r"\d+ of \d+ numbers differ.*by chance about \d+ would if they were independent\.", read.text
     )
-    assert re.search(r"With the rate go: [^.]*recovery time", read.text)
+    assert read.text.index("numbers differ") > read.text.index("What stands out")
+    assert re.search(r"Explained by the stroke rate [^.]*recovery time", read.text)
     assert "To compare technique, row both at the same rate." in read.text
 
 
@@ -201,17 +202,18 @@ def test_the_largest_differences_come_first(track, found, other):
 def test_rates_too_far_apart_are_said_with_what_can_still_be_read(track, found, other):
     theirs = technique(other)
     faster = changed(other, theirs, rate_per_min=theirs.strokes["rate_per_min"] + 10.0)
-    told = " ".join(sentences(Piece("a", track, found), faster))
+    first = Piece("a", track, found)
+    told = " ".join([first_sentence(first, faster), *counts(first, faster)])
     assert "over more than 6/min its effect is not known well enough" in told
-    assert "still that of its own piece" in told and "With the rate go" not in told
+    assert "still that of its own piece" in told and "Explained by the stroke rate" not in told
 
 
 def test_a_piece_beside_itself_differs_in_nothing_but_its_name(other):
     sections = rowing_sections(other, other, names=("out", "out"))
     same = next(section for section in sections if section.key == "compared-pieces")
-    assert "<b>yes</b>" not in same.markup
+    assert "<b>clear</b>" not in same.markup
     told = sections[0].sentences[0]
-    assert "None is large enough to matter." in told
+    assert "No change of technique is clear." in told
     assert "out (first)" in same.markup and "out (second)" in same.markup
 
 

@@ -82,10 +82,10 @@ def season(tmp_path: Path, tables: dict[float, StrokeTable]) -> Season:
 
 def test_the_latest_comparable_and_the_fastest_at_this_rate(season: Season, track: Track) -> None:
     found = earlier_pieces(season, track)
-    assert found.last is not None and found.last.name.startswith("2026-04-08 10:00, ")
+    assert found.last is not None and found.last.name.startswith("8 April 2026, 10:00, ")
     assert found.best is not None and found.best.date == "2026-04-01"
     said = " ".join(found.notes)
-    assert "Later, but not compared: 2026-04-20 10:00 has 32/min, this piece 24/min" in said
+    assert "Later, but not compared: 20 April 2026, 10:00 has 32/min, this piece 24/min" in said
     assert "4.31 m/s" in said and "Wind and stream" in said
     # Standard deviations come with the strokes: a difference has an uncertainty.
     assert found.last.averages["arc_rad"].over.std > 0.0
@@ -96,8 +96,8 @@ def test_the_page_and_the_terminal_say_which(season: Season, track: Track, tmp_p
     place = season.place.address
     result = run("report", tmp_path / "out", "--season", place)
     page = (tmp_path / "out/report.html").read_text()
-    assert "2026-04-08 10:00" in page and "4.31 m/s" in page and "Not compared with" not in page
-    assert "Last time: 2026-04-08 10:00" in result.stdout and "4.31 m/s" in result.stdout
+    assert "8 April 2026, 10:00" in page and "4.31 m/s" in page and "Not compared with" not in page
+    assert "Last time: 8 April 2026, 10:00" in result.stdout and "4.31 m/s" in result.stdout
     own = run("report", tmp_path / "out", "--season", place, "--last", tmp_path / "out", "--force", "--json")
     assert [note[:8] for note in json.loads(own.stdout)["season"]] == ["Own best"]
 

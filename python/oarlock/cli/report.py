@@ -136,6 +136,7 @@ def report(
     """
     from oarlock import load_track
     from oarlock.recording.session_info import session_info, session_text
+    from oarlock.rowing.report.called import Folder
     from oarlock.storage.added_files import added_files
 
     if offset is not None and beside is None:
@@ -151,12 +152,12 @@ def report(
     free_file(page, force)
     known = load_track(truth_folder(truth)) if truth is not None else None
     other = load_track(compare) if compare is not None else None
-    given = [None if place is None else (place.name, load_track(place)) for place in (last, best)]
+    given = [None if place is None else (Folder(place.name), load_track(place)) for place in (last, best)]
     earlier = Earlier(given[0], given[1])
     if season is not None:
         earlier = _from_season(season, athletes, track, earlier)
     export = _measured_beside(track, out, beside, offset)
-    names = (out.name, compare.name if compare is not None else "")
+    names = (Folder(out.name), Folder(compare.name if compare is not None else ""))
     with added_files(page.parent, force) as stage:
         if summary or card:
             staged = [_write_front(track, stage / page.name, card, earlier, other, names, targets)]

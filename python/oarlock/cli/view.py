@@ -89,6 +89,7 @@ def view(
     n shows names, u uncertainty.
     """
     from oarlock import load_track
+    from oarlock.report.text import fixed
     from oarlock.report.viewer import page
     from oarlock.storage.added_files import added_files
     from oarlock.storage.write_file import write_file
@@ -122,9 +123,8 @@ def view(
         return
     say(f"Wrote {target}")
     if cut:
-        say(
-            f"It shows {shown_s[0]:.0f} to {shown_s[1]:.0f} s of a longer track; change this with --start and --end."
-        )
+        begin, end = (fixed(moment, 0) for moment in shown_s)
+        say(f"It shows {begin} to {end} s of a longer track; change this with --start and --end.")
     if film is not None:
         say(
             f"The video begins at {film['offset_s']:.3f} s of the track; the page plays it from {film['src']}."

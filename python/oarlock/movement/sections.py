@@ -66,7 +66,7 @@ def _player(movement: Movement) -> str:
     shown = scene(track, marks=marks, curves=curves, start_s=start, end_s=end)
     hint = ""
     if start > track.time_s[0] or end < last:
-        hint = f"It shows {start:.0f} to {end:.0f} s; <code>oarlock view</code> shows the whole track."
+        hint = f"It shows {fixed(start, 0)} to {fixed(end, 0)} s; <code>oarlock view</code> shows the whole track."
     shown_hint = f'<p class="hint">{hint}</p>' if hint else ""
     return shown_hint + embed(shown, "player") + folded_help(HELP)
 

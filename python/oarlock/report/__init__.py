@@ -18,11 +18,11 @@ from oarlock.report.front import (
 )
 from oarlock.report.markup import Column, folded_help, grid, notes_list
 from oarlock.report.markup import table as plain_table
-from oarlock.report.page import shell
+from oarlock.report.page import belief_of, shell, who_in_words
 from oarlock.report.section import KeyFigure, Section, tiles
 from oarlock.report.sortable import sort_script, sortable_table, value_cell
 from oarlock.report.summary_page import write_summary
-from oarlock.report.text import fixed
+from oarlock.report.text import day_text, fixed
 from oarlock.report.trust import Trust
 from oarlock.report.write import write_report
 
@@ -40,8 +40,10 @@ __all__ = [
     "Trust",
     "Zone",
     "belief_markup",
+    "belief_of",
     "course_chart",
     "date_of",
+    "day_text",
     "fixed",
     "folded_help",
     "front_markup",
@@ -57,6 +59,7 @@ __all__ = [
     "tiles",
     "value_cell",
     "who_and_when",
+    "who_in_words",
     "write_report",
     "write_summary",
 ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from html import escape
 from importlib.resources import files
 
@@ -13,11 +13,13 @@ from oarlock.evaluation.consistency import sensor_scores
 from oarlock.evaluation.interval import Interval
 from oarlock.evaluation.scores import Evaluation, SensorScore
 from oarlock.evaluation.summary import observed_joints
+from oarlock.recording.session_info import session_info
 from oarlock.report import curves, health, slow, tables, verdict
 from oarlock.report.front import Front, belief_markup, front_markup, who_and_when
 from oarlock.report.markup import bar_legend, notes_list, rendered
 from oarlock.report.section import Section, refuse_doubles, tiles
-from oarlock.report.trust import trust
+from oarlock.report.text import day_text
+from oarlock.report.trust import Trust, trust
 from oarlock.tracking.track import Track
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
@@ -83,12 +85,23 @@ def sensors_of(track: Track, evaluation: Evaluation | None) -> tuple[SensorScore
     return evaluation.sensors if evaluation else sensor_scores(track, Interval.after(track.time_s, 0.0))
 
 
+def belief_of(track: Track, direct: str = "") -> Trust:
+    """Whether a track without a reference can be believed; `direct` as of `trust`."""
+    return trust(track, None, sensors_of(track, None), direct)
+
+
+def who_in_words(provenance: Mapping[str, object]) -> str:
+    """The athlete and the day as people write it, such as "A07, 1 May 2026"; "" if neither is known."""
+    info = session_info(provenance)
+    return ", ".join(filter(None, (info.get("athlete", ""), day_text(info.get("date", "")))))
+
+
 def heading_of(track: Track, title: str | None) -> tuple[str, str]:
     """The title of a page, who and when first, and the rest of the session as markup."""
     what = (
         title or f"Track of {getattr(track.model, 'name', None) or track.provenance.get('model', 'a model')}"
     )
-    who, rest = who_and_when(track.provenance)
+    who, (_, rest) = who_in_words(track.provenance), who_and_when(track.provenance)
     return (f"{who}: {what}" if who else what), f'<p class="about">{escape(rest)}</p>' if rest else ""
 
 

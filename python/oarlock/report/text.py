@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import datetime
 import math
 from html import escape
 
 MINUS = "\N{MINUS SIGN}"
 DASH = "\N{EN DASH}"
+_MONTHS = (
+    *("January", "February", "March", "April", "May", "June"),
+    *("July", "August", "September", "October", "November", "December"),
+)
+"""Not those of the system's language: pages are in English."""
 
 
 def number(value: float, digits: int = 3) -> str:
@@ -39,6 +45,15 @@ def fixed(value: float, places: int) -> str:
 def percent(share: float) -> str:
     """A share of 1 in percent, one decimal."""
     return f"{fixed(100 * share, 1)} %" if math.isfinite(share) else DASH
+
+
+def day_text(day: str) -> str:
+    """A date as people write it: `20 May 2026` of `2026-05-20`; another text as it is."""
+    try:
+        found = datetime.date.fromisoformat(day)
+    except ValueError:
+        return day
+    return f"{found.day} {_MONTHS[found.month - 1]} {found.year}"
 
 
 def plural(count: int, noun: str) -> str:

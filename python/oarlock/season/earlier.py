@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from oarlock import Calibration, Model, ModelError, Track
 from oarlock.recording.session_info import session_info
+from oarlock.report import day_text
 from oarlock.rowing.findings.rowed import kind_of
 from oarlock.rowing.report.stored_piece import StoredPiece
 from oarlock.rowing.strokes.files import parsed_strokes
@@ -121,7 +122,7 @@ class _Search:
                     f"Last time: {found.name}; {rule} in the season.",
                     *_passed(passed, "Later, but not compared"),
                 ]
-            passed.append(f"{self.now.when(row)} {found}")
+            passed.append(f"{self._when(row)} {found}")
         return None, ["Last time: no earlier piece in the season compares.", *_passed(passed, "Not compared")]
 
     def best(self, efforts: Efforts, last: StoredPiece | None) -> tuple[StoredPiece | None, list[str]]:
@@ -170,12 +171,16 @@ class _Search:
             table = parsed_strokes(self.now.season.place.read(file), self.now.season.where(file))
         except (DataError, FileNotFoundError):
             return "is damaged: `oarlock season check`"
-        when = self.now.when(row)
-        name = f"{when}, {row['counted']} strokes at {row['rate']:.0f}/min"
-        found = StoredPiece(name, table, kind, when[:10])
+        name = f"{self._when(row)}, {row['counted']} strokes at {row['rate']:.0f}/min"
+        found = StoredPiece(name, table, kind, self.now.when(row)[:10])
         source = found.rowed().source
         own = self.now.rowed.source
         return found if source == own else f"has strokes found in {source}, this piece in {own}"
+
+    def _when(self, row: Mapping[str, Any]) -> str:
+        """The day, and the time of it if that is known, for people."""
+        when = self.now.when(row)
+        return ", ".join(filter(None, (day_text(when[:10]), when[11:])))
 
     def _opened(self, name: str) -> tuple[Model, Calibration | None] | None:
         try:

@@ -10,6 +10,6 @@ from __future__ import annotations
 
 from oarlock.report.viewer.curves import Curve, joint_curves
 from oarlock.report.viewer.page import POLICY, embed, page, player_assets
-from oarlock.report.viewer.scene import scene
+from oarlock.report.viewer.scene import SHOWN_EVERY_S, scene
 
-__all__ = ["POLICY", "Curve", "embed", "joint_curves", "page", "player_assets", "scene"]
+__all__ = ["POLICY", "SHOWN_EVERY_S", "Curve", "embed", "joint_curves", "page", "player_assets", "scene"]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from oarlock.rowing.analysis.features import FEATURES, Feature
 from oarlock.rowing.analysis.stroke_means import FeatureMean
+from oarlock.rowing.report.shown import apart, places
 from oarlock.rowing.strokes.table import StrokeTable
 
 SIGMAS_95 = 1.96
@@ -44,23 +45,40 @@ class Average:
         return math.sqrt(self.over.std**2 + scatter)
 
     @property
-    def beyond_zero(self) -> bool | None:
-        """Whether a difference exceeds its uncertainty (95 %); None if that is unknown."""
-        return beyond(self.over.mean, self.uncertainty)
+    def half(self) -> float:
+        """Half of the 95 % interval of the mean; NaN without standard deviations."""
+        return SIGMAS_95 * self.uncertainty
 
 
 @dataclass(frozen=True)
 class Difference:
-    """Difference of two averages of one feature: this minus the other."""
+    """Difference of two averages of one feature: this minus the other.
+
+    Attributes:
+        feature: what it is.
+        value: not rounded.
+        uncertainty: its standard deviation.
+        told: difference of the two numbers as they are shown; `value` if they are not shown.
+        now: the first mean, from which a difference of speed becomes one of pace.
+    """
 
     feature: Feature
     value: float
     uncertainty: float
+    told: float
+    now: float = math.nan
+
+    @property
+    def half(self) -> float:
+        """Half of its 95 % interval."""
+        return SIGMAS_95 * self.uncertainty
 
     @property
     def beyond(self) -> bool | None:
-        """Whether it exceeds both uncertainties together (95 %); None if these are unknown."""
-        return beyond(self.value, self.uncertainty)
+        """Whether it exceeds both uncertainties together (95 %), as shown too; None if these are unknown."""
+        found = beyond(self.value, self.uncertainty)
+        digits, scale = places(self.feature), self.feature.shown_scale
+        return found and round(abs(self.told) * scale, digits) > round(self.half * scale, digits)
 
 
 def beyond(value: float, uncertainty: float) -> bool | None:
@@ -84,8 +102,9 @@ def averages(table: StrokeTable, means: Mapping[str, FeatureMean]) -> dict[str, 
 
 def difference(this: Average, other: Average) -> Difference:
     """This minus the other."""
-    apart = this.over.mean - other.over.mean
-    return Difference(this.feature, apart, math.hypot(this.uncertainty, other.uncertainty))
+    now, then = this.over.mean, other.over.mean
+    uncertainty = math.hypot(this.uncertainty, other.uncertainty)
+    return Difference(this.feature, now - then, uncertainty, apart(this.feature, now, then), now)
 
 
 def _reason(table: StrokeTable, name: str, mean: FeatureMean) -> str:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from html import escape
 
 from oarlock.report import fixed, plain_table
 from oarlock.rowing.findings.candidate import Candidate, against
 from oarlock.rowing.findings.rowed import Rowed
 from oarlock.rowing.report.averages import SIGMAS_95
-from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, places, shown, spread, with_unit
+from oarlock.rowing.report.calibrated import NOT_CALIBRATED
+from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, places, shown, spread
 from oarlock.rowing.report.tables import link
 
 HEADS = {
@@ -23,11 +23,15 @@ HEADS = {
     "against other": "Against the other piece",
 }
 """What was compared with what, by kind of finding."""
+_OTHERS = ("against last", "against best", "against other")
+_LIKE = ", at like rate"
 _OF_SIDES = ("catch_time_difference_s",)
 _OF_DRIFT = ("arc_rad", "catch_angle_rad", "lean_swing_rad")
 _USELESS = 4.0
 """A limit of so many times the smallest size that matters tells a rower nothing."""
-_NEARLY = 1e-9
+_HALF = "At these sizes a true difference is named in about half of the cases."
+_STEPS = {"ms": 5.0, "deg": 1.0, "cm": 1.0, "%": 1.0, "W": 5.0, "N": 5.0, "m": 0.01, "m/s": 0.05}
+"""Sizes from which a difference is named are shown in these steps, by shown unit."""
 _OF_NEXT = ("catch_angle_rad", "lean_swing_rad")
 
 
@@ -35,17 +39,33 @@ def quiet(candidates: Sequence[Candidate], is_ramp: bool = False) -> str:
     """What agrees, and from which size a difference would have been named; `is_ramp`: whether the rate changes."""
     if not candidates:
         return "Too few strokes count, so nothing was compared."
-    total, useful = len(candidates), [one for one in candidates if is_useful(one, len(candidates))]
+    total = _judged_with(candidates)
+    useful = [one for one in candidates if is_useful(one, total)]
     late = sizes(useful, "sides", _OF_SIDES, total)
     changed = sizes(useful, "drift", _OF_DRIFT, total)
-    told = [f"Both oars turn together at the catch (a difference of {size} would show)." for _, size in late]
+    told = [
+        f"Both oars turn together at the catch (no difference seen; one from about {size} would be named)."
+        for _, size in late
+    ]
     if changed:
-        shown = f"a change of {_listed(changed)} would show"
         apart = "Apart from what goes with the stroke rate, nothing" if is_ramp else "Nothing"
-        told.append(f"{apart} changes from start to end ({shown}).")
+        told.append(
+            f"{apart} changes from start to end (no change seen; one from about {_listed(changed)} would be named). "
+            f"{_HALF}"
+        )
     else:
         told.append("Too few strokes count to see small changes from start to end.")
     return " ".join(told)
+
+
+def _judged_with(candidates: Sequence[Candidate]) -> int:
+    """Comparisons among which chance is judged on a page with another piece, where limits are larger.
+
+    Limits are stated with it on a page without one too: a reader of both pages sees one limit.
+    """
+    own = sum(one.kind not in _OTHERS for one in candidates)
+    beside = sum(one.kind == "drift" for one in candidates)
+    return max(len(candidates), own + beside)
 
 
 def is_useful(one: Candidate, comparisons: int) -> bool:
@@ -66,23 +86,23 @@ def next_sizes(rowed: Rowed) -> str:
 def sizes(
     candidates: Sequence[Candidate], kind: str, names: Iterable[str], comparisons: int | None = None
 ) -> list[tuple[str, str]]:
-    """Label and size from which it is named, rounded up, of those numbers that were compared.
+    """Label and size from which it is named, rounded, of those numbers that were compared.
 
     `comparisons` is how many there are in all, if more than `candidates`.
     """
     total = comparisons or len(candidates)
     found = {one.watched.name: one for one in candidates if one.kind == kind}
     return [
-        (found[name].watched.feature.label, _rounded_up(found[name], found[name].named_from(total)))
-        for name in names
-        if name in found
+        (found[name].watched.feature.label, _limit(found[name], total)) for name in names if name in found
     ]
 
 
-def _rounded_up(one: Candidate, size: float) -> str:
+def _limit(one: Candidate, comparisons: int) -> str:
+    """The size from which it is named, as every part of a page shows it."""
     feature = one.watched.feature
-    digits = max(places(feature) - 1, 0)
-    return f"{fixed(math.ceil(size * 10.0**digits - _NEARLY) / 10.0**digits, digits)}{joined_unit(feature)}"
+    step = _STEPS.get(feature.shown_unit, 10.0 ** -places(feature))
+    size = step * round(one.named_from(comparisons) / step)
+    return f"{fixed(size, 0 if step >= 1.0 else places(feature))}{joined_unit(feature)}"
 
 
 def _listed(sizes: Sequence[tuple[str, str]]) -> str:
@@ -90,29 +110,35 @@ def _listed(sizes: Sequence[tuple[str, str]]) -> str:
     return " or ".join(filter(None, (", ".join(told[:-1]), *told[-1:])))
 
 
-def _size(one: Candidate, size: float) -> str:
-    feature = one.watched.feature
-    return with_unit(feature, size / feature.shown_scale)
+def checked(candidates: Sequence[Candidate], unsure: Collection[tuple[str, str]] = ()) -> str:
+    """A table of all comparisons with what was found and the size from which it is named; markup.
 
-
-def checked(candidates: Sequence[Candidate]) -> str:
-    """A table of all comparisons with what was found and the size from which it is named; markup."""
+    `unsure` are the kinds and numbers of those in which a unit was not calibrated.
+    """
+    total = _judged_with(candidates)
     rows = [
         [
-            escape(f"Stroke {one.stroke}" if one.stroke else HEADS[one.kind]),
+            escape(_compared(one)),
             link(one.watched.name, one.watched.feature.label),
-            escape(_with_interval(one)),
-            escape(_size(one, one.named_from(len(candidates)))),
+            NOT_CALIBRATED if (one.kind, one.watched.name) in unsure else escape(_with_interval(one)),
+            escape(_limit(one, total)),
         ]
         for one in sorted(candidates, key=lambda one: list(HEADS).index(one.kind))
     ]
     caption = (
-        "The differences that were compared; the stroke rate's effect is removed. "
-        f"{PLUS_MINUS}: 95 % interval. A difference is named from the size on the right: more than chance among "
-        f"{len(candidates)} comparisons and more than matters."
+        "The differences that were compared. The stroke rate's effect is removed within the piece and between pieces "
+        f"of different rates. {PLUS_MINUS}: half of the 95 % interval. A difference is named from about the size on "
+        f"the right: more than chance among {total} comparisons, those of a page with another piece, and more than "
+        f"matters. {_HALF}"
     )
     heads = ["compared", "number", "difference", "named from"]
     return plain_table("checked", caption, heads, rows, style="stacked") if rows else ""
+
+
+def _compared(one: Candidate) -> str:
+    if one.stroke:
+        return f"Stroke {one.stroke}"
+    return HEADS[one.kind] + (_LIKE if one.like_rate else "")
 
 
 def _with_interval(one: Candidate) -> str:

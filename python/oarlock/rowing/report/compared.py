@@ -1,51 +1,71 @@
-"""The comparison of two pieces in the report: differences, and whether they exceed both uncertainties."""
+"""The comparison of two pieces in the report: one sentence for people, and every difference side by side."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import replace
 from html import escape
 
-from oarlock.report import Column, sortable_table, value_cell
-from oarlock.rowing.findings.candidate import against
+from oarlock.report import Column, day_text, sortable_table, value_cell
+from oarlock.rowing.findings.candidate import Candidate, against
 from oarlock.rowing.findings.find import least
 from oarlock.rowing.findings.rowed import RATES_APART, Rowed
-from oarlock.rowing.report.averages import SIGMAS_95, Average, Difference, difference
-from oarlock.rowing.report.earlier import SAME_RATE_PER_MIN, in_words, matters
+from oarlock.rowing.findings.watched import WATCHED
+from oarlock.rowing.report.averages import Average, Difference
+from oarlock.rowing.report.calibrated import NOT_CALIBRATED, is_uncalibrated
+from oarlock.rowing.report.changes import at_like_rate, matters, same_rate, size_in_words
+from oarlock.rowing.report.earlier import Other, change_of, compared_changes
 from oarlock.rowing.report.piece import Piece
-from oarlock.rowing.report.shown import PLUS_MINUS, shown, spread, unit_of, with_unit
-from oarlock.rowing.report.tables import beyond_words, link
+from oarlock.rowing.report.shown import PLUS_MINUS, capital, shown, spread, unit_of, with_unit
+from oarlock.rowing.report.tables import link, verdict
 
 _OF_RATE = ("rate_per_min", "drive_time_s", "recovery_time_s")
 """Numbers that make up the stroke rate."""
-MOST_TOLD = 5
-"""Numbers that a sentence names."""
+_MOST_LED = 2
+"""Changes that the first sentence names."""
+
+Found = Mapping[str, tuple[Average, Average, Difference]]
+
+
+def beside(this: Piece, other: Piece) -> Other:
+    """The second piece with its comparisons at like rate."""
+    tested = against(Rowed.of(this), Rowed.of(other), "against other")
+    return Other(other.name, other, {one.watched.name: one for one in tested})
 
 
 def differences(this: Piece, other: Piece) -> dict[str, tuple[Average, Average, Difference]]:
-    """For every number of both pieces: this, the other, this minus the other."""
-    return {
-        name: (mine, other.averages[name], difference(mine, other.averages[name]))
-        for name, mine in this.averages.items()
-        if mine.known and name in other.averages and other.averages[name].known
-    }
+    """For every number of both pieces: this, the other, this minus the other.
+
+    Without an uncertainty where an angle's unit was not calibrated in one of them.
+    """
+    second, found = beside(this, other), {}
+    for name, mine in this.averages.items():
+        if not mine.known or name not in other.averages or not other.averages[name].known:
+            continue
+        between = change_of(this, second, name)
+        if is_uncalibrated(this, name) or is_uncalibrated(other, name):
+            between = replace(between, uncertainty=float("nan"))
+        found[name] = mine, other.averages[name], between
+    return found
 
 
 def comparison_table(key: str, this: Piece, other: Piece) -> str:
-    """One row per number with both means, their difference, and whether it exceeds both uncertainties; those first."""
+    """How many numbers differ, then one row per number with both means, their difference, and whether it is clear."""
     rows = []
     found = differences(this, other)
     for name in largest_first(found):
         mine, theirs, between = found[name]
         feature = mine.feature
+        unsure = is_uncalibrated(this, name) or is_uncalibrated(other, name)
         rows.append(
             [
                 link(name, feature.label),
                 escape(unit_of(feature)),
-                _mean(mine),
-                _mean(theirs),
-                value_cell(between.value * feature.shown_scale, shown(feature, between.value, signed=True)),
-                spread(feature, between.uncertainty),
-                beyond_words(between.beyond),
+                _mean(mine, is_uncalibrated(this, name)),
+                _mean(theirs, is_uncalibrated(other, name)),
+                value_cell(between.told * feature.shown_scale, shown(feature, between.told, signed=True)),
+                NOT_CALIBRATED if unsure else spread(feature, between.half),
+                verdict(between),
             ]
         )
     columns = [
@@ -53,51 +73,102 @@ def comparison_table(key: str, this: Piece, other: Piece) -> str:
         Column("unit"),
         Column(this.name),
         Column(other.name),
-        Column("difference"),
-        Column(PLUS_MINUS, meaning="One standard deviation of the difference."),
-        Column("exceeds both uncertainties"),
+        Column("difference", meaning="Of the two shown means."),
+        Column(PLUS_MINUS, meaning="Half of the 95 % interval of the difference."),
+        Column(
+            "verdict",
+            meaning="Clear: larger than its 95 % interval. Small: below the smallest size that matters.",
+        ),
     ]
     caption = (
-        f"Means over the strokes, each {PLUS_MINUS} one standard deviation; the difference is {this.name} "
-        f"minus {other.name}. Exceeds both uncertainties: larger than 1.96 standard deviations of the "
-        "difference. In these the error of the track is assumed constant over the piece, and the scatter "
-        "between strokes is divided by the square root of their number. If the sensors were not moved between "
-        "the pieces, smaller differences may be real too. Differences are taken before rounding."
+        f"Means over the strokes; the difference is {this.name} minus {other.name}. {PLUS_MINUS}: half of the 95 % "
+        "interval; the error of the track counts as constant over the piece, the scatter between strokes is "
+        "divided by the square root of their number. If the sensors were not moved between the pieces, smaller "
+        "differences may be real too."
     )
-    return sortable_table(key, caption, columns, rows, style="stacked")
+    counted = "".join(f"<p>{escape(text)}</p>" for text in counts(this, other))
+    return counted + sortable_table(key, caption, columns, rows, style="stacked")
 
 
-def sentences(this: Piece, other: Piece) -> list[str]:
-    """Which numbers differ, how many would by chance, and what the rate does; markup."""
+def first_sentence(this: Piece, other: Piece) -> str:
+    """What changed between two pieces, for a coach; text."""
+    second = beside(this, other)
+    alike = same_rate(this, other)
+    if not alike and not second.tested:
+        rates = [with_unit(one.feature, one.over.mean) for one in _rates(this, other)]
+        return f"The stroke rates differ ({' and '.join(rates)}){_not_at_like_rate(Rowed.of(this), Rowed.of(other))}"
+    every = compared_changes(this, second)
+    found = [one for one in every if matters(one)]
+    if found:
+        told = " and ".join(f"{_subject(one)} is {size_in_words(one)}" for one in found[:_MOST_LED])
+        return f"{capital(told)} than {_when(this, other)}{'' if alike else ', also at like rate'}."
+    small = any(one.beyond for one in every)
+    rest = "large enough to matter" if small else "clear"
+    if alike:
+        return f"No change of technique is {rest}."
+    return f"Only the stroke rate and what goes with it changed; no change of technique is {rest}."
+
+
+def _rates(this: Piece, other: Piece) -> tuple[Average, Average]:
+    return this.averages["rate_per_min"], other.averages["rate_per_min"]
+
+
+def _subject(found: Difference) -> str:
+    watched = WATCHED.get(found.feature.name)
+    return watched.subject if watched is not None else f"the {found.feature.label}"
+
+
+def _when(this: Piece, other: Piece) -> str:
+    day = day_text(other.date)
+    by_day = other.date != this.date and other.name.startswith(f"{day}, ")
+    return f"on {day}" if by_day else f"in {other.name}"
+
+
+def counts(this: Piece, other: Piece) -> list[str]:
+    """How many numbers differ, how many would by chance, and which of them the stroke rate explains; text."""
     found = differences(this, other)
     if not found:
         return ["The pieces have no number in common."]
     sure = [name for name in largest_first(found) if found[name][2].beyond]
     tested = sum(held[2].beyond is not None for held in found.values())
-    counted = (
-        f"<b>{len(sure)} of {len(found)} numbers differ</b> by more than both uncertainties; "
+    told = [
+        f"{len(sure)} of {tested} numbers differ by more than both uncertainties; "
         f"by chance about {0.05 * tested:.0f} would if they were independent."
-    )
-    table = '<a href="#compared-pieces-in">Side by side</a> has all.'
-    rates = _rates(found, this, other, sure)
-    return [
-        *([f"<b>{escape(rates[0])}</b>"] if rates else []),
-        f"{counted} {escape(' '.join(rates[1:]) or _largest(found, sure))} {table}",
     ]
+    second = beside(this, other)
+    if same_rate(this, other) or not second.tested:
+        return told
+    groups: dict[str, list[str]] = {}
+    for name in sure:
+        groups.setdefault(_of_rate(found[name][2], second.tested.get(name)), []).append(
+            found[name][0].feature.label
+        )
+    told += [f"{head}: {'; '.join(dict.fromkeys(groups[head]))}." for head in _HEADS if head in groups]
+    return told
 
 
-def _largest(found: Mapping[str, tuple[Average, Average, Difference]], sure: Sequence[str]) -> str:
-    telling = [name for name in sure if matters(found[name][2])]
-    if not telling:
-        return "None is large enough to matter."
-    named = [
-        f"{found[name][0].feature.label} ({in_words(found[name][2], found[name][0].over.mean)})"
-        for name in telling
-    ]
-    return f"Largest: {_listed(named)}."
+_RATE = (
+    "Explained by the stroke rate (at like rate the difference is smaller, its whole 95 % interval included)"
+)
+_TOO = "Different at like rate too"
+_OPEN = "Not certain at like rate"
+_NOT = "Not compared at like rate"
+_HEADS = (_RATE, _TOO, _OPEN, _NOT)
 
 
-def largest_first(found: Mapping[str, tuple[Average, Average, Difference]]) -> list[str]:
+def _of_rate(between: Difference, tested: Candidate | None) -> str:
+    """What the stroke rate does to a difference that is clear. That it became uncertain explains nothing."""
+    if between.feature.name in _OF_RATE:
+        return _RATE
+    if tested is None:
+        return _NOT
+    like = at_like_rate(tested)
+    if like.beyond:
+        return _TOO
+    return _RATE if abs(like.value) + like.half < abs(between.value) else _OPEN
+
+
+def largest_first(found: Found) -> list[str]:
     """Names, those beyond both uncertainties first, the largest relative to what matters before others."""
 
     def order(name: str) -> tuple[bool, float]:
@@ -108,39 +179,6 @@ def largest_first(found: Mapping[str, tuple[Average, Average, Difference]]) -> l
     return sorted(found, key=order)
 
 
-def _rates(
-    found: Mapping[str, tuple[Average, Average, Difference]], this: Piece, other: Piece, sure: Sequence[str]
-) -> list[str]:
-    """What differs at like rate in one sentence, then what follows the rate; text, [] if the rates are alike."""
-    rates = found.get("rate_per_min")
-    if rates is None or abs(rates[2].value) < SAME_RATE_PER_MIN:
-        return []
-    now, then = (with_unit(one.feature, one.over.mean) for one in rates[:2])
-    start = f"The stroke rates differ ({now} and {then})"
-    mine, theirs = Rowed.of(this), Rowed.of(other)
-    if not mine.comparable(theirs):
-        return [f"{start}{_not_at_like_rate(mine, theirs)}"]
-    like = {one.watched.name: one for one in against(mine, theirs, "against other")}
-    remain = [name for name in sure if name in like and abs(like[name].size) > SIGMAS_95 * like[name].sd]
-    follow = [name for name in sure if name in _OF_RATE or (name in like and name not in remain)]
-    untested = len(sure) - len(follow) - len(remain)
-    told = [
-        f"{start}. At the same rate no other number would clearly differ, of those that can be compared so."
-    ]
-    if remain:
-        told = [f"{start}. At the same rate these would differ too: {_labels(found, remain)}."]
-    labels = _labels(found, [name for name in follow if name != "rate_per_min"])
-    if labels:
-        told.append(f"With the rate go: {labels}.")
-    if untested:
-        told.append(f"The other {untested} cannot be compared at like rate.")
-    return told
-
-
-def _labels(found: Mapping[str, tuple[Average, Average, Difference]], names: Sequence[str]) -> str:
-    return _listed([found[name][0].feature.label for name in names])
-
-
 def _not_at_like_rate(mine: Rowed, theirs: Rowed) -> str:
     if abs(mine.rate_per_min - theirs.rate_per_min) > RATES_APART:
         why = f": over more than {RATES_APART:.0f}/min its effect is not known well enough to remove it"
@@ -149,14 +187,8 @@ def _not_at_like_rate(mine: Rowed, theirs: Rowed) -> str:
     return f"{why}. Each number is still that of its own piece; how much of a difference comes from the rate is open."
 
 
-def _listed(names: Sequence[str]) -> str:
-    """The first few, and how many more."""
-    named = list(dict.fromkeys(names))
-    more = len(named) - MOST_TOLD
-    return "; ".join(named[:MOST_TOLD]) + (f" and {more} more" if more > 0 else "")
-
-
-def _mean(one: Average) -> str:
+def _mean(one: Average, unsure: bool) -> str:
     text = value_cell(one.over.mean * one.feature.shown_scale, shown(one.feature, one.over.mean))
-    known = spread(one.feature, one.uncertainty)
-    return f'{text} <span class="spread">{PLUS_MINUS} {known}</span>'
+    return (
+        text if unsure else f'{text} <span class="spread">{PLUS_MINUS} {spread(one.feature, one.half)}</span>'
+    )

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from typing import NamedTuple
 
-import numpy as np
-
-from oarlock.report import fixed, plain_table
-from oarlock.rowing.alongside.paces import PER_500_M, SPEEDS, of_pace, pace_text, slower_s
+from oarlock.report import plain_table
+from oarlock.rowing.alongside.paces import SPEEDS, pace_text
 from oarlock.rowing.analysis.features import Feature
 from oarlock.rowing.findings.candidate import Candidate
-from oarlock.rowing.findings.find import least
-from oarlock.rowing.findings.watched import WATCHED
-from oarlock.rowing.report.averages import SIGMAS_95, Difference, difference, feature_of
+from oarlock.rowing.report.averages import Difference, feature_of
+from oarlock.rowing.report.calibrated import NOT_CALIBRATED, is_uncalibrated
+from oarlock.rowing.report.changes import at_like_rate, change, in_words, matters, of_kind, same_rate
 from oarlock.rowing.report.piece import Counted
-from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, shown, spread, with_unit
+from oarlock.rowing.report.shown import with_unit
 from oarlock.rowing.report.tables import link
 
 COMPARED = (
@@ -37,45 +35,32 @@ COMPARED = (
     "heart_rate_per_min",
 )
 """Numbers that the front compares with other pieces."""
-SAME_RATE_PER_MIN = 1.0
-"""Pieces whose rates differ by more are compared with a warning."""
 _CAPTION = (
-    "{change}, with its 95 % interval. Bold: clear, and large enough to matter. Plain: clear, but small. "
+    "{change}; ± is half of its 95 % interval. Bold: clear, and large enough to matter. Plain: clear, but small. "
     "Grey: not clear."
 )
 _LIKE = " At like rate: what the stroke rate does is removed."
+_NOT_LIKE = " The stroke rates differ, and what the rate does could not be removed."
 
 
 class Other(NamedTuple):
-    """A piece to compare with: what it is ("last time"), its strokes, and differences at like rate, by number."""
+    """A piece to compare with: what it is ("last time"), its strokes, and the comparisons of findings, by number."""
 
     label: str
     piece: Counted
-    like_rate: Mapping[str, Candidate] = {}
+    tested: Mapping[str, Candidate] = {}
 
 
 def earlier_pieces(
     last: Counted | None, best: Counted | None, candidates: Sequence[Candidate] = ()
 ) -> list[Other]:
-    """Last time and own best, where they are given; `candidates` have the differences at like rate."""
+    """Last time and own best, where they are given; `candidates` has the comparisons of findings."""
     named = (("last time", "against last", last), ("own best", "against best", best))
-    return [
-        Other(label, one, at_like_rate(candidates, kind)) for label, kind, one in named if one is not None
-    ]
+    return [Other(label, one, of_kind(candidates, kind)) for label, kind, one in named if one is not None]
 
 
-def at_like_rate(candidates: Sequence[Candidate], kind: str) -> dict[str, Candidate]:
-    """The differences of one kind of comparison in which the stroke rate's effect was removed, by number."""
-    return {one.watched.name: one for one in candidates if one.kind == kind and one.like_rate}
-
-
-def compared(
-    piece: Counted, others: Sequence[Other], incomparable: Collection[str] = (), now: str = "now"
-) -> str:
-    """Numbers beside those of others, as markup; "" without others.
-
-    `incomparable` are those that another day's cannot be compared with, such as angles without calibration.
-    """
+def compared(piece: Counted, others: Sequence[Other], now: str = "now") -> str:
+    """Numbers beside those of others, as markup; "" without others."""
     if not others:
         return ""
     names = [name for name in COMPARED if name in piece.averages and piece.averages[name].known]
@@ -83,7 +68,7 @@ def compared(
         [
             link(name, feature_of(name).label),
             escape(_value(feature_of(name), piece.averages[name].over.mean)),
-            *(cell for other in others for cell in _cells(piece, other, name, name in incomparable)),
+            *(cell for other in others for cell in _cells(piece, other, name)),
         ]
         for name in names
     ]
@@ -92,13 +77,24 @@ def compared(
         if piece.name
         else "Change until now"
     )
-    if any(_rates_differ(piece, one) for one in others):
+    apart = [one for one in others if not same_rate(piece, one.piece)]
+    if any(one.tested for one in apart):
         caption += _LIKE
-    dated = (", ".join(filter(None, (one.label, one.piece.date))) for one in others)
-    heads = ["number", now, *(head for name in dated for head in (name, "change"))]
+    if any(not one.tested for one in apart):
+        caption += _NOT_LIKE
+    heads = ["number", now, *(head for one in others for head in (_dated(one), "change"))]
     # Six columns are too many for a telephone.
     style = "stacked" if others[1:] else ""
     return _which(others) + plain_table("compared-earlier", caption, heads, rows, style=style)
+
+
+def _dated(other: Other) -> str:
+    """The head of its column: what it is and its day, unless its own name has that already."""
+    return (
+        other.label
+        if other.label == other.piece.name
+        else ", ".join(filter(None, (other.label, other.piece.date)))
+    )
 
 
 def _which(others: Sequence[Other]) -> str:
@@ -111,26 +107,22 @@ def _which(others: Sequence[Other]) -> str:
     return f"<p>{told}</p>" if told else ""
 
 
-def _rates_differ(piece: Counted, other: Other) -> bool:
-    rates = [one.averages.get("rate_per_min") for one in (piece, other.piece)]
-    now, then = (np.nan if one is None else one.over.mean for one in rates)
-    return bool(abs(now - then) >= SAME_RATE_PER_MIN)
-
-
-def _cells(piece: Counted, other: Other, name: str, incomparable: bool) -> tuple[str, str]:
+def _cells(piece: Counted, other: Other, name: str) -> tuple[str, str]:
     """The value of the other piece, and the change from it; where the rates differ, at like rate too."""
-    now, then = piece.averages[name], other.piece.averages.get(name)
+    then = other.piece.averages.get(name)
     if then is None or not then.known:
         return '<span class="mark">not known</span>', ""
-    if incomparable:
-        return escape(with_unit(then.feature, then.over.mean)), '<span class="mark">not calibrated</span>'
-    mean = now.over.mean
-    change, like = _levelled(difference(now, then), mean), other.like_rate.get(name)
-    if like is not None:
-        scale = like.watched.feature.shown_scale
-        at_like = Difference(now.feature, like.size / scale, like.sd / scale)
-        change += f'<br><span class="mark">at like rate</span> {_levelled(at_like, mean)}'
-    return escape(_value(then.feature, then.over.mean)), change
+    value = escape(_value(then.feature, then.over.mean))
+    if is_uncalibrated(piece, name) or is_uncalibrated(other.piece, name):
+        return value, NOT_CALIBRATED
+    found, tested = change_of(piece, other, name), other.tested.get(name)
+    if tested is None or same_rate(piece, other.piece):
+        return value, _levelled(found)
+    like = at_like_rate(tested)
+    if found.beyond is False and like.beyond is False:
+        widest = max(found, like, key=lambda one: one.half)
+        return value, f'{_levelled(widest)}<span class="mark">, also at like rate</span>'
+    return value, f'{_levelled(found)}<br><span class="mark">at like rate:</span> {_levelled(like)}'
 
 
 def _value(feature: Feature, mean: float) -> str:
@@ -138,54 +130,45 @@ def _value(feature: Feature, mean: float) -> str:
     return f"{pace_text(mean)} per 500 m" if feature.name in SPEEDS else with_unit(feature, mean)
 
 
-def _levelled(change: Difference, now: float) -> str:
+def change_of(piece: Counted, other: Other, name: str) -> Difference:
+    """The change of a number that both have."""
+    tested = other.tested.get(name) if same_rate(piece, other.piece) else None
+    return change(piece.averages[name], other.piece.averages[name], tested)
+
+
+def _levelled(found: Difference) -> str:
     """A change in words, bold if it is clear and matters, plain if it is clear, else grey; markup."""
-    text = escape(in_words(change, now))
-    if not change.beyond:
+    text = escape(in_words(found))
+    if not found.beyond:
         return f'<span class="mark">{text}</span>'
-    return f"<b>{text}</b>" if matters(change) else text
+    return f"<b>{text}</b>" if matters(found) else text
 
 
-def matters(change: Difference) -> bool:
-    """Whether a change is clear and not below the smallest size that is named."""
-    return bool(change.beyond) and abs(change.value) > least(change.feature)
+def compared_changes(piece: Counted, other: Other) -> list[Difference]:
+    """Changes of the compared numbers but the rate, the clearest first.
 
-
-def in_words(change: Difference, now: float) -> str:
-    """A change until a mean `now`, with its 95 % interval and direction: `1.4 ± 1.2° shorter`.
-
-    Shares of 100 % in percentage points; speeds as pace: `3.2 ± 1.0 s per 500 m slower`.
+    Between pieces of different rates at like rate; numbers that cannot be compared so are left out.
     """
-    if change.feature.name in SPEEDS:
-        late_s, half_s = slower_s(now, now - change.value), of_pace(now, SIGMAS_95 * change.uncertainty)
-        word = "different" if late_s == 0.0 else "slower" if late_s > 0.0 else "faster"
-        return f"{fixed(abs(late_s), 1)} {PLUS_MINUS} {fixed(half_s, 1)} {PER_500_M} {word}"
-    watched, up = WATCHED.get(change.feature.name), change.value > 0.0
-    word = (watched.grew if up else watched.fell) if watched is not None else ""
-    word = word or ("more" if up else "less")
-    size = shown(change.feature, abs(change.value))
-    if not size.strip("0."):
-        word = "different"
-    half = spread(change.feature, SIGMAS_95 * change.uncertainty)
-    return f"{size} {PLUS_MINUS} {half}{_unit(change)} {word}"
+    alike, found = same_rate(piece, other.piece), []
+    for name in COMPARED[1:]:
+        now, then = piece.averages.get(name), other.piece.averages.get(name)
+        known = now is not None and then is not None and now.known and then.known
+        if not known or is_uncalibrated(piece, name) or is_uncalibrated(other.piece, name):
+            continue
+        if alike:
+            found.append(change_of(piece, other, name))
+        elif name in other.tested:
+            found.append(at_like_rate(other.tested[name]))
+    return sorted(found, key=lambda one: -abs(one.value) / one.uncertainty if one.beyond else 0.0)
 
 
-def _unit(change: Difference) -> str:
-    unit = joined_unit(change.feature)
-    return " points" if unit == " %" else unit
-
-
-def largest_change(piece: Counted, other: Other, incomparable: Collection[str] = ()) -> str:
-    """The largest change that is clear and matters in one sentence, or that there is none."""
-    changes = []
-    for key in (key for key in COMPARED[1:] if key not in incomparable):
-        now, then = piece.averages.get(key), other.piece.averages.get(key)
-        if now is not None and then is not None and now.known and then.known:
-            change = difference(now, then)
-            if matters(change):
-                changes.append((abs(change.value) / change.uncertainty, change))
-    if not changes:
-        return f"Against {other.label}: no clear change that matters."
-    _, change = max(changes, key=lambda one: one[0])
-    text = in_words(change, piece.averages[change.feature.name].over.mean)
-    return f"Against {other.label}: {change.feature.label} {text}."
+def largest_change(piece: Counted, other: Other) -> str:
+    """The clearest change that matters in one sentence, or that there is none."""
+    alike = same_rate(piece, other.piece)
+    if not alike and not other.tested:
+        return f"Against {other.label}: the stroke rates differ too much to compare technique."
+    found = [one for one in compared_changes(piece, other) if matters(one)]
+    like = "" if alike else " at like rate"
+    if not found:
+        return f"Against {other.label}: no clear change{like} that matters."
+    return f"Against {other.label}: {found[0].feature.label} {in_words(found[0])}{like}."

@@ -19,6 +19,7 @@ from oarlock.report import (
     plain_table,
     shell,
     who_and_when,
+    who_in_words,
 )
 from oarlock.rowing.alongside.course import Course, course_of
 from oarlock.rowing.analysis.stroke_summary import summarise_strokes
@@ -116,7 +117,7 @@ def _heading(found: StrokeTable | Activity, course: Course, session: Mapping[str
     """Who and what, and markup of what else is known of the session."""
     day = moment_text(found.epoch)[:10]
     known = {**({"date": day} if day else {}), **session}
-    who, rest = who_and_when({"session": known})
+    who, (_, rest) = who_in_words({"session": known}), who_and_when({"session": known})
     what = f"{int(course.counted.sum())} strokes" if isinstance(found, StrokeTable) else "Course"
     heading = ": ".join(filter(None, (who, f"{what}, {device_of(found.source)}")))
     named = next((note.removeprefix(NAMED) for note in found.notes if note.startswith(NAMED)), "")

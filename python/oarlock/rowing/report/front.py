@@ -2,30 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from html import escape
 
 import numpy as np
 
-from oarlock.report import Course, Front, Point, Sourced, fixed
+from oarlock.report import Course, Front, Point, Sourced, belief_of, fixed
 from oarlock.rowing.analysis.features import FEATURES
+from oarlock.rowing.findings.candidate import Candidate
 from oarlock.rowing.findings.find import comparisons, named
 from oarlock.rowing.findings.finding import Finding
 from oarlock.rowing.findings.rowed import Kept, Rowed, rowing_kind
 from oarlock.rowing.report import words
 from oarlock.rowing.report.averages import SIGMAS_95
 from oarlock.rowing.report.by_rate import by_rate
+from oarlock.rowing.report.calibrated import is_uncalibrated
+from oarlock.rowing.report.changes import SAME_RATE_PER_MIN, as_told, of_kind
 from oarlock.rowing.report.checked import HEADS, checked, next_sizes, quiet
 from oarlock.rowing.report.drawings import SPEEDS, curve_drawings, speeds
-from oarlock.rowing.report.earlier import (
-    SAME_RATE_PER_MIN,
-    Other,
-    at_like_rate,
-    compared,
-    earlier_pieces,
-    largest_change,
-)
+from oarlock.rowing.report.earlier import Other, compared, earlier_pieces, largest_change
 from oarlock.rowing.report.piece import Piece
-from oarlock.rowing.report.shown import DECIMALS, PLUS_MINUS
+from oarlock.rowing.report.shown import DECIMALS, PLUS_MINUS, capital
 from oarlock.rowing.report.usual import Beyond, beyond_usual, remark
 
 _MEASURED = {
@@ -48,34 +45,31 @@ def front_of(
     others = {"against last": last, "against best": best, "against other": other}
     rowed = Rowed.of(piece)
     against = {kind: Rowed.of(one) for kind, one in others.items() if one is not None}
-    candidates = comparisons(rowed, against)
+    tested = comparisons(rowed, against)
+    candidates = as_told(tested, piece, {kind: one for kind, one in others.items() if one is not None})
     found = named(rowed, candidates)
     outside = beyond_usual(piece, rowed.kind)
     pieces = [piece] if other is None else [piece, other]
-    beside = earlier_pieces(last, best, candidates)
+    beside = earlier_pieces(last, best, tested)
     if other is not None:
-        beside.insert(0, Other(other.name, other, at_like_rate(candidates, "against other")))
+        beside.insert(0, Other(other.name, other, of_kind(tested, "against other")))
     return Front(
         did=words.strokes(piece) if other is None else _both_did(piece, other),
         points=[point(one) for one in found],
         quiet=quiet(candidates, words.is_ramp(piece)),
         remark=remark(outside),
-        checked=checked(candidates),
+        checked=checked(candidates, _not_calibrated(candidates, piece, others)),
         next_step=_next_step(piece, rowed, found, outside, against.get("against other")),
         sensors_step=_sensors_step(piece),
         direct=_MEASURED.get(rowed.kind, ""),
         commands=_commands(piece, bool(against)),
         by_rate=by_rate(piece),
         figures=words.key_figures(piece, kind=rowed.kind, calibrated=not _nominal(piece)),
-        compared=compared(
-            piece,
-            beside,
-            words.OF_UNITS if _nominal(piece) else (),
-            now=", ".join(filter(None, (piece.name, piece.date))) if other else "now",
-        ),
-        compared_head=f"{piece.name} and {other.name}" if other is not None else "Compared with earlier",
+        compared=compared(piece, beside, now=piece.name if other else "now")
+        + (_trust_in(other) if other is not None else ""),
+        compared_head=_both(piece, other) if other is not None else "Compared with earlier",
         compared_first=other is not None,
-        changes=[largest_change(piece, one, words.OF_UNITS if _nominal(piece) else ()) for one in beside],
+        changes=[largest_change(piece, one) for one in beside],
         drawings=[*speeds(pieces), *curve_drawings(pieces)],
         course=_course(piece),
     )
@@ -83,6 +77,31 @@ def front_of(
 
 def _both_did(*pieces: Piece) -> str:
     return " ".join(f"{piece.name}: {words.strokes(piece)}" for piece in pieces)
+
+
+def _not_calibrated(
+    candidates: Sequence[Candidate], piece: Piece, others: Mapping[str, Piece | Kept | None]
+) -> set[tuple[str, str]]:
+    """Comparisons with other pieces and usual values that a mount which was not calibrated may have made."""
+    return {
+        (one.kind, one.watched.name)
+        for one in candidates
+        if one.kind == "against usual" or one.kind in others
+        for each in (piece, others.get(one.kind))
+        if each is not None and is_uncalibrated(each, one.watched.name)
+    }
+
+
+def _both(piece: Piece, other: Piece) -> str:
+    return f"{piece.name}{',' if ',' in piece.name else ''} and {other.name}"
+
+
+def _trust_in(other: Piece) -> str:
+    """Whether the second piece can be believed; the line above the page is on the first one. Markup."""
+    belief = belief_of(other.track, _MEASURED.get(rowing_kind(other), ""))
+    reasons = " ".join(map(capital, belief.reasons))
+    text = f"{other.name}: {belief.mark} {belief.words}. {reasons} {belief.remedy}"
+    return f'<p class="second-trust">{escape(text.strip())}</p>'
 
 
 def _next_step(

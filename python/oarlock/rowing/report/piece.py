@@ -50,11 +50,13 @@ class Piece:
         name: name of the piece for people; "" for a single piece.
         track: what was tracked.
         technique: its strokes with their numbers and curves.
+        folder: name of the track's folder; "" if it is not known.
     """
 
     name: str
     track: Track
     technique: Technique
+    folder: str = ""
 
     @property
     def date(self) -> str:

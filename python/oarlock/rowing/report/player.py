@@ -7,13 +7,16 @@ from dataclasses import replace
 from html import escape
 from typing import Any
 
-from oarlock.report import folded_help
-from oarlock.report.viewer import Curve, embed, joint_curves, scene
+from oarlock.report import fixed, folded_help
+from oarlock.report.viewer import SHOWN_EVERY_S, Curve, embed, joint_curves, scene
 from oarlock.rowing.figure.shapes import rowing_look, stroke_marks
 from oarlock.rowing.report.piece import Piece
 
-LONGEST_S = 60.0
-"""Longest part in the page (about 1 MB per minute); `oarlock view` shows the whole piece."""
+LONGEST_S = 180.0
+"""Longest part in the page."""
+_SAMPLES = 2400
+"""Samples of a piece in the page, about 1 MB; longer pieces have them farther apart. 180 s at 13 Hz still have 20 to 40
+samples a stroke, between which the player interpolates."""
 SHOWN = ("oar_phi", "handle", "seat", "trunk", "elbow_flexion", "shoulder_flexion", "shoulder_abduction")
 """Joints with curves beside the figure; all joints are in the section Curves."""
 HELP = (
@@ -45,6 +48,7 @@ def _scene(piece: Piece, start_s: float, end_s: float, ghost: Any = None, bare: 
         marks=stroke_marks(piece.technique.found),
         curves=curves,
         ghost=ghost,
+        every_s=max(SHOWN_EVERY_S, (end_s - start_s) / _SAMPLES),
         start_s=start_s,
         end_s=end_s,
         look=look.bare() if look is not None and bare else look,
@@ -68,7 +72,7 @@ def _as_elsewhere(curve: Curve) -> Curve:
 
 
 def _stretch(piece: Piece) -> tuple[float, float]:
-    """The whole of a short track; one minute of a longer one, from its first counted stroke."""
+    """The whole of a track of up to three minutes; so much of a longer one, from its first counted stroke."""
     first, last = float(piece.track.time_s[0]), float(piece.track.time_s[-1])
     if last - first <= LONGEST_S:
         return first, last
@@ -78,10 +82,21 @@ def _stretch(piece: Piece) -> tuple[float, float]:
     return start, start + LONGEST_S
 
 
+def _left_out(piece: Piece, start_s: float, end_s: float) -> str:
+    """What of a long piece the player lacks."""
+    before, after = start_s - float(piece.track.time_s[0]), float(piece.track.time_s[-1]) - end_s
+    parts = [
+        f"the {which} {fixed(length, 0)} s"
+        for which, length in (("first", before), ("last", after))
+        if length >= 0.5
+    ]
+    return f"{' and '.join(parts)} are left out to keep the page small"
+
+
 def _hint(pieces: Sequence[Piece], start_s: float, end_s: float) -> str:
     first, text = pieces[0], ""
     if end_s - start_s < float(first.track.time_s[-1] - first.track.time_s[0]) - 1e-9:
-        text += f"It shows {start_s:.0f} to {end_s:.0f} s; <code>oarlock view</code> shows the whole piece."
+        text += f"It shows {fixed(start_s, 0)} to {fixed(end_s, 0)} s of the piece; {_left_out(first, start_s, end_s)}."
     if len(pieces) > 1:
         text += (
             f" <b>{escape(first.name)}</b> in colours; as the ghost, one usual stroke of "

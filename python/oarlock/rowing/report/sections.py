@@ -12,7 +12,7 @@ from oarlock.rowing.analysis.features import Feature
 from oarlock.rowing.report import words
 from oarlock.rowing.report.arms import arms_at_finish
 from oarlock.rowing.report.averages import feature_of
-from oarlock.rowing.report.compared import comparison_table, sentences
+from oarlock.rowing.report.compared import comparison_table, first_sentence
 from oarlock.rowing.report.definitions import definitions
 from oarlock.rowing.report.drawings import curves, hand_paths, pairs, speeds, trends, zone_of
 from oarlock.rowing.report.piece import Piece
@@ -26,7 +26,8 @@ from oarlock.rowing.report.tables import (
     unknown_list,
 )
 
-BAND = "Tinted: plus and minus one standard deviation between strokes."
+BAND = "Tinted: SD, the standard deviation between strokes, to either side."
+_IN_FULL = '<a href="#compared-pieces-in">Side by side</a> has every number.'
 
 
 def sections_of(pieces: Sequence[Piece], csv_names: Sequence[str]) -> list[Section]:
@@ -66,7 +67,7 @@ def sections_of(pieces: Sequence[Piece], csv_names: Sequence[str]) -> list[Secti
 
 def _speaking(section: Section, pieces: Sequence[Piece]) -> Section:
     """The first section with the comparison in words, style and script of the page."""
-    told = [*sentences(pieces[0], pieces[1]), _whose(pieces)] if len(pieces) > 1 else []
+    told = [f"<b>{escape(first_sentence(*pieces))}</b> {_IN_FULL}", _whose(pieces)] if len(pieces) > 1 else []
     style, script = (
         files(__package__).joinpath(name).read_text("utf-8") for name in ("style.css", "strokes.js")
     )
@@ -153,10 +154,11 @@ def _numbers(pieces: Sequence[Piece], zones: dict[str, Zone]) -> str:
         found = [one for name, one in piece.averages.items() if name not in sided]
         whose = f"{piece.name}. " if piece.name else ""
         caption = (
-            f"{whose}Means over the strokes. {PLUS_MINUS}: standard deviation of the mean; SD: "
-            "standard deviation between strokes. Numbers of both sides are in the section Right and left."
+            f"{whose}Means over the strokes. {PLUS_MINUS}: half of the 95 % interval of the mean; SD: "
+            "standard deviation between strokes. Grey, not clear: a size of which ± is more than half. Numbers of "
+            "both sides are in the section Right and left."
         )
-        parts.append(_heading(piece) + averages_table(f"numbers-{k}", caption, found, published))
+        parts.append(_heading(piece) + averages_table(f"numbers-{k}", caption, piece, found, published))
         parts.append(unknown_list(found))
     return "".join(parts)
 

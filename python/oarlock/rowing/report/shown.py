@@ -47,6 +47,12 @@ def spread(feature: Feature, value: float) -> str:
     return fixed(scaled, digits)
 
 
+def apart(feature: Feature, now: float, then: float) -> float:
+    """`now` minus `then` as a reader computes it from the two shown numbers, in the feature's unit."""
+    digits, scale = places(feature), feature.shown_scale
+    return (round(now * scale, digits) - round(then * scale, digits)) / scale
+
+
 def unit_of(feature: Feature) -> str:
     """The shown unit; empty for a number without unit."""
     unit = feature.shown_unit

@@ -10,9 +10,11 @@ import numpy as np
 
 from oarlock.report import Column, fixed, plain_table, sortable_table, value_cell
 from oarlock.rowing.analysis.features import FEATURES
-from oarlock.rowing.report.averages import Average, feature_of
-from oarlock.rowing.report.piece import Piece
-from oarlock.rowing.report.shown import PLUS_MINUS, shown, spread, unit_of
+from oarlock.rowing.findings.find import least
+from oarlock.rowing.report.averages import SIGMAS_95, Average, Difference, feature_of
+from oarlock.rowing.report.calibrated import NOT_CALIBRATED, half_cell, is_uncalibrated
+from oarlock.rowing.report.piece import Counted, Piece
+from oarlock.rowing.report.shown import PLUS_MINUS, apart, shown, spread, unit_of
 from oarlock.rowing.strokes.table import StrokeTable
 
 FIRST_COLUMNS = (
@@ -40,6 +42,10 @@ SHARES = {
     "time of the peak, share of the drive": "peak_position",
 }
 DASH = "\N{EN DASH}"
+_NEVER_ZERO = ("boat_peak_deceleration_m_s2",)
+"""Numbers with a sign that are not zero by nature; those without a sign are sizes, which are not either."""
+_UNCLEAR = 0.5
+"""A size of which \N{PLUS-MINUS SIGN} is a larger share is marked."""
 
 
 def link(name: str, label: str) -> str:
@@ -55,7 +61,7 @@ def anchor(name: str) -> str:
 
 
 def strokes_table(piece: Piece, key: str, played: bool) -> str:
-    """One row per stroke, sortable; below it mean, SD and the standard deviation of one stroke.
+    """One row per stroke, sortable; below it mean, SD and the 95 % interval of one stroke.
 
     If the player shows this piece (`played`), stroke numbers link to it.
     """
@@ -70,16 +76,33 @@ def strokes_table(piece: Piece, key: str, played: bool) -> str:
     foot = [
         ["mean", "", *(shown(one.feature, one.over.mean) for one in means)],
         ["SD", "", *(spread(one.feature, one.over.sd) for one in means)],
-        [f"{PLUS_MINUS} of one stroke", "", *(spread(one.feature, one.over.std) for one in means)],
+        [f"{PLUS_MINUS} of one stroke", "", *(_of_one_stroke(piece, one) for one in means)],
     ]
     left_out = [row for row in range(len(table)) if not kept[row]]
     caption = (
         f"One row a stroke. SD: standard deviation between strokes. {PLUS_MINUS} of one stroke: "
-        "standard deviation of a single measured value."
+        "half of the 95 % interval of a single value."
     )
     if left_out:
-        caption += " Grey: excluded from all averages, with the reason beside the number."
+        caption += f" Grey: not in averages, with the reason beside the number: {which_left_out(piece)}."
     return sortable_table(key, caption, columns, rows, foot, muted=left_out)
+
+
+def _of_one_stroke(piece: Piece, one: Average) -> str:
+    if is_uncalibrated(piece, one.feature.name):
+        return NOT_CALIBRATED
+    return spread(one.feature, SIGMAS_95 * one.over.std)
+
+
+def which_left_out(piece: Counted) -> str:
+    """Which strokes count in no average, and why: "stroke 1 (first stroke of the piece)"; "" if all count."""
+    reasons: dict[str, list[str]] = {}
+    for row in np.flatnonzero(~piece.counted):
+        reasons.setdefault(piece.table.reason("in_averages")[row] or "left out", []).append(str(row + 1))
+    return "; ".join(
+        f"{'stroke' if len(rows) == 1 else 'strokes'} {', '.join(rows)} ({reason})"
+        for reason, rows in reasons.items()
+    )
 
 
 def _stroke_row(table: StrokeTable, names: Sequence[str], row: int, kept: bool, loops: bool) -> list[str]:
@@ -101,8 +124,10 @@ def _stroke_row(table: StrokeTable, names: Sequence[str], row: int, kept: bool, 
     return cells
 
 
-def averages_table(key: str, caption: str, found: Iterable[Average], published: Mapping[str, str]) -> str:
-    """One row per number: mean, its standard deviation, SD between strokes, range, published targets.
+def averages_table(
+    key: str, caption: str, piece: Piece, found: Iterable[Average], published: Mapping[str, str]
+) -> str:
+    """One row per number of a piece: mean, its 95 % interval, SD between strokes, range, published targets.
 
     Numbers that no stroke has are in `unknown_list`.
     """
@@ -113,7 +138,7 @@ def averages_table(key: str, caption: str, found: Iterable[Average], published: 
         Column("mean"),
         Column(
             PLUS_MINUS,
-            meaning="Standard deviation of the mean, from the track's bands and the scatter of strokes.",
+            meaning="Half of the 95 % interval of the mean, from the track's bands and the scatter of strokes.",
         ),
         Column("SD", meaning="Standard deviation between strokes."),
         Column("least"),
@@ -122,23 +147,32 @@ def averages_table(key: str, caption: str, found: Iterable[Average], published: 
     ]
     columns += [Column("published")] if published else []
     rows = [
-        [*_average_cells(one), *([published.get(one.feature.name, "")] if published else [])] for one in found
+        [*_average_cells(piece, one), *([published.get(one.feature.name, "")] if published else [])]
+        for one in found
     ]
     return sortable_table(key, caption, columns, rows, style="stacked")
 
 
-def _average_cells(one: Average) -> list[str]:
-    over = one.over
+def _average_cells(piece: Piece, one: Average) -> list[str]:
+    over, mean, half = one.over, _value(one, one.over.mean), half_cell(piece, one)
+    if _is_unclear(one):
+        mean, half = f'<span class="mark">{mean}</span>', f'{half} <span class="mark">not clear</span>'
     return [
         link(one.feature.name, one.feature.label),
         escape(unit_of(one.feature)),
-        _value(one, over.mean),
-        spread(one.feature, one.uncertainty),
+        mean,
+        half,
         spread(one.feature, over.sd),
         _value(one, over.least),
         _value(one, over.most),
         value_cell(over.count, str(over.count)),
     ]
+
+
+def _is_unclear(one: Average) -> bool:
+    """Whether a size that is not zero by nature is known to no better than half of it."""
+    has_size = not one.feature.sign or one.feature.name in _NEVER_ZERO
+    return has_size and one.half > _UNCLEAR * abs(one.over.mean)
 
 
 def unknown_list(found: Iterable[Average]) -> str:
@@ -168,24 +202,26 @@ def shares_table(key: str, piece: Piece) -> str:
     if not rows:
         return ""
     whose = f", {piece.name}" if piece.name else ""
-    caption = f"Contributions to the handle's motion in the drive{whose}; small: standard deviation between strokes."
+    caption = f"Contributions to the handle's motion in the drive{whose}; small: SD between strokes."
     return f'<div class="shares">{plain_table(key, caption, ["in the drive", "unit", *parts], rows)}</div>'
 
 
 def sides_table(key: str, piece: Piece) -> str:
     """Right and left with their difference; empty if no number has two sides."""
     rows = []
-    for name, apart in piece.sides.items():
+    for name, mean in piece.sides.items():
         right, left = (piece.averages[f"{side}_{name}"] for side in "rl")
+        feature, between = right.feature, _between_sides(right, left, mean)
+        unsure = is_uncalibrated(piece, name)
         rows.append(
             [
-                link(right.feature.name, right.feature.label.rpartition(",")[0]),
-                escape(unit_of(right.feature)),
+                link(feature.name, feature.label.rpartition(",")[0]),
+                escape(unit_of(feature)),
                 _with_scatter(right),
                 _with_scatter(left),
-                value_cell(apart.over.mean, shown(right.feature, apart.over.mean, signed=True)),
-                spread(right.feature, apart.uncertainty),
-                beyond_words(apart.beyond_zero),
+                value_cell(between.told, shown(feature, between.told, signed=True)),
+                NOT_CALIBRATED if unsure else spread(feature, between.half),
+                NOT_KNOWN if unsure else verdict(between),
             ]
         )
     if not rows:
@@ -195,16 +231,18 @@ def sides_table(key: str, piece: Piece) -> str:
         Column("unit"),
         Column("right", "port"),
         Column("left", "starboard"),
-        Column("right − left"),
-        Column(PLUS_MINUS, meaning="One standard deviation of the difference."),
+        Column("right − left", meaning="Of the two shown means."),
+        Column(PLUS_MINUS, meaning="Half of the 95 % interval of the difference."),
         Column(
-            "exceeds both uncertainties", meaning="Larger than 1.96 standard deviations of the difference."
+            "verdict",
+            meaning="Clear: larger than its 95 % interval. Small: below the smallest size that matters.",
         ),
     ]
     caption = (
-        f"{_whose(piece)}Means over the strokes; small: SD between strokes. {PLUS_MINUS}: one standard "
-        "deviation of the difference; exceeds both uncertainties: statistically significant (95 %). The "
-        "rower faces the stern: the right hand holds the port oar, the left hand the starboard oar."
+        f"{_whose(piece)}Means over the strokes; small: SD between strokes. {PLUS_MINUS}: half of the 95 % interval "
+        "of the difference. It contains the zeros of oar encoders, which cancel in an arc; encoders are assumed to "
+        "have no error of scale. The rower faces the stern: the right hand holds the port oar, the left hand the "
+        "starboard oar."
     )
     if piece.track.provenance.get("nominal_mounts"):
         caption += (
@@ -213,15 +251,29 @@ def sides_table(key: str, piece: Piece) -> str:
     return sortable_table(key, caption, columns, rows, style="stacked")
 
 
+def _between_sides(right: Average, left: Average, mean: Average) -> Difference:
+    """Right minus left. Strokes of which only one side is known are in one mean and in no difference."""
+    value = mean.over.mean
+    paired = right.over.count == left.over.count == mean.over.count
+    told = apart(right.feature, right.over.mean, left.over.mean) if paired else value
+    return Difference(right.feature, value, mean.uncertainty, told)
+
+
 def _whose(piece: Piece) -> str:
     return f"{piece.name}. " if piece.name else ""
 
 
-def beyond_words(beyond: bool | None) -> str:
-    """`yes`, `no` or `not known`."""
-    if beyond is None:
-        return '<span class="mark">not known</span>'
-    return "<b>yes</b>" if beyond else "no"
+NOT_KNOWN = '<span class="mark">not known</span>'
+
+
+def verdict(between: Difference) -> str:
+    """`clear`, `clear, but small`, `not clear` or `not known`."""
+    if between.beyond is None:
+        return NOT_KNOWN
+    if not between.beyond:
+        return "not clear"
+    small = abs(between.told) <= least(between.feature)
+    return "clear, but small" if small else "<b>clear</b>"
 
 
 def _with_scatter(one: Average) -> str:

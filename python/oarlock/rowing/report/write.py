@@ -9,11 +9,11 @@ from os import PathLike
 from pathlib import Path
 
 from oarlock import DataError, Evaluation, Track
-from oarlock.report import Front, Section, who_and_when, write_report
-from oarlock.rowing.analysis.technique import technique
+from oarlock.report import Front, Section, day_text, who_and_when, who_in_words, write_report
 from oarlock.rowing.exports.activity import Activity
 from oarlock.rowing.findings.rowed import Kept, rowing_kind
 from oarlock.rowing.report.beside import alongside_sections
+from oarlock.rowing.report.called import called, folders_in_words, piece_of
 from oarlock.rowing.report.front import front_of
 from oarlock.rowing.report.piece import Piece
 from oarlock.rowing.report.sections import sections_of
@@ -65,7 +65,7 @@ def write_rowing_report(
         truth: reference that is drawn beside the estimate.
         title: heading; default says how many strokes of what, or names the pieces.
         other: a second piece to compare with.
-        names: of the two pieces, for people.
+        names: of the two pieces, for people; "" is replaced by day and stroke rate, if the session has a day.
         targets: a boat class of `oarlock.rowing.TARGET_CLASSES` or a file: published targets to draw.
         export: what another device measured during this piece, for sections on pace, heart rate and force; and the
             offset of its clock, s, if it is known.
@@ -105,7 +105,10 @@ def write_rowing_report(
                 for one in alongside_sections(export[0], pieces[0].technique, export[1])
             ]
         mark(told, 0.5)
-        front = front_of(pieces[0], _earlier(last), _earlier(best), pieces[1] if other is not None else None)
+        before = _earlier(last), _earlier(best)
+        front = front_of(pieces[0], *before, pieces[1] if other is not None else None)
+        folders = tuple(map(escape, folders_in_words([*(pieces if other is not None else []), *before])))
+        sections[0] = replace(sections[0], notes=(*sections[0].notes, *folders))
         front = _with_notes(front, compared_notes)
         heading = title or _heading(pieces)
         written = write_report(
@@ -121,10 +124,9 @@ def _pieces(
     track: Track, other: Track | None, names: tuple[str, str], targets: str | PathLike[str] | None
 ) -> list[Piece]:
     if other is None:
-        return [Piece("", track, technique(track, targets=targets))]
-    shown = names if names[0] != names[1] else (f"{names[0]} (first)".strip(), f"{names[1]} (second)".strip())
-    both = zip(shown, (track, other), strict=True)
-    return [Piece(name, one, technique(one, targets=targets)) for name, one in both]
+        return [piece_of(track, names[0], targets)]
+    both = zip((track, other), names, strict=True)
+    return called([piece_of(one, name, targets) for one, name in both], names)
 
 
 def rowing_front(
@@ -152,7 +154,10 @@ def rowing_front(
 
 
 def _earlier(given: tuple[str, Track] | Kept | None) -> Piece | Kept | None:
-    return Piece(given[0], given[1], technique(given[1])) if isinstance(given, tuple) else given
+    if not isinstance(given, tuple):
+        return given
+    name, track = given
+    return called([piece_of(track, name)], [name])[0]
 
 
 def _with_notes(front: Front, notes: Sequence[str]) -> Front:
@@ -162,7 +167,12 @@ def _with_notes(front: Front, notes: Sequence[str]) -> Front:
 
 def _heading(pieces: list[Piece]) -> str:
     if len(pieces) > 1:
-        return " compared with ".join(piece.name for piece in pieces)
+        first, second = (piece.name for piece in pieces)
+        # The heading of the page begins with them.
+        known = who_in_words(pieces[0].track.provenance), day_text(pieces[0].date)
+        for start in filter(None, known):
+            first = first.removeprefix(f"{start}, ")
+        return f"{first} compared with {second}"
     count = len(pieces[0].table)
     return f"{count} {'stroke' if count == 1 else 'strokes'} {_ROWED[rowing_kind(pieces[0])]}"
 
