@@ -15,7 +15,7 @@ from oarlock.rowing.findings.finding import Finding
 from oarlock.rowing.findings.rowed import Kept, Rowed, rowing_kind
 from oarlock.rowing.report import words
 from oarlock.rowing.report.averages import SIGMAS_95
-from oarlock.rowing.report.by_rate import by_rate
+from oarlock.rowing.report.by_rate import by_rate, range_over_rate
 from oarlock.rowing.report.calibrated import is_uncalibrated
 from oarlock.rowing.report.changes import SAME_RATE_PER_MIN, as_told, of_kind
 from oarlock.rowing.report.checked import HEADS, checked, next_sizes, quiet
@@ -64,7 +64,12 @@ def front_of(
         direct=_MEASURED.get(rowed.kind, ""),
         commands=_commands(piece, bool(against)),
         by_rate=by_rate(piece),
-        figures=words.key_figures(piece, kind=rowed.kind, calibrated=not _nominal(piece)),
+        figures=words.key_figures(
+            piece,
+            kind=rowed.kind,
+            calibrated=not _nominal(piece),
+            over_rate={name: range_over_rate(piece, name) for name in words.TILES},
+        ),
         compared=compared(piece, beside, now=piece.name if other else "now")
         + (_trust_in(other) if other is not None else ""),
         compared_head=_both(piece, other) if other is not None else "Compared with earlier",

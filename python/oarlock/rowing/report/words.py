@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from html import escape
+from types import MappingProxyType
 
 import numpy as np
 
@@ -12,9 +13,11 @@ from oarlock.rowing.findings.watched import WATCHED, Told, Watched
 from oarlock.rowing.report.averages import SIGMAS_95, Average, feature_of
 from oarlock.rowing.report.piece import Counted, Piece
 from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, shown, spread, with_unit
+from oarlock.rowing.report.tables import which_left_out
 from oarlock.rowing.report.usual import beyond_of, usual_span
 from oarlock.rowing.strokes.table import Floats
 
+_NONE: Mapping[str, str] = MappingProxyType({})
 _SHARE = {"rhythm": "drive of the stroke"}
 TILES = (
     "rate_per_min",
@@ -35,26 +38,36 @@ _AT_THE_ENDS = 3
 
 
 def key_figures(
-    piece: Counted, names: Sequence[str] = TILES, kind: str = "", calibrated: bool = True
+    piece: Counted,
+    names: Sequence[str] = TILES,
+    kind: str = "",
+    calibrated: bool = True,
+    over_rate: Mapping[str, str] = _NONE,
 ) -> list[KeyFigure]:
     """The key figures: strokes, and those of `names` that are known.
 
-    `kind` of rowing, for usual values; `calibrated`: whether the mounts of the inertial units are.
+    `kind` of rowing, for usual values; `calibrated`: whether the mounts of the inertial units are; `over_rate`: of a
+    ramp, what a number that follows the rate is from its lowest to its highest rates, instead of a mean.
     """
     left_out = int((~piece.counted).sum())
     detail = f"{left_out} not in averages" if left_out else "all in averages"
-    why = f"Left out of all averages: {why_left_out(piece)}." if left_out else ""
+    why = f"Left out of all averages: {which_left_out(piece)}." if left_out else ""
     figures = [KeyFigure("strokes", str(len(piece.table)), detail, why)]
-    for name in names:
-        found = piece.averages.get(name)
-        if found is not None and found.known:
-            unsure = name in OF_UNITS and not calibrated
-            figures.append(
-                _ramp(piece, found)
-                if name == "rate_per_min" and is_ramp(piece)
-                else _key_figure(found, WATCHED.get(name), kind, _against_usual(piece, name, kind), unsure)
-            )
+    known = (one for name in names if (one := piece.averages.get(name)) is not None and one.known)
+    unsure = () if calibrated else OF_UNITS
+    figures += (_figure(piece, one, kind, unsure, over_rate.get(one.feature.name, "")) for one in known)
     return figures
+
+
+def _figure(piece: Counted, found: Average, kind: str, unsure: Collection[str], over_rate: str) -> KeyFigure:
+    name = found.feature.name
+    if name == "rate_per_min" and is_ramp(piece):
+        return _ramp(piece, found)
+    if over_rate and name not in unsure:
+        meaning = " ".join(filter(None, (found.feature.in_words, _scatter(found))))
+        mean = f"with the rate; mean {with_unit(found.feature, found.over.mean)}"
+        return KeyFigure(found.feature.label, over_rate, mean, meaning)
+    return _key_figure(found, WATCHED.get(name), kind, _against_usual(piece, name, kind), name in unsure)
 
 
 def _ramp(piece: Counted, rate: Average) -> KeyFigure:
@@ -168,15 +181,9 @@ def _left_out(piece: Piece) -> list[str]:
     count = int((~piece.counted).sum())
     if not count:
         return []
-    return [escape(f"{count} of {len(piece.table)} strokes left out of all averages: {why_left_out(piece)}.")]
-
-
-def why_left_out(piece: Counted) -> str:
-    """The reasons for which strokes count in no average, with how many."""
-    reasons = piece.table.reason("in_averages")
-    told = [reasons[row] or "left out" for row in np.flatnonzero(~piece.counted)]
-    counts = {reason: told.count(reason) for reason in dict.fromkeys(told)}
-    return "; ".join(f"{count} times {reason}" if count > 1 else reason for reason, count in counts.items())
+    return [
+        escape(f"{count} of {len(piece.table)} strokes left out of all averages: {which_left_out(piece)}.")
+    ]
 
 
 def notes(piece: Piece) -> list[str]:
