@@ -142,17 +142,20 @@ def moved(monkeypatch, changes_deg: dict[str, np.ndarray], seed: int = 0, **prov
         swing = size * (1.0 + 0.02 * random.normal(size=CYCLES + 1))[cycle] * np.cos(np.pi * MOVED_S)
         value = swing + 0.5 * random.normal(size=CYCLES + 1)[cycle] + changes_deg.get(name, 0.0)
         found.append(MovementAngle(name, "", value, np.full_like(value, 1.0)))
-    monkeypatch.setattr("oarlock.movement.movement.movement_angles", lambda track: tuple(found))
+    monkeypatch.setattr("oarlock.movement.movement.movement_angles", lambda track, turns: tuple(found))
+    monkeypatch.setattr("oarlock.movement.movement.room_angles", lambda track, turns: ())
+    monkeypatch.setattr("oarlock.movement.movement.SegmentTurns", lambda track: None)
     return movement_of(SimpleNamespace(time_s=MOVED_S, provenance=provenance))
 
 
 def test_a_planted_change_is_found_and_even_cycles_report_nothing(monkeypatch):
     tired = np.where(MOVED_S > 20.0, -4.0, 0.0) * np.cos(np.pi * MOVED_S)
-    (*_, found) = (one for one in changes(moved(monkeypatch, {"elbow_flexion_r": tired})) if one.certain)
+    movement = moved(monkeypatch, {"elbow_flexion_r": tired})
+    (*_, found) = (one for one in changes(movement, *movement.blocks) if one.certain)
     assert found.angle == "elbow_flexion_r"
     assert found.difference == pytest.approx(-8.0, abs=found.limit)
     reported = [
-        any(one.certain for one in (*changes(movement), *wanderings(movement)))
+        any(one.certain for test in (changes, wanderings) for one in test(movement, *movement.blocks))
         for movement in (moved(monkeypatch, {}, seed) for seed in range(20))
     ]
     # Chance reports at most 5 %: more than three of twenty have a probability of 1.6 %.
@@ -177,13 +180,16 @@ def test_a_drift_is_a_finding_and_never_even(monkeypatch):
 
 def test_what_is_not_measured_well_is_no_key_figure_and_shown_apart(monkeypatch):
     movement = moved(monkeypatch, {})
-    rough = replace(movement.in_cycles["wrist_flexion_r"], lowest_std_deg=8.0)
-    movement = replace(movement, in_cycles={**movement.in_cycles, "wrist_flexion_r": rough})
-    assert [one.name for one in key_figures(movement)] == ["cycles", "cycle", "right elbow flexion"]
+    (block,) = movement.blocks
+    rough = replace(block.ranges["wrist_flexion_r"], lowest_std_deg=8.0)
+    movement = replace(movement, blocks=(replace(block, ranges={**block.ranges, "wrist_flexion_r": rough}),))
+    assert [one.name for one in key_figures(movement)] == ["repetitions", "cycle", "right elbow flexion"]
     markup = ranges_markup(movement)
     assert markup.index("right elbow flexion") < markup.index("Not measured well enough")
     assert markup.index("Not measured well enough") < markup.index("right wrist flexion")
-    assert "Zwerus et al. 2017" in markup
+    # The elbow moves by 60 deg, the wrist has no norm.
+    assert "146° of elbow flexion" in markup and "pronation" not in markup
+    assert "95 % upper limit" in markup and "at most" not in markup
 
 
 def test_a_difference_of_the_sides_is_certain_only_beyond_its_band():
