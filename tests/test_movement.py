@@ -97,6 +97,28 @@ def test_two_rhythms_are_two_repetitions():
     assert [one.period_s for one in found[:2]] == pytest.approx([0.8, 2.0], rel=0.03)
 
 
+def bends(start_s: float, size_deg: float = 35.0) -> np.ndarray:
+    """Four bends of two seconds from rest."""
+    moving = (start_s <= TIME_S) & (start_s + 8.0 >= TIME_S)
+    return np.where(moving, size_deg * (1.0 - np.cos(np.pi * (TIME_S - start_s))), 0.0)
+
+
+def test_short_blocks_of_four_are_all_found():
+    angles = [angle("shoulder", bends(5.0)), angle("elbow", bends(22.0)), angle("wrist", bends(40.0))]
+    found = sorted(find_cycles(TIME_S, angles), key=lambda one: one.begins_s[0])
+    assert [one.lead for one in found] == ["shoulder", "elbow", "wrist"]
+    for one, start_s in zip(found, (5.0, 22.0, 40.0), strict=True):
+        assert (one.peaks, one.count) == (4, 3), "three whole cycles from the first to the last of four peaks"
+        np.testing.assert_allclose(one.begins_s, start_s + 1.0 + 2.0 * np.arange(4), atol=0.05)
+
+
+def test_time_that_is_taken_is_not_searched():
+    angles = [angle("shoulder", bends(5.0))]
+    taken = find_cycles(TIME_S, angles)
+    assert len(taken) == 1
+    assert find_cycles(TIME_S, angles, taken) == ()
+
+
 def test_ranges_have_the_stds_of_their_ends():
     value = 10.0 + 40.0 * np.sin(TIME_S)
     std = np.where(value > 30.0, 3.0, 4.0)
@@ -221,6 +243,42 @@ def test_names_of_sides_pair():
         "elbow": ("r_elbow", "l_elbow"),
         "hip ZXY z": ("hip_right ZXY z", "hip_left ZXY z"),
     }
+
+
+@pytest.fixture(scope="module")
+def session() -> oarlock.Track:
+    """An arm that bows, swings and bends its elbow, four times each, without a filter's standard deviations."""
+    model = oarlock.load_model("arm", stature_m=1.78, mass_kg=75)
+    q = np.zeros((len(TIME_S[::2]), len(model.coordinate_names)))
+    for name, start_s in (("thorax.rz", 8.0), ("shoulder_r.rz", 24.0), ("elbow_flexion_r", 40.0)):
+        sign = -1.0 if name == "thorax.rz" else 1.0
+        q[:, model.coordinate_names.index(name)] = sign * np.radians(bends(start_s)[::2])
+    return track_without_filter(model, TIME_S[::2], q, provenance={})
+
+
+def test_every_block_of_a_session_is_on_the_page(session, tmp_path):
+    page, table = write_movement_report(session, tmp_path / "report.html")
+    text = page.read_text(encoding="utf-8")
+    leads = ("thorax tilt", "right shoulder flexion", "right elbow flexion")
+    assert "repeated thorax tilt, right shoulder flexion and right elbow flexion" in text
+    for number, (lead, start_s) in enumerate(zip(leads, (9, 25, 41), strict=True), 1):
+        when = f"Block {number}, {start_s} to {start_s + 6} s: "
+        assert f"{when}4 repetitions (3 whole cycles) of {lead}. Measured well: {lead} 70°." in text
+        assert f"{when}{lead}, 4 repetitions (3 whole cycles)" in text
+        assert f'id="ranges-{number}-table"' in text and f"block {number}, {lead} 3" in text
+    assert "with 7 or more repetitions" in text
+    assert "146° of elbow flexion" in text and "supination" not in text, "norms of what was tested"
+    assert "sequence ZXY" in text and "plane of elevation, elevation, axial rotation" not in text
+    rows = list(csv.DictReader(table.read_text(encoding="utf-8").splitlines()))
+    assert [(row["block"], row["cycle"]) for row in rows] == [(b, c) for b in "123" for c in "123"]
+    assert float(rows[0]["thorax_tilt_range_deg"]) == pytest.approx(70.0, abs=0.5)
+    assert float(rows[8]["elbow_flexion_r_range_deg"]) == pytest.approx(70.0, abs=0.5)
+
+
+def test_the_free_segment_is_no_angle_of_a_block_that_joints_lead(reaches, session):
+    assert {one.name for one in movement_of(session).angles} >= {"thorax_tilt", "thorax_rotation"}
+    (block,) = movement_of(reaches).blocks
+    assert {one.name for one in block.angles} == {one.name for one in movement_angles(reaches)}
 
 
 @pytest.fixture(scope="module")
