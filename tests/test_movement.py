@@ -27,7 +27,7 @@ from oarlock.movement.movement import Movement, movement_of
 from oarlock.movement.range_section import ranges_markup
 from oarlock.movement.report import write_movement_report
 from oarlock.movement.settled import settled_s
-from oarlock.movement.words import key_figures
+from oarlock.movement.words import key_figures, quality
 from oarlock.tracking.track import track_without_filter
 
 TIME_S = np.arange(0.0, 60.0, 0.01)
@@ -214,6 +214,28 @@ def test_what_is_not_measured_well_is_no_key_figure_and_shown_apart(monkeypatch)
     assert "95 % upper limit" in markup and "at most" not in markup
 
 
+def test_the_front_says_what_is_measured_well_and_why_the_rest_is_not(monkeypatch):
+    movement = moved(monkeypatch, {})
+    (block,) = movement.blocks
+    rough = replace(block.ranges["wrist_flexion_r"], lowest_std_deg=8.0)
+    movement = replace(movement, blocks=(replace(block, ranges={**block.ranges, "wrist_flexion_r": rough}),))
+    well, badly = (sentence.replace("\u00a0", " ") for sentence in quality(movement))
+    assert re.fullmatch(r"Measured well: right elbow flexion \d+ ± 3°\.", well)
+    assert re.fullmatch(r"Not measured well: right wrist flexion \d+ ± 16° \(the estimate drifts\)\.", badly)
+
+
+def test_few_cycles_are_asked_for_more(monkeypatch):
+    movement = moved(monkeypatch, {})
+    (block,) = movement.blocks
+    short = replace(block.repetition, begins_s=block.repetition.begins_s[:4])
+    front = front_of(replace(movement, blocks=(replace(block, repetition=short),)))
+    assert front.quiet == (
+        "3 whole cycles are too few to compare the first with the last third: that needs 6 (7 repetitions)."
+    )
+    assert "with 7 or more repetitions: then the first can be compared with the last" in front.next_step
+    assert "7 or more" not in front_of(movement).next_step
+
+
 def test_a_difference_of_the_sides_is_certain_only_beyond_its_band():
     begins = np.arange(0.0, 60.0, 2.0)
     for right, std, certain in ((60.0, 1.0, True), (60.0, 5.0, False), (51.5, 0.1, False)):
@@ -263,7 +285,10 @@ def test_every_block_of_a_session_is_on_the_page(session, tmp_path):
     assert "repeated thorax tilt, right shoulder flexion and right elbow flexion" in text
     for number, (lead, start_s) in enumerate(zip(leads, (9, 25, 41), strict=True), 1):
         when = f"Block {number}, {start_s} to {start_s + 6} s: "
-        assert f"{when}4 repetitions (3 whole cycles) of {lead}. Measured well: {lead} 70°." in text
+        assert (
+            f"{when}4 repetitions (3 whole cycles) of {lead}. Ranges: {lead} 70°; the track does not say"
+            in text
+        )
         assert f"{when}{lead}, 4 repetitions (3 whole cycles)" in text
         assert f'id="ranges-{number}-table"' in text and f"block {number}, {lead} 3" in text
     assert "with 7 or more repetitions" in text

@@ -81,11 +81,9 @@ def _quiet(movement: Movement) -> str:
     few = [one.repetition.count for one in movement.blocks if one.repetition.count < LEAST_CYCLES]
     if few:
         shown.append(_too_few(few))
-    if movement.sides:
-        most = max((one for _, one in movement.sides), key=lambda one: one.limit_deg)
-        shown.append(
-            f"Right and left: a difference above {fixed(most.limit_deg, 0)}° of any range would show."
-        )
+    limits = [one.limit_deg for _, one in movement.sides if np.isfinite(one.limit_deg)]
+    if limits:
+        shown.append(f"Right and left: a difference above {fixed(max(limits), 0)}° of any range would show.")
     return " ".join([NOTHING if len(shown) > bool(few) else "", *shown]).strip()
 
 

@@ -112,6 +112,8 @@ def _quality(ranges: Iterable[MotionRange]) -> list[str]:
     moved = [one for one in ranges if not one.hardly_moved]
     well = [f"{plain(one.name)} {within(one)}" for one in measured(moved)]
     badly = [f"{plain(one.name)} {within(one)} ({one.cause})" for one in moved if not one.well_measured]
+    if not any(isfinite(one.half_deg) for one in moved):
+        return [f"Ranges: {', '.join(well)}; the track does not say how certain they are."] if well else []
     found = [f"Measured well: {', '.join(well)}." if well else "No angle that moved was measured well."]
     if badly:
         found.append(f"Not measured well: {', '.join(badly)}.")
