@@ -27,7 +27,7 @@ from oarlock.movement.movement import Movement, movement_of
 from oarlock.movement.range_section import ranges_markup
 from oarlock.movement.report import write_movement_report
 from oarlock.movement.settled import settled_s
-from oarlock.movement.words import key_figures
+from oarlock.movement.words import key_figures, quality
 from oarlock.tracking.track import track_without_filter
 
 TIME_S = np.arange(0.0, 60.0, 0.01)
@@ -97,6 +97,28 @@ def test_two_rhythms_are_two_repetitions():
     assert [one.period_s for one in found[:2]] == pytest.approx([0.8, 2.0], rel=0.03)
 
 
+def bends(start_s: float, size_deg: float = 35.0) -> np.ndarray:
+    """Four bends of two seconds from rest."""
+    moving = (start_s <= TIME_S) & (start_s + 8.0 >= TIME_S)
+    return np.where(moving, size_deg * (1.0 - np.cos(np.pi * (TIME_S - start_s))), 0.0)
+
+
+def test_short_blocks_of_four_are_all_found():
+    angles = [angle("shoulder", bends(5.0)), angle("elbow", bends(22.0)), angle("wrist", bends(40.0))]
+    found = sorted(find_cycles(TIME_S, angles), key=lambda one: one.begins_s[0])
+    assert [one.lead for one in found] == ["shoulder", "elbow", "wrist"]
+    for one, start_s in zip(found, (5.0, 22.0, 40.0), strict=True):
+        assert (one.peaks, one.count) == (4, 3), "three whole cycles from the first to the last of four peaks"
+        np.testing.assert_allclose(one.begins_s, start_s + 1.0 + 2.0 * np.arange(4), atol=0.05)
+
+
+def test_time_that_is_taken_is_not_searched():
+    angles = [angle("shoulder", bends(5.0))]
+    taken = find_cycles(TIME_S, angles)
+    assert len(taken) == 1
+    assert find_cycles(TIME_S, angles, taken) == ()
+
+
 def test_ranges_have_the_stds_of_their_ends():
     value = 10.0 + 40.0 * np.sin(TIME_S)
     std = np.where(value > 30.0, 3.0, 4.0)
@@ -142,17 +164,20 @@ def moved(monkeypatch, changes_deg: dict[str, np.ndarray], seed: int = 0, **prov
         swing = size * (1.0 + 0.02 * random.normal(size=CYCLES + 1))[cycle] * np.cos(np.pi * MOVED_S)
         value = swing + 0.5 * random.normal(size=CYCLES + 1)[cycle] + changes_deg.get(name, 0.0)
         found.append(MovementAngle(name, "", value, np.full_like(value, 1.0)))
-    monkeypatch.setattr("oarlock.movement.movement.movement_angles", lambda track: tuple(found))
+    monkeypatch.setattr("oarlock.movement.movement.movement_angles", lambda track, turns: tuple(found))
+    monkeypatch.setattr("oarlock.movement.movement.room_angles", lambda track, turns: ())
+    monkeypatch.setattr("oarlock.movement.movement.SegmentTurns", lambda track: None)
     return movement_of(SimpleNamespace(time_s=MOVED_S, provenance=provenance))
 
 
 def test_a_planted_change_is_found_and_even_cycles_report_nothing(monkeypatch):
     tired = np.where(MOVED_S > 20.0, -4.0, 0.0) * np.cos(np.pi * MOVED_S)
-    (*_, found) = (one for one in changes(moved(monkeypatch, {"elbow_flexion_r": tired})) if one.certain)
+    movement = moved(monkeypatch, {"elbow_flexion_r": tired})
+    (*_, found) = (one for one in changes(movement, *movement.blocks) if one.certain)
     assert found.angle == "elbow_flexion_r"
     assert found.difference == pytest.approx(-8.0, abs=found.limit)
     reported = [
-        any(one.certain for one in (*changes(movement), *wanderings(movement)))
+        any(one.certain for test in (changes, wanderings) for one in test(movement, *movement.blocks))
         for movement in (moved(monkeypatch, {}, seed) for seed in range(20))
     ]
     # Chance reports at most 5 %: more than three of twenty have a probability of 1.6 %.
@@ -177,13 +202,38 @@ def test_a_drift_is_a_finding_and_never_even(monkeypatch):
 
 def test_what_is_not_measured_well_is_no_key_figure_and_shown_apart(monkeypatch):
     movement = moved(monkeypatch, {})
-    rough = replace(movement.in_cycles["wrist_flexion_r"], lowest_std_deg=8.0)
-    movement = replace(movement, in_cycles={**movement.in_cycles, "wrist_flexion_r": rough})
-    assert [one.name for one in key_figures(movement)] == ["cycles", "cycle", "right elbow flexion"]
+    (block,) = movement.blocks
+    rough = replace(block.ranges["wrist_flexion_r"], lowest_std_deg=8.0)
+    movement = replace(movement, blocks=(replace(block, ranges={**block.ranges, "wrist_flexion_r": rough}),))
+    assert [one.name for one in key_figures(movement)] == ["repetitions", "cycle", "right elbow flexion"]
     markup = ranges_markup(movement)
     assert markup.index("right elbow flexion") < markup.index("Not measured well enough")
     assert markup.index("Not measured well enough") < markup.index("right wrist flexion")
-    assert "Zwerus et al. 2017" in markup
+    # The elbow moves by 60 deg, the wrist has no norm.
+    assert "146° of elbow flexion" in markup and "pronation" not in markup
+    assert "95 % upper limit" in markup and "at most" not in markup
+
+
+def test_the_front_says_what_is_measured_well_and_why_the_rest_is_not(monkeypatch):
+    movement = moved(monkeypatch, {})
+    (block,) = movement.blocks
+    rough = replace(block.ranges["wrist_flexion_r"], lowest_std_deg=8.0)
+    movement = replace(movement, blocks=(replace(block, ranges={**block.ranges, "wrist_flexion_r": rough}),))
+    well, badly = (sentence.replace("\u00a0", " ") for sentence in quality(movement))
+    assert re.fullmatch(r"Measured well: right elbow flexion \d+ ± 3°\.", well)
+    assert re.fullmatch(r"Not measured well: right wrist flexion \d+ ± 16° \(the estimate drifts\)\.", badly)
+
+
+def test_few_cycles_are_asked_for_more(monkeypatch):
+    movement = moved(monkeypatch, {})
+    (block,) = movement.blocks
+    short = replace(block.repetition, begins_s=block.repetition.begins_s[:4])
+    front = front_of(replace(movement, blocks=(replace(block, repetition=short),)))
+    assert front.quiet == (
+        "3 whole cycles are too few to compare the first with the last third: that needs 6 (7 repetitions)."
+    )
+    assert "with 7 or more repetitions: then the first can be compared with the last" in front.next_step
+    assert "7 or more" not in front_of(movement).next_step
 
 
 def test_a_difference_of_the_sides_is_certain_only_beyond_its_band():
@@ -215,6 +265,45 @@ def test_names_of_sides_pair():
         "elbow": ("r_elbow", "l_elbow"),
         "hip ZXY z": ("hip_right ZXY z", "hip_left ZXY z"),
     }
+
+
+@pytest.fixture(scope="module")
+def session() -> oarlock.Track:
+    """An arm that bows, swings and bends its elbow, four times each, without a filter's standard deviations."""
+    model = oarlock.load_model("arm", stature_m=1.78, mass_kg=75)
+    q = np.zeros((len(TIME_S[::2]), len(model.coordinate_names)))
+    for name, start_s in (("thorax.rz", 8.0), ("shoulder_r.rz", 24.0), ("elbow_flexion_r", 40.0)):
+        sign = -1.0 if name == "thorax.rz" else 1.0
+        q[:, model.coordinate_names.index(name)] = sign * np.radians(bends(start_s)[::2])
+    return track_without_filter(model, TIME_S[::2], q, provenance={})
+
+
+def test_every_block_of_a_session_is_on_the_page(session, tmp_path):
+    page, table = write_movement_report(session, tmp_path / "report.html")
+    text = page.read_text(encoding="utf-8")
+    leads = ("thorax tilt", "right shoulder flexion", "right elbow flexion")
+    assert "repeated thorax tilt, right shoulder flexion and right elbow flexion" in text
+    for number, (lead, start_s) in enumerate(zip(leads, (9, 25, 41), strict=True), 1):
+        when = f"Block {number}, {start_s} to {start_s + 6} s: "
+        assert (
+            f"{when}4 repetitions (3 whole cycles) of {lead}. Ranges: {lead} 70°; the track does not say"
+            in text
+        )
+        assert f"{when}{lead}, 4 repetitions (3 whole cycles)" in text
+        assert f'id="ranges-{number}-table"' in text and f"block {number}, {lead} 3" in text
+    assert "with 7 or more repetitions" in text
+    assert "146° of elbow flexion" in text and "supination" not in text, "norms of what was tested"
+    assert "sequence ZXY" in text and "plane of elevation, elevation, axial rotation" not in text
+    rows = list(csv.DictReader(table.read_text(encoding="utf-8").splitlines()))
+    assert [(row["block"], row["cycle"]) for row in rows] == [(b, c) for b in "123" for c in "123"]
+    assert float(rows[0]["thorax_tilt_range_deg"]) == pytest.approx(70.0, abs=0.5)
+    assert float(rows[8]["elbow_flexion_r_range_deg"]) == pytest.approx(70.0, abs=0.5)
+
+
+def test_the_free_segment_is_no_angle_of_a_block_that_joints_lead(reaches, session):
+    assert {one.name for one in movement_of(session).angles} >= {"thorax_tilt", "thorax_rotation"}
+    (block,) = movement_of(reaches).blocks
+    assert {one.name for one in block.angles} == {one.name for one in movement_angles(reaches)}
 
 
 @pytest.fixture(scope="module")

@@ -282,3 +282,12 @@ def test_a_joint_that_is_never_observed_has_no_curve():
     observed[:, 1] = observed[3:, 2] = False
     first, _, last = track.joint_names
     assert [curve.key for curve in joint_curves(replace(track, observed=observed))] == [first, last]
+
+
+def test_a_point_is_named_as_the_joint_that_it_is():
+    """A segment's origin is the joint that moves it: `right upper arm` would mark the shoulder."""
+    points = scene(moving("arm"))["points"]
+    labels = {frame: point["label"] for point in points for frame in point["frames"]}
+    assert labels["upper_arm_r"] == "right shoulder" and labels["forearm_r"] == "right elbow"
+    assert labels["hand_r"] == "right wrist"
+    assert labels["thorax"] == labels["fingertip_r"] == "", "no joint with a name: the frame's name is shown"

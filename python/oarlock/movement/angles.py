@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock import DataError, JointAngle, Track, joint_angles
-from oarlock.model.angle_sequence import angle_labels
+from oarlock import JointAngle, Track, joint_angles
+from oarlock.model.angle_sequence import angle_labels, angles_from_quat, angles_per_turn
+from oarlock.movement.turns import SegmentTurns, Sensitivity
+from oarlock.tracking.joint_angles import NamedRotation, named_rotation
+from oarlock.tracking.joint_series import BallSeries
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -19,10 +23,21 @@ CLEAR_SHARE = 0.8
 """An angle of a ball joint is used if its sequence is away from its poles at least in this share of the rows."""
 
 
-_SHOULDERS = dict.fromkeys(("shoulder_r", "shoulder_l"), ("flexion", "abduction", "rotation"))
-"""Shoulders of the shipped bodies: ZXY is singular only with the arm sideways and level, YXY while it hangs."""
-_ELBOWS = {"elbow_r": "elbow_flexion_r", "elbow_l": "elbow_flexion_l"}
-"""Elbows that `with_ball_joint` made, and the one angle of each that is known."""
+SHOULDER = "ZXY"
+"""Flexion, abduction and rotation: singular only with the arm sideways and level, YXY while it hangs."""
+SHOULDER_WORDS = (
+    "flexion (forward), abduction (away from the body) and rotation (inward), sequence ZXY; not the plane of "
+    "elevation and elevation of the society (YXY), which are singular while the arm hangs"
+)
+"""What the names of a shoulder's angles mean here."""
+_SHOULDERS = ("shoulder_r", "shoulder_l")
+"""Shoulders of the shipped bodies."""
+_ELBOWS = ("elbow_r", "elbow_l")
+"""Elbows that `with_ball_joint` made; only their flexion is known."""
+UP = (0.0, 1.0, 0.0)
+"""The vertical of bodies whose free segment has names for its angles in the room."""
+MIRRORED = (-1.0, -1.0, 1.0)
+"""A rotation vector of a left limb in its mirror image."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +50,7 @@ class MovementAngle:
         value_deg: (T,) deg, continuous; NaN where not observed, and near a pole of the sequence.
         std_deg: (T,) standard deviation, deg; NaN if the track has none.
         limits_deg: soft limits of a hinge, deg; None for others.
+        sensitivity: what its errors depend on; None if unknown.
     """
 
     name: str
@@ -42,59 +58,113 @@ class MovementAngle:
     value_deg: Floats
     std_deg: Floats
     limits_deg: tuple[float, float] | None = None
+    sensitivity: Sensitivity | None = None
+
+    def since(self, first: int) -> MovementAngle:
+        """The angle from a sample on."""
+        told = self.sensitivity
+        kept = None if told is None else Sensitivity(told.turns[first:], told.posture_rad[first:])
+        return replace(self, value_deg=self.value_deg[first:], std_deg=self.std_deg[first:], sensitivity=kept)
 
 
-def movement_angles(track: Track) -> tuple[MovementAngle, ...]:
+def movement_angles(track: Track, turns: SegmentTurns | None = None) -> tuple[MovementAngle, ...]:
     """The observed angles of all joints of a track, in the order of the model.
 
-    The rotation of a free joint is left out: it says how the whole body is turned. So are the angles of a ball joint
-    that is near a pole of its sequence for more than a fifth of the time: they say little about its posture.
+    The rotation of a free joint is left out: see `room_angles`. So are the angles of a ball joint that is near a pole
+    of its sequence for more than a fifth of the time: they say little about its posture.
+
+    `turns`: those of the track, if they are needed several times.
 
     Raises:
         DataError: the track has no model.
     """
-    if track.model is None:
-        raise DataError("movement_angles: this track was loaded without its model; load the model file again")
+    turns = turns or SegmentTurns(track)
     found = []
-    for joint in track.model.describe().joints:
+    for joint in turns.joints:
         if joint.kind == "hinge":
             series = track.hinge(joint.name)
             limits = (float(np.degrees(joint.limits[0])), float(np.degrees(joint.limits[1])))
-            found.append(_angle(joint.name, joint.label, series.value, series.std, series.observed, limits))
+            course = _Course(series.value, series.std, series.observed, turns.of(joint.name))
+            found.append(_angle(joint.name, joint.label, course, limits))
         elif joint.kind == "ball":
-            found += _ball_angles(track, joint.name, joint.label)
+            found += _ball_angles(track, joint.name, joint.label, turns)
     return tuple(angle for angle in found if angle is not None)
 
 
-def _ball_angles(track: Track, name: str, label: str) -> list[MovementAngle | None]:
-    if name in _SHOULDERS:
-        side = name.rpartition("_")[2]
-        named = joint_angles(track, shoulder="ZXY")
-        return [_named_angle(named[f"shoulder_{what}_{side}"], label) for what in _SHOULDERS[name]]
-    if name in _ELBOWS:
-        return [_named_angle(joint_angles(track)[_ELBOWS[name]], label)]
+def room_angles(track: Track, turns: SegmentTurns | None = None) -> tuple[MovementAngle, ...]:
+    """How the free segment of a body stands in the room: its heading, obliquity and tilt; none in other axes.
+
+    `turns`: those of the track, if they are needed several times.
+
+    Raises:
+        DataError: the track has no model.
+    """
+    turns = turns or SegmentTurns(track)
+    if turns.up != UP:
+        return ()
+    found = []
+    for joint in turns.joints:
+        named = named_rotation(joint.name, is_free=True)
+        if joint.kind == "free" and named is not None:
+            found += _named_angles(joint_angles(track), track.ball(joint.name), joint.label, named, turns)
+    return tuple(angle for angle in found if angle is not None)
+
+
+@dataclass(frozen=True, eq=False)
+class _Course:
+    """An angle over time, rad, as `MovementAngle` has it in deg."""
+
+    value: Floats
+    std: Floats
+    observed: Bools
+    sensitivity: Sensitivity
+
+
+def _ball_angles(track: Track, name: str, label: str, turns: SegmentTurns) -> list[MovementAngle | None]:
     series = track.ball(name)
+    named = named_rotation(name, is_free=False, shoulder=SHOULDER)
+    if named is not None and name in (*_SHOULDERS, *_ELBOWS):
+        told = f"{label.partition(':')[0]}: {SHOULDER_WORDS}" if name in _SHOULDERS else label
+        return _named_angles(joint_angles(track, shoulder=SHOULDER), series, told, named, turns)
     near = series.near_singular()
     if near.mean() > 1.0 - CLEAR_SHARE:
         return []
-    clear: Bools = series.observed & ~near
     value, std, sequence = series.angles_rad(), series.angles_std_rad(), series.angle_sequence
-    return [
-        _angle(f"{name} {sequence} {axis}", label, value[:, k], std[:, k], clear, None)
-        for k, axis in enumerate(angle_labels(sequence))
+    changes = angles_per_turn(value, sequence)
+    courses = [
+        _Course(value[:, k], std[:, k], series.observed & ~near, turns.of(name, changes[:, k]))
+        for k in range(3)
     ]
+    labels = angle_labels(sequence)
+    return [_angle(f"{name} {sequence} {axis}", label, courses[k], None) for k, axis in enumerate(labels)]
 
 
-def _named_angle(named: JointAngle, label: str) -> MovementAngle | None:
-    clear: Bools = named.observed & ~named.near_singular
-    return _angle(named.name, label, named.angle_rad, named.std_rad, clear, None)
+def _named_angles(
+    angles: Mapping[str, JointAngle],
+    series: BallSeries,
+    label: str,
+    named: NamedRotation,
+    turns: SegmentTurns,
+) -> list[MovementAngle | None]:
+    """Signs and offsets of the names do not matter to the size of an error; the mirror image of a left limb does."""
+    rotation = named.rotation(series.quat_wxyz)
+    changes = angles_per_turn(angles_from_quat(rotation, named.sequence), named.sequence)
+    changes = changes * MIRRORED if named.is_mirrored else changes
+    places = range(3) if len(named.names) > 1 else (1,)
+    found = []
+    for k, name in zip(places, named.names, strict=True):
+        one = angles[name]
+        clear: Bools = one.observed & ~one.near_singular
+        course = _Course(one.angle_rad, one.std_rad, clear, turns.of(series.name, changes[:, k]))
+        found.append(_angle(name, label, course, None))
+    return found
 
 
 def _angle(
-    name: str, label: str, value: Floats, std: Floats, observed: Bools, limits: tuple[float, float] | None
+    name: str, label: str, course: _Course, limits: tuple[float, float] | None
 ) -> MovementAngle | None:
-    known: Bools = observed & np.isfinite(value)
+    known: Bools = course.observed & np.isfinite(course.value)
     if known.mean() < OBSERVED_SHARE:
         return None
-    shown, claimed = (np.where(known, np.degrees(array), np.nan) for array in (value, std))
-    return MovementAngle(name, label, shown, claimed, limits)
+    shown, claimed = (np.where(known, np.degrees(array), np.nan) for array in (course.value, course.std))
+    return MovementAngle(name, label, shown, claimed, limits, course.sensitivity)

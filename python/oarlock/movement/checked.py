@@ -6,8 +6,8 @@ from html import escape
 from math import isfinite
 
 from oarlock.movement.evenness import LEAST_MOVEMENT_DEG, Change, Wander, changes, wanderings
-from oarlock.movement.movement import Movement
-from oarlock.movement.words import named, plain, signed, sized
+from oarlock.movement.movement import Block, Movement
+from oarlock.movement.words import named, placed, plain, signed, sized
 from oarlock.report import Column, fixed, plain_table
 
 CAPTION = (
@@ -18,16 +18,21 @@ CAPTION = (
 
 
 def checked_markup(movement: Movement) -> str:
-    """The table; empty if there are too few cycles to compare thirds."""
-    compared, middles = changes(movement), wanderings(movement)
-    main = movement.main
-    if main is None or not compared:
+    """The tables, one for each block; empty if all have too few cycles to compare thirds."""
+    return "".join(_table(movement, block) for block in movement.blocks)
+
+
+def _table(movement: Movement, block: Block) -> str:
+    compared, middles = changes(movement, block), wanderings(movement, block)
+    if not compared:
         return ""
     allowed = "largest minus smallest middle, and how far the uncertainty of the track lets it wander"
     heads: list[str | Column] = ["what", "change", "would show above", Column("wanders (may)", "", allowed)]
     rows = [[escape(named(one)), *_change(one, one.least, one.certain), "–"] for one in compared]
     rows += [_wandered(one) for one in middles]
-    return plain_table("checked", CAPTION.format(count=main.count), heads, rows, style="stacked")
+    caption = placed(movement, block) + CAPTION.format(count=block.repetition.count)
+    key = f"checked-{block.number}" if movement.several else "checked"
+    return plain_table(key, caption, heads, rows, style="stacked")
 
 
 def _change(one: Change, least: float, reported: bool) -> list[str]:

@@ -2,20 +2,21 @@
 
 In windows of ten seconds the posture is compared with itself a lag later: the correlation of all angles together, each
 with the energy of its movement. The shortest lag of a clear maximum is the period. Windows of one period form a
-repetition, whose cycles begin where its leading angle is largest.
+repetition, whose cycles begin where its leading angle is largest. The time that no repetition covers is searched again
+in windows of six seconds, for short stretches.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import find_peaks
 
 from oarlock.movement.angles import Floats, MovementAngle
 
-WINDOW_S, HOP_S, RATE_HZ = 10.0, 1.0, 25.0
+WINDOWS_S, HOP_S, RATE_HZ = (10.0, 6.0), 1.0, 25.0
 SHORTEST_S = 0.3
 LEAST_MOVEMENT_DEG = 5.0
 """Smallest standard deviation of the angle that moves most, in a window that is searched."""
@@ -52,6 +53,11 @@ class Repetition:
         return len(self.begins_s) - 1
 
     @property
+    def peaks(self) -> int:
+        """How often the leading angle was largest: what a person counts; one more than whole cycles."""
+        return len(self.begins_s)
+
+    @property
     def durations_s(self) -> Floats:
         """(n,) duration of each cycle, s."""
         return np.diff(self.begins_s)
@@ -62,17 +68,52 @@ class Repetition:
         return float(self.durations_s.mean())
 
 
-def find_cycles(time_s: Floats, angles: Sequence[MovementAngle]) -> tuple[Repetition, ...]:
-    """The repetitions of a movement, the one with the most cycles first; none if nothing repeats three times."""
+def find_cycles(
+    time_s: Floats, angles: Sequence[MovementAngle], taken: Sequence[Repetition] = ()
+) -> tuple[Repetition, ...]:
+    """The repetitions of a movement, the one with the most cycles first; none if nothing repeats three times.
+
+    They do not overlap: of cycles that two share, the one with more of them keeps them. `taken`: repetitions whose time
+    is not searched.
+    """
     if len(time_s) < 2 or not angles or time_s[-1] - time_s[0] < LEAST_CYCLES * SHORTEST_S:
         return ()
     even_s = np.arange(time_s[0], time_s[-1], 1.0 / RATE_HZ)
     rows = np.stack([_evenly(even_s, time_s, angle.value_deg) for angle in angles], axis=1)
-    width = min(round(WINDOW_S * RATE_HZ), len(rows))
-    starts = range(0, len(rows) - width + 1, round(HOP_S * RATE_HZ))
-    windows = [(start, *_period(rows[start : start + width])) for start in starts]
-    found = [_repetition(even_s, rows, group, width, angles) for group in _groups(windows)]
-    return tuple(sorted((one for one in found if one is not None), key=lambda one: -one.count))
+    found: list[Repetition] = []
+    for window_s in WINDOWS_S:
+        width = min(round(window_s * RATE_HZ), len(rows))
+        starts = [
+            start
+            for start in range(0, len(rows) - width + 1, round(HOP_S * RATE_HZ))
+            if not any(_overlap(one, even_s[start], even_s[start + width - 1]) for one in (*taken, *found))
+        ]
+        windows = [(start, *_period(rows[start : start + width])) for start in starts]
+        fresh = [_repetition(even_s, rows, group, width, angles) for group in _groups(windows)]
+        found = _apart([*found, *(one for one in fresh if one is not None)])
+    return tuple(found)
+
+
+def _overlap(one: Repetition, start_s: float, end_s: float) -> bool:
+    """Whether both share more than half a cycle of the repetition, or more than half of the interval."""
+    shared_s = float(min(end_s, one.begins_s[-1]) - max(start_s, one.begins_s[0]))
+    return shared_s > 0.5 * min(one.period_s, end_s - start_s)
+
+
+def _apart(found: Sequence[Repetition]) -> list[Repetition]:
+    """The repetitions, the one with the most cycles first, each without cycles that one before it has."""
+    kept: list[Repetition] = []
+    for one in sorted(found, key=lambda one: -one.count):
+        own = [
+            k
+            for k in range(one.count)
+            if not any(_overlap(other, *one.begins_s[k : k + 2]) for other in kept)
+        ]
+        runs = np.split(own, np.flatnonzero(np.diff(own) > 1) + 1)
+        longest = max(runs, key=len)
+        if len(longest) >= LEAST_CYCLES:
+            kept.append(replace(one, begins_s=one.begins_s[longest[0] : longest[-1] + 2]))
+    return sorted(kept, key=lambda one: -one.count)
 
 
 def cycle_courses(time_s: Floats, value: Floats, begins_s: Floats) -> Floats:
@@ -108,19 +149,18 @@ def _correlation(rows: Floats, lag: int) -> float:
 
 
 def _groups(windows: Sequence[tuple[int, float, float]]) -> list[list[tuple[int, float, float]]]:
-    """Runs of windows that repeat with about the same period."""
+    """Runs of neighbouring windows that repeat with about the same period."""
     groups: list[list[tuple[int, float, float]]] = []
-    running = False
     for window in windows:
-        period = window[1]
+        start, period, _ = window
         if period == 0.0:
-            running = False
             continue
-        if running and abs(period / groups[-1][-1][1] - 1.0) <= SAME_PERIOD:
+        last_start, last_period = groups[-1][-1][:2] if groups else (-np.inf, 1.0)
+        near = start - last_start <= HOP_S * RATE_HZ and abs(period / last_period - 1.0) <= SAME_PERIOD
+        if near:
             groups[-1].append(window)
         else:
             groups.append([window])
-        running = True
     return groups
 
 

@@ -11,13 +11,13 @@ import numpy as np
 from scipy.stats import studentized_range, t
 
 from oarlock.movement.angles import Floats
-from oarlock.movement.cycles import RATE_HZ, Repetition, cycle_courses
-from oarlock.movement.movement import Movement
+from oarlock.movement.cycles import RATE_HZ, cycle_courses
+from oarlock.movement.movement import Block, Movement
 
 CHANCE = 0.05 / 3.0
 """Of a false finding among changes of numbers, among changes of middles, and among spans of middles."""
-LEAST_PART = 2
-"""Cycles that a third needs."""
+LEAST_CYCLES = 6
+"""Cycles that a comparison of thirds needs: two in each."""
 LEAST_MOVEMENT_DEG = 5.0
 """Angles that move less in a cycle, and middles that wander by less, are not reported."""
 LEAST_CHANGE_DEG = 2.0
@@ -90,41 +90,47 @@ class Wander:
         return self.span_deg > LEAST_MOVEMENT_DEG and (self.beyond or self.change.certain)
 
 
-def changes(movement: Movement) -> tuple[Change, ...]:
-    """Duration of the cycles, and the range of each angle that is measured well: first against last third.
+def changes(movement: Movement, block: Block) -> tuple[Change, ...]:
+    """Duration of the cycles of a block, and the range of each angle that is measured well: first against last third.
 
     Student's t on the scatter within both thirds, with Bonferroni's correction; empty below six cycles.
     """
-    main = movement.main
-    if main is None or main.count < 3 * LEAST_PART:
+    if block.repetition.count < LEAST_CYCLES:
         return ()
-    numbers = {"": main.durations_s}
-    for angle in movement.angles:
-        one = movement.in_cycles.get(angle.name)
+    numbers = {"": block.repetition.durations_s}
+    for angle in block.angles:
+        one = block.ranges.get(angle.name)
         if one is not None and one.well_measured and one.range_deg >= LEAST_MOVEMENT_DEG:
-            numbers[angle.name] = np.ptp(_courses(movement, main, angle.value_deg), axis=1)
-    return tuple(_change(name, values, len(numbers)) for name, values in numbers.items())
+            numbers[angle.name] = np.ptp(_courses(movement, block, angle.value_deg), axis=1)
+    compared = len(numbers) * _compared(movement)
+    return tuple(_change(name, values, compared) for name, values in numbers.items())
 
 
-def wanderings(movement: Movement) -> tuple[Wander, ...]:
-    """The middles of all angles over the cycles, the one that wanders furthest first; empty below six cycles.
+def wanderings(movement: Movement, block: Block) -> tuple[Wander, ...]:
+    """The middles of all angles over the cycles of a block, the one that wanders most first; empty below six cycles.
 
     The limit takes errors of one cycle as shared and those of different cycles as independent: then the span follows
     Tukey's studentized range, here with Bonferroni's correction.
     """
-    main = movement.main
-    angles = [one for one in movement.angles if one.name in movement.in_cycles]
-    if main is None or main.count < 3 * LEAST_PART or not angles:
+    count = block.repetition.count
+    angles = [one for one in block.angles if one.name in block.ranges]
+    if count < LEAST_CYCLES or not angles:
         return ()
-    factor = float(studentized_range.ppf(1.0 - CHANCE / len(angles), main.count, np.inf))
+    compared = len(angles) * _compared(movement)
+    factor = float(studentized_range.ppf(1.0 - CHANCE / compared, count, np.inf))
     found = []
     for angle in angles:
-        middles = _courses(movement, main, angle.value_deg).mean(axis=1)
-        std = float(np.mean(_courses(movement, main, angle.std_deg)))
-        moves = movement.in_cycles[angle.name].range_deg
-        change = _change(angle.name, middles, len(angles))
+        middles = _courses(movement, block, angle.value_deg).mean(axis=1)
+        std = float(np.mean(_courses(movement, block, angle.std_deg)))
+        moves = block.ranges[angle.name].range_deg
+        change = _change(angle.name, middles, compared)
         found.append(Wander(change, float(np.ptp(middles)), factor * std, moves))
     return tuple(sorted(found, key=lambda one: -one.span_deg))
+
+
+def _compared(movement: Movement) -> int:
+    """Blocks that are compared: chance is controlled over all of them."""
+    return sum(one.repetition.count >= LEAST_CYCLES for one in movement.blocks)
 
 
 def _change(name: str, values: Floats, compared: int) -> Change:
@@ -138,5 +144,5 @@ def _change(name: str, values: Floats, compared: int) -> Change:
     return Change(name, float(thirds[0].mean()), float(thirds[2].mean()), limit)
 
 
-def _courses(movement: Movement, main: Repetition, values: Floats) -> Floats:
-    return cycle_courses(movement.track.time_s, values, main.begins_s)
+def _courses(movement: Movement, block: Block, values: Floats) -> Floats:
+    return cycle_courses(movement.track.time_s, values, block.repetition.begins_s)

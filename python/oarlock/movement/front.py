@@ -7,10 +7,11 @@ from math import ceil
 
 import numpy as np
 
+from oarlock.movement.angles import MovementAngle
 from oarlock.movement.checked import checked_markup
 from oarlock.movement.cycles import cycle_courses
-from oarlock.movement.evenness import Wander, changes, wanderings
-from oarlock.movement.movement import Movement
+from oarlock.movement.evenness import LEAST_CYCLES, Wander, changes, wanderings
+from oarlock.movement.movement import Block, Movement
 from oarlock.movement.ranges import SideDifference
 from oarlock.movement.words import (
     CYCLE,
@@ -18,12 +19,15 @@ from oarlock.movement.words import (
     key_figures,
     measured,
     named,
+    placed,
     plain,
     repeats,
     sized,
 )
 from oarlock.report import Course, Front, Point, Sourced, fixed
 
+THIRDS = "From the first to the last third of the cycles,"
+NOTHING = "No difference was found."
 SIDES = "Range on the right minus range on the left; named if above 2° and outside its 95 % interval."
 CHANGES = (
     "Last third of the cycles minus first third, ± its interval, which controls chance over all numbers."
@@ -48,11 +52,12 @@ MOST_CURVES = 3
 
 def front_of(movement: Movement) -> Front:
     """The front of a movement."""
+    points = [point for block in movement.blocks for point in _findings(movement, block)]
     return Front(
         did=" ".join(filter(None, [*repeats(movement), counts_from(movement)])),
-        points=[*_sides(movement), *_changes(movement), *_wanderings(movement), *_rhythm(movement)],
+        points=[*_sides(movement), *points],
         quiet=_quiet(movement),
-        remark=_drifting(movement),
+        remark=" ".join(filter(None, (_drifting(movement, block) for block in movement.blocks))),
         checked=checked_markup(movement),
         next_step=_next_step(movement),
         commands=_commands(movement),
@@ -61,43 +66,57 @@ def front_of(movement: Movement) -> Front:
     )
 
 
+def _findings(movement: Movement, block: Block) -> list[Point]:
+    return [*_changes(movement, block), *_wanderings(movement, block), *_rhythm(movement, block)]
+
+
 def _quiet(movement: Movement) -> str:
     """What was compared, and from which size on a difference would have shown."""
     shown = []
-    compared = changes(movement)
-    if compared:
-        sizes = " or ".join(f"{sized(one, one.least)} of the {named(one)}" for one in compared[:2])
-        shown.append(f"From the first to the last third of the cycles, a change above {sizes} would show.")
-    elif movement.main is not None:
-        shown.append(f"{movement.main.count} cycles are too few to compare the first with the last third.")
-    if movement.sides:
-        most = max(movement.sides, key=lambda one: one.limit_deg)
-        shown.append(
-            f"Right and left: a difference above {fixed(most.limit_deg, 0)}° of any range would show."
-        )
-    return " ".join(["Nothing that this recording can show.", *shown])
+    for block in movement.blocks:
+        compared = changes(movement, block)
+        if compared:
+            sizes = " or ".join(f"{sized(one, one.least)} of the {named(one)}" for one in compared[:2])
+            shown.append(f"{placed(movement, block)}{THIRDS} a change above {sizes} would show.")
+    few = [one.repetition.count for one in movement.blocks if one.repetition.count < LEAST_CYCLES]
+    if few:
+        shown.append(_too_few(few))
+    limits = [one.limit_deg for _, one in movement.sides if np.isfinite(one.limit_deg)]
+    if limits:
+        shown.append(f"Right and left: a difference above {fixed(max(limits), 0)}° of any range would show.")
+    return " ".join([NOTHING if len(shown) > bool(few) else "", *shown]).strip()
 
 
-def _changes(movement: Movement) -> list[Point]:
+def _too_few(few: Sequence[int]) -> str:
+    """Why first and last are not compared."""
+    counts = f"{few[0]}" if len(set(few)) == 1 else f"{min(few)} to {max(few)}"
+    return (
+        f"{counts} whole cycles are too few to compare the first with the last third: that needs {LEAST_CYCLES} "
+        f"({LEAST_CYCLES + 1} repetitions)."
+    )
+
+
+def _changes(movement: Movement, block: Block) -> list[Point]:
     found = []
-    for one in changes(movement):
+    for one in changes(movement, block):
         if not one.certain:
             continue
         sign = "more" if one.difference > 0.0 else "less"
         size = sized(one, abs(one.difference))
         text = f"In the last third of the cycles the {named(one)} is {size} {sign} than in the first: "
         text += f"{sized(one, one.last)} instead of {sized(one, one.first)}."
-        found.append(Point("Over the cycles", text, f"{size} ± {sized(one, one.limit)}", meaning=CHANGES))
+        half = f"{size} ± {sized(one, one.limit)}"
+        found.append(Point("Over the cycles", placed(movement, block) + text, half, meaning=CHANGES))
     return found
 
 
-def _wanderings(movement: Movement) -> list[Point]:
+def _wanderings(movement: Movement, block: Block) -> list[Point]:
     """One finding for all angles whose middle wanders by more than their uncertainty: a cause is likely common."""
-    beyond = [one for one in wanderings(movement) if one.certain and one.beyond]
+    beyond = [one for one in wanderings(movement, block) if one.certain and one.beyond]
     if not beyond:
         return []
     allowed = beyond[0].limit_deg
-    text = f"{_wandered(movement, beyond)}. This is drift of the estimate or a change of posture"
+    text = f"{placed(movement, block)}{_wandered(block, beyond)}. This is drift of the estimate or a change of posture"
     text += f": the uncertainty allows only {fixed(allowed, 0)}°" if np.isfinite(allowed) else ""
     advice = Sourced(
         "Hold the same still posture at the beginning and at the end: the angle that differs drifts."
@@ -105,37 +124,47 @@ def _wanderings(movement: Movement) -> list[Point]:
     return [Point("Drift", f"{text}.", f"{fixed(beyond[0].span_deg, 0)}°", advice=advice, meaning=WANDERS)]
 
 
-def _drifting(movement: Movement) -> str:
+def _drifting(movement: Movement, block: Block) -> str:
     """Angles whose middle wanders by no more than their uncertainty allows, in a sentence."""
-    within = [one for one in wanderings(movement) if one.certain and not one.beyond]
-    if not within:
+    within_limits = [one for one in wanderings(movement, block) if one.certain and not one.beyond]
+    if not within_limits:
         return ""
-    good = {one.name for one in measured(movement)}
+    good = {one.name for one in measured(block.ranges.values())}
     use = "Of these angles use the range in a cycle only."
-    if not good & {one.angle for one in within}:
+    if not good & {one.angle for one in within_limits}:
         use = "Do not use these angles of this recording."
     return (
-        f"{_wandered(movement, within)}. Drift of the estimate explains that: the uncertainty allows up to "
-        f"{fixed(within[0].limit_deg, 0)}°. {use}"
+        f"{placed(movement, block)}{_wandered(block, within_limits)}. Drift of the estimate explains that: the "
+        f"uncertainty allows up to {fixed(within_limits[0].limit_deg, 0)}°. {use}"
     )
 
 
-def _wandered(movement: Movement, angles: Sequence[Wander]) -> str:
-    main = movement.main
-    took = 0.0 if main is None else float(main.begins_s[-1] - main.begins_s[0])
+def _wandered(block: Block, angles: Sequence[Wander]) -> str:
+    begins_s = block.repetition.begins_s
     first, *others = angles
-    text = f"The middle of {plain(first.angle)} wandered by {fixed(first.span_deg, 0)}° in {fixed(took, 0)} s"
+    took = fixed(float(begins_s[-1] - begins_s[0]), 0)
+    text = f"The middle of {plain(first.angle)} wandered by {fixed(first.span_deg, 0)}° in {took} s"
     return text + "".join(f", that of {plain(one.angle)} by {fixed(one.span_deg, 0)}°" for one in others)
 
 
 def _next_step(movement: Movement) -> str:
-    """Calibrate first, then record again, with the change that would show."""
-    best = [one for one in measured(movement)[:2] if np.isfinite(one.half_deg)]
-    sizes = " or ".join(f"{ceil(SQRT_2 * one.half_deg)}° of the range of {plain(one.name)}" for one in best)
+    """Calibrate first, then record again: how often, what this shows, and the change that would show."""
+    known = [one for one in movement.shown if np.isfinite(one.half_deg) and not one.hardly_moved]
+    best = {one.name: one for one in reversed(measured(known))}
+    largest = sorted(best.values(), key=lambda one: -one.range_deg)[:2]
+    sizes = " or ".join(
+        f"{ceil(SQRT_2 * one.half_deg)}° of the range of {plain(one.name)}" for one in largest
+    )
     would = f" Between two calibrated recordings a change above {sizes} would show." if sizes else ""
-    if not movement.nominal:
-        return f"Record the same movement again to see a change.{would}"
-    return f"Calibrate the sensors first (two minutes), then record the same movement again.{would}"
+    counts = [block.repetition.count for block in movement.blocks]
+    again = "the same movement again"
+    if not counts or min(counts) < LEAST_CYCLES:
+        again += (
+            f", with {LEAST_CYCLES + 1} or more repetitions: then the first can be compared with the last"
+        )
+    if movement.nominal:
+        return f"Calibrate the sensors first (two minutes), then record {again}.{would}"
+    return f"Record {again}.{would}"
 
 
 def _commands(movement: Movement) -> list[tuple[str, str]]:
@@ -145,46 +174,57 @@ def _commands(movement: Movement) -> list[tuple[str, str]]:
 
 
 def _sides(movement: Movement) -> list[Point]:
-    certain = sorted((one for one in movement.sides if one.certain), key=lambda one: -abs(one.difference_deg))
-    return [_side(one) for one in certain]
+    certain = sorted(
+        (found for found in movement.sides if found[1].certain),
+        key=lambda found: -abs(found[1].difference_deg),
+    )
+    return [_side(placed(movement, block), one) for block, one in certain]
 
 
-def _side(one: SideDifference) -> Point:
+def _side(where: str, one: SideDifference) -> Point:
     larger = "right" if one.difference_deg > 0 else "left"
     right, left = (fixed(side.range_deg, 0) for side in (one.right, one.left))
     return Point(
         "Right and left",
-        f"{plain(one.name).capitalize()} has a larger range on the {larger}: {right}° right, {left}° left.",
+        f"{where}{plain(one.name).capitalize()} has a larger range on the {larger}: {right}° right, {left}° left.",
         f"{fixed(abs(one.difference_deg), 0)} ± {fixed(one.limit_deg, 0)}°",
         meaning=SIDES,
     )
 
 
-def _rhythm(movement: Movement) -> list[Point]:
-    main = movement.main
-    if main is None or main.count < 2:
+def _rhythm(movement: Movement, block: Block) -> list[Point]:
+    one = block.repetition
+    if one.count < 2:
         return []
-    spread = float(main.durations_s.std(ddof=1))
-    if spread < UNEVEN * main.period_s:
+    spread = float(one.durations_s.std(ddof=1))
+    if spread < UNEVEN * one.period_s:
         return []
-    text = f"The cycles are uneven: they take {fixed(float(main.durations_s.min()), 2)} to "
-    text += f"{fixed(float(main.durations_s.max()), 2)} s."
+    text = f"{placed(movement, block)}The cycles are uneven: they take {fixed(float(one.durations_s.min()), 2)} to "
+    text += f"{fixed(float(one.durations_s.max()), 2)} s."
     return [Point("Rhythm", text, f"SD {fixed(spread, 2)} s", meaning=CYCLE)]
 
 
 def _course(movement: Movement) -> Course | None:
-    """The angles that move most, over a cycle."""
-    main = movement.main
-    if main is None:
-        return None
-    moving = sorted(
-        (angle for angle in movement.angles if angle.name in movement.in_cycles),
-        key=lambda angle: -movement.in_cycles[angle.name].range_deg,
-    )
-    curves = {}
-    for angle in moving[:MOST_CURVES]:
-        courses = cycle_courses(movement.track.time_s, angle.value_deg, main.begins_s)
+    """The angles that move most over a cycle; of several blocks the leading one of each."""
+    if not movement.several:
+        curves = [(block, angle) for block in movement.blocks for angle in _moving(block)[:MOST_CURVES]]
+    else:
+        curves = [(block, _leading(block)) for block in movement.blocks[:MOST_CURVES]]
+    drawn = {}
+    for block, angle in curves:
+        courses = cycle_courses(movement.track.time_s, angle.value_deg, block.repetition.begins_s)
         mean, sd = courses.mean(axis=0), courses.std(axis=0, ddof=1)
         share = np.linspace(0.0, 100.0, len(mean))
-        curves[plain(angle.name)] = (list(share), list(mean), list(mean - sd), list(mean + sd))
-    return Course("Angles over a cycle", "deg", "% of the cycle", curves) if curves else None
+        name = f"{block.number}: {plain(angle.name)}" if movement.several else plain(angle.name)
+        drawn[name] = (list(share), list(mean), list(mean - sd), list(mean + sd))
+    return Course("Angles over a cycle", "deg", "% of the cycle", drawn) if drawn else None
+
+
+def _moving(block: Block) -> list[MovementAngle]:
+    """The angle with the largest range first."""
+    found = [angle for angle in block.angles if angle.name in block.ranges]
+    return sorted(found, key=lambda angle: -block.ranges[angle.name].range_deg)
+
+
+def _leading(block: Block) -> MovementAngle:
+    return next(angle for angle in block.angles if angle.name == block.repetition.lead)

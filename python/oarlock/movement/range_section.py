@@ -2,101 +2,141 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from html import escape
 from math import isfinite
 
-from oarlock.movement.movement import Movement
-from oarlock.movement.ranges import WELL_SHARE, MotionRange
-from oarlock.movement.words import plain
+from oarlock.movement.movement import Block, Movement
+from oarlock.movement.ranges import LEAST_MOVEMENT_DEG, WELL_SHARE, MotionRange
+from oarlock.movement.words import plain, titled, within
 from oarlock.report import Column, fixed, plain_table, sortable_table, value_cell
 from oarlock.report.viewer.sides import side_of
 
-LEAST_MOVEMENT_DEG = 5.0
-"""Angles that move less are grey, and not drawn over cycles."""
-STYLE = """@media (max-width: 560px) { :is(#ranges-table, #apart-table) th { white-space: normal; } }
-#checked-table :is(th, td) { white-space: normal; overflow-wrap: normal; padding-inline: .3rem; min-width: 0; }
-#checked-caption span { position: static; max-width: none; }"""
+STYLE = """@media (max-width: 560px) { [id^="ranges"] th { white-space: normal; } }
+#apart-table :is(th, td) { white-space: normal; }
+[id^="checked"] :is(th, td) { white-space: normal; overflow-wrap: normal; padding-inline: .3rem; min-width: 0; }
+[id^="checked"] > caption span { position: static; max-width: none; }"""
 HUMAN = {
-    "elbow_flexion": "146° of elbow flexion",
-    "elbow_pronation": "80° of pronation and 87° of supination",
+    "elbow_flexion": (146.0, "146° of elbow flexion"),
+    "elbow_pronation": (167.0, "80° of pronation and 87° of supination"),
 }
-"""Mean active range of the dominant arm of 352 healthy adults (Zwerus et al. 2017)."""
+"""Mean active range of the dominant arm of 352 healthy adults, deg (Zwerus et al. 2017)."""
 HUMAN_SOURCE = (
     "Zwerus et al. 2017, Normative values and affecting factors for the elbow range of motion, "
     "Shoulder &amp; Elbow 11(3), doi 10.1177/1758573217728711"
 )
+TESTED_SHARE = 0.25
+"""A movement tests an angle if it uses at least this share of what people reach."""
 
 
 def ranges_markup(movement: Movement) -> str:
-    """Both tables, and what people usually reach."""
-    well = [one for one in movement.shown.values() if one.well_measured]
-    apart = [one for one in movement.shown.values() if not one.well_measured]
-    return (
-        (_measured(movement, well) if well else "")
-        + (_apart(movement, apart) if apart else "")
-        + _usual(movement)
-    )
+    """The ranges that are measured well, of each block, those that are not, and what people usually reach."""
+    if movement.several:
+        first = f'<p class="hint">{_caption(movement)}</p>' + "".join(
+            f"<h3>{escape(titled(block))}</h3>{_measured(movement, block, _well(block.ranges.values()))}"
+            for block in movement.blocks
+        )
+        apart = [
+            (block, one)
+            for block in movement.blocks
+            for one in block.ranges.values()
+            if not (one.well_measured or one.hardly_moved)
+        ]
+        return first + _apart(movement, apart) + _usual(movement)
+    block = movement.main
+    badly = [(block, one) for one in movement.shown if not one.well_measured]
+    return _measured(movement, block, _well(movement.shown)) + _apart(movement, badly) + _usual(movement)
 
 
-def _measured(movement: Movement, well: list[MotionRange]) -> str:
-    meaning = "mean over the cycles" if movement.in_cycles else "largest minus smallest value"
+def _well(ranges: Iterable[MotionRange]) -> list[MotionRange]:
+    return [one for one in ranges if one.well_measured]
+
+
+def _measured(movement: Movement, block: Block | None, well: list[MotionRange]) -> str:
+    """A table; of several blocks with the ends of the cycles, else with those of all counted time."""
+    if not well:
+        return "<p>No angle was measured well in this block.</p>" if movement.several else ""
+    meaning = "mean over the cycles" if block else "largest minus smallest value"
     heads: list[Column] = [Column("angle"), Column(_name(movement), "deg", meaning), Column("±", "deg")]
-    if movement.in_cycles:
+    if block:
         heads.append(Column("SD", "deg", "of the range between cycles"))
     heads += [Column("smallest", "deg"), Column("largest", "deg")]
     rows: list[list[str]] = []
-    muted = [k for k, one in enumerate(well) if one.range_deg < LEAST_MOVEMENT_DEG]
+    muted = [k for k, one in enumerate(well) if one.hardly_moved]
     for one in well:
-        whole = movement.ranges[one.name]
-        values = [one.range_deg, one.half_deg]
-        values += [one.between_deg] if movement.in_cycles else []
-        values += [whole.lowest_deg, whole.highest_deg]
+        ends = one if movement.several else movement.ranges[one.name]
+        values = [one.range_deg, one.half_deg, *([one.between_deg] if block else [])]
+        values += [ends.lowest_deg, ends.highest_deg]
         rows.append([_head(movement, one), *(value_cell(v, fixed(v, 1)) for v in values)])
-    return sortable_table("ranges", _caption(movement), heads, rows, muted=muted, style="stacked")
+    key, caption = "ranges", _caption(movement)
+    if movement.several and block:
+        key, caption = f"ranges-{block.number}", _still(block)
+    return sortable_table(key, caption, heads, rows, muted=muted, style="stacked")
 
 
-def _apart(movement: Movement, apart: list[MotionRange]) -> str:
-    rows = [
-        [
-            _head(movement, one),
-            f"{fixed(one.range_deg, 1)} ± {fixed(one.half_deg, 1)}",
-            fixed(one.range_deg + one.half_deg, 0),
-        ]
-        for one in apart
-    ]
+def _still(block: Block) -> str:
+    """The angles of a block that hardly moved and are in neither table."""
+    still = [one for one in block.ranges.values() if one.hardly_moved and not one.well_measured]
+    told = ", ".join(f"{escape(plain(one.name))} {within(one)}" for one in still)
+    return f"Hardly moved: {told}." if told else ""
+
+
+def _apart(movement: Movement, apart: Sequence[tuple[Block | None, MotionRange]]) -> str:
+    if not apart:
+        return ""
+    rows = []
+    for block, one in apart:
+        rows.append(
+            [
+                _head(movement, one),
+                *([str(block.number)] if movement.several and block else []),
+                f"{fixed(one.range_deg, 1)} ± {fixed(one.half_deg, 1)}",
+                fixed(one.range_deg + one.half_deg, 0),
+                "the movement is small" if one.hardly_moved else one.cause,
+            ]
+        )
     why = (
-        f"Half of the 95 % interval is more than {100.0 * WELL_SHARE:g} % of the range: a small movement, or one "
-        "that the sensors see badly, such as a turn about the vertical, which only magnetometers fix."
+        f"Half of the 95 % interval is more than {100.0 * WELL_SHARE:g} % of the range. Where other angles change with "
+        "it, errors of mounts and headings do not cancel."
     )
     if movement.nominal:
         why += (
             " The sensors were not calibrated: if one sits 5° off, up to 9 % (sin 5°) of a large movement appears in "
             "the other angles of the same segment. A calibration session (above: Next) measures how each sensor sits."
         )
-    heads: list[str | Column] = ["angle", Column(_name(movement), "deg"), Column("at most", "deg")]
-    return f'<h3 id="ranges-apart">Not measured well enough</h3>{plain_table("apart", why, heads, rows)}'
+    heads: list[str | Column] = ["angle", *(["block"] if movement.several else [])]
+    heads += [Column(_name(movement), "deg"), Column("95 % upper limit", "deg"), "because"]
+    table = plain_table("apart", why, heads, rows, style="stacked")
+    return f'<h3 id="ranges-apart">Not measured well enough</h3>{table}'
 
 
 def _caption(movement: Movement) -> str:
     parts = []
-    if movement.in_cycles:
+    if movement.blocks and not movement.several:
         parts.append("Range: mean over the cycles. Smallest and largest: of all counted time.")
-    if any(isfinite(one.half_deg) for one in movement.shown.values()):
+    if movement.several:
+        parts.append("Range, smallest and largest: means over the cycles of this block.")
+    if any(isfinite(one.half_deg) for one in movement.shown):
         parts.append(
-            "±: half of the 95 % interval of the range, an upper limit: errors that both ends share cancel, but the "
-            "track does not record how they are related."
+            "±: half of the 95 % interval of the range. It contains errors of mounts and headings as far as they do "
+            "not cancel between both ends, units that move with the skin, and the scatter between cycles."
         )
     if movement.nominal:
-        parts.append("Errors of uncalibrated mounts are not in it.")
-    if any(one.well_measured and one.range_deg < LEAST_MOVEMENT_DEG for one in movement.shown.values()):
+        parts.append("Errors of uncalibrated mounts may be larger.")
+    if any(one.well_measured and one.hardly_moved for one in movement.shown):
         parts.append(f"Grey: less than {LEAST_MOVEMENT_DEG:g}°.")
     return " ".join(parts)
 
 
 def _usual(movement: Movement) -> str:
-    """What healthy adults reach, for the elbows of a body."""
-    stems = [side_of(name.partition(" ")[0]) for name in movement.ranges]
-    reached = [words for stem, words in HUMAN.items() if any(side and stem == one for side, one in stems)]
+    """What healthy adults reach, for the angles that this recording tests."""
+    tested = {
+        stem
+        for one in movement.shown
+        for side, stem in [side_of(one.name.partition(" ")[0])]
+        if side and one.well_measured and stem in HUMAN and one.range_deg >= TESTED_SHARE * HUMAN[stem][0]
+    }
+    reached = [words for stem, (_, words) in HUMAN.items() if stem in tested]
     if not reached:
         return ""
     return (
@@ -106,7 +146,7 @@ def _usual(movement: Movement) -> str:
 
 
 def _name(movement: Movement) -> str:
-    return "range in a cycle" if movement.in_cycles else "range"
+    return "range in a cycle" if movement.blocks else "range"
 
 
 def _head(movement: Movement, one: MotionRange) -> str:

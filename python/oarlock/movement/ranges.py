@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,12 +12,47 @@ from oarlock.movement.angles import Floats, MovementAngle
 from oarlock.movement.cycles import cycle_courses
 from oarlock.report.viewer.sides import side_of
 
+Ints = NDArray[np.int64]
+
 BAND_95 = 1.959964
 """Half width of the 95 % band of a normal distribution in standard deviations."""
 LEAST_DIFFERENCE_DEG = 2.0
 """Differences of the sides below this are not reported, even if they are certain."""
+CAUSES = {
+    "axes": "other angles change with it",
+    "skin": "units move with the skin",
+    "ends": "the estimate drifts",
+    "scatter": "cycles differ",
+}
+"""What makes a range uncertain."""
+LEAST_MOVEMENT_DEG = 5.0
+"""Angles that move less hardly moved: they are grey, and not drawn over cycles."""
+LEAST_STEEP = 0.1
+"""Change of an angle by a rotation of the segments, deg/deg, below which its errors have another cause."""
 WELL_SHARE = 0.25
 """A range is measured well enough if half of its 95 % interval is at most this share of it."""
+SKIN_SHARE = 2.0 / 90.0
+"""Standard deviation of the rotation of a unit on its segment about each axis, for each deg of posture: the field
+simulator's 2 deg at 90 deg (Hamming et al. 2012 found up to 4 deg)."""
+WANDER_IN_CYCLES, WANDER_IN_TRACK = 0.2, 0.5
+"""Share of the standard deviations of both ends that is independent, half a cycle apart and anywhere in a track:
+measured, see docs/report.md."""
+
+
+@dataclass(frozen=True)
+class RangeErrors:
+    """Standard deviations of a range, deg, by errors that depend on the postures of both ends.
+
+    Args:
+        axes_deg: by errors of the axes of both segments, such as mounts and headings, which are the same at both ends:
+            (turns at the largest value - turns at the smallest) times the error. It cancels between like postures.
+        skin_deg: by units that turn on their segments as joints move.
+        ends_deg: by errors that wander, a share of the standard deviations of the track at both ends.
+    """
+
+    axes_deg: float
+    skin_deg: float
+    ends_deg: float
 
 
 @dataclass(frozen=True)
@@ -32,6 +67,7 @@ class MotionRange:
         highest_std_deg: the same at the largest value.
         between_deg: standard deviation of the range between cycles; 0 without cycles.
         count: number of cycles; 1 without.
+        parts: standard deviations of the range by what both ends share; None if the ends count as independent.
     """
 
     name: str
@@ -41,6 +77,7 @@ class MotionRange:
     highest_std_deg: float
     between_deg: float = 0.0
     count: int = 1
+    parts: RangeErrors | None = None
 
     @property
     def range_deg(self) -> float:
@@ -49,14 +86,12 @@ class MotionRange:
 
     @property
     def range_std_deg(self) -> float:
-        """Standard deviation of the range, deg.
+        """Standard deviation of the range, deg: see `RangeErrors`; without parts both ends count as independent.
 
-        An upper limit where both ends share errors, such as a wrong heading: these cancel in a range, but a filter
-        does not keep how its errors at two times are correlated, so both ends count as independent. The scatter
-        between cycles, divided by the square root of their number, is added in squares.
+        The scatter between cycles, divided by the square root of their number, is added in squares.
         """
         scatter = self.between_deg / np.sqrt(self.count)
-        return float(np.sqrt(self.lowest_std_deg**2 + self.highest_std_deg**2 + scatter**2))
+        return float(np.linalg.norm([scatter, *self._shares.values()]))
 
     @property
     def half_deg(self) -> float:
@@ -67,6 +102,25 @@ class MotionRange:
     def well_measured(self) -> bool:
         """Whether half of the interval is at most a quarter of the range; True without standard deviations."""
         return not self.half_deg > WELL_SHARE * self.range_deg
+
+    @property
+    def hardly_moved(self) -> bool:
+        """Whether the angle moved by less than 5 deg."""
+        return self.range_deg < LEAST_MOVEMENT_DEG
+
+    @property
+    def cause(self) -> str:
+        """The largest part of the standard deviation of the range, for people."""
+        scatter = self.between_deg / np.sqrt(self.count)
+        sizes = {**self._shares, "scatter": scatter}
+        return CAUSES[max(sizes, key=lambda name: sizes[name])]
+
+    @property
+    def _shares(self) -> dict[str, float]:
+        """Standard deviations by what the ends have in common and what not, deg."""
+        if self.parts is None:
+            return {"ends": float(np.hypot(self.lowest_std_deg, self.highest_std_deg))}
+        return {"axes": self.parts.axes_deg, "skin": self.parts.skin_deg, "ends": self.parts.ends_deg}
 
 
 @dataclass(frozen=True)
@@ -109,10 +163,9 @@ def ranges_of_motion(angles: Sequence[MovementAngle]) -> dict[str, MotionRange]:
     """The range of each angle over the whole track, by its name."""
     found = {}
     for angle in angles:
-        low, high = int(np.nanargmin(angle.value_deg)), int(np.nanargmax(angle.value_deg))
-        value, std = angle.value_deg, angle.std_deg
-        found[angle.name] = MotionRange(
-            angle.name, float(value[low]), float(value[high]), float(std[low]), float(std[high])
+        ends = np.array([[np.nanargmin(angle.value_deg), np.nanargmax(angle.value_deg)]])
+        found[angle.name] = _range(
+            angle.name, angle.value_deg[ends], angle.std_deg[ends], _at(angle, ends), WANDER_IN_TRACK
         )
     return found
 
@@ -120,22 +173,69 @@ def ranges_of_motion(angles: Sequence[MovementAngle]) -> dict[str, MotionRange]:
 def cycle_ranges(time_s: Floats, angles: Sequence[MovementAngle], begins_s: Floats) -> dict[str, MotionRange]:
     """The mean range over cycles of each angle, by its name.
 
-    The standard deviation of a mean range has two parts, added in squares: that of the track at the extremes, which
-    may be the same in all cycles and is not divided by their number, and the scatter of the range between cycles
-    divided by the square root of their number. An offset that all samples of a cycle share is in neither.
-    Angles with gaps in the cycles are left out.
+    The standard deviation of a mean range has the parts of `RangeErrors`, which may be the same in all cycles and are
+    not divided by their number, and the scatter of the range between cycles divided by the square root of their
+    number. An offset that all samples of a cycle share is in neither. Angles with gaps in the cycles are left out.
     """
     found = {}
     for angle in angles:
         courses = cycle_courses(time_s, angle.value_deg, begins_s)
-        claimed = cycle_courses(time_s, angle.std_deg, begins_s)
         if not np.isfinite(courses).all():
             continue
-        low, high = (_mean_extreme(courses, claimed, pick) for pick in (np.argmin, np.argmax))
-        count = len(courses)
-        between = float(np.ptp(courses, axis=1).std(ddof=1)) if count > 1 else 0.0
-        found[angle.name] = MotionRange(angle.name, low[0], high[0], low[1], high[1], between, count)
+        ends = np.stack([courses.argmin(axis=1), courses.argmax(axis=1)], axis=1)
+        cycles = np.arange(len(courses))[:, None]
+
+        def chosen(columns: Floats, ends: Ints = ends, cycles: Ints = cycles) -> Floats:
+            return np.stack([cycle_courses(time_s, one, begins_s)[cycles, ends] for one in columns.T], axis=2)
+
+        claimed = chosen(angle.std_deg[:, None])[..., 0]
+        told = angle.sensitivity
+        at = None if told is None else (chosen(told.turns), chosen(told.posture_rad))
+        found[angle.name] = _range(angle.name, courses[cycles, ends], claimed, at, WANDER_IN_CYCLES)
     return found
+
+
+def _at(angle: MovementAngle, rows: Ints) -> tuple[Floats, Floats] | None:
+    told = angle.sensitivity
+    return None if told is None else (told.turns[rows], told.posture_rad[rows])
+
+
+def _range(
+    name: str, values: Floats, claimed: Floats, at: tuple[Floats, Floats] | None, wander: float
+) -> MotionRange:
+    """From smallest and largest values (n, 2) of n cycles, standard deviations, turns (n, 2, 6) and postures."""
+    low, high = (float(value) for value in values.mean(axis=0))
+    low_std, high_std = (float(value) for value in claimed.mean(axis=0))
+    between = float(np.diff(values)[:, 0].std(ddof=1)) if len(values) > 1 else 0.0
+    parts = None if at is None else range_errors(claimed, *at, wander)
+    return MotionRange(name, low, high, low_std, high_std, between, len(values), parts)
+
+
+def range_errors(
+    claimed_deg: Floats, turns: Floats, posture_rad: Floats, wander: float
+) -> RangeErrors | None:
+    """The parts of the standard deviation of a mean range that depend on the postures of both ends.
+
+    The errors of the axes of both segments are isotropic, of one size, and as large as the standard deviation of the
+    track at each end requires.
+
+    Args:
+        claimed_deg: (n, 2) standard deviation of the track at the smallest and the largest value of n cycles, deg.
+        turns: (n, 2, 6) `Sensitivity.turns` there.
+        posture_rad: (n, 2, m) postures there.
+        wander: share of the standard deviations that is independent.
+
+    Returns:
+        None where an angle hardly follows a rotation of the segments, or nothing is known.
+    """
+    steep = np.linalg.norm(turns, axis=2)
+    if not (steep > LEAST_STEEP).all() or not np.isfinite(claimed_deg).all():
+        return None
+    errors = np.diff(claimed_deg[..., None] / steep[..., None] * turns, axis=1).mean(axis=(0, 1))
+    moved_deg = np.degrees(np.linalg.norm(np.diff(posture_rad, axis=1).mean(axis=(0, 1))))
+    skin = SKIN_SHARE * moved_deg * float(steep.mean())
+    ends = wander * float(np.linalg.norm(claimed_deg.mean(axis=0)))
+    return RangeErrors(float(np.linalg.norm(errors)), float(skin), ends)
 
 
 def side_pairs(names: Sequence[str]) -> dict[str, tuple[str, str]]:
@@ -156,10 +256,3 @@ def side_differences(ranges: Mapping[str, MotionRange]) -> tuple[SideDifference,
     """Right against left for all angles that exist on both sides."""
     pairs = side_pairs(list(ranges))
     return tuple(SideDifference(name, ranges[r], ranges[left]) for name, (r, left) in pairs.items())
-
-
-def _mean_extreme(
-    courses: Floats, claimed: Floats, pick: Callable[..., NDArray[np.int64]]
-) -> tuple[float, float]:
-    rows, places = np.arange(len(courses)), pick(courses, axis=1)
-    return float(courses[rows, places].mean()), float(claimed[rows, places].mean())

@@ -41,8 +41,8 @@ def write_movement_report(
         mark(told, 0.5)
         rest = share(told, 0.5, 1.0)
         written = [write_report(track, path, evaluation, truth, title, sections, front, progress=rest)]
-    if movement.main is not None:
-        csv_cells.write_csv(cycles_table(movement, movement.main), table)
+    if movement.blocks:
+        csv_cells.write_csv(cycles_table(movement), table)
         written.append(table)
     return written
 

@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from html import escape
+from itertools import pairwise
 
 import numpy as np
 
 from oarlock.movement.angles import MovementAngle
-from oarlock.movement.cycles import Repetition, cycle_courses
-from oarlock.movement.movement import Movement
-from oarlock.movement.range_section import LEAST_MOVEMENT_DEG, STYLE, ranges_markup
+from oarlock.movement.cycles import cycle_courses
+from oarlock.movement.movement import Block, Movement
+from oarlock.movement.range_section import STYLE, ranges_markup
 from oarlock.movement.ranges import side_pairs
-from oarlock.movement.words import plain
+from oarlock.movement.words import plain, quality, titled
 from oarlock.report import (
     Axis,
     Column,
@@ -48,20 +49,21 @@ def sections_of(movement: Movement, csv_name: str) -> list[Section]:
         ("sides", "Right and left", _sides(movement)),
     ]
     sections = [Section(key, name, markup, folded=key in FOLDED) for key, name, markup in parts if markup]
-    return [replace(sections[0], script=sort_script(), style=STYLE), *sections[1:]]
+    told = tuple(escape(sentence) for sentence in quality(movement))
+    return [replace(sections[0], script=sort_script(), style=STYLE, sentences=told), *sections[1:]]
 
 
 def _player(movement: Movement) -> str:
-    track, main = movement.track, movement.main
+    track, blocks = movement.track, movement.blocks
     first, last = movement.start_s, float(track.time_s[-1])
-    start = first if main is None else max(first, min(float(main.begins_s[0]) - 1.0, last - LONGEST_S))
+    begins_s = [float(block.repetition.begins_s[0]) for block in blocks]
+    start = max(first, min(min(begins_s, default=first) - 1.0, last - LONGEST_S))
     end = min(last, start + LONGEST_S)
     marks = []
-    if main is not None:
-        pairs = zip(main.begins_s[:-1], main.begins_s[1:], strict=True)
-        marks = [
-            (float(a), float(b), f"cycle {k}") for k, (a, b) in enumerate(pairs, 1) if a >= start and b <= end
-        ]
+    for block in blocks:
+        name = f"block {block.number}, {plain(block.repetition.lead)}" if movement.several else "cycle"
+        pairs = enumerate(pairwise(block.repetition.begins_s), 1)
+        marks += [(float(a), float(b), f"{name} {k}") for k, (a, b) in pairs if a >= start and b <= end]
     curves = _curves(movement)
     shown = scene(track, marks=marks, curves=curves, start_s=start, end_s=end)
     hint = ""
@@ -93,24 +95,28 @@ def _curves(movement: Movement) -> list[Curve]:
 
 
 def _cycles(movement: Movement, csv_name: str) -> str:
-    main = movement.main
-    if main is None:
-        return ""
+    """Mean courses of each block."""
+    return "".join(_block(movement, block, csv_name) for block in movement.blocks)
+
+
+def _block(movement: Movement, block: Block, csv_name: str) -> str:
+    one = block.repetition
     hint = (
-        f"Means over {main.count} cycles; 0 % is where {escape(plain(main.lead))} is largest. Tinted: plus and minus "
+        f"Means over {one.count} cycles; 0 % is where {escape(plain(one.lead))} is largest. Tinted: plus and minus "
         f"one standard deviation between cycles. Each cycle is a row of <code>{escape(csv_name)}</code> beside this "
         "page."
     )
-    charts = [_chart(movement, main, k, name, group) for k, (name, group) in enumerate(_groups(movement))]
-    return f'<p class="hint">{hint}</p><div class="grid-figures">{"".join(charts)}</div>'
+    charts = [_chart(movement, block, k, name, group) for k, (name, group) in enumerate(_groups(block))]
+    head = f"<h3>{escape(titled(block))}</h3>" if movement.several else ""
+    return f'{head}<p class="hint">{hint}</p><div class="grid-figures">{"".join(charts)}</div>'
 
 
-def _groups(movement: Movement) -> list[tuple[str, list[MovementAngle]]]:
+def _groups(block: Block) -> list[tuple[str, list[MovementAngle]]]:
     """Angles that move, right and left together, in the order of the model."""
     moving = {
         angle.name: angle
-        for angle in movement.angles
-        if angle.name in movement.in_cycles and movement.in_cycles[angle.name].range_deg >= LEAST_MOVEMENT_DEG
+        for angle in block.angles
+        if angle.name in block.ranges and not block.ranges[angle.name].hardly_moved
     }
     pairs = side_pairs(list(moving))
     stems = {name: stem for stem, both in pairs.items() for name in both}
@@ -120,17 +126,16 @@ def _groups(movement: Movement) -> list[tuple[str, list[MovementAngle]]]:
     return list(found.items())
 
 
-def _chart(
-    movement: Movement, repetition: Repetition, place: int, name: str, group: Sequence[MovementAngle]
-) -> str:
+def _chart(movement: Movement, block: Block, place: int, name: str, group: Sequence[MovementAngle]) -> str:
     series = []
     for angle in sorted(group, key=_side, reverse=True):
-        courses = cycle_courses(movement.track.time_s, angle.value_deg, repetition.begins_s)
+        courses = cycle_courses(movement.track.time_s, angle.value_deg, block.repetition.begins_s)
         mean, spread = courses.mean(axis=0), courses.std(axis=0, ddof=1)
         label = _side(angle) if len(group) > 1 else plain(angle.name)
         series.append(Series(label, np.linspace(0.0, 100.0, len(mean)), mean, mean - spread, mean + spread))
+    key = f"cycle-{block.number}-{place}" if movement.several else f"cycle-{place}"
     return course_chart(
-        f"cycle-{place}", plain(name), series, Axis("cycle", "%", (0.0, 100.0)), Axis("", "deg", least=5.0)
+        key, plain(name), series, Axis("cycle", "%", (0.0, 100.0)), Axis("", "deg", least=5.0)
     )
 
 
@@ -142,17 +147,19 @@ def _sides(movement: Movement) -> str:
     if not movement.sides:
         return ""
     rows = []
-    for one in movement.sides:
+    for block, one in movement.sides:
         texts = [fixed(v, 1) for v in (one.right.range_deg, one.left.range_deg, one.difference_deg)]
         verdict = "yes" if one.certain else "no"
-        rows.append([escape(plain(one.name)), *texts, fixed(one.limit_deg, 1), verdict])
-    over = "means over the cycles" if movement.in_cycles else "over the whole track"
+        number = [str(block.number)] if movement.several and block else []
+        rows.append([escape(plain(one.name)), *number, *texts, fixed(one.limit_deg, 1), verdict])
+    over = "means over the cycles" if movement.blocks else "over the whole track"
     caption = (
         f"Ranges of both sides, {over}. ±: half of the 95 % interval of the difference. The last column says whether "
         "the difference is above 2° and outside this interval."
     )
     heads: list[str | Column] = [
         "angle",
+        *(["block"] if movement.several else []),
         Column("right", "deg"),
         Column("left", "deg"),
         Column("difference", "deg"),

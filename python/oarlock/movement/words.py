@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from math import isfinite
 
+from oarlock.movement.cycles import Repetition
 from oarlock.movement.evenness import Change
-from oarlock.movement.movement import Movement
+from oarlock.movement.movement import Block, Movement
 from oarlock.movement.ranges import MotionRange
 from oarlock.report import KeyFigure, fixed
 from oarlock.report.viewer.sides import side_of
 
-MOST_NAMED = 4
+MOST_NAMED, MOST_LEADS = 4, 3
+PEAKS = (
+    "How often the leading angle was largest. From the first to the last peak there is one whole cycle less."
+)
 CYCLE = "Mean time from one largest value of the leading angle to the next."
 RANGE = "Largest minus smallest value of the angle, with half of its 95 % interval."
 RANGE_IN_CYCLE = (
@@ -30,47 +35,114 @@ def counts_from(movement: Movement) -> str:
 
 def repeats(movement: Movement) -> list[str]:
     """What repeats, in sentences."""
-    found = []
-    for one in movement.repetitions[:2]:
-        spread = f", SD {fixed(float(one.durations_s.std(ddof=1)), 2)} s" if one.count > 1 else ""
-        found.append(
-            f"The movement repeats from {one.begins_s[0]:.0f} to {one.begins_s[-1]:.0f} s: {one.count} cycles of "
-            f"{fixed(one.period_s, 2)} s{spread} ({fixed(60.0 / one.period_s, 0)} per minute)."
-        )
-    return found
+    if not movement.several:
+        return [_repeat(one.repetition) for one in movement.blocks]
+    return [f"{len(movement.blocks)} blocks of repeated movement, each from its first to its last peak."]
+
+
+def _repeat(one: Repetition) -> str:
+    spread = f", SD {fixed(float(one.durations_s.std(ddof=1)), 2)} s" if one.count > 1 else ""
+    return (
+        f"The movement repeats from {one.begins_s[0]:.0f} to {one.begins_s[-1]:.0f} s: {one.peaks} repetitions of "
+        f"{plain(one.lead)}, which are {one.count} whole cycles of {fixed(one.period_s, 2)} s from peak to "
+        f"peak{spread} ({fixed(60.0 / one.period_s, 0)} per minute)."
+    )
+
+
+def span(block: Block) -> str:
+    """From its first to its last peak: `24 to 30 s`."""
+    begins_s = block.repetition.begins_s
+    return f"{begins_s[0]:.0f} to {begins_s[-1]:.0f} s"
+
+
+def titled(block: Block) -> str:
+    """A block for a heading: `Block 2, 24 to 30 s: right shoulder flexion, 4 repetitions (3 whole cycles)`."""
+    one = block.repetition
+    return f"Block {block.number}, {span(block)}: {plain(one.lead)}, {_counted(one)}"
+
+
+def _counted(one: Repetition) -> str:
+    """`4 repetitions (3 whole cycles)`."""
+    return f"{one.peaks} repetitions ({one.count} whole cycles)"
+
+
+def placed(movement: Movement, block: Block | None) -> str:
+    """`Block 2, right elbow flexion: ` before a sentence; "" if there are no blocks to tell apart."""
+    if block is None or not movement.several:
+        return ""
+    return f"Block {block.number}, {plain(block.repetition.lead)}: "
 
 
 def key_figures(movement: Movement) -> list[KeyFigure]:
-    """Number and duration of the cycles, if it repeats, and the largest ranges that exceed their 95 % interval."""
+    """Number and duration of cycles, and the largest ranges that are measured well; of several blocks their leads."""
+    if movement.several:
+        return [
+            _lead_figure(movement, block, block.lead) for block in movement.blocks if block.lead is not None
+        ]
     found = []
-    main = movement.main
-    if main is not None:
-        begin, end = main.begins_s[0], main.begins_s[-1]
+    for block in movement.blocks:
+        one = block.repetition
         found += [
-            KeyFigure("cycles", str(main.count), f"{begin:.0f} to {end:.0f} s"),
+            KeyFigure("repetitions", str(one.peaks), f"{span(block)}; {one.count} whole cycles", PEAKS),
             KeyFigure(
-                "cycle", f"{fixed(main.period_s, 2)} s", f"{fixed(60.0 / main.period_s, 0)} per minute", CYCLE
+                "cycle", f"{fixed(one.period_s, 2)} s", f"{fixed(60.0 / one.period_s, 0)} per minute", CYCLE
             ),
         ]
-    found += [_figure(movement, one) for one in measured(movement)[:MOST_NAMED]]
+    return found + [_figure(movement, one) for one in measured(movement.shown)[:MOST_NAMED]]
+
+
+def measured(ranges: Iterable[MotionRange]) -> list[MotionRange]:
+    """The ranges that are measured well enough, the largest first."""
+    return sorted((one for one in ranges if one.well_measured), key=lambda one: -one.range_deg)
+
+
+def quality(movement: Movement) -> list[str]:
+    """Which angles are measured well, with half of the 95 % interval, and which are not, and why; of each block."""
+    if not movement.several:
+        return _quality(movement.shown)
+    found = []
+    for block in movement.blocks:
+        told = f"Block {block.number}, {span(block)}: {_counted(block.repetition)} of {plain(block.repetition.lead)}."
+        found.append(" ".join([told, *_quality(block.ranges.values())]))
     return found
 
 
-def measured(movement: Movement) -> list[MotionRange]:
-    """The ranges that are measured well enough, the largest first."""
-    sure = [one for one in movement.shown.values() if one.well_measured]
-    return sorted(sure, key=lambda one: -one.range_deg)
+def _quality(ranges: Iterable[MotionRange]) -> list[str]:
+    """Angles that hardly moved are counted only: their ranges have their place in the tables."""
+    moved = [one for one in ranges if not one.hardly_moved]
+    well = [f"{plain(one.name)} {within(one)}" for one in measured(moved)]
+    badly = [f"{plain(one.name)} {within(one)} ({one.cause})" for one in moved if not one.well_measured]
+    if not any(isfinite(one.half_deg) for one in moved):
+        return [f"Ranges: {', '.join(well)}; the track does not say how certain they are."] if well else []
+    found = [f"Measured well: {', '.join(well)}." if well else "No angle that moved was measured well."]
+    if badly:
+        found.append(f"Not measured well: {', '.join(badly)}.")
+    return found
+
+
+def within(one: MotionRange) -> str:
+    """`69 ± 5°`; without the interval if the track has none."""
+    half = f"\u00a0±\u00a0{fixed(one.half_deg, 0)}" if isfinite(one.half_deg) else ""
+    return f"{fixed(one.range_deg, 0)}{half}°"
 
 
 def _figure(movement: Movement, one: MotionRange) -> KeyFigure:
     half = f"± {fixed(one.half_deg, 1)}°" if isfinite(one.half_deg) else ""
     if half and movement.nominal:
         half += ", mounts not calibrated"
-    meaning = RANGE_IN_CYCLE if one.name in movement.in_cycles else RANGE
+    in_cycle = any(one.name in block.ranges for block in movement.blocks)
+    meaning = RANGE_IN_CYCLE if in_cycle else RANGE
     if movement.nominal:
         meaning += f" {MOUNTS}"
-    detail = "; ".join(filter(None, (_span(one), half)))
+    detail = "; ".join(filter(None, (_ends(one), half)))
     return KeyFigure(plain(one.name), f"{fixed(one.range_deg, 0)}°", detail, meaning)
+
+
+def _lead_figure(movement: Movement, block: Block, one: MotionRange) -> KeyFigure:
+    """The range of a leading angle, with the time of its block."""
+    figure = _figure(movement, one)
+    half = f"± {fixed(one.half_deg, 1)}°; " if isfinite(one.half_deg) else ""
+    return figure._replace(detail=f"{half}{span(block)}")
 
 
 def plain(name: str) -> str:
@@ -82,15 +154,20 @@ def plain(name: str) -> str:
 
 def heading(movement: Movement) -> str | None:
     """What was done, for the title of a page; None without angles."""
-    if movement.main is not None:
-        return f"{movement.main.count} cycles of {plain(movement.main.lead)}"
+    leads = list(dict.fromkeys(plain(block.repetition.lead) for block in movement.blocks))
+    if movement.several and len(leads) <= MOST_LEADS:
+        return f"repeated {', '.join(leads[:-1])}{' and ' if leads[1:] else ''}{leads[-1]}"
+    if movement.several:
+        return f"{len(movement.blocks)} blocks of repeated movement"
+    if movement.blocks:
+        return f"{movement.blocks[0].repetition.peaks} repetitions of {leads[0]}"
     if not movement.ranges:
         return None
-    most = max(measured(movement) or movement.ranges.values(), key=lambda one: one.range_deg)
+    most = max(measured(movement.shown) or movement.shown, key=lambda one: one.range_deg)
     return f"movement, most in {plain(most.name)}"
 
 
-def _span(one: MotionRange) -> str:
+def _ends(one: MotionRange) -> str:
     return f"{fixed(one.lowest_deg, 0)} to {fixed(one.highest_deg, 0)}°"
 
 

@@ -19,17 +19,23 @@ Floats = NDArray[np.float64]
 
 SAME_PLACE_M = 1e-6
 """Points that are always closer than this are one point."""
+NAMED_JOINTS = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle", "neck")
+"""Joints whose names people know: a segment's origin is the joint that moves it, so it has the joint's name."""
 STILL_M = 1e-9
 """A point that moves by less is drawn as fixed."""
 
 
 @dataclass(eq=False)
 class Figure:
-    """Points (T, 3) each, by number, and their connections; frames, loops and strands add to them."""
+    """Points (T, 3) each, by number, and their connections; frames, loops and strands add to them.
+
+    A point has the names of the frames there, and a label for people if it is a joint with a name.
+    """
 
     places: list[Floats] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
     frames: list[list[str]] = field(default_factory=list)
+    labels: dict[int, str] = field(default_factory=dict)
 
     def point(self, place: Floats, name: str, frame: str | None = None) -> int:
         """Number of the point at this position (T, 3); the first point there gives the name."""
@@ -46,9 +52,12 @@ class Figure:
     def described(self) -> tuple[list[dict[str, Any]], Floats]:
         """The points as plain data, and the positions (T, 3 M) of the moving ones."""
         points, moving = [], []
-        for place, name, frames in zip(self.places, self.names, self.frames, strict=True):
+        for k, (place, name, frames) in enumerate(zip(self.places, self.names, self.frames, strict=True)):
             still = _still(place)
-            points.append({"name": name, "frames": frames, "side": side_of(name)[0], "still": still})
+            label = self.labels.get(k, "")
+            points.append(
+                {"name": name, "frames": frames, "label": label, "side": side_of(name)[0], "still": still}
+            )
             if still is None:
                 moving.append(place)
         return points, np.concatenate(moving, axis=1) if moving else np.zeros((len(self.places[0]), 0))
@@ -65,6 +74,8 @@ def add_frames(
     bones: list[dict[str, Any]] = []
     for k, frame in enumerate(frames):
         end = figure.point(poses[:, k, :3, 3], frame.name, frame.name)
+        if words := _joint_words(frame.joint or ""):
+            figure.labels.setdefault(end, words)
         if frame.joint is not None or frame.parent in moves:
             moves.add(frame.name)
         kind = kinds.get(frame.joint or "", "fixed")
@@ -78,6 +89,13 @@ def add_frames(
             if a != b and frame.name not in look.without_lines
         ]
     return [bone for bone in _once(bones) if bone["moves"] or look.fixed_lines]
+
+
+def _joint_words(joint: str) -> str:
+    """`right elbow` of `elbow_flexion_r`: what a frame's origin is; "" for joints without a name of their own."""
+    side, stem = side_of(joint)
+    word = stem.partition("_")[0]
+    return f"{side} {word}".strip() if word in NAMED_JOINTS else ""
 
 
 def _through_corner(
