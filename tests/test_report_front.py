@@ -138,11 +138,9 @@ def test_a_piece_in_which_nothing_stands_out_says_what_would_have():
     long = rowed("S-NB", 60.0, 24.0, 6)
     front = front_of(Piece("", long, technique(long)))
     assert front.points == []
-    assert re.search(
-        r"at the catch \(no difference seen; one from about \d+ ms would be named\)", front.quiet
-    )
-    changed = r"from start to end \(no change seen; one from about \d° of arc(,| or) \d° of catch angle"
-    assert re.search(changed, front.quiet)
+    assert front.quiet == "Both oars turn together at the catch. Nothing changes from start to end."
+    changed = r"^Named from about: hands that catch \d+ ms apart, changes of \d° of arc(,| or) \d° of catch angle"
+    assert re.search(changed, front.limits)
     assert "named from" in front.checked
     assert re.search(r"row this piece again at 24/min and compare: .* of \d° of catch angle", front.next_step)
     short = rowed("S-NB", 14.0, 24.0, 5)

@@ -74,7 +74,8 @@ class Front:
     Attributes:
         did: what was done in one sentence: "27 strokes in 60 s at 27.9/min."
         points: what stands out, the most important first; only the first three are shown.
-        quiet: what is said if nothing stands out, with the differences that would have been seen.
+        quiet: what is said if nothing stands out.
+        limits: the differences that would have been named, below it.
         remark: a sentence below what stands out, such as usual values that differ.
         checked: everything that was compared, folded; markup.
         next_step: what to do next, in the words of whoever moves.
@@ -94,6 +95,7 @@ class Front:
     did: str = ""
     points: Sequence[Point] = ()
     quiet: str = ""
+    limits: str = ""
     remark: str = ""
     checked: str = ""
     next_step: str = ""

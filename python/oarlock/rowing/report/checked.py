@@ -29,33 +29,30 @@ _OF_SIDES = ("catch_time_difference_s",)
 _OF_DRIFT = ("arc_rad", "catch_angle_rad", "lean_swing_rad")
 _USELESS = 4.0
 """A limit of so many times the smallest size that matters tells a rower nothing."""
-_HALF = "At these sizes a true difference is named in about half of the cases."
+_HALF = "At these sizes one in two true differences is named."
 _STEPS = {"ms": 5.0, "deg": 1.0, "cm": 1.0, "%": 1.0, "W": 5.0, "N": 5.0, "m": 0.01, "m/s": 0.05}
 """Sizes from which a difference is named are shown in these steps, by shown unit."""
 _OF_NEXT = ("catch_angle_rad", "lean_swing_rad")
 
 
-def quiet(candidates: Sequence[Candidate], is_ramp: bool = False) -> str:
-    """What agrees, and from which size a difference would have been named; `is_ramp`: whether the rate changes."""
+def quiet(candidates: Sequence[Candidate], is_ramp: bool = False) -> tuple[str, str]:
+    """What agrees, and from which sizes differences would be named; `is_ramp`: whether the rate changes."""
     if not candidates:
-        return "Too few strokes count, so nothing was compared."
+        return "Too few strokes count, so nothing was compared.", ""
     total = _judged_with(candidates)
     useful = [one for one in candidates if is_useful(one, total)]
     late = sizes(useful, "sides", _OF_SIDES, total)
     changed = sizes(useful, "drift", _OF_DRIFT, total)
-    told = [
-        f"Both oars turn together at the catch (no difference seen; one from about {size} would be named)."
-        for _, size in late
-    ]
+    told = ["Both oars turn together at the catch."] if late else []
     if changed:
         apart = "Apart from what goes with the stroke rate, nothing" if is_ramp else "Nothing"
-        told.append(
-            f"{apart} changes from start to end (no change seen; one from about {_listed(changed)} would be named). "
-            f"{_HALF}"
-        )
+        told.append(f"{apart} changes from start to end.")
     else:
         told.append("Too few strokes count to see small changes from start to end.")
-    return " ".join(told)
+    named = [f"hands that catch {size} apart" for _, size in late]
+    named += [f"changes of {_listed(changed)}"] if changed else []
+    limits = f"Named from about: {', '.join(named)}. {_HALF}" if named else ""
+    return " ".join(told), limits
 
 
 def _judged_with(candidates: Sequence[Candidate]) -> int:

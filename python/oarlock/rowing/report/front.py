@@ -49,6 +49,7 @@ def front_of(
     candidates = as_told(tested, piece, {kind: one for kind, one in others.items() if one is not None})
     found = named(rowed, candidates)
     outside = beyond_usual(piece, rowed.kind)
+    agrees, limits = quiet(candidates, words.is_ramp(piece))
     pieces = [piece] if other is None else [piece, other]
     beside = earlier_pieces(last, best, tested)
     if other is not None:
@@ -56,7 +57,8 @@ def front_of(
     return Front(
         did=words.strokes(piece) if other is None else _both_did(piece, other),
         points=[point(one) for one in found],
-        quiet=quiet(candidates, words.is_ramp(piece)),
+        quiet=agrees,
+        limits=limits,
         remark=remark(outside),
         checked=checked(candidates, _not_calibrated(candidates, piece, others)),
         next_step=_next_step(piece, rowed, found, outside, against.get("against other")),
@@ -72,7 +74,7 @@ def front_of(
         ),
         compared=compared(piece, beside, now=piece.name if other else "now")
         + (_trust_in(other) if other is not None else ""),
-        compared_head=_both(piece, other) if other is not None else "Compared with earlier",
+        compared_head="Both pieces" if other is not None else "Compared with earlier",
         compared_first=other is not None,
         changes=[largest_change(piece, one) for one in beside],
         drawings=[*speeds(pieces), *curve_drawings(pieces)],
@@ -95,10 +97,6 @@ def _not_calibrated(
         for each in (piece, others.get(one.kind))
         if each is not None and is_uncalibrated(each, one.watched.name)
     }
-
-
-def _both(piece: Piece, other: Piece) -> str:
-    return f"{piece.name}{',' if ',' in piece.name else ''} and {other.name}"
 
 
 def _trust_in(other: Piece) -> str:
