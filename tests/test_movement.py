@@ -222,6 +222,12 @@ def test_the_front_says_what_is_measured_well_and_why_the_rest_is_not(monkeypatc
     well, badly = (sentence.replace("\u00a0", " ") for sentence in quality(movement))
     assert re.fullmatch(r"Measured well: right elbow flexion \d+ ± 3°\.", well)
     assert re.fullmatch(r"Not measured well: right wrist flexion \d+ ± 16° \(the estimate drifts\)\.", badly)
+    many = {
+        f"knee_{k}": replace(rough, name=f"knee_{k}", highest_deg=40.0 + k, lowest_std_deg=1.0)
+        for k in range(9)
+    }
+    (told,) = quality(replace(movement, blocks=(replace(block, ranges=many),), ranges={}))
+    assert told.startswith("Measured well: knee 8") and told.endswith("and 5 more.")
 
 
 def test_few_cycles_are_asked_for_more(monkeypatch):
@@ -246,6 +252,8 @@ def test_a_difference_of_the_sides_is_certain_only_beyond_its_band():
         assert one.difference_deg == pytest.approx(right - 50.0, abs=0.05)
         assert one.std_deg == pytest.approx(2.0 * std, rel=0.01)
         assert one.certain is certain
+    rough = replace(one, right=replace(one.right, highest_deg=200.0, lowest_std_deg=40.0))
+    assert rough.difference_deg > rough.limit_deg and not rough.certain, "one side is not measured well"
 
 
 def test_names_of_sides_pair():

@@ -28,7 +28,10 @@ from oarlock.report import Course, Front, Point, Sourced, fixed
 
 THIRDS = "From the first to the last third of the cycles,"
 NOTHING = "No difference was found."
-SIDES = "Range on the right minus range on the left; named if above 2° and outside its 95 % interval."
+SIDES = (
+    "Range on the right minus range on the left; named if both are measured well, and it is above 2° and outside its "
+    "95 % interval."
+)
 CHANGES = (
     "Last third of the cycles minus first third, ± its interval, which controls chance over all numbers."
 )

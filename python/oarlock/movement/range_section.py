@@ -25,6 +25,8 @@ HUMAN_SOURCE = (
     "Zwerus et al. 2017, Normative values and affecting factors for the elbow range of motion, "
     "Shoulder &amp; Elbow 11(3), doi 10.1177/1758573217728711"
 )
+APART, MOST_OPEN = "Not measured well enough", 8
+"""Heading of the ranges that are not, and how many are shown at once: a whole body has some thirty angles."""
 TESTED_SHARE = 0.25
 """A movement tests an angle if it uses at least this share of what people reach."""
 
@@ -107,7 +109,9 @@ def _apart(movement: Movement, apart: Sequence[tuple[Block | None, MotionRange]]
     heads: list[str | Column] = ["angle", *(["block"] if movement.several else [])]
     heads += [Column(_name(movement), "deg"), Column("95 % upper limit", "deg"), "because"]
     table = plain_table("apart", why, heads, rows, style="stacked")
-    return f'<h3 id="ranges-apart">Not measured well enough</h3>{table}'
+    if len(rows) <= MOST_OPEN:
+        return f'<h3 id="ranges-apart">{APART}</h3>{table}'
+    return f'<details class="help" id="ranges-apart"><summary>{APART}: {len(rows)} ranges</summary>{table}</details>'
 
 
 def _caption(movement: Movement) -> str:

@@ -154,9 +154,10 @@ class SideDifference:
 
     @property
     def certain(self) -> bool:
-        """Whether the difference is worth a sentence: above 2 deg and outside its 95 % interval."""
+        """Whether it is worth a sentence: both ranges measured well, above 2 deg and outside its 95 % interval."""
         size = abs(self.difference_deg)
-        return size > LEAST_DIFFERENCE_DEG and size > self.limit_deg
+        well = self.right.well_measured and self.left.well_measured
+        return well and size > LEAST_DIFFERENCE_DEG and size > self.limit_deg
 
 
 def ranges_of_motion(angles: Sequence[MovementAngle]) -> dict[str, MotionRange]:

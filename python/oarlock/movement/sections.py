@@ -155,7 +155,7 @@ def _sides(movement: Movement) -> str:
     over = "means over the cycles" if movement.blocks else "over the whole track"
     caption = (
         f"Ranges of both sides, {over}. ±: half of the 95 % interval of the difference. The last column says whether "
-        "the difference is above 2° and outside this interval."
+        "both ranges are measured well and the difference is above 2° and outside this interval."
     )
     heads: list[str | Column] = [
         "angle",

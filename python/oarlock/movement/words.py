@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from math import isfinite
 
 from oarlock.movement.cycles import Repetition
@@ -108,16 +108,22 @@ def quality(movement: Movement) -> list[str]:
 
 
 def _quality(ranges: Iterable[MotionRange]) -> list[str]:
-    """Angles that hardly moved are counted only: their ranges have their place in the tables."""
-    moved = [one for one in ranges if not one.hardly_moved]
-    well = [f"{plain(one.name)} {within(one)}" for one in measured(moved)]
+    """The largest of both kinds; angles that hardly moved have their place in the tables only."""
+    moved = sorted((one for one in ranges if not one.hardly_moved), key=lambda one: -one.range_deg)
+    well = [f"{plain(one.name)} {within(one)}" for one in moved if one.well_measured]
     badly = [f"{plain(one.name)} {within(one)} ({one.cause})" for one in moved if not one.well_measured]
     if not any(isfinite(one.half_deg) for one in moved):
-        return [f"Ranges: {', '.join(well)}; the track does not say how certain they are."] if well else []
-    found = [f"Measured well: {', '.join(well)}." if well else "No angle that moved was measured well."]
+        return [f"Ranges: {_first(well)}; the track does not say how certain they are."] if well else []
+    found = [f"Measured well: {_first(well)}." if well else "No angle that moved was measured well."]
     if badly:
-        found.append(f"Not measured well: {', '.join(badly)}.")
+        found.append(f"Not measured well: {_first(badly)}.")
     return found
+
+
+def _first(told: Sequence[str]) -> str:
+    """The first ones in a sentence, and how many more there are: a whole body has some thirty angles."""
+    more = len(told) - MOST_NAMED
+    return ", ".join(told[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 def within(one: MotionRange) -> str:
