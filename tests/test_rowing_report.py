@@ -173,7 +173,7 @@ def test_two_pieces_stand_beside_each_other(compared):
     assert "after compared with before" in read.text
     assert "Only the stroke rate and what goes with it changed; no change of technique is clear." in read.text
     assert re.search(r"stroke rate2\d\.\d/min(29|30)\.\d/min\d\.\d ± \d\.\d/min less", read.text)
-    assert read.text.index("after and before") < read.text.index("What stands out")
+    assert read.text.index("Both pieces") < read.text.index("What stands out")
     assert '"ghost":{' in text
     row = re.search(
         r">stroke rate</a></th>(.*?)</tr>", text[text.index('<table id="compared-pieces-table') :]

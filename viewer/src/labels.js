@@ -18,7 +18,7 @@ export class Labels {
     this.layer = element("div", { class: "op-names", "aria-hidden": "true" });
     this.figure = figure;
     const drawn = new Set(figure.scene.bones.flatMap((bone) => bone.ends));
-    this.items = figure.points.flatMap((point, k) => (point.frames.length && (drawn.has(k) || !drawn.size) ? [{ k, words: worded(point), side: point.side }] : []));
+    this.items = figure.points.flatMap((point, k) => (point.frames.length && (drawn.has(k) || !drawn.size) ? [{ k, words: point.label || worded(point), side: point.side }] : []));
     this.shown = this.items.length <= FEW;
     for (const item of this.items) {
       item.tag = element("span", { class: item.side ? `op-${item.side}` : "", text: item.words });
@@ -26,11 +26,20 @@ export class Labels {
     }
   }
 
+  /** What lies over the picture: the buttons of the views. */
+  covered() {
+    const views = this.layer.parentElement?.querySelector(".op-views");
+    if (!views) return [];
+    const picture = this.layer.getBoundingClientRect();
+    const { left, top, right, bottom } = views.getBoundingClientRect();
+    return [[left - picture.left, top - picture.top, right - picture.left, bottom - picture.top]];
+  }
+
   draw(project, time_s, width, height) {
     this.layer.hidden = !this.shown;
     if (!this.shown) return;
     const places = this.figure.placesAt(time_s);
-    const taken = [];
+    const taken = this.covered();
     for (const item of this.items) {
       const [x, y, depth] = project([places[3 * item.k], places[3 * item.k + 1], places[3 * item.k + 2]]);
       const box = [x + 8, y - HIGH_PX, x + 12 + WIDE_PX * item.words.length, y + 3];
