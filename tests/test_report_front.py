@@ -139,7 +139,7 @@ def test_a_piece_in_which_nothing_stands_out_says_what_would_have():
     front = front_of(Piece("", long, technique(long)))
     assert front.points == []
     assert front.quiet == "Both oars turn together at the catch. Nothing changes from start to end."
-    changed = r"^Named from about: hands that catch \d+ ms apart, changes of \d° of arc(,| or) \d° of catch angle"
+    changed = r"^Large enough to be named: hands that catch \d+ ms apart, changes of \d° of arc(,| or) \d° of catch angle"
     assert re.search(changed, front.limits)
     assert "named from" in front.checked
     assert re.search(r"row this piece again at 24/min and compare: .* of \d° of catch angle", front.next_step)
@@ -149,7 +149,7 @@ def test_a_piece_in_which_nothing_stands_out_says_what_would_have():
 
 def test_a_mean_outside_of_usual_values_is_a_remark_with_its_source_unless_targets_were_chosen(piece):
     for targets, told in (
-        (None, "The stroke: 99.5°, 2.5° shorter than usual (102 to 110°"),
+        (None, "The stroke: 99.5°, shorter than usual (102"),
         ("sculling_men", ""),
     ):
         found = technique(piece, targets=targets)

@@ -63,6 +63,7 @@ def front_of(movement: Movement) -> Front:
         remark=" ".join(filter(None, (_drifting(movement, block) for block in movement.blocks))),
         checked=checked_markup(movement),
         next_step=_next_step(movement),
+        sensors_step=_sensors_step(movement),
         commands=_commands(movement),
         figures=key_figures(movement),
         course=_course(movement),
@@ -170,10 +171,22 @@ def _next_step(movement: Movement) -> str:
     return f"Record {again}.{would}"
 
 
+def _sensors_step(movement: Movement) -> str:
+    """What narrows angles that are not measured well; without calibration the next step says it."""
+    poor = any(not one.well_measured and not one.hardly_moved for one in movement.shown)
+    if movement.nominal or not poor:
+        return ""
+    return (
+        "Record a guided calibration session just before the movement (two minutes) and strap the units tightly: both "
+        "narrow the ± of angles that are not measured well."
+    )
+
+
 def _commands(movement: Movement) -> list[tuple[str, str]]:
     """A session calibrates any body; `calibrate motion` needs closed loops."""
     model = str(movement.track.provenance.get("model", "MODEL"))
-    return [(name, one.format(model=model)) for name, one in COMMANDS] if movement.nominal else []
+    needed = movement.nominal or bool(_sensors_step(movement))
+    return [(name, one.format(model=model)) for name, one in COMMANDS] if needed else []
 
 
 def _sides(movement: Movement) -> list[Point]:

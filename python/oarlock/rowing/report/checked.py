@@ -51,7 +51,7 @@ def quiet(candidates: Sequence[Candidate], is_ramp: bool = False) -> tuple[str, 
         told.append("Too few strokes count to see small changes from start to end.")
     named = [f"hands that catch {size} apart" for _, size in late]
     named += [f"changes of {_listed(changed)}"] if changed else []
-    limits = f"Named from about: {', '.join(named)}. {_HALF}" if named else ""
+    limits = f"Large enough to be named: {', '.join(named)}. {_HALF}" if named else ""
     return " ".join(told), limits
 
 

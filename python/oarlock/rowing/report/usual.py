@@ -9,7 +9,7 @@ from oarlock.report import fixed
 from oarlock.rowing.findings.watched import WATCHED, Told, Watched
 from oarlock.rowing.report.averages import SIGMAS_95, Average
 from oarlock.rowing.report.piece import Counted, Piece
-from oarlock.rowing.report.shown import joined_unit, with_unit
+from oarlock.rowing.report.shown import capital, joined_unit, with_unit
 
 
 @dataclass(frozen=True)
@@ -41,14 +41,11 @@ class Beyond:
 
     @property
     def sentence(self) -> str:
-        """The value, how far it is outside, and whose usual values these are."""
-        feature, usual = self.watched.feature, self.watched.usual_of(self.kind)
-        value = with_unit(feature, self.found.over.mean)
-        size = with_unit(feature, abs(self.by) / feature.shown_scale)
-        word = self.watched.grew if self.by > 0.0 else self.watched.fell
-        small = "" if self.matters else ", a small difference"
-        subject = f"{self.watched.subject[:1].upper()}{self.watched.subject[1:]}"
-        return f"{subject}: {value}, {size} {word} than usual{small} ({usual.text}; {usual.source})."
+        """The value, and which values are usual."""
+        value = with_unit(self.watched.feature, self.found.over.mean)
+        return (
+            f"{capital(self.watched.subject)}: {value}, {self.words} ({usual_span(self.watched, self.kind)})."
+        )
 
     @property
     def to_try(self) -> Told:
@@ -81,7 +78,8 @@ def remark(outside: Sequence[Beyond]) -> str:
     if not outside:
         return ""
     told = " ".join(one.sentence for one in outside)
-    return f"{told} Body height, rig and boat class change usual values."
+    sources = "; ".join(dict.fromkeys(one.watched.usual_source for one in outside))
+    return f"{told} Usual values: {sources}; body height, rig and boat class change them."
 
 
 def usual_span(watched: Watched, kind: str) -> str:
