@@ -385,7 +385,7 @@ def test_the_page_names_who_rowed_as_given_or_as_session_toml_says(tmp_path):
     assert "B12: " in texts[0] and "Lake" in texts[0]
     assert "A07: " in texts[1] and "boat 1x" in texts[1] and "Lake" in texts[1]
     assert "--athlete needs --report" in run("strokes", str(file), "--athlete", "A07", status=2).output
-    assert "Athlete, date and place not in the file: add --athlete NAME" in strokes_page(load_export(file))
+    assert "Athlete, date and place not in the file." in strokes_page(load_export(file))
 
 
 def test_the_report_of_a_track_shows_force_beside_the_motion(tmp_path):

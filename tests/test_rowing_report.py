@@ -190,7 +190,7 @@ def test_the_numbers_that_differ_are_named_with_chance_and_those_that_follow_the
     )
     assert read.text.index("numbers differ") > read.text.index("What stands out")
     assert re.search(r"Explained by the stroke rate [^.]*recovery time", read.text)
-    assert "To compare technique, row both at the same rate." in read.text
+    assert "To compare technique, row both pieces at the same rate." in read.text
 
 
 def test_the_largest_differences_come_first(track, found, other):

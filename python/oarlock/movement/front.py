@@ -51,6 +51,8 @@ COMMANDS = (
 UNEVEN = 0.1
 """Share of the mean by which durations of cycles scatter before it is named."""
 MOST_CURVES = 3
+LARGE_DEG = 15.0
+"""Range of an angle that a reader looks for, and misses if it is not measured well."""
 
 
 def front_of(movement: Movement) -> Front:
@@ -64,6 +66,7 @@ def front_of(movement: Movement) -> Front:
         checked=checked_markup(movement),
         next_step=_next_step(movement),
         sensors_step=_sensors_step(movement),
+        caution=_caution(movement),
         commands=_commands(movement),
         figures=key_figures(movement),
         course=_course(movement),
@@ -169,6 +172,16 @@ def _next_step(movement: Movement) -> str:
     if movement.nominal:
         return f"Calibrate the sensors first (two minutes), then record {again}.{would}"
     return f"Record {again}.{would}"
+
+
+def _caution(movement: Movement) -> str:
+    """That large movements are not measured well; "" if all are."""
+    large = [one for one in movement.shown if one.range_deg > LARGE_DEG]
+    poor = [one for one in large if not one.well_measured]
+    if not poor:
+        return ""
+    names = ", ".join(plain(one.name) for one in poor[:MOST_CURVES])
+    return f"{len(poor)} of {len(large)} angles with a range above {LARGE_DEG:.0f}° are not measured well: {names}."
 
 
 def _sensors_step(movement: Movement) -> str:

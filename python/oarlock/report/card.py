@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from oarlock.report.front import MOST_POINTS, Course, Front
-from oarlock.report.page import heading_of, sensors_of
-from oarlock.report.trust import trust
+from oarlock.report.page import belief_of, heading_of
 from oarlock.storage.errors import DataError
 from oarlock.storage.write_file import write_file
 from oarlock.tracking.track import Track
@@ -52,7 +51,7 @@ def write_card(track: Track, path: Path, title: str | None, front: Front) -> Pat
         raise DataError(f"{path}: pictures are drawn with Matplotlib: pip install 'oarlock[plot]'") from None
     figure = Figure(figsize=(SIDE_IN, SIDE_IN), dpi=DOTS_PER_IN, facecolor="white")
     heading, _ = heading_of(track, title)
-    belief = trust(track, None, sensors_of(track, None), front.direct)
+    belief = belief_of(track, front.direct, front.caution)
     at = _text(figure, 0.955, heading, 25, INK, "bold", TITLE_LETTERS)
     at = _text(figure, at - 0.005, f"{belief.words}: {belief.reason}", 15, LEVELS[belief.level])
     at = _tiles(figure, at - 0.01, front)

@@ -80,6 +80,7 @@ class Front:
         checked: everything that was compared, folded; markup.
         next_step: what to do next, in the words of whoever moves.
         sensors_step: what to do next with the equipment.
+        caution: a reason of the field to read with care, for the line of trust.
         direct: what encoders measure, in the words of the field: it does not depend on how units sit.
         commands: what each further step is for, and its command; folded.
         figures: key figures, each with its definition.
@@ -100,6 +101,7 @@ class Front:
     checked: str = ""
     next_step: str = ""
     sensors_step: str = ""
+    caution: str = ""
     direct: str = ""
     commands: Sequence[tuple[str, str]] = ()
     figures: Sequence[KeyFigure] = ()

@@ -20,6 +20,7 @@ from oarlock.report.markup import bar_legend, notes_list, rendered
 from oarlock.report.section import Section, refuse_doubles, tiles
 from oarlock.report.text import day_text
 from oarlock.report.trust import Trust, trust
+from oarlock.storage.epoch import moment_text
 from oarlock.tracking.track import Track
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
@@ -48,7 +49,7 @@ def render(
     sentences = [sentence for section in handed for sentence in section.sentences]
     figures = [figure for section in handed for figure in section.figures]
     front = front or Front()
-    belief = trust(track, evaluation, sensors, front.direct)
+    belief = trust(track, evaluation, sensors, front.direct, front.caution)
     heading, rest = heading_of(track, title)
     anchor = "measured-in" if handed else "measured"
     suspects = verdict.suspect_sentences(track.notes)
@@ -85,9 +86,9 @@ def sensors_of(track: Track, evaluation: Evaluation | None) -> tuple[SensorScore
     return evaluation.sensors if evaluation else sensor_scores(track, Interval.after(track.time_s, 0.0))
 
 
-def belief_of(track: Track, direct: str = "") -> Trust:
-    """Whether a track without a reference can be believed; `direct` as of `trust`."""
-    return trust(track, None, sensors_of(track, None), direct)
+def belief_of(track: Track, direct: str = "", caution: str = "") -> Trust:
+    """Whether a track without a reference can be believed; `direct` and `caution` as of `trust`."""
+    return trust(track, None, sensors_of(track, None), direct, caution)
 
 
 def who_in_words(provenance: Mapping[str, object]) -> str:
@@ -101,7 +102,12 @@ def heading_of(track: Track, title: str | None) -> tuple[str, str]:
     what = (
         title or f"Track of {getattr(track.model, 'name', None) or track.provenance.get('model', 'a model')}"
     )
-    who, (_, rest) = who_in_words(track.provenance), who_and_when(track.provenance)
+    day = moment_text(track.provenance.get("epoch"), float(track.time_s[0]))[:10]
+    session = {**({"date": day} if day else {}), **session_info(track.provenance)}
+    who, (_, rest) = who_in_words({"session": session}), who_and_when(track.provenance)
+    if not session.get("athlete"):
+        rest = ", ".join(filter(None, (rest, "athlete not named")))
+    rest = rest[:1].upper() + rest[1:]
     return (f"{who}: {what}" if who else what), f'<p class="about">{escape(rest)}</p>' if rest else ""
 
 

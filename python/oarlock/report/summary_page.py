@@ -7,8 +7,7 @@ from pathlib import Path
 
 from oarlock.report.front import MOST_POINTS, Front
 from oarlock.report.markup import rendered
-from oarlock.report.page import POLICY, definitions, heading_of, sensors_of
-from oarlock.report.trust import trust
+from oarlock.report.page import POLICY, belief_of, definitions, heading_of
 from oarlock.storage.errors import DataError
 from oarlock.storage.write_file import write_file
 from oarlock.tracking.track import Track
@@ -43,7 +42,7 @@ def write_summary(track: Track, path: Path, title: str | None, front: Front) -> 
             policy=POLICY,
             style="".join(style.joinpath(name).read_text("utf-8") for name in ("style.css", "summary.css")),
             definitions=definitions(),
-            trust=trust(track, None, sensors_of(track, None), front.direct),
+            trust=belief_of(track, front.direct, front.caution),
             front=front,
             figures=list(front.figures)[:MOST_FIGURES],
             points=list(front.points)[:MOST_POINTS],

@@ -21,6 +21,8 @@ LOUD = 4.0
 covers what the model gets wrong (docs/bands.md)."""
 WORDS = {"good": "Can be believed", "care": "Read with care", "bad": "Do not rely on it"}
 MARKS = {"good": "✓", "care": "!", "bad": "✗"}
+MOST_SHOWN = 2
+"""Reasons to read with care that fit into the line."""
 INCREASED = "uncertainty was increased"
 """How the note of a track begins whose uncertainty was increased."""
 
@@ -30,11 +32,15 @@ _CONTORTED = re.compile(r"[^:]+: beyond its soft limits \([^)]*\) in [^,]+, by u
 
 @dataclass(frozen=True)
 class Trust:
-    """A level ("good", "care" or "bad") with its reasons, the most important first, and what to do about it."""
+    """A level ("good", "care" or "bad") with its reasons, the most important first, and what to do about it.
+
+    `shown`: how many of the reasons stand on the front; all stand in "How it was measured".
+    """
 
     level: str
     reasons: tuple[str, ...]
     remedy: str = ""
+    shown: int = 1
 
     @property
     def words(self) -> str:
@@ -43,8 +49,9 @@ class Trust:
 
     @property
     def reason(self) -> str:
-        """The most important reason, one sentence."""
-        return self.reasons[0]
+        """The most important reasons, a sentence each."""
+        first, *others = self.reasons[: self.shown]
+        return " ".join([first, *(f"{one[:1].upper()}{one[1:]}" for one in others)])
 
     @property
     def mark(self) -> str:
@@ -53,11 +60,16 @@ class Trust:
 
 
 def trust(
-    track: Track, evaluation: Evaluation | None, sensors: Sequence[SensorScore], direct: str = ""
+    track: Track,
+    evaluation: Evaluation | None,
+    sensors: Sequence[SensorScore],
+    direct: str = "",
+    caution: str = "",
 ) -> Trust:
     """The worst of what is known about sensors, mounts and bands, as one line; all reasons after it.
 
-    `direct`: what encoders measure, in the words of a field of application: "oars and seat".
+    `direct`: what encoders measure, in the words of a field of application: "oars and seat". `caution`: a reason of the
+    field to read with care.
     """
     bad = _worst(track, evaluation)
     if bad:
@@ -68,10 +80,14 @@ def trust(
         return Trust(
             "bad", tuple(told), "Calibrate and track again, or correct the limits in the model file."
         )
-    reasons = _reasons(track, evaluation, sensors, direct)
+    reasons = [*filter(None, [caution]), *_reasons(track, evaluation, sensors, direct)]
     if reasons:
-        return Trust("care", (*reasons, *_increased(track)))
-    return Trust("good", ("every number within its ±, the 95 % interval.", *_increased(track)))
+        return Trust("care", (*reasons, *_increased(track)), shown=min(len(reasons), MOST_SHOWN))
+    share = evaluation.mean_coverage() if evaluation else math.nan
+    good = "no sensor contradicts the ± (95 % intervals); without a reference they cannot be checked further."
+    if not math.isnan(share):
+        good = f"the 95 % bands contain the reference {percent(share)} of the time."
+    return Trust("good", (good, *_increased(track)))
 
 
 def _worst(track: Track, evaluation: Evaluation | None) -> list[str]:
@@ -111,8 +127,8 @@ def _loud(sensors: Sequence[SensorScore]) -> list[str]:
     if loud is None:
         return []
     return [
-        f"the sensor {loud.name} differs from the prediction by {math.sqrt(loud.nis):.1f} times the expected error "
-        f"(NIS {loud.nis:.1f}): check where it sits and the lengths that were entered."
+        f"check the sensor {loud.name}, where it sits and its noise in the model file: it differs from the prediction "
+        f"by {math.sqrt(loud.nis):.1f} times the expected error."
     ]
 
 
@@ -122,7 +138,7 @@ def _not_calibrated(track: Track, direct: str) -> str:
         return ""
     if direct:
         return (
-            f"{direct} are within their ±; angles of the body can be several degrees off, because its units were not "
+            f"{direct} are within their ±; angles of the body can be several degrees off, because its sensors were not "
             "calibrated."
         )
     what = "the unit on the body was" if units == 1 else f"the {units} units on the body were"

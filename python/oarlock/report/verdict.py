@@ -154,6 +154,6 @@ def _readings(sensors: Sequence[SensorScore]) -> str:
     if known and max(known) < NIS_QUIET:
         return (
             f"Innovations are much smaller than the filter expects (NIS per reading below {NIS_QUIET}): the model file "
-            "states more noise than these sensors have, as for units on clothes, so the bands are wider than needed."
+            "states more noise than these sensors have, as for units on clothes. The bands are an upper estimate."
         )
     return "All sensors agree: no innovations are larger than the filter expects."

@@ -17,7 +17,14 @@ from oarlock.rowing.report.words import is_ramp
 from oarlock.rowing.strokes.table import Floats
 
 Rows = NDArray[np.intp]
-_NUMBERS = ("arc_rad", "catch_angle_rad", "finish_angle_rad", "rhythm", "handle_peak_speed_m_s")
+_NUMBERS = (
+    "arc_rad",
+    "catch_angle_rad",
+    "finish_angle_rad",
+    "rhythm",
+    "handle_peak_speed_m_s",
+    "style_factor",
+)
 _GROUPS = 4
 _FEWEST = 3
 """Strokes of a group."""

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from html import escape
 
+from oarlock.report import fixed
 from oarlock.rowing.report.averages import Average
 from oarlock.rowing.report.piece import Counted, Piece
-from oarlock.rowing.report.shown import spread
+from oarlock.rowing.report.shown import joined_unit, spread
 
 _OF_UNITS = ("_lean_rad", "elbow", "shoulder", "arm_plane", "forearm")
 """Parts of the names of angles that inertial units measure. A swing is a change of an angle, in which a constant
@@ -18,6 +19,11 @@ def is_uncalibrated(piece: Counted, name: str) -> bool:
     """Whether this number is an angle of a unit that was not calibrated."""
     nominal = isinstance(piece, Piece) and bool(piece.track.provenance.get("nominal_mounts"))
     return nominal and any(part in name for part in _OF_UNITS)
+
+
+def about(found: Average) -> str:
+    """A mean without the decimals that the error of a mount makes meaningless: `about −27°`."""
+    return f"about {fixed(found.feature.shown_scale * found.over.mean, 0)}{joined_unit(found.feature)}"
 
 
 def half_cell(piece: Counted, one: Average) -> str:

@@ -29,7 +29,6 @@ _OF_SIDES = ("catch_time_difference_s",)
 _OF_DRIFT = ("arc_rad", "catch_angle_rad", "lean_swing_rad")
 _USELESS = 4.0
 """A limit of so many times the smallest size that matters tells a rower nothing."""
-_HALF = "At these sizes one in two true differences is named."
 _STEPS = {"ms": 5.0, "deg": 1.0, "cm": 1.0, "%": 1.0, "W": 5.0, "N": 5.0, "m": 0.01, "m/s": 0.05}
 """Sizes from which a difference is named are shown in these steps, by shown unit."""
 _OF_NEXT = ("catch_angle_rad", "lean_swing_rad")
@@ -43,16 +42,16 @@ def quiet(candidates: Sequence[Candidate], is_ramp: bool = False) -> tuple[str, 
     useful = [one for one in candidates if is_useful(one, total)]
     late = sizes(useful, "sides", _OF_SIDES, total)
     changed = sizes(useful, "drift", _OF_DRIFT, total)
-    told = ["Both oars turn together at the catch."] if late else []
+    told = ["No clear difference between both oars at the catch."] if late else []
     if changed:
-        apart = "Apart from what goes with the stroke rate, nothing" if is_ramp else "Nothing"
-        told.append(f"{apart} changes from start to end.")
+        apart = "Apart from what goes with the stroke rate, no" if is_ramp else "No"
+        told.append(f"{apart} clear change from start to end.")
     else:
         told.append("Too few strokes count to see small changes from start to end.")
-    named = [f"hands that catch {size} apart" for _, size in late]
-    named += [f"changes of {_listed(changed)}"] if changed else []
-    limits = f"Large enough to be named: {', '.join(named)}. {_HALF}" if named else ""
-    return " ".join(told), limits
+    small = [f"{size} between both oars at the catch" for _, size in late]
+    small += [_listed(changed)] if changed else []
+    limits = f"Smaller differences than about {', '.join(small)} cannot be told from chance here."
+    return " ".join(told), limits if small else ""
 
 
 def _judged_with(candidates: Sequence[Candidate]) -> int:
@@ -70,14 +69,14 @@ def is_useful(one: Candidate, comparisons: int) -> bool:
     return one.named_from(comparisons) < _USELESS * one.watched.least
 
 
-def next_sizes(rowed: Rowed) -> str:
+def next_sizes(rowed: Rowed, names: Sequence[str] = _OF_NEXT) -> str:
     """The differences that another piece like this one could show: "3° of catch angle or 6° of trunk swing".
 
-    "" without any, and without the trunk if only a very large difference would show.
+    "" without any, and without a number of which only a very large difference would show.
     """
     again = list(against(rowed, rowed, "again"))
     useful = [one for one in again if is_useful(one, len(again))]
-    return _listed(sizes(useful, "again", _OF_NEXT, len(again)))
+    return _listed(sizes(useful, "again", names, len(again)))
 
 
 def sizes(
@@ -126,7 +125,7 @@ def checked(candidates: Sequence[Candidate], unsure: Collection[tuple[str, str]]
         "The differences that were compared. The stroke rate's effect is removed within the piece and between pieces "
         f"of different rates. {PLUS_MINUS}: half of the 95 % interval. A difference is named from about the size on "
         f"the right: more than chance among {total} comparisons, those of a page with another piece, and more than "
-        f"matters. {_HALF}"
+        "matters. Of true differences of that size, one in two is named."
     )
     heads = ["compared", "number", "difference", "named from"]
     return plain_table("checked", caption, heads, rows, style="stacked") if rows else ""

@@ -8,10 +8,9 @@ from typing import NamedTuple
 
 from oarlock.report import plain_table
 from oarlock.rowing.alongside.paces import SPEEDS, pace_text
-from oarlock.rowing.analysis.features import Feature
 from oarlock.rowing.findings.candidate import Candidate
-from oarlock.rowing.report.averages import Difference, feature_of
-from oarlock.rowing.report.calibrated import NOT_CALIBRATED, is_uncalibrated
+from oarlock.rowing.report.averages import Average, Difference, feature_of
+from oarlock.rowing.report.calibrated import NOT_CALIBRATED, about, is_uncalibrated
 from oarlock.rowing.report.changes import at_like_rate, change, in_words, matters, of_kind, same_rate
 from oarlock.rowing.report.piece import Counted
 from oarlock.rowing.report.shown import with_unit
@@ -27,6 +26,7 @@ COMPARED = (
     "seat_travel_m",
     "handle_travel_m",
     "rhythm",
+    "style_factor",
     "power_w",
     "peak_force_n",
     "speed_m_s",
@@ -36,7 +36,7 @@ COMPARED = (
 )
 """Numbers that the front compares with other pieces."""
 _CAPTION = (
-    "{change}; ± is half of its 95 % interval. Bold: clear, and large enough to matter. Plain: clear, but small. "
+    "{change}, ± half of its 95 % interval. Bold: clear, and large enough to matter. Plain: clear, but small. "
     "Grey: not clear."
 )
 _LIKE = " At like rate: what the stroke rate does is removed."
@@ -67,7 +67,7 @@ def compared(piece: Counted, others: Sequence[Other], now: str = "now") -> str:
     rows = [
         [
             link(name, feature_of(name).label),
-            escape(_value(feature_of(name), piece.averages[name].over.mean)),
+            escape(_value(piece, name, piece.averages[name])),
             *(cell for other in others for cell in _cells(piece, other, name)),
         ]
         for name in names
@@ -112,7 +112,7 @@ def _cells(piece: Counted, other: Other, name: str) -> tuple[str, str]:
     then = other.piece.averages.get(name)
     if then is None or not then.known:
         return '<span class="mark">not known</span>', ""
-    value = escape(_value(then.feature, then.over.mean))
+    value = escape(_value(other.piece, name, then))
     if is_uncalibrated(piece, name) or is_uncalibrated(other.piece, name):
         return value, NOT_CALIBRATED
     found, tested = change_of(piece, other, name), other.tested.get(name)
@@ -125,9 +125,12 @@ def _cells(piece: Counted, other: Other, name: str) -> tuple[str, str]:
     return value, f'{_levelled(found)}<br><span class="mark">at like rate:</span> {_levelled(like)}'
 
 
-def _value(feature: Feature, mean: float) -> str:
-    """A mean with its unit; a speed as pace."""
-    return f"{pace_text(mean)} per 500 m" if feature.name in SPEEDS else with_unit(feature, mean)
+def _value(piece: Counted, name: str, found: Average) -> str:
+    """A mean with its unit; a speed as pace; without decimals if it is not calibrated."""
+    if is_uncalibrated(piece, name):
+        return about(found)
+    mean = found.over.mean
+    return f"{pace_text(mean)} per 500 m" if name in SPEEDS else with_unit(found.feature, mean)
 
 
 def change_of(piece: Counted, other: Other, name: str) -> Difference:

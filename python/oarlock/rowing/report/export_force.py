@@ -66,7 +66,7 @@ def _where(export: StrokeTable) -> str:
     if is_empower(export):
         return (
             "The EmPower oarlock measures one oar, at the gate (the pin of the rigger); in sculling its force, work "
-            "and power stand for both oars (BioRow, 2017)."
+            "and power are those of both oars already, so do not double them (BioRow, 2017)."
         )
     if any("gate_force" in name for name in (*export.columns, *export.curves)):
         return "The force is that at the gate (the pin of the rigger), of each oar."

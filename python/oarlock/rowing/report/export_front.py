@@ -22,6 +22,7 @@ from oarlock.rowing.report.export_next import next_step, quiet_text
 from oarlock.rowing.report.export_piece import ExportPiece
 from oarlock.rowing.report.front import point
 from oarlock.rowing.report.shown import joined_unit, spread, with_unit
+from oarlock.rowing.report.words import against_usual
 from oarlock.rowing.strokes.table import StrokeTable
 from oarlock.storage.epoch import moment_text
 
@@ -113,7 +114,9 @@ def _did(found: StrokeTable | Activity, course: Course, at: str, ends: str) -> s
     sentences = [f"{told}{f'; started {begun}' if begun else ''}."]
     if pieces and (rows > count or course.total_s > course.duration_s + 1.0):
         far = f" and {fixed(course.total_m, 0)} m" if np.isfinite(course.total_m) else ""
-        left = f"; {rows - count} of its {rows} rows are waiting, paddling or misread" if rows > count else ""
+        left = (
+            f"; {rows - count} of its {rows} lines are waiting, paddling or misread" if rows > count else ""
+        )
         sentences.append(f"The whole file: {_lasted(course.total_s)}{far}{left}.")
     return " ".join([*sentences, ends]).strip()
 
@@ -171,7 +174,7 @@ def _pace(course: Course) -> list[KeyFigure]:
 
 def _strokes(course: Course) -> KeyFigure:
     rows, count = len(course.counted), int(course.counted.sum())
-    left = f"{rows - count} of {rows} rows left out" if rows > count else "every row of the file"
+    left = f"{rows - count} of {rows} lines left out" if rows > count else "every line of the file"
     started = count - int(course.steady.sum())
     left = (
         f"{started} of them the {'start' if len(course.starts) == 1 else 'starts'}; {left}"
@@ -189,7 +192,8 @@ def _tiles(piece: ExportPiece) -> Iterator[KeyFigure]:
         one = piece.averages.get(name)
         if one is not None and one.known:
             meaning = f"{defined.get(name, one.feature).in_words} {how}"
-            yield KeyFigure(one.feature.label, with_unit(one.feature, one.over.mean), _scatter(one), meaning)
+            detail = "; ".join(filter(None, (_scatter(one), against_usual(piece, name, piece.kind))))
+            yield KeyFigure(one.feature.label, with_unit(one.feature, one.over.mean), detail, meaning)
 
 
 def _scatter(one: Average) -> str:

@@ -56,9 +56,10 @@ def next_step(piece: ExportPiece, found: Sequence[Finding], is_compared: bool) -
     boat = where_lost(piece.faded, piece.course) or beyond_usual(piece)
     tries = "Try the exercises above." if any(one.advice for one in found) else ""
     if not (boat or found):
-        if not could_show(piece, comparisons(piece.rowed, {}), "drift"):
-            return f"These strokes do not show what to change in the boat. {_record(piece)}"
-        boat = "These numbers show nothing to change in the boat."
+        few = int(piece.counted.sum()) < 4 * FEWEST_STROKES
+        if few or not could_show(piece, comparisons(piece.rowed, {}), "drift"):
+            return f"These strokes are too few to show what to change in the boat. {_record(piece)}"
+        boat = "These numbers ask for no change in the boat."
     return " ".join(filter(None, (boat, tries, "" if is_compared else _again(piece))))
 
 

@@ -26,7 +26,7 @@ _RACE = (
     "speed on the water, 101.5, 99.8, 99.0 and 99.7 % on ergometers (Garland 2005, doi 10.1136/bjsm.2003.010801)."
     "{start}</p>"
 )
-_AGAINST = "Against mean: slower (+) or faster (−) than the mean"
+_AGAINST = "Rate, power and heart rate: medians. Against mean: slower (+) or faster (−) than the mean"
 _AFTER = "after the start"
 _WIDE = 24.0
 """Half the width of the bars, px."""

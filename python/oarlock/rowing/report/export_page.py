@@ -42,7 +42,7 @@ from oarlock.storage.progress import Progress, mark, shown
 from oarlock.storage.write_file import write_file
 
 _NOBODY: Mapping[str, str] = MappingProxyType({})
-_ASKED = {"athlete": "NAME", "date": "2026-05-01", "place": "WATER"}
+_ASKED = ("athlete", "date", "place")
 _CONCEPT2 = "Concept2 ergometers read 11 to 15 % less power than a reference (doi 10.3389/fphys.2021.758015)."
 _PUBLISHED = {
     **dict.fromkeys(("Concept2", "Painsled", "ErgData", "ErgStick"), ("power_w", _CONCEPT2)),
@@ -127,13 +127,12 @@ def _heading(found: StrokeTable | Activity, course: Course, session: Mapping[str
 
 
 def _unknown(known: Mapping[str, str]) -> str:
-    """What the file does not say of who, when and where, and the options that do."""
+    """What the file does not say of who, when and where; the commands say how to add it."""
     missing = [name for name in _ASKED if not known.get(name)]
     if not missing:
         return ""
     names = " and ".join(filter(None, (", ".join(missing[:-1]), missing[-1])))
-    options = " ".join(f"--{name} {_ASKED[name]}" for name in missing)
-    return f"{names[0].upper()}{names[1:]} not in the file: add {options}."
+    return f"{names[0].upper()}{names[1:]} not in the file."
 
 
 def _trust(found: StrokeTable | Activity) -> Trust:

@@ -102,8 +102,7 @@ def _not_calibrated(
 def _trust_in(other: Piece) -> str:
     """Whether the second piece can be believed; the line above the page is on the first one. Markup."""
     belief = belief_of(other.track, _MEASURED.get(rowing_kind(other), ""))
-    reasons = " ".join(map(capital, belief.reasons))
-    text = f"{other.name}: {belief.mark} {belief.words}. {reasons} {belief.remedy}"
+    text = f"{other.name}: {belief.mark} {belief.words}. {capital(belief.reason)} {belief.remedy}"
     return f'<p class="second-trust">{escape(text.strip())}</p>'
 
 
@@ -115,8 +114,6 @@ def _next_step(
     other: Rowed | None = None,
 ) -> str:
     """What to do next in the boat."""
-    if other is not None and abs(rowed.rate_per_min - other.rate_per_min) >= SAME_RATE_PER_MIN:
-        return "To compare technique, row both at the same rate."
     drills = [one for one in outside if one.matters and one.to_try.text]
     if any(one.advice for one in found):
         start = "Try the exercises above."
@@ -124,10 +121,17 @@ def _next_step(
         start = f"{drills[0].to_try.text.rstrip('.')} ({drills[0].to_try.source})."
     else:
         start = "" if found else "These numbers ask for no change of technique."
+    if other is not None and abs(rowed.rate_per_min - other.rate_per_min) >= SAME_RATE_PER_MIN:
+        return f"{start} To compare technique, row both pieces at the same rate.".strip()
     rate = " at the same rates" if words.is_ramp(piece) else f" at {rowed.rate_per_min:.0f}/min"
-    sizes = "" if found else next_sizes(rowed)
-    shows = f": a difference of {sizes} between the two can be named" if sizes else ""
-    return f"{start} Then row this piece again{rate} and compare{shows}.".strip()
+    tried = drills and not found
+    sizes = "" if found else next_sizes(rowed, [drills[0].watched.name]) if tried else next_sizes(rowed)
+    shows = (
+        f"a change of {sizes} {'towards usual shows that it worked' if tried else 'can be named'}"
+        if sizes
+        else ""
+    )
+    return f"{start} Then row this piece again{rate} and compare{f': {shows}' if shows else ''}.".strip()
 
 
 def _sensors_step(piece: Piece) -> str:
@@ -135,8 +139,9 @@ def _sensors_step(piece: Piece) -> str:
     if not _nominal(piece):
         return ""
     return (
-        "Calibrate before the next outing (two minutes of movements), or from this rowing. Without that, angles of "
-        "trunk and arms cannot be compared with usual values or other days; oars, seat and stroke rate can."
+        "Calibrate before the next outing (two minutes of movements); this piece can be calibrated afterwards, from "
+        "its own rowing. Without that, angles of trunk and arms cannot be compared with usual values or other days; "
+        "oars, seat and stroke rate can."
     )
 
 

@@ -9,7 +9,7 @@ from oarlock.report import fixed
 from oarlock.rowing.findings.watched import WATCHED, Told, Watched
 from oarlock.rowing.report.averages import SIGMAS_95, Average
 from oarlock.rowing.report.piece import Counted, Piece
-from oarlock.rowing.report.shown import capital, joined_unit, with_unit
+from oarlock.rowing.report.shown import PLUS_MINUS, capital, joined_unit, shown, spread
 
 
 @dataclass(frozen=True)
@@ -41,11 +41,13 @@ class Beyond:
 
     @property
     def sentence(self) -> str:
-        """The value, and which values are usual."""
-        value = with_unit(self.watched.feature, self.found.over.mean)
-        return (
+        """The value with its 95 % interval, which values are usual, and what it means where it matters."""
+        feature, found = self.watched.feature, self.found
+        value = f"{shown(feature, found.over.mean)} {PLUS_MINUS} {spread(feature, found.half)}{joined_unit(feature)}"
+        told = (
             f"{capital(self.watched.subject)}: {value}, {self.words} ({usual_span(self.watched, self.kind)})."
         )
+        return f"{told} {self.watched.why.text}".strip() if self.matters else told
 
     @property
     def to_try(self) -> Told:
@@ -78,8 +80,10 @@ def remark(outside: Sequence[Beyond]) -> str:
     if not outside:
         return ""
     told = " ".join(one.sentence for one in outside)
-    sources = "; ".join(dict.fromkeys(one.watched.usual_source for one in outside))
-    return f"{told} Usual values: {sources}; body height, rig and boat class change them."
+    cited = [one.watched.usual_source for one in outside]
+    cited += [one.watched.why.source for one in outside if one.matters]
+    sources = "; ".join(dict.fromkeys(filter(None, cited)))
+    return f"{told} Sources: {sources}; body height, rig and boat class change usual values."
 
 
 def usual_span(watched: Watched, kind: str) -> str:

@@ -8,9 +8,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from oarlock.report import KeyFigure, fixed
+from oarlock.report import KeyFigure
 from oarlock.rowing.findings.watched import WATCHED, Told, Watched
 from oarlock.rowing.report.averages import SIGMAS_95, Average, feature_of
+from oarlock.rowing.report.calibrated import about
 from oarlock.rowing.report.piece import Counted, Piece
 from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, shown, spread, with_unit
 from oarlock.rowing.report.tables import which_left_out
@@ -67,7 +68,7 @@ def _figure(piece: Counted, found: Average, kind: str, unsure: Collection[str], 
         meaning = " ".join(filter(None, (found.feature.in_words, _scatter(found))))
         mean = f"with the rate; mean {with_unit(found.feature, found.over.mean)}"
         return KeyFigure(found.feature.label, over_rate, mean, meaning)
-    return _key_figure(found, WATCHED.get(name), kind, _against_usual(piece, name, kind), name in unsure)
+    return _key_figure(found, WATCHED.get(name), kind, against_usual(piece, name, kind), name in unsure)
 
 
 def _ramp(piece: Counted, rate: Average) -> KeyFigure:
@@ -86,16 +87,11 @@ def _key_figure(found: Average, watched: Watched | None, kind: str, against: str
     share = _SHARE.get(found.feature.name, "")
     known = "not calibrated: can be several degrees off" if unsure else _half(found)
     detail = "; ".join(filter(None, (share, known, against)))
-    value = _rounded(found) if unsure else with_unit(found.feature, found.over.mean)
+    value = about(found) if unsure else with_unit(found.feature, found.over.mean)
     return KeyFigure(found.feature.label, value, detail, " ".join(filter(None, meaning)))
 
 
-def _rounded(found: Average) -> str:
-    """Without decimals that the error of a mount makes meaningless."""
-    return f"about {fixed(found.feature.shown_scale * found.over.mean, 0)}{joined_unit(found.feature)}"
-
-
-def _against_usual(piece: Counted, name: str, kind: str) -> str:
+def against_usual(piece: Counted, name: str, kind: str) -> str:
     """`usual 105 to 110°`, and whether the mean is outside."""
     span = usual_span(WATCHED[name], kind) if name in WATCHED else ""
     outside = beyond_of(piece, name, kind)
