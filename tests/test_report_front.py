@@ -163,6 +163,7 @@ def test_a_mean_outside_of_usual_values_is_a_remark_with_its_source_unless_targe
         assert told in remark and bool(remark) == bool(told)
 
 
+@pytest.mark.long
 def test_the_course_of_the_rate_is_said():
     ramp, steady = (rowed("S-NB", 30.0, rate, 6) for rate in ((20.0, 32.0), 24.0))
     assert re.search(
@@ -171,6 +172,7 @@ def test_the_course_of_the_rate_is_said():
     assert re.search(r", between 2\d\.\d and 2\d\.\d\.", front_of(Piece("", steady, technique(steady))).did)
 
 
+@pytest.mark.long
 def test_a_ramp_has_its_numbers_by_rate_and_a_steady_piece_has_not():
     ramp = rowed("S-NB", 60.0, (20.0, 34.0), 6)
     table = front_of(Piece("", ramp, technique(ramp))).by_rate
