@@ -84,7 +84,7 @@ def trust(
     if reasons:
         return Trust("care", (*reasons, *_increased(track)), shown=min(len(reasons), MOST_SHOWN))
     share = evaluation.mean_coverage() if evaluation else math.nan
-    good = "no sensor contradicts the ± (95 % intervals); without a reference they cannot be checked further."
+    good = "no sensor contradicts the calibration or the ± (95 % intervals); a reference would check them further."
     if not math.isnan(share):
         good = f"the 95 % bands contain the reference {percent(share)} of the time."
     return Trust("good", (good, *_increased(track)))

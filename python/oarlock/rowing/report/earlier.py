@@ -85,7 +85,8 @@ def compared(piece: Counted, others: Sequence[Other], now: str = "now") -> str:
     heads = ["number", now, *(head for one in others for head in (_dated(one), "change"))]
     # Six columns are too many for a telephone.
     style = "stacked" if others[1:] else ""
-    return _which(others) + plain_table("compared-earlier", caption, heads, rows, style=style)
+    changes = "" if piece.name else " ".join(largest_change(piece, one) for one in others)
+    return _which(others, changes) + plain_table("compared-earlier", caption, heads, rows, style=style)
 
 
 def _dated(other: Other) -> str:
@@ -97,14 +98,15 @@ def _dated(other: Other) -> str:
     )
 
 
-def _which(others: Sequence[Other]) -> str:
-    """Names of the earlier pieces; "" where these are the heads of the table."""
+def _which(others: Sequence[Other], changes: str) -> str:
+    """Names of the earlier pieces, unless these are the heads of the table, and the largest changes in words."""
     told = " ".join(
         f"{one.label[:1].upper()}{one.label[1:]}: <b>{escape(one.piece.name)}</b>."
         for one in others
         if one.label != one.piece.name
     )
-    return f"<p>{told}</p>" if told else ""
+    said = " ".join(filter(None, (told, escape(changes))))
+    return f"<p>{said}</p>" if said else ""
 
 
 def _cells(piece: Counted, other: Other, name: str) -> tuple[str, str]:

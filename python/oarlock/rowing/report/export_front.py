@@ -31,6 +31,8 @@ _TILES = (
     "power_w",
     "peak_force_n",
     "arc_rad",
+    "catch_angle_rad",
+    "finish_angle_rad",
     "handle_travel_m",
     "heart_rate_per_min",
 )
