@@ -220,7 +220,7 @@ def test_the_front_says_what_is_measured_well_and_why_the_rest_is_not(monkeypatc
     rough = replace(block.ranges["wrist_flexion_r"], lowest_std_deg=8.0)
     movement = replace(movement, blocks=(replace(block, ranges={**block.ranges, "wrist_flexion_r": rough}),))
     well, badly = (sentence.replace("\u00a0", " ") for sentence in quality(movement))
-    assert re.fullmatch(r"Measured well: right elbow flexion \d+ ± 3°\.", well)
+    assert re.fullmatch(r"Range measured well: right elbow flexion \d+ ± 3°\.", well)
     assert re.fullmatch(r"Not measured well: right wrist flexion \d+ ± 16° \(the estimate drifts\)\.", badly)
     many = {
         f"knee_{k}": replace(rough, name=f"knee_{k}", highest_deg=40.0 + k, lowest_std_deg=1.0)

@@ -186,8 +186,7 @@ def _caution(movement: Movement) -> str:
 
 def _sensors_step(movement: Movement) -> str:
     """What narrows angles that are not measured well; without calibration the next step says it."""
-    poor = any(not one.well_measured and not one.hardly_moved for one in movement.shown)
-    if movement.nominal or not poor:
+    if movement.nominal or not _caution(movement):
         return ""
     return (
         "Record a guided calibration session just before the movement (two minutes) and strap the units tightly: both "

@@ -114,7 +114,7 @@ def _quality(ranges: Iterable[MotionRange]) -> list[str]:
     badly = [f"{plain(one.name)} {within(one)} ({one.cause})" for one in moved if not one.well_measured]
     if not any(isfinite(one.half_deg) for one in moved):
         return [f"Ranges: {_first(well)}; the track does not say how certain they are."] if well else []
-    found = [f"Measured well: {_first(well)}." if well else "No angle that moved was measured well."]
+    found = [f"Range measured well: {_first(well)}." if well else "No angle that moved was measured well."]
     if badly:
         found.append(f"Not measured well: {_first(badly)}.")
     return found

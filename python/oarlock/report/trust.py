@@ -84,10 +84,11 @@ def trust(
     if reasons:
         return Trust("care", (*reasons, *_increased(track)), shown=min(len(reasons), MOST_SHOWN))
     share = evaluation.mean_coverage() if evaluation else math.nan
-    good = "no sensor contradicts the calibration or the ± (95 % intervals); a reference would check them further."
+    wider = ", which were increased because they disagree by more than noise" if _increased(track) else ""
+    good = f"the sensors agree within the ± (95 % intervals){wider}; no second system has checked them."
     if not math.isnan(share):
         good = f"the 95 % bands contain the reference {percent(share)} of the time."
-    return Trust("good", (good, *_increased(track)))
+    return Trust("good", (good,))
 
 
 def _worst(track: Track, evaluation: Evaluation | None) -> list[str]:
@@ -104,7 +105,8 @@ def _reasons(
     track: Track, evaluation: Evaluation | None, sensors: Sequence[SensorScore], direct: str
 ) -> list[str]:
     share = evaluation.mean_coverage() if evaluation else math.nan
-    found = [_not_calibrated(track, direct), *_loud(sensors)]
+    loud = _loud(sensors)
+    found = [_not_calibrated(track, "" if loud else direct), *loud]
     if share < NARROW_COVERAGE:
         found.append(f"the 95 % bands contain the reference only {percent(share)} of the time.")
     total = readings(track.counts)
@@ -127,8 +129,8 @@ def _loud(sensors: Sequence[SensorScore]) -> list[str]:
     if loud is None:
         return []
     return [
-        f"check the sensor {loud.name}, where it sits and its noise in the model file: it differs from the prediction "
-        f"by {math.sqrt(loud.nis):.1f} times the expected error."
+        f"the sensor {loud.name} is doubtful: it differs from the prediction by {math.sqrt(loud.nis):.1f} times the "
+        "expected error. Check how it is mounted."
     ]
 
 

@@ -50,7 +50,7 @@ def quiet(candidates: Sequence[Candidate], is_ramp: bool = False) -> tuple[str, 
         told.append("Too few strokes count to see small changes from start to end.")
     small = [f"{size} between both oars at the catch" for _, size in late]
     small += [_listed(changed)] if changed else []
-    limits = f"Smaller differences than about {', '.join(small)} cannot be told from chance here."
+    limits = f"Smaller differences than about {', '.join(small)} cannot be told from chance in this piece."
     return " ".join(told), limits if small else ""
 
 

@@ -104,9 +104,11 @@ def first_sentence(this: Piece, other: Piece) -> str:
         return f"{capital(told)} than {_when(this, other)}{'' if alike else ', also at like rate'}."
     small = any(one.beyond for one in every)
     rest = "large enough to matter" if small else "clear"
+    left = any(is_uncalibrated(one, "catch_lean_rad") for one in (this, other))
+    apart = " Trunk and arms cannot be compared: not both pieces were calibrated." if left else ""
     if alike:
-        return f"No change of technique is {rest}."
-    return f"Only the stroke rate and what goes with it changed; no change of technique is {rest}."
+        return f"No change of technique is {rest}.{apart}"
+    return f"Only the stroke rate and what goes with it changed; no change of technique is {rest}.{apart}"
 
 
 def _rates(this: Piece, other: Piece) -> tuple[Average, Average]:

@@ -50,6 +50,7 @@ def front_of(
     found = named(rowed, candidates)
     outside = beyond_usual(piece, rowed.kind)
     agrees, limits = quiet(candidates, words.is_ramp(piece))
+    unusual, whose = remark(outside)
     pieces = [piece] if other is None else [piece, other]
     beside = earlier_pieces(last, best, tested)
     if other is not None:
@@ -58,8 +59,8 @@ def front_of(
         did=words.strokes(piece) if other is None else _both_did(piece, other),
         points=[point(one) for one in found],
         quiet=agrees,
-        limits=limits,
-        remark=remark(outside),
+        limits=" ".join(filter(None, (limits, whose))),
+        remark=unusual,
         checked=checked(candidates, _not_calibrated(candidates, piece, others)),
         next_step=_next_step(piece, rowed, found, outside, against.get("against other")),
         sensors_step=_sensors_step(piece),

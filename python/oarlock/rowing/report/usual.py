@@ -11,6 +11,9 @@ from oarlock.rowing.report.averages import SIGMAS_95, Average
 from oarlock.rowing.report.piece import Counted, Piece
 from oarlock.rowing.report.shown import PLUS_MINUS, capital, joined_unit, shown, spread
 
+_FAR = 3.0
+"""So many times the smallest size that is named are far outside."""
+
 
 @dataclass(frozen=True)
 class Beyond:
@@ -37,7 +40,8 @@ class Beyond:
     def words(self) -> str:
         """`slightly shorter than usual`."""
         word = self.watched.grew if self.by > 0.0 else self.watched.fell
-        return f"{'' if self.matters else 'slightly '}{word} than usual"
+        far = abs(self.by) > _FAR * self.watched.least
+        return f"{'far ' if far else '' if self.matters else 'slightly '}{word} than usual"
 
     @property
     def sentence(self) -> str:
@@ -75,15 +79,15 @@ def beyond_of(piece: Counted, name: str, kind: str) -> Beyond | None:
     return Beyond(watched, found, by, kind) if abs(by) > SIGMAS_95 * scale * found.uncertainty else None
 
 
-def remark(outside: Sequence[Beyond]) -> str:
-    """All of them in sentences; "" without any."""
+def remark(outside: Sequence[Beyond]) -> tuple[str, str]:
+    """All of them in sentences, and whose usual values these are; both "" without any."""
     if not outside:
-        return ""
-    told = " ".join(one.sentence for one in outside)
+        return "", ""
     cited = [one.watched.usual_source for one in outside]
     cited += [one.watched.why.source for one in outside if one.matters]
     sources = "; ".join(dict.fromkeys(filter(None, cited)))
-    return f"{told} Sources: {sources}; body height, rig and boat class change usual values."
+    told = " ".join(one.sentence for one in outside)
+    return told, f"Usual values: {sources}; they change with body height, rig and boat class."
 
 
 def usual_span(watched: Watched, kind: str) -> str:
