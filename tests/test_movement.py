@@ -227,7 +227,7 @@ def test_the_front_says_what_is_measured_well_and_why_the_rest_is_not(monkeypatc
         for k in range(9)
     }
     (told,) = quality(replace(movement, blocks=(replace(block, ranges=many),), ranges={}))
-    assert told.startswith("Measured well: knee 8") and told.endswith("and 5 more.")
+    assert told.startswith("Range measured well: knee 8") and told.endswith("and 5 more.")
 
 
 def test_few_cycles_are_asked_for_more(monkeypatch):

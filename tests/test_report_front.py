@@ -145,7 +145,7 @@ def test_a_piece_in_which_nothing_stands_out_says_what_would_have():
         r"than about \d+ ms between both oars at the catch, \d° of arc(,| or) \d° of catch", front.limits
     )
     assert "named from" in front.checked
-    assert re.search(r"row this piece again at 24/min and compare: a change of \d° of", front.next_step)
+    assert re.search(r"Row this piece again at 24/min and compare: a change of \d° of", front.next_step)
     short = rowed("S-NB", 14.0, 24.0, 5)
     assert "Too few strokes count to see small changes" in front_of(Piece("", short, technique(short))).quiet
 
@@ -199,9 +199,7 @@ def test_without_calibration_the_first_step_is_to_calibrate_and_lean_is_marked(p
 def test_without_a_finding_the_next_step_is_a_drill_against_what_is_unusual(piece):
     told = front_of(Piece("", piece, technique(piece)))
     assert "style factor" not in told.remark and told.sensors_step == ""
-    assert told.next_step.startswith(
-        "These numbers ask for no change of technique. Then row this piece again"
-    )
+    assert told.next_step.startswith("These numbers ask for no change of technique. Row this piece again")
     found = technique(piece)
     short = replace(found.summary["arc_rad"], mean=np.radians(94.0))
     changed = replace(found, summary={**found.summary, "arc_rad": short})

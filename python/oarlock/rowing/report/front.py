@@ -132,7 +132,8 @@ def _next_step(
         if sizes
         else ""
     )
-    return f"{start} Then row this piece again{rate} and compare{f': {shows}' if shows else ''}.".strip()
+    again = "Then row" if tried or found else "Row"
+    return f"{start} {again} this piece again{rate} and compare{f': {shows}' if shows else ''}.".strip()
 
 
 def _sensors_step(piece: Piece) -> str:
@@ -141,8 +142,7 @@ def _sensors_step(piece: Piece) -> str:
         return ""
     return (
         "Calibrate before the next outing (two minutes of movements); this piece can be calibrated afterwards, from "
-        "its own rowing. Without that, angles of trunk and arms cannot be compared with usual values or other days; "
-        "oars, seat and stroke rate can."
+        "its own rowing. Without that, angles of trunk and arms cannot be compared with usual values or other days."
     )
 
 
