@@ -201,7 +201,7 @@ def test_the_second_piece_has_its_own_line_of_trust(piece, ramp, tmp_path):
 def test_sizes_that_would_be_named_are_the_same_on_both_pages_and_in_the_table(piece, alike, ramp):
     alone, beside = (front_of(ramp, other=other) for other in (None, piece))
     assert alone.limits == beside.limits
-    size = re.search(r"than about (\d+ ms) between both oars", alone.limits)
+    size = re.search(r"below about (\d+ ms) between both oars", alone.limits)
     assert size and re.search(rf"catch, right minus left.{{0,30}}{size[1]}", Page(alone.checked).text)
 
 

@@ -18,7 +18,7 @@ from oarlock.report.front import (
 )
 from oarlock.report.markup import Column, folded_help, grid, notes_list
 from oarlock.report.markup import table as plain_table
-from oarlock.report.page import belief_of, shell, who_in_words
+from oarlock.report.page import belief_of, doubtful_sensors, shell, who_in_words
 from oarlock.report.section import KeyFigure, Section, tiles
 from oarlock.report.sortable import sort_script, sortable_table, value_cell
 from oarlock.report.summary_page import write_summary
@@ -44,6 +44,7 @@ __all__ = [
     "course_chart",
     "date_of",
     "day_text",
+    "doubtful_sensors",
     "fixed",
     "folded_help",
     "front_markup",

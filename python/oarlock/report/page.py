@@ -19,7 +19,7 @@ from oarlock.report.front import Front, belief_markup, front_markup, who_and_whe
 from oarlock.report.markup import bar_legend, notes_list, rendered
 from oarlock.report.section import Section, refuse_doubles, tiles
 from oarlock.report.text import day_text
-from oarlock.report.trust import Trust, trust
+from oarlock.report.trust import Trust, doubtful, trust
 from oarlock.storage.epoch import moment_text
 from oarlock.tracking.track import Track
 
@@ -89,6 +89,11 @@ def sensors_of(track: Track, evaluation: Evaluation | None) -> tuple[SensorScore
 def belief_of(track: Track, direct: str = "", caution: str = "") -> Trust:
     """Whether a track without a reference can be believed; `direct` and `caution` as of `trust`."""
     return trust(track, None, sensors_of(track, None), direct, caution)
+
+
+def doubtful_sensors(track: Track) -> list[str]:
+    """Names of the sensors that differ from the prediction by more than the learnt uncertainty covers."""
+    return [one.name for one in doubtful(sensors_of(track, None))]
 
 
 def who_in_words(provenance: Mapping[str, object]) -> str:

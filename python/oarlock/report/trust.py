@@ -84,8 +84,12 @@ def trust(
     if reasons:
         return Trust("care", (*reasons, *_increased(track)), shown=min(len(reasons), MOST_SHOWN))
     share = evaluation.mean_coverage() if evaluation else math.nan
-    wider = ", which were increased because they disagree by more than noise" if _increased(track) else ""
-    good = f"the sensors agree within the ± (95 % intervals){wider}; no second system has checked them."
+    good = "the sensors fit together within the ± (95 % intervals); no second system has checked them."
+    if _increased(track):
+        good = (
+            "the sensors did not fit together exactly, so every ± (95 % interval) was made wider; no second system has "
+            "checked them."
+        )
     if not math.isnan(share):
         good = f"the 95 % bands contain the reference {percent(share)} of the time."
     return Trust("good", (good,))
@@ -105,8 +109,7 @@ def _reasons(
     track: Track, evaluation: Evaluation | None, sensors: Sequence[SensorScore], direct: str
 ) -> list[str]:
     share = evaluation.mean_coverage() if evaluation else math.nan
-    loud = _loud(sensors)
-    found = [_not_calibrated(track, "" if loud else direct), *loud]
+    found = [_not_calibrated(track, direct, is_sure=not doubtful(sensors)), *_loud(sensors)]
     if share < NARROW_COVERAGE:
         found.append(f"the 95 % bands contain the reference only {percent(share)} of the time.")
     total = readings(track.counts)
@@ -123,25 +126,28 @@ def _increased(track: Track) -> tuple[str, ...]:
     return ("sensors disagreed with the assumed mounts or lengths; the ± contain this.",) if noted else ()
 
 
+def doubtful(sensors: Sequence[SensorScore]) -> list[SensorScore]:
+    """The sensors that differ from the prediction by more than the learnt uncertainty covers, the most first."""
+    return sorted((one for one in sensors if one.count and one.nis > LOUD), key=lambda one: -one.nis)
+
+
 def _loud(sensors: Sequence[SensorScore]) -> list[str]:
-    """The sensor that differs most from the prediction, if by more than the learnt uncertainty covers."""
-    loud = max((s for s in sensors if s.count and s.nis > LOUD), key=lambda s: s.nis, default=None)
-    if loud is None:
-        return []
     return [
         f"the sensor {loud.name} is doubtful: it differs from the prediction by {math.sqrt(loud.nis):.1f} times the "
         "expected error. Check how it is mounted."
+        for loud in doubtful(sensors)[:1]
     ]
 
 
-def _not_calibrated(track: Track, direct: str) -> str:
+def _not_calibrated(track: Track, direct: str, is_sure: bool) -> str:
+    """`is_sure`: whether nothing speaks against what encoders measure."""
     units = len(track.provenance.get("nominal_mounts") or ())
     if not units:
         return ""
     if direct:
+        sure = f"{direct} are within their ±; " if is_sure else ""
         return (
-            f"{direct} are within their ±; angles of the body can be several degrees off, because its sensors were not "
-            "calibrated."
+            f"{sure}angles of the body can be several degrees off, because its sensors were not calibrated."
         )
     what = "the unit on the body was" if units == 1 else f"the {units} units on the body were"
     return f"angles can be several degrees off, because {what} not calibrated; changes of an angle are better known."

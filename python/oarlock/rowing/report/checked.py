@@ -48,9 +48,9 @@ def quiet(candidates: Sequence[Candidate], is_ramp: bool = False) -> tuple[str, 
         told.append(f"{apart} clear change from start to end.")
     else:
         told.append("Too few strokes count to see small changes from start to end.")
-    small = [f"{size} between both oars at the catch" for _, size in late]
-    small += [_listed(changed)] if changed else []
-    limits = f"Smaller differences than about {', '.join(small)} cannot be told from chance in this piece."
+    small = [f"differences below about {size} between both oars at the catch" for _, size in late]
+    small += [f"changes from start to end below about {_listed(changed)}"] if changed else []
+    limits = f"In this piece {' and '.join(small)} cannot be told from chance."
     return " ".join(told), limits if small else ""
 
 

@@ -7,7 +7,7 @@ from html import escape
 
 import numpy as np
 
-from oarlock.report import Course, Front, Point, Sourced, belief_of, fixed
+from oarlock.report import Course, Front, KeyFigure, Point, Sourced, belief_of, doubtful_sensors, fixed
 from oarlock.rowing.analysis.features import FEATURES
 from oarlock.rowing.findings.candidate import Candidate
 from oarlock.rowing.findings.find import comparisons, named
@@ -67,12 +67,7 @@ def front_of(
         direct=_MEASURED.get(rowed.kind, ""),
         commands=_commands(piece, bool(against)),
         by_rate=by_rate(piece),
-        figures=words.key_figures(
-            piece,
-            kind=rowed.kind,
-            calibrated=not _nominal(piece),
-            over_rate={name: range_over_rate(piece, name) for name in words.TILES},
-        ),
+        figures=_figures(piece, rowed.kind),
         compared=compared(piece, beside, now=piece.name if other else "now")
         + (_trust_in(other) if other is not None else ""),
         compared_head="Both pieces" if other is not None else "Compared with earlier",
@@ -81,6 +76,22 @@ def front_of(
         drawings=[*speeds(pieces), *curve_drawings(pieces)],
         course=_course(piece),
     )
+
+
+def _figures(piece: Piece, kind: str) -> list[KeyFigure]:
+    """The key figures; that of a doubtful seat says so."""
+    found = words.key_figures(
+        piece,
+        kind=kind,
+        calibrated=not _nominal(piece),
+        over_rate={name: range_over_rate(piece, name) for name in words.TILES},
+    )
+    if "seat" not in doubtful_sensors(piece.track):
+        return found
+    label = FEATURES["seat_travel_m"].label
+    return [
+        one._replace(detail=f"{one.detail}; sensor doubtful") if one.name == label else one for one in found
+    ]
 
 
 def _both_did(*pieces: Piece) -> str:
@@ -121,7 +132,8 @@ def _next_step(
     elif drills and not found:
         start = f"{drills[0].to_try.text.rstrip('.')} ({drills[0].to_try.source})."
     else:
-        start = "" if found else "These numbers ask for no change of technique."
+        little = ": what is outside of usual values is too little to act on" if outside else ""
+        start = "" if found else f"These numbers ask for no change of technique{little}."
     if other is not None and abs(rowed.rate_per_min - other.rate_per_min) >= SAME_RATE_PER_MIN:
         return f"{start} To compare technique, row both pieces at the same rate.".strip()
     rate = " at the same rates" if words.is_ramp(piece) else f" at {rowed.rate_per_min:.0f}/min"
@@ -138,12 +150,14 @@ def _next_step(
 
 def _sensors_step(piece: Piece) -> str:
     """What to do next with the sensors; "" if nothing."""
+    steps = [f"Check how the sensor {name} is mounted." for name in doubtful_sensors(piece.track)]
     if not _nominal(piece):
-        return ""
-    return (
+        return " ".join(steps)
+    steps.append(
         "Calibrate before the next outing (two minutes of movements); this piece can be calibrated afterwards, from "
         "its own rowing. Without that, angles of trunk and arms cannot be compared with usual values or other days."
     )
+    return " ".join(steps)
 
 
 def _nominal(piece: Piece) -> bool:

@@ -10,6 +10,7 @@ from typing import Any
 from oarlock.report import fixed, folded_help
 from oarlock.report.viewer import SHOWN_EVERY_S, Curve, embed, joint_curves, scene
 from oarlock.rowing.figure.shapes import rowing_look, stroke_marks
+from oarlock.rowing.report.calibrated import is_uncalibrated
 from oarlock.rowing.report.piece import Piece
 
 LONGEST_S = 180.0
@@ -102,4 +103,6 @@ def _hint(pieces: Sequence[Piece], start_s: float, end_s: float) -> str:
             f" <b>{escape(first.name)}</b> in colours; as the ghost, one usual stroke of "
             f"<b>{escape(pieces[1].name)}</b>, stretched to the same length."
         )
+        if any(is_uncalibrated(one, "catch_lean_rad") for one in pieces):
+            text += " Trunk and arms of both cannot be compared: not both were calibrated."
     return text.strip()
