@@ -6,8 +6,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from pages.site.presumed import NOT_RUN, PRESUMED, QUICKER, not_run, presume
-from pages.site.steps import Reader, steps
+from pages.site.presumed import NOT_RUN, PRESUMED, QUICKER, presume
+from pages.site.steps import Reader, steps, with_reasons
 
 from oarlock.cli import VERBS, load_verb
 
@@ -76,6 +76,13 @@ def test_a_page_runs_as_written(page, pool, tmp_path, capsys):
     presume(page.stem, tmp_path, pool, lambda folder, command: Reader(folder, programs).finish(command))
     text = page.read_text(encoding="utf-8")
     lines = [f"{took_s:7.1f} s  {shown}" for shown, took_s in Reader(tmp_path, programs).follow(text)]
-    lines += [f"NOT RUN  {step.title}: {why}" for step in steps(text) if (why := not_run(step.text))]
+    lines += [f"NOT RUN  {step.title}: {why}" for step, why in with_reasons(text) if why]
     with capsys.disabled():
         print("", *(f"{page.stem}: {line}" for line in lines), sep="\n")
+
+
+def test_what_an_absent_recording_would_have_made_is_missing_later(monkeypatch):
+    page = "```sh\noarlock run ngimu_data.csv --out reach\noarlock export reach/track\noarlock demo\n```\n"
+    monkeypatch.setenv("OARLOCK_DATA", "/nowhere")
+    reasons = [why for _, why in with_reasons(page)]
+    assert "ngimu_data.csv is absent" in reasons[0] and "reach/ is absent" in reasons[1] and not reasons[2]

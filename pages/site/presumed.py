@@ -40,6 +40,8 @@ NOT_RUN: Mapping[str, str] = {
 }
 """Beginning of a command or program, and the reason why it is not run."""
 
+ABSENT = "is absent: set OARLOCK_DATA"
+"""Of a public recording, or of what a page makes of it."""
 DATA: Mapping[str, str] = {
     "ngimu_data.csv": "opensimrt_upper_limb_ngimu/ngimu_data.csv",
     "data_3D_01.mat": "dfjimu/data_3D_01.mat",
@@ -171,9 +173,7 @@ def _make(name: str, pool: Path, run: Callable[[Path, str], object]) -> None:
 def not_run(text: str) -> str:
     """Why a command or program is not run; empty if it is."""
     reasons = (reason for start, reason in NOT_RUN.items() if text.startswith(start))
-    absent = (
-        f"{name} is absent: set OARLOCK_DATA" for name in DATA if name in text and not data(name).exists()
-    )
+    absent = (f"{name} {ABSENT}" for name in DATA if name in text and not data(name).exists())
     return next(reasons, "") or next(absent, "")
 
 

@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from .presumed import BACKGROUND, PSEUDONYM, SERVERS, SESSION, not_run, quicker
+from .presumed import ABSENT, BACKGROUND, PSEUDONYM, SERVERS, SESSION, not_run, quicker
 
 BLOCK = re.compile(r'^```(\w+)(?: title="([\w.-]+)")?\n(.*?)^```$', re.M | re.S)
 ADDRESS = re.compile(r"https?://127\.0\.0\.1:\d+/\S*")
@@ -64,6 +64,21 @@ def steps(page: str) -> Iterator[Step]:
             yield from (Step(line.strip()) for line in lines if line.strip() and not line.startswith("#"))
 
 
+def with_reasons(page: str) -> Iterator[tuple[Step, str]]:
+    """The steps of a page, each with the reason why it is not run; "" if it is.
+
+    What an absent recording would have been made into is missing in later steps, too.
+    """
+    lost: set[str] = set()
+    for step in steps(page):
+        why = not_run(step.text)
+        missing = next((name for name in lost if re.search(rf"\b{re.escape(name)}/", step.text)), "")
+        why = why or (f"{missing}/ {ABSENT}" if missing else "")
+        if ABSENT in why and (out := re.search(r"--out (\S+)", step.text)):
+            lost.add(out[1])
+        yield step, why
+
+
 class Reader:
     """Follows a page in a folder, with the `oarlock` and `python` of a folder of programs.
 
@@ -82,7 +97,7 @@ class Reader:
 
     def follow(self, page: str) -> list[tuple[str, float]]:
         """Run all steps of a page; each command with its seconds."""
-        taken = (step for step in steps(page) if not not_run(step.text))
+        taken = (step for step, why in with_reasons(page) if not why)
         try:
             return [(step.title, self.run(step)) for step in taken if not self.wrote(step)]
         finally:
