@@ -95,7 +95,7 @@ def test_the_page_and_the_terminal_say_which(season: Season, track: Track, tmp_p
     track.save(tmp_path / "out")
     place = season.place.address
     result = run("report", tmp_path / "out", "--season", place)
-    page = (tmp_path / "out/report.html").read_text()
+    page = (tmp_path / "out/report.html").read_text(encoding="utf-8")
     assert "8 April 2026, 10:00" in page and "4.31 m/s" in page and "Not compared with" not in page
     assert "Last time: 8 April 2026, 10:00" in result.stdout and "4.31 m/s" in result.stdout
     own = run("report", tmp_path / "out", "--season", place, "--last", tmp_path / "out", "--force", "--json")
