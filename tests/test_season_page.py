@@ -79,13 +79,13 @@ def test_mixed_classes_are_said_and_kept_apart(tmp_path: Path, monkeypatch: pyte
         other = found.classes[1]["comparable"]
         assert gathered(database, ["catch_angle"], other).comparable == other
     assert all(row["comparable"] == found.comparable for rows in found.trends.values() for row in rows)
-    text = Page(write_season_page(season, tmp_path / "page.html", ["catch_angle"]).read_text()).text
+    text = Page(write_season_page(season, tmp_path / "page.html", ["catch_angle"]).read_text("utf-8")).text
     assert "Results of 2 classes" in text
     assert "must not be compared" in text
     with pytest.raises(DataError, match="no class of runs"):
         write_season_page(season, tmp_path / "page.html", comparable="none")
     name, others = squad[0].athlete.pseudonym, squad[1].athlete.pseudonym
-    alone = write_season_page(season, tmp_path / "one.html", selection=Selection(name)).read_text()
+    alone = write_season_page(season, tmp_path / "one.html", selection=Selection(name)).read_text("utf-8")
     assert name in alone
     assert others not in alone
 
