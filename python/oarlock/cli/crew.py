@@ -123,9 +123,9 @@ def _document(timing: CrewTiming, files: tuple[Path, ...]) -> dict[str, object]:
 
 
 def _show(timing: CrewTiming) -> None:
+    from oarlock.report import capital
     from oarlock.rowing import crew_findings
     from oarlock.rowing.report.crew.words import finding, label
-    from oarlock.rowing.report.shown import capital
 
     against = timing.against if timing.against == "crew mean" else label(timing.against)
     say(f"{len(timing.seats)} seats, {int(timing.complete.sum())} strokes together", style="bold")

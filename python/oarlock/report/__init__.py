@@ -22,7 +22,7 @@ from oarlock.report.page import belief_of, doubtful_sensors, shell, who_in_words
 from oarlock.report.section import KeyFigure, Section, tiles
 from oarlock.report.sortable import sort_script, sortable_table, value_cell
 from oarlock.report.summary_page import write_summary
-from oarlock.report.text import day_text, fixed
+from oarlock.report.text import capital, day_text, fixed
 from oarlock.report.trust import Trust
 from oarlock.report.write import write_report
 
@@ -41,6 +41,7 @@ __all__ = [
     "Zone",
     "belief_markup",
     "belief_of",
+    "capital",
     "course_chart",
     "date_of",
     "day_text",

@@ -18,7 +18,7 @@ from oarlock.report import curves, health, slow, tables, verdict
 from oarlock.report.front import Front, belief_markup, front_markup, who_and_when
 from oarlock.report.markup import bar_legend, notes_list, rendered
 from oarlock.report.section import Section, refuse_doubles, tiles
-from oarlock.report.text import day_text
+from oarlock.report.text import capital, day_text
 from oarlock.report.trust import Trust, doubtful, trust
 from oarlock.storage.epoch import moment_text
 from oarlock.tracking.track import Track
@@ -112,7 +112,7 @@ def heading_of(track: Track, title: str | None) -> tuple[str, str]:
     who, (_, rest) = who_in_words({"session": session}), who_and_when(track.provenance)
     if not session.get("athlete"):
         rest = ", ".join(filter(None, (rest, "athlete not named")))
-    rest = rest[:1].upper() + rest[1:]
+    rest = capital(rest)
     return (f"{who}: {what}" if who else what), f'<p class="about">{escape(rest)}</p>' if rest else ""
 
 

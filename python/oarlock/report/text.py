@@ -47,6 +47,11 @@ def percent(share: float) -> str:
     return f"{fixed(100 * share, 1)} %" if math.isfinite(share) else DASH
 
 
+def capital(text: str) -> str:
+    """With a large first letter."""
+    return text[:1].upper() + text[1:]
+
+
 def day_text(day: str) -> str:
     """A date as people write it: `20 May 2026` of `2026-05-20`; another text as it is."""
     try:

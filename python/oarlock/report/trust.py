@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from oarlock.evaluation.scores import Evaluation, SensorScore
 from oarlock.evaluation.summary import readings
 from oarlock.evaluation.suspects.text import SUSPECT_NOTE
-from oarlock.report.text import percent
+from oarlock.report.text import capital, percent
 from oarlock.report.verdict import MISLEADING_COVERAGE, NARROW_COVERAGE
 from oarlock.tracking.track import Track
 
@@ -49,9 +49,14 @@ class Trust:
 
     @property
     def reason(self) -> str:
-        """The most important reasons, a sentence each."""
+        """The most important reasons, a sentence each, after the words."""
         first, *others = self.reasons[: self.shown]
-        return " ".join([first, *(f"{one[:1].upper()}{one[1:]}" for one in others)])
+        return " ".join([first, *map(capital, others)])
+
+    @property
+    def sentences(self) -> str:
+        """All reasons."""
+        return " ".join(map(capital, self.reasons))
 
     @property
     def mark(self) -> str:
@@ -83,16 +88,20 @@ def trust(
     reasons = [*filter(None, [caution]), *_reasons(track, evaluation, sensors, direct)]
     if reasons:
         return Trust("care", (*reasons, *_increased(track)), shown=min(len(reasons), MOST_SHOWN))
+    return Trust("good", (_good(track, evaluation),))
+
+
+def _good(track: Track, evaluation: Evaluation | None) -> str:
+    """Why a track can be believed."""
     share = evaluation.mean_coverage() if evaluation else math.nan
-    good = "the sensors fit together within the ± (95 % intervals); no second system has checked them."
-    if _increased(track):
-        good = (
-            "the sensors did not fit together exactly, so every ± (95 % interval) was made wider; no second system has "
-            "checked them."
-        )
     if not math.isnan(share):
-        good = f"the 95 % bands contain the reference {percent(share)} of the time."
-    return Trust("good", (good,))
+        return f"the 95 % bands contain the reference {percent(share)} of the time."
+    if not _increased(track):
+        return "the sensors fit together within the ± (95 % intervals); no second system has checked them."
+    return (
+        "the sensors did not fit together exactly, so every ± (95 % interval) was made wider; no second system has "
+        "checked them."
+    )
 
 
 def _worst(track: Track, evaluation: Evaluation | None) -> list[str]:

@@ -6,17 +6,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from os import PathLike
 
-import numpy as np
-
 from oarlock import Track
 from oarlock.report import day_text, fixed, who_in_words
 from oarlock.rowing.analysis.technique import technique
 from oarlock.rowing.report.piece import Counted, Piece
-from oarlock.rowing.report.words import is_ramp
+from oarlock.rowing.report.words import counted_rates, is_ramp, rates_at_ends
 from oarlock.storage.epoch import moment_of
 
-_AT_THE_ENDS = 3
-"""Strokes at start and end of a ramp whose mean rates are named."""
 _DAY_S = 86_400.0
 
 
@@ -76,13 +72,11 @@ def _with_folder(piece: Piece, name: str) -> str:
 
 def rates_in_words(piece: Counted) -> str:
     """The stroke rate in short: "22/min", of a ramp "21 to 34/min"; "" if it is not known."""
-    rates = piece.table["rate_per_min"][piece.counted]
-    rates = rates[np.isfinite(rates)]
+    rates = counted_rates(piece)
     if not len(rates):
         return ""
     if is_ramp(piece):
-        ends = (rates[:_AT_THE_ENDS].mean(), rates[-_AT_THE_ENDS:].mean())
-        return " to ".join(fixed(float(end), 0) for end in ends) + "/min"
+        return " to ".join(fixed(end, 0) for end in rates_at_ends(piece)) + "/min"
     return f"{fixed(float(rates.mean()), 0)}/min"
 
 

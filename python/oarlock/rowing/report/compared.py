@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from html import escape
 
-from oarlock.report import Column, day_text, sortable_table, value_cell
+from oarlock.report import Column, capital, day_text, sortable_table, value_cell
 from oarlock.rowing.findings.candidate import Candidate, against
 from oarlock.rowing.findings.find import least
 from oarlock.rowing.findings.rowed import RATES_APART, Rowed
@@ -16,7 +16,7 @@ from oarlock.rowing.report.calibrated import NOT_CALIBRATED, is_uncalibrated
 from oarlock.rowing.report.changes import at_like_rate, matters, same_rate, size_in_words
 from oarlock.rowing.report.earlier import Other, change_of, compared_changes
 from oarlock.rowing.report.piece import Piece
-from oarlock.rowing.report.shown import PLUS_MINUS, capital, shown, spread, unit_of, with_unit
+from oarlock.rowing.report.shown import PLUS_MINUS, shown, spread, unit_of, with_unit
 from oarlock.rowing.report.tables import link, verdict
 
 _OF_RATE = ("rate_per_min", "drive_time_s", "recovery_time_s")

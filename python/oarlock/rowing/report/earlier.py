@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import NamedTuple
 
-from oarlock.report import plain_table
+from oarlock.report import capital, plain_table
 from oarlock.rowing.alongside.paces import SPEEDS, pace_text
 from oarlock.rowing.findings.candidate import Candidate
 from oarlock.rowing.report.averages import Average, Difference, feature_of
@@ -101,7 +101,7 @@ def _dated(other: Other) -> str:
 def _which(others: Sequence[Other], changes: str) -> str:
     """Names of the earlier pieces, unless these are the heads of the table, and the largest changes in words."""
     told = " ".join(
-        f"{one.label[:1].upper()}{one.label[1:]}: <b>{escape(one.piece.name)}</b>."
+        f"{capital(one.label)}: <b>{escape(one.piece.name)}</b>."
         for one in others
         if one.label != one.piece.name
     )

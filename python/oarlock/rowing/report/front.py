@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from html import escape
 
 import numpy as np
 
-from oarlock.report import Course, Front, KeyFigure, Point, Sourced, belief_of, doubtful_sensors, fixed
+from oarlock.report import (
+    Course,
+    Front,
+    KeyFigure,
+    Point,
+    Sourced,
+    belief_of,
+    capital,
+    doubtful_sensors,
+    fixed,
+)
 from oarlock.rowing.analysis.features import FEATURES
 from oarlock.rowing.findings.candidate import Candidate
 from oarlock.rowing.findings.find import comparisons, named
@@ -22,7 +32,7 @@ from oarlock.rowing.report.checked import HEADS, checked, next_sizes, quiet
 from oarlock.rowing.report.drawings import SPEEDS, curve_drawings, speeds
 from oarlock.rowing.report.earlier import Other, compared, earlier_pieces, largest_change
 from oarlock.rowing.report.piece import Piece
-from oarlock.rowing.report.shown import DECIMALS, PLUS_MINUS, capital
+from oarlock.rowing.report.shown import DECIMALS, PLUS_MINUS
 from oarlock.rowing.report.usual import Beyond, beyond_usual, remark
 
 _MEASURED = {
@@ -51,6 +61,7 @@ def front_of(
     outside = beyond_usual(piece, rowed.kind)
     agrees, limits = quiet(candidates, words.is_ramp(piece))
     unusual, whose = remark(outside)
+    doubted = doubtful_sensors(piece.track)
     pieces = [piece] if other is None else [piece, other]
     beside = earlier_pieces(last, best, tested)
     if other is not None:
@@ -63,11 +74,11 @@ def front_of(
         remark=unusual,
         checked=checked(candidates, _not_calibrated(candidates, piece, others)),
         next_step=_next_step(piece, rowed, found, outside, against.get("against other")),
-        sensors_step=_sensors_step(piece),
+        sensors_step=_sensors_step(piece, doubted),
         direct=_MEASURED.get(rowed.kind, ""),
         commands=_commands(piece, bool(against)),
         by_rate=by_rate(piece),
-        figures=_figures(piece, rowed.kind),
+        figures=_figures(piece, rowed.kind, doubted),
         compared=compared(piece, beside, now=piece.name if other else "now")
         + (_trust_in(other) if other is not None else ""),
         compared_head="Both pieces" if other is not None else "Compared with earlier",
@@ -78,7 +89,7 @@ def front_of(
     )
 
 
-def _figures(piece: Piece, kind: str) -> list[KeyFigure]:
+def _figures(piece: Piece, kind: str, doubted: Collection[str]) -> list[KeyFigure]:
     """The key figures; that of a doubtful seat says so."""
     found = words.key_figures(
         piece,
@@ -86,7 +97,7 @@ def _figures(piece: Piece, kind: str) -> list[KeyFigure]:
         calibrated=not _nominal(piece),
         over_rate={name: range_over_rate(piece, name) for name in words.TILES},
     )
-    if "seat" not in doubtful_sensors(piece.track):
+    if "seat" not in doubted:
         return found
     label = FEATURES["seat_travel_m"].label
     return [
@@ -148,9 +159,9 @@ def _next_step(
     return f"{start} {again} this piece again{rate} and compare{f': {shows}' if shows else ''}.".strip()
 
 
-def _sensors_step(piece: Piece) -> str:
+def _sensors_step(piece: Piece, doubted: Collection[str]) -> str:
     """What to do next with the sensors; "" if nothing."""
-    steps = [f"Check how the sensor {name} is mounted." for name in doubtful_sensors(piece.track)]
+    steps = [f"Check how the sensor {name} is mounted." for name in doubted]
     if not _nominal(piece):
         return " ".join(steps)
     steps.append(

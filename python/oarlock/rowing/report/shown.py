@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from oarlock.report import capital as capital
 from oarlock.report import fixed
 from oarlock.rowing.analysis.features import Feature
 
@@ -68,8 +69,3 @@ def joined_unit(feature: Feature) -> str:
 def with_unit(feature: Feature, value: float, signed: bool = False) -> str:
     """A value with its unit: `-62.1°`, `24.1/min`, `33 %`."""
     return shown(feature, value, signed) + (joined_unit(feature) if math.isfinite(value) else "")
-
-
-def capital(text: str) -> str:
-    """With a large first letter."""
-    return text[:1].upper() + text[1:]

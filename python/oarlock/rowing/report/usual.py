@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from oarlock.report import fixed
+from oarlock.report import capital, fixed
 from oarlock.rowing.findings.watched import WATCHED, Told, Watched
 from oarlock.rowing.report.averages import SIGMAS_95, Average
 from oarlock.rowing.report.piece import Counted, Piece
-from oarlock.rowing.report.shown import PLUS_MINUS, capital, joined_unit, shown, spread
+from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, shown, spread
 
 _FAR = 3.0
 """So many times the smallest size that is named are far outside."""

@@ -73,7 +73,7 @@ def _figure(piece: Counted, found: Average, kind: str, unsure: Collection[str], 
 
 def _ramp(piece: Counted, rate: Average) -> KeyFigure:
     """The stroke rate of a piece in which it rises or falls: a mean says little."""
-    first, last = _rates_at_ends(piece)
+    first, last = rates_at_ends(piece)
     mean = f"mean {with_unit(rate.feature, rate.over.mean)}"
     return KeyFigure(rate.feature.label, f"{first:.0f} to {last:.0f}/min", mean, rate.feature.in_words)
 
@@ -144,7 +144,7 @@ def strokes(piece: Piece) -> str:
 def _course_of_rate(piece: Piece, rate: Average) -> str:
     """How the stroke rate went: ", the rate rising from 21 to 34/min"."""
     if is_ramp(piece):
-        first, last = _rates_at_ends(piece)
+        first, last = rates_at_ends(piece)
         return f", the rate {'rising' if last > first else 'falling'} from {first:.0f} to {last:.0f}/min"
     text = f" at {with_unit(rate.feature, rate.over.mean)}"
     if rate.over.count > 1:
@@ -154,21 +154,23 @@ def _course_of_rate(piece: Piece, rate: Average) -> str:
 
 def is_ramp(piece: Counted) -> bool:
     """Whether the stroke rate rises or falls from the start of the piece to its end."""
-    first, last = _rates_at_ends(piece)
-    rates = _rates(piece)
+    first, last = rates_at_ends(piece)
+    rates = counted_rates(piece)
     low, high = sorted((first, last))
     between = bool(rates.size and rates.max() <= high + _RAMP_PER_MIN and rates.min() >= low - _RAMP_PER_MIN)
     return high - low >= _RAMP_PER_MIN and between
 
 
-def _rates_at_ends(piece: Counted) -> tuple[float, float]:
-    rates = _rates(piece)
+def rates_at_ends(piece: Counted) -> tuple[float, float]:
+    """Mean stroke rates of the first and of the last strokes that count; NaN of a short piece."""
+    rates = counted_rates(piece)
     if len(rates) < 2 * _AT_THE_ENDS:
         return float("nan"), float("nan")
     return float(rates[:_AT_THE_ENDS].mean()), float(rates[-_AT_THE_ENDS:].mean())
 
 
-def _rates(piece: Counted) -> Floats:
+def counted_rates(piece: Counted) -> Floats:
+    """Stroke rates of the strokes that count, where known."""
     rates = piece.table["rate_per_min"][piece.counted]
     return rates[np.isfinite(rates)]
 

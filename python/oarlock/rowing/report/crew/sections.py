@@ -7,12 +7,22 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from oarlock.report import Axis, Column, Mark, Series, course_chart, fixed, grid, plain_table, row_chart
+from oarlock.report import (
+    Axis,
+    Column,
+    Mark,
+    Series,
+    capital,
+    course_chart,
+    fixed,
+    grid,
+    plain_table,
+    row_chart,
+)
 from oarlock.rowing.crew.overlays import Overlay
 from oarlock.rowing.crew.timing import CrewTiming, Delay
 from oarlock.rowing.report.averages import SIGMAS_95
 from oarlock.rowing.report.crew.words import label, ms, reference, seat_about
-from oarlock.rowing.report.shown import capital
 
 _QUANTITIES = {
     "oar": ("Oar angle", "deg", math.degrees(1.0)),

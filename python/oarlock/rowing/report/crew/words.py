@@ -7,11 +7,10 @@ from html import escape
 
 import numpy as np
 
-from oarlock.report import Trust
+from oarlock.report import Trust, capital
 from oarlock.rowing.crew.findings import LEAST_S, CrewFinding
 from oarlock.rowing.crew.seats import CrewSeat
 from oarlock.rowing.crew.timing import CrewTiming
-from oarlock.rowing.report.shown import capital
 from oarlock.rowing.strokes.signals import KINDS
 
 MOVEMENTS = {
