@@ -18,7 +18,8 @@ ENGINE_MAY_USE: dict[str, set[str]] = {
     "error": set(),
     "kernels": set(),
     "rotation": {"kernels"},
-    "config": {"error"},
+    # The structure of a model may be chosen in both.
+    "config": {"error", "model"},
     "estimate": {"kernels"},
     # A model holds the kinds of its sensors, and each kind reads its own keys of the model file.
     "model": FOUNDATION | {"sensor"},
@@ -31,7 +32,8 @@ ENGINE_MAY_USE: dict[str, set[str]] = {
     "describe": BODY | {"body", "sensor"},
     "corrections": FOUNDATION | {"sensor"},
     "recording": BODY | {"config", "corrections", "sensor"},
-    "track": SETTINGS | {"state", "motion", "sensor", "corrections", "body", "recording"},
+    "strapdown": SETTINGS | {"body", "sensor"},
+    "track": SETTINGS | {"state", "motion", "sensor", "corrections", "body", "recording", "strapdown"},
     "simulate": BODY | {"state", "motion", "track"},
     "calibrate": BODY,
 }

@@ -137,7 +137,7 @@ def test_units_at_one_place_have_no_order():
     streams = [twin if s.name == units["foot_r"] else s for s in recording.streams]
     same = oarlock.Recording(streams)
     refused = lambda: assign_by_movement(body, same, "right_leg,left_leg")  # noqa: E731
-    assert_refused(refused, "their order is unclear", units["shank_r"], "64 cm", "Move faster")
+    assert_refused(refused, "their order is unclear", units["shank_r"], "65 cm", "Move faster")
 
 
 def test_units_of_any_name_get_their_sensors(legs, tmp_path):

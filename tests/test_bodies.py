@@ -47,7 +47,7 @@ def test_left_is_right_mirrored_in_every_posture(full):
     columns, signs = coordinate_sides(full)
     poses, mirrored = full.forward_kinematics(q), full.forward_kinematics(q[:, columns] * signs)
     twins = [full.frame_names.index(other_side(name)) for name in full.frame_names]
-    assert sum(other_side(name) != name for name in full.frame_names) == 2 * 14
+    assert sum(other_side(name) != name for name in full.frame_names) == 2 * 16
     expected = REFLECTION @ poses[..., :3, :3] @ REFLECTION
     np.testing.assert_allclose(mirrored[:, twins][..., :3, :3], expected, rtol=0, atol=1e-12)
     np.testing.assert_allclose(
@@ -157,6 +157,8 @@ def test_units_cut_the_body_to_what_they_measure(full):
     assert [joint.name for joint in leg.describe().joints] == [
         "thigh_l",
         "knee_flexion_l",
+        "knee_adduction_l",
+        "knee_rotation_l",
     ]
     assert leg.describe().joints[0].kind == "free"
     assert set(leg.parameters) == {"thigh_l", "thigh_radius_l", "shank_l", "shank_radius_l"}
@@ -183,7 +185,7 @@ def test_unknown_units_are_refused(full, units, about):
 CARRYING_RAD = 0.175
 JOINT_TRIPLES = {
     ("pelvis", "thigh"): (("hip_flexion", 1), ("hip_adduction", 1), ("hip_rotation", 1)),
-    ("thigh", "shank"): (("knee_flexion", -1), 0.0, 0.0),
+    ("thigh", "shank"): (("knee_flexion", -1), ("knee_adduction", 1), ("knee_rotation", 1)),
     ("shank", "foot"): (("ankle_dorsiflexion", 1), ("ankle_inversion", 1), 0.0),
     ("upper_arm", "forearm"): (("elbow_flexion", 1), -CARRYING_RAD, ("elbow_pronation", 1)),
     ("forearm", "hand"): (("wrist_flexion", 1), ("wrist_deviation", 1), 0.0),
@@ -400,8 +402,8 @@ def test_the_command_line_tracks_with_fewer_units(tmp_path):
     ]
     run(*asked, "--low-pass", "6", "--no-suspects", "--out", tmp_path / "out")
     tracked = oarlock.load_track(tmp_path / "out")
-    assert tracked.coordinate_names[-1] == "knee_flexion_r"
-    assert len(tracked.coordinate_names) == 7
+    assert tracked.coordinate_names[-3:] == ("knee_flexion_r", "knee_adduction_r", "knee_rotation_r")
+    assert len(tracked.coordinate_names) == 9
 
 
 MIRRORED = """format = 1

@@ -37,4 +37,4 @@ def test_a_belief_with_another_layout_of_its_doubt_is_refused(belief):
     layout, *rest = belief.doubt
     for other in (rest, [layout - 1.0, *rest]):
         with pytest.raises(oarlock.DataError, match=r"doubt: .* read it with the version that wrote it"):
-            build(*parts[:-1], other)
+            build(*parts[:-2], other, parts[-1])

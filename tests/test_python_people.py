@@ -71,7 +71,8 @@ def test_copies_and_pickles_of_a_track_work(track):
 def test_positions_of_several_frames_are_those_of_each(track):
     both = track.positions_of(["r_wrist", "l_wrist"], relative_to="r_shoulder")
     for k, frame in enumerate(("r_wrist", "l_wrist")):
-        assert np.array_equal(both[:, k], track.frame_positions(frame, "r_shoulder"))
+        # The last bits depend on the shape of the product.
+        np.testing.assert_allclose(both[:, k], track.frame_positions(frame, "r_shoulder"), rtol=0, atol=1e-12)
 
 
 # --- tables -------------------------------------------------------------------------------------------

@@ -114,6 +114,8 @@ def _gait(joint: str, phase: Floats, random: np.random.Generator) -> Floats:
         "hip_adduction": OFF_PLANE_RAD * random.normal() * np.sin(phase + 0.5),
         "hip_rotation": OFF_PLANE_RAD * random.normal() * np.sin(phase - 0.7),
         "knee_flexion": 0.55 + 0.50 * np.sin(phase + 1.2),
+        "knee_adduction": 0.0 * phase,
+        "knee_rotation": 0.0 * phase,
         "ankle_dorsiflexion": 0.15 * np.sin(phase + 2.0),
         "ankle_inversion": 0.04 * np.sin(phase + 0.3),
     }[joint]

@@ -14,6 +14,7 @@ from .stage import ROOT, linked, write
 PAGE = ROOT / "docs/model-files.md"
 TABLES: Mapping[str, str] = {
     "Top of the file": "no_key = 1\n",
+    "`[links]`": "[links]\nno_key = 1\n",
     "`[world]`": "[world]\nno_key = 1\n",
     "`[parameters]`": "[parameters]\nlength = { no_key = 1 }\n",
     "`[[joint]]`": '[[joint]]\nname = "a"\nno_key = 1\n',

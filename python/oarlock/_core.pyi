@@ -79,6 +79,8 @@ class Model:
     joint_names: list[str]
     coordinate_names: list[str]
     frame_names: list[str]
+    frame_parents: list[int]
+    joint_origins: list[tuple[float, float, float]]
     sensor_names: list[str]
     closure_names: list[str]
     measurement_names: list[str]
@@ -115,6 +117,7 @@ class Model:
 
 @final
 class Config:
+    structure: str | None
     estimate: list[str]
     closures: bool
     contacts: bool
@@ -157,6 +160,7 @@ class Belief:
         hypothesis: tuple[int, float],
         rivals: Sequence[Belief],
         doubt: Sequence[float],
+        links: ArrayLike,
     ) -> Self: ...
     time_s: float
     mean: _Floats
@@ -171,6 +175,7 @@ class Belief:
     hypothesis: tuple[int, float]
     rivals: list[Belief]
     doubt: _Floats
+    links: _Floats
     std: _Floats
 
 @final
@@ -227,6 +232,7 @@ class Run:
     @property
     def config(self) -> Config: ...
     def observed(self) -> NDArray[np.uint8]: ...
+    def off_axis(self) -> tuple[list[str], _Floats]: ...
     def infos(self) -> dict[str, NDArray[Any]]: ...
     def counts(self) -> list[dict[str, Any]]: ...
     def beliefs(self) -> list[tuple[float, _Floats, _Floats]]: ...

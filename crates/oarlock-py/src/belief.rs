@@ -45,6 +45,7 @@ impl PyBelief {
         hypothesis: (u64, f64),
         rivals: Vec<PyRef<'_, PyBelief>>,
         doubt: Vec<f64>,
+        links: &Any<'_>,
     ) -> PyResult<Self> {
         let n = state_names.len();
         let (mean, _) = items(mean, "mean", &[n])?;
@@ -76,7 +77,13 @@ impl PyBelief {
         let doubt = doubt_from(&doubt, n)?;
         let rivals = rivals.iter().map(|r| r.known.clone()).collect();
         let (line, score) = hypothesis;
-        Ok(PyBelief { known: Hypothesis { belief, sources, doubt, line, score, rivals }, names: state_names })
+        let mut known = Hypothesis::new(belief, 0);
+        (known.sources, known.doubt, known.rivals) = (sources, doubt, rivals);
+        (known.line, known.score) = (line, score);
+        let known = known.with_links(&crate::array::reals(links, "links")?.values).ok_or_else(|| {
+            DataError::new_err("links: numbers that this version of Oarlock does not read; read it with the version that wrote it, or track again")
+        })?;
+        Ok(PyBelief { known, names: state_names })
     }
 
     #[getter]
@@ -145,6 +152,12 @@ impl PyBelief {
         PyArray1::from_vec(py, self.flat_doubt())
     }
 
+    /// Everything that the filter of strapdown links knows, as numbers; empty for a tree.
+    #[getter]
+    fn links<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_vec(py, self.known.flat_links())
+    }
+
     /// Standard deviations (n,), including the effect of consider states.
     #[getter]
     fn std<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
@@ -184,7 +197,7 @@ impl PyBelief {
             rivals,
         );
         // PyO3 converts tuples of at most twelve elements.
-        let (parts, doubt) = (parts.into_pyobject(py)?, (b.flat_doubt(),).into_pyobject(py)?);
+        let (parts, doubt) = (parts.into_pyobject(py)?, (b.flat_doubt(), b.links(py)).into_pyobject(py)?);
         Ok((py.get_type::<Self>().into_any(), parts.as_sequence().concat(doubt.as_sequence())?.to_tuple()?))
     }
 

@@ -93,6 +93,23 @@ impl PyModel {
         self.model.frames.iter().map(|f| f.name.clone()).collect()
     }
 
+    /// Index of every frame's parent; that of the root is its own.
+    #[getter]
+    fn frame_parents(&self) -> Vec<usize> {
+        self.model.frames.iter().map(|f| f.parent).collect()
+    }
+
+    /// Position of every frame's joint in the frame's axes, m; zero without one.
+    #[getter]
+    fn joint_origins(&self) -> Vec<[f64; 3]> {
+        let values = self.model.default_parameters();
+        let behind = |f: &oarlock::model::Frame| {
+            let (rotation, origin) = f.after.as_ref().filter(|_| f.joint.is_some())?.evaluate(&values);
+            Some(rotation.transposed().apply_f64(origin.map(|x| -x)).0)
+        };
+        self.model.frames.iter().map(|f| behind(f).unwrap_or_default()).collect()
+    }
+
     #[getter]
     fn sensor_names(&self) -> Vec<String> {
         self.model.sensors.iter().map(|s| s.name.clone()).collect()

@@ -227,6 +227,15 @@ impl PyRun {
         Ok((run.input_coordinates().to_vec(), readings))
     }
 
+    /// Of strapdown links: frames whose links turn off the axes of their hinges, and the turns over time, rotation vectors in the frame's
+    /// axes, rad (T, 3 per frame).
+    fn off_axis<'py>(&self, py: Python<'py>) -> PyResult<(Vec<String>, Bound<'py, PyArray2<f64>>)> {
+        let run = self.whole(py)?;
+        let frames = &run.tracker().body().model.frames;
+        let names = run.locked_frames().into_iter().map(|f| frames[f].name.clone()).collect();
+        Ok((names, table(py, run.series.time_s.len(), run.series.off_axis.clone())?))
+    }
+
     /// Per coordinate: 1 where it is observed (T, coordinates).
     fn observed<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u8>>> {
         let run = self.whole(py)?;

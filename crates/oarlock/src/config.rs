@@ -2,6 +2,7 @@
 //! them.
 
 use crate::error::{Error, Result};
+use crate::model::Structure;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -61,6 +62,8 @@ pub enum FilterKind {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
+    /// How the model is tracked; none: as the model file says.
+    pub structure: Option<Structure>,
     /// Slow states: `gyro_bias`, `accel_bias` and names of base accelerations. Names that the model lacks are ignored.
     pub estimate: Vec<String>,
     /// Use the closures.
@@ -112,6 +115,7 @@ pub struct Config {
 impl Default for Config {
     fn default() -> Self {
         Config {
+            structure: None,
             estimate: DEFAULT_ESTIMATE.map(String::from).to_vec(),
             closures: true,
             contacts: true,

@@ -17,6 +17,7 @@ pub mod rotation;
 pub mod sensor;
 pub mod simulate;
 pub mod state;
+pub(crate) mod strapdown;
 pub mod track;
 
 pub use config::Config;

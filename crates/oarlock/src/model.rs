@@ -4,6 +4,7 @@ pub mod build;
 pub mod cone;
 pub mod expr;
 mod inputs;
+pub mod links;
 mod locate;
 pub mod point;
 pub(crate) mod section;
@@ -23,6 +24,7 @@ pub use crate::sensor::{Mount, SensorKind};
 pub use build::read_model;
 use cone::{Beyond, Cone};
 pub use expr::Expr;
+pub use links::{Links, Structure};
 pub use point::Point;
 use std::f64::consts::{PI, TAU};
 pub use transform::{RotationExpr, Transform};
@@ -318,6 +320,10 @@ pub struct Model {
     pub name: String,
     /// One or two sentences.
     pub description: String,
+    /// How it is tracked unless the configuration says otherwise.
+    pub structure: Structure,
+    /// Statements for strapdown links.
+    pub links: Links,
     /// Gravity and magnetic field.
     pub world: World,
     /// In file order; expressions refer to them by index.

@@ -24,6 +24,7 @@ pub mod run;
 pub mod score;
 mod stance;
 mod step;
+mod strapdown;
 mod subject;
 mod vibration;
 mod worn;
@@ -60,6 +61,7 @@ use rest::Rest;
 use stance::Stance;
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use strapdown::Strapdown;
 use subject::Subject;
 use worn::{as_known, check_stds};
 pub use worn::{calibrated, mount_values, parameter_values};
@@ -133,6 +135,8 @@ pub struct Tracker {
     columns: Columns,
     hypothesis: Option<Hypothesis>,
     waiting: Vec<Sample>,
+    /// Of a model that is tracked as strapdown links.
+    strapdown: Option<Strapdown>,
 }
 
 impl Tracker {
@@ -154,7 +158,11 @@ impl Tracker {
                 body.model.name
             )));
         }
-        let considering = Considering::new(&body, &mounts, calibration, config)?;
+        let strapdown = Strapdown::new(&body, calibration, &mounts, config.structure)?;
+        let considering = match strapdown {
+            None => Considering::new(&body, &mounts, calibration, config)?,
+            Some(_) => None,
+        };
         let entry = Entry::new(&body, &calibration.corrections)?;
         let subject = Subject::new(body);
         Ok(Tracker {
@@ -180,6 +188,7 @@ impl Tracker {
             columns: Columns::zeros(subject.rows(), 1),
             hypothesis: None,
             waiting: Vec::new(),
+            strapdown,
             config: config.clone(),
             subject,
         })
@@ -196,6 +205,7 @@ impl Tracker {
         for one in std::iter::once(&start).chain(&start.rivals) {
             self.check_start(one)?;
         }
+        self.resume_links(&start)?;
         self.hypothesis = Some(start);
         Ok(())
     }
@@ -223,7 +233,8 @@ impl Tracker {
             && belief.usual_nis.len() == parts
             && belief.rejected_since_s.len() == parts
             && start.sources.len() == groups.sources.len()
-            && start.doubt.as_ref().is_none_or(is_doubt);
+            && start.doubt.as_ref().is_none_or(is_doubt)
+            && start.links.is_some() == self.strapdown.is_some();
         if !fits {
             return Err(Error::Data(format!(
                 "belief of {n} states does not fit model '{}' with {own} states: use the same model and config",

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 DEFAULTS = Config().to_dict()
 MEANINGS = {
+    "structure": "units integrate their readings, joints are readings (strapdown), or joint angles are states (tree)",
     "estimate": "additional states, comma-separated, or none: biases, base accelerations, mounts, lengths",
     "closures": "use the model's closures",
     "contacts": "use the model's contacts: the velocity of a foot that stands is zero",

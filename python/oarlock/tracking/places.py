@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from oarlock._core import Model
 from oarlock.model.coordinates import with_untold_at_zero
 from oarlock.model.jacobians import relative_moves
+from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec
 from oarlock.storage.errors import DataError
 from oarlock.tracking.estimates import Estimates
 
@@ -20,6 +21,8 @@ Rows = slice | NDArray[np.int64]
 Source = Literal["beliefs", "deviations", "unknown"]
 
 LENGTH_PREFIX = "parameters."
+OFF_AXIS = ".off_axis_"
+"""In names of slow states: turn of a link off the axes of its hinges, a rotation vector in the frame's axes."""
 NO_EFFECT = 1e-8
 """A coordinate that moves a position by less than this, m per rad or per m, counts as not moving it."""
 ALL = slice(None)
@@ -57,7 +60,27 @@ def poses_of(track: Estimates, rows: Rows = ALL) -> Floats:
     """
     model = model_of(track, "poses_of")
     lengths = _estimated_lengths(track, model, rows)
-    return np.asarray(model.forward_kinematics(_coordinates(track, rows), _all_lengths(model, lengths)))
+    poses = np.asarray(model.forward_kinematics(_coordinates(track, rows), _all_lengths(model, lengths)))
+    turned = {name.removesuffix(f"{OFF_AXIS}x") for name in track.slow if name.endswith(f"{OFF_AXIS}x")}
+    if not turned:
+        return poses
+    turns = {f: np.column_stack([track.slow[f"{f}{OFF_AXIS}{a}"].value[rows] for a in "xyz"]) for f in turned}
+    return _with_off_axis_turns(model, poses, turns)
+
+
+def _with_off_axis_turns(model: Model, poses: Floats, turns: Mapping[str, Floats]) -> Floats:
+    """Poses (T, F, 4, 4) with turns of links off the axes of their hinges, rotation vectors (T, 3) about joints."""
+    moved = poses.copy()
+    for f, (name, parent) in enumerate(zip(model.frame_names, model.frame_parents, strict=True)):
+        if f == parent:
+            continue
+        local = np.linalg.inv(poses[:, parent]) @ poses[:, f]
+        moved[:, f] = moved[:, parent] @ local
+        if name in turns:
+            joint, turn = np.asarray(model.joint_origins[f]), matrix_from_quat(quat_from_rotvec(turns[name]))
+            moved[:, f, :3, 3] += (moved[:, f, :3, :3] @ (joint - turn @ joint)[..., None])[..., 0]
+            moved[:, f, :3, :3] = moved[:, f, :3, :3] @ turn
+    return moved
 
 
 def model_of(track: Estimates, asked: str) -> Model:
@@ -104,6 +127,30 @@ def position_spreads(
     states = [LENGTH_PREFIX + name if name in lengths else name for name in names]
     mixed = _correlations(track, states)(track.time_s[rows])
     return weighted @ mixed[:, None] @ np.swapaxes(weighted, 2, 3), "beliefs"
+
+
+def rotation_stds(track: Estimates, frame: int, reference: int) -> Floats:
+    """Standard deviations (T, 3) of the rotation reference-from-frame, rad about the axes of the frame; to first order.
+
+    Raises:
+        DataError: the track has no model.
+    """
+    model = model_of(track, "rotation_stds")
+    q = _coordinates(track, ALL)
+    lengths = _all_lengths(model, _estimated_lengths(track, model, ALL))
+    names = [model.frame_names[f] for f in (reference, frame)]
+    by_coordinate, _ = model.frame_jacobian(q, names, lengths)
+    turns = by_coordinate[:, 1, 3:] - by_coordinate[:, 0, 3:]
+    axes = np.asarray(model.forward_kinematics(q, lengths))[:, frame, :3, :3]
+    slopes = np.swapaxes(axes, 1, 2) @ turns
+    weighted = np.where(np.abs(slopes) < NO_EFFECT, 0.0, slopes * track.q_std[:, None, :])
+    if track.beliefs is None or not len(track.beliefs.time_s):
+        variance = (weighted**2).sum(-1)
+    else:
+        mixed = _correlations(track, list(track.coordinate_names))(track.time_s)
+        variance = np.einsum("tij,tjk,tik->ti", weighted, mixed, weighted)
+    stds: Floats = np.sqrt(np.maximum(variance, 0.0))
+    return stds
 
 
 def _coordinates(track: Estimates, rows: Rows) -> Floats:

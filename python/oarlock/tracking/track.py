@@ -19,7 +19,15 @@ from oarlock.tracking.counts import StreamCount
 from oarlock.tracking.estimates import Estimates, Floats, Later
 from oarlock.tracking.folder import read_track, write_track
 from oarlock.tracking.html import track_html
-from oarlock.tracking.places import PositionSpread, model_of, poses_of, position_spreads, relative_positions
+from oarlock.tracking.places import (
+    OFF_AXIS,
+    PositionSpread,
+    model_of,
+    poses_of,
+    position_spreads,
+    relative_positions,
+    rotation_stds,
+)
 from oarlock.tracking.plot import Panel, plot_track
 from oarlock.tracking.records import Beliefs, SensorInfo, SlowSeries
 from oarlock.tracking.turns import NotesOfRun, hinges_of, placed, turn_notes, without_turn_notes
@@ -104,6 +112,17 @@ class Track(Estimates):
         poses = poses_of(self)[..., :3, :3]
         turned = np.einsum("tji,tjk->tik", poses[:, reference], poses[:, own])
         return continuous_quat(quat_from_matrix(turned))
+
+    def frame_rotation_stds(self, frame: str, relative_to: str = "root") -> Floats:
+        """Standard deviations of the rotation `relative_to`-from-`frame`, (T, 3) in rad about the axes of `frame`.
+
+        Correlations between joints come from the stored beliefs, as in `frame_position_spread`.
+
+        Raises:
+            DataError: no such frame, or the track has no model.
+        """
+        own, reference = self._frames("frame_rotation_stds", frame, relative_to)
+        return rotation_stds(self, own, reference)
 
     def _frames(self, asked: str, *frames: str) -> list[int]:
         """Indices of frames in the model."""
@@ -361,9 +380,11 @@ def _slow(run: Run, states: Mapping[str, int], model: Model) -> Mapping[str, Slo
     moving = {name + rate for name in model.coordinate_names for rate in ("", ".velocity", ".acceleration")}
     names = [name for name in states if name not in moving]
     value, std = (run.states([states[name] for name in names], which) for which in (False, True))
-    return MappingProxyType(
-        {name: SlowSeries(value[:, i], std[:, i], _slow_unit(name)) for i, name in enumerate(names)}
-    )
+    slow = {name: SlowSeries(value[:, i], std[:, i], _slow_unit(name)) for i, name in enumerate(names)}
+    frames, turns = run.off_axis()
+    for k, (frame, axis) in enumerate((frame, axis) for frame in frames for axis in "xyz"):
+        slow[f"{frame}{OFF_AXIS}{axis}"] = SlowSeries(turns[:, k], np.full(len(turns), np.nan), "rad")
+    return MappingProxyType(slow)
 
 
 def _slow_unit(name: str) -> str:

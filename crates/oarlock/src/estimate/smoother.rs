@@ -24,9 +24,9 @@ use crate::kernels::arch::{madd, Arch, Kernel};
 use crate::kernels::dense::{semidefinite_factor, NotPositive, Square};
 use crate::kernels::tiles::{factor, gram, padded, Panel, Rows, Sweep, RAISES, VECTOR};
 
-/// Workspace of a smoother.
+/// Workspace of a step back (S1, S2), whatever the states mean.
 #[derive(Debug, Clone)]
-pub struct Smoother {
+pub struct Backward {
     arch: Arch,
     n: usize,
     /// Pn in the tangent space at the predicted mean (P3).
@@ -44,17 +44,14 @@ pub struct Smoother {
     zeros: Vec<usize>,
     step: Vec<f64>,
     shift: Vec<f64>,
-    reset: Vec<Block>,
-    shears: Vec<Shear>,
-    rows: [Vec<f64>; 3],
 }
 
-impl Smoother {
+impl Backward {
     /// Workspace for `n` states.
     pub fn new(n: usize) -> Self {
         let width = padded(n);
         let own = |v: usize| if (width..2 * width).contains(&(v * VECTOR)) { v * VECTOR - width } else { 0 };
-        Smoother {
+        Backward {
             arch: Arch::best(),
             n,
             next: Square::zeros(n),
@@ -66,52 +63,29 @@ impl Smoother {
             zeros: vec![0; width / VECTOR],
             step: vec![0.0; n],
             shift: vec![0.0; n],
-            reset: Vec::with_capacity(n),
-            shears: Vec::with_capacity(n),
-            rows: [vec![0.0; n], vec![0.0; n], vec![0.0; n]],
         }
     }
 
-    /// Sets the instruction set, for comparisons.
-    #[doc(hidden)]
-    pub fn use_arch(&mut self, arch: Arch) {
-        self.arch = arch;
-    }
-
-    /// Turns `filtered` (at k) into the smoothed belief at k, given the transition to `predicted` (at k + 1) and the smoothed belief `next`
-    /// at k + 1.
-    pub fn back<S: System>(
+    /// Turns the filtered covariance at k into the smoothed one, given the predicted and the smoothed one at k + 1 in the tangent space of
+    /// the prediction, and the step from the predicted to the smoothed mean. `advance` applies F to the columns of a panel from a number
+    /// on. Returns the shift of the mean at k.
+    pub fn step(
         &mut self,
-        system: &S,
-        filtered: &mut Belief,
-        transition: &Transition,
-        predicted: &Belief,
-        next: &Belief,
-    ) -> Result<(), Diverged> {
-        system.difference(&next.mean, &predicted.mean, &mut self.step);
-        self.take_next(system, &predicted.mean, next)?;
-        self.factorise(&filtered.covariance, transition, &predicted.covariance)?;
-        self.add_squares(&mut filtered.covariance);
-        system.shift(&mut filtered.mean, &self.shift);
-        self.reset.clear();
-        system.reset_jacobian(&self.shift, &mut self.reset);
-        self.reset.iter().for_each(|block| congruence(self.arch, block, &mut filtered.covariance));
-        self.shears.clear();
-        system.shears(&filtered.mean, &self.shift, &mut self.shears);
-        self.shears.iter().for_each(|shear| shear.apply(&mut filtered.covariance));
-        Ok(())
+        (next, predicted): (&Square, &Square),
+        filtered: &mut Square,
+        step: &[f64],
+        advance: impl FnMut(&mut Panel, usize),
+    ) -> Result<&[f64], Diverged> {
+        self.step.copy_from_slice(step);
+        self.next.clone_from(next);
+        self.take_next()?;
+        self.factorise(filtered, predicted, advance)?;
+        self.add_squares(filtered);
+        Ok(&self.shift)
     }
 
     /// X of S1.
-    fn take_next<S: System>(&mut self, system: &S, predicted: &[f64], next: &Belief) -> Result<(), Diverged> {
-        self.shift.iter_mut().zip(&self.step).for_each(|(back, x)| *back = -*x);
-        self.reset.clear();
-        system.reset_jacobian(&self.shift, &mut self.reset);
-        self.next.clone_from(&next.covariance);
-        self.reset.iter().for_each(|block| congruence(self.arch, block, &mut self.next));
-        self.shears.clear();
-        system.shears(predicted, &self.shift, &mut self.shears);
-        self.shears.iter().for_each(|shear| shear.apply(&mut self.next));
+    fn take_next(&mut self) -> Result<(), Diverged> {
         let sweep = Sweep { n: self.n, width: padded(self.n), starts: &self.zeros };
         self.x.copy_upper(&self.next);
         if factor(self.arch, &mut self.x, sweep).is_err() {
@@ -123,11 +97,17 @@ impl Smoother {
     }
 
     /// S1.
-    fn factorise(&mut self, filtered: &Square, transition: &Transition, predicted: &Square) -> Result<(), Diverged> {
+    fn factorise(
+        &mut self,
+        filtered: &Square,
+        predicted: &Square,
+        mut advance: impl FnMut(&mut Panel, usize),
+    ) -> Result<(), Diverged> {
         let (arch, n) = (self.arch, self.n);
         let mut done = Ok(());
         for share in RAISES {
-            arch.run(Filling { smoother: self, filtered, transition });
+            self.fill(filtered);
+            advance(&mut self.u_g_w_s, 2 * padded(n));
             self.u_g_w_s.copy_raised(predicted, share);
             let sweep = Sweep { n, width: 3 * padded(n) + VECTOR, starts: &self.starts };
             done = factor(arch, &mut self.u_g_w_s, sweep).map_err(broken);
@@ -136,6 +116,20 @@ impl Smoother {
             }
         }
         done
+    }
+
+    /// Fills in [X' | P | xn - xp].
+    fn fill(&mut self, filtered: &Square) {
+        let (n, width) = (self.n, padded(self.n));
+        for i in 0..n {
+            let row = self.u_g_w_s.row_mut(i);
+            let own = &mut row[width..][..padded(i + 1)];
+            for (j, x) in own.iter_mut().enumerate() {
+                *x = if j <= i { self.x.at(j, i) } else { 0.0 };
+            }
+            row[2 * width..][..n].copy_from_slice(filtered.row(i));
+            row[3 * width] = self.step[i];
+        }
     }
 
     /// S2: W's into `shift`, P_s in the place of P.
@@ -151,10 +145,83 @@ impl Smoother {
         );
         let w = Rows { panel: &self.u_g_w_s, rows: 0..n, column: 2 * width, starts: &self.zeros };
         gram(arch, &mut self.covariance, [n, width], w, true);
-        arch.run(Subtracting { smoother: self, from: covariance });
+        arch.run(Subtracting { backward: self, from: covariance });
         let y = Rows { panel: &self.y, rows: 0..n, column: width, starts: &self.zeros };
         gram(arch, &mut self.covariance, [n, width], y, false);
         self.covariance.copy_to(covariance);
+    }
+}
+
+/// Workspace of a smoother.
+#[derive(Debug, Clone)]
+pub struct Smoother {
+    backward: Backward,
+    /// Pn in the tangent space at the predicted mean (P3).
+    next: Square,
+    step: Vec<f64>,
+    shift: Vec<f64>,
+    reset: Vec<Block>,
+    shears: Vec<Shear>,
+    rows: [Vec<f64>; 3],
+}
+
+impl Smoother {
+    /// Workspace for `n` states.
+    pub fn new(n: usize) -> Self {
+        Smoother {
+            backward: Backward::new(n),
+            next: Square::zeros(n),
+            step: vec![0.0; n],
+            shift: vec![0.0; n],
+            reset: Vec::with_capacity(n),
+            shears: Vec::with_capacity(n),
+            rows: [vec![0.0; n], vec![0.0; n], vec![0.0; n]],
+        }
+    }
+
+    /// Sets the instruction set, for comparisons.
+    #[doc(hidden)]
+    pub fn use_arch(&mut self, arch: Arch) {
+        self.backward.arch = arch;
+    }
+
+    /// Turns `filtered` (at k) into the smoothed belief at k, given the transition to `predicted` (at k + 1) and the smoothed belief `next`
+    /// at k + 1.
+    pub fn back<S: System>(
+        &mut self,
+        system: &S,
+        filtered: &mut Belief,
+        transition: &Transition,
+        predicted: &Belief,
+        next: &Belief,
+    ) -> Result<(), Diverged> {
+        system.difference(&next.mean, &predicted.mean, &mut self.step);
+        self.take_next(system, &predicted.mean, next);
+        let Smoother { backward, next, step, rows, .. } = self;
+        let arch = backward.arch;
+        let advance = |panel: &mut Panel, column: usize| arch.run(Moving { transition, panel, column, rows });
+        let shift = backward.step((next, &predicted.covariance), &mut filtered.covariance, step, advance)?;
+        self.shift.copy_from_slice(shift);
+        system.shift(&mut filtered.mean, &self.shift);
+        self.reset.clear();
+        system.reset_jacobian(&self.shift, &mut self.reset);
+        self.reset.iter().for_each(|block| congruence(arch, block, &mut filtered.covariance));
+        self.shears.clear();
+        system.shears(&filtered.mean, &self.shift, &mut self.shears);
+        self.shears.iter().for_each(|shear| shear.apply(&mut filtered.covariance));
+        Ok(())
+    }
+
+    /// Pn in the tangent space at the predicted mean.
+    fn take_next<S: System>(&mut self, system: &S, predicted: &[f64], next: &Belief) {
+        self.shift.iter_mut().zip(&self.step).for_each(|(back, x)| *back = -*x);
+        self.reset.clear();
+        system.reset_jacobian(&self.shift, &mut self.reset);
+        self.next.clone_from(&next.covariance);
+        self.reset.iter().for_each(|block| congruence(self.backward.arch, block, &mut self.next));
+        self.shears.clear();
+        system.shears(predicted, &self.shift, &mut self.shears);
+        self.shears.iter().for_each(|shear| shear.apply(&mut self.next));
     }
 }
 
@@ -162,35 +229,26 @@ fn broken(e: NotPositive) -> Diverged {
     Diverged { what: format!("smoothing met a covariance without sign (state {}, pivot {:.2e})", e.row, e.pivot) }
 }
 
-/// Fills in [X' | F P | xn - xp].
-struct Filling<'a> {
-    smoother: &'a mut Smoother,
-    filtered: &'a Square,
+/// F P by the blocks of a transition.
+struct Moving<'a> {
     transition: &'a Transition,
+    panel: &'a mut Panel,
+    column: usize,
+    rows: &'a mut [Vec<f64>; 3],
 }
 
-impl Kernel for Filling<'_> {
+impl Kernel for Moving<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let Filling { smoother: s, filtered, transition } = self;
-        let (n, width) = (s.n, padded(s.n));
-        for i in 0..n {
-            let row = s.u_g_w_s.row_mut(i);
-            let own = &mut row[width..][..padded(i + 1)];
-            for (j, x) in own.iter_mut().enumerate() {
-                *x = if j <= i { s.x.at(j, i) } else { 0.0 };
-            }
-            row[2 * width..][..n].copy_from_slice(filtered.row(i));
-            row[3 * width] = s.step[i];
-        }
+        let Moving { transition, panel, column, rows } = self;
         let (before, after) = (|t: &Turning| t.before, |t: &Turning| t.after);
         for block in transition.turnings.iter().map(before).chain(transition.blocks.iter().copied()) {
-            move_rows::<FUSED>(&block, &mut s.u_g_w_s, 2 * width, &mut s.rows);
+            move_rows::<FUSED>(&block, panel, column, rows);
         }
         for block in transition.turnings.iter().map(after) {
-            move_rows::<FUSED>(&block, &mut s.u_g_w_s, 2 * width, &mut s.rows);
+            move_rows::<FUSED>(&block, panel, column, rows);
         }
     }
 }
@@ -225,7 +283,7 @@ fn move_rows<const FUSED: bool>(block: &Block, panel: &mut Panel, column: usize,
 
 /// W's into the shift, and P - W'W (S2).
 struct Subtracting<'a> {
-    smoother: &'a mut Smoother,
+    backward: &'a mut Backward,
     from: &'a Square,
 }
 
@@ -234,7 +292,7 @@ impl Kernel for Subtracting<'_> {
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let Subtracting { smoother: s, from } = self;
+        let Subtracting { backward: s, from } = self;
         let (n, width) = (s.n, padded(s.n));
         s.shift.fill(0.0);
         for k in 0..n {

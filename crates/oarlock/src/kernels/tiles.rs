@@ -53,6 +53,12 @@ impl Panel {
         &mut self.data[i * self.stride..(i + 1) * self.stride]
     }
 
+    /// Different rows.
+    pub fn rows_of<const COUNT: usize>(&mut self, index: [usize; COUNT]) -> [&mut [f64]; COUNT] {
+        let stride = self.stride;
+        self.data.get_disjoint_mut(index.map(|i| i * stride..(i + 1) * stride)).expect("different rows")
+    }
+
     /// All rows in turn.
     #[inline(always)]
     pub fn rows(&self) -> impl Iterator<Item = &[f64]> {

@@ -131,6 +131,8 @@ fn build(mut spec: Spec, mistakes: &Mistakes) -> Model {
     let mut model = Model {
         name: spec.name.clone(),
         description: spec.description.clone(),
+        structure: spec.structure,
+        links: spec.links,
         world: spec.world.clone(),
         parameters: spec.parameters.iter().map(|(_, p)| p.clone()).collect(),
         joints: numbered(spec.joints.iter().map(|j| j.joint.clone()).collect()),

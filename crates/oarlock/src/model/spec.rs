@@ -13,7 +13,7 @@ pub(super) use joint::JointSpec;
 use super::locate::Mistakes;
 use super::section::Section;
 use super::slot::{shown_name, Named, Reader, Slot};
-use super::{BaseAcceleration, Closure, Parameter, World};
+use super::{BaseAcceleration, Closure, Links, Parameter, Structure, World};
 use crate::sensor::kind::{Kind, Pending};
 use crate::sensor::SensorKind;
 use toml::de::DeTable;
@@ -22,6 +22,8 @@ use toml::de::DeTable;
 pub(super) struct Spec {
     pub(super) name: String,
     pub(super) description: String,
+    pub(super) structure: Structure,
+    pub(super) links: Links,
     pub(super) world: World,
     /// Whether the world gives norm and dip of the magnetic field.
     pub(super) has_field: bool,
@@ -34,12 +36,15 @@ pub(super) struct Spec {
     pub(super) base_accelerations: Vec<(Named, BaseAcceleration)>,
 }
 
+const STRUCTURES: [(&str, Structure); 2] = [("strapdown", Structure::Strapdown), ("tree", Structure::Tree)];
 /// The version of the file format that this code reads.
 const FORMAT: f64 = 1.0;
-const KEYS: [&str; 11] = [
+const KEYS: [&str; 13] = [
     "format",
     "name",
     "description",
+    "structure",
+    "links",
     "world",
     "parameters",
     "process",
@@ -79,6 +84,8 @@ fn read_whole(whole: &Section, parameters: Vec<(Named, Parameter)>) -> Spec {
     Spec {
         name: whole.need("name", "\"sculler\"").and_then(|s| s.name()).map_or(String::new(), |n| n.text),
         description: whole.text_or_empty("description"),
+        structure: whole.get("structure").and_then(|slot| slot.choice(&STRUCTURES)).unwrap_or(Structure::Tree),
+        links: Links::read(whole),
         world,
         has_field,
         parameters,

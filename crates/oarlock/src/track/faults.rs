@@ -12,6 +12,7 @@ use super::subject::Subject;
 use crate::body::Body;
 use crate::estimate::filter::{Info, Verdict};
 use crate::model::{Imu, SensorKind};
+use crate::recording::Sample;
 use crate::sensor::Quantity;
 
 /// A reading beyond this share of the range is clipped. The margin allows for a logger that rescales readings.
@@ -156,6 +157,17 @@ impl Faults {
                 }
             }
         }
+    }
+
+    /// What became of each part of a sample that was searched for faults.
+    pub fn verdicts(&self, subject: &Subject, sample: &Sample) -> Vec<Verdict> {
+        let of = |(fault, rows): (&Fault, &std::ops::Range<usize>)| match fault {
+            Fault::Clipped => Verdict::Clipped,
+            Fault::Stuck => Verdict::Stuck,
+            Fault::None if sample.z[rows.clone()].iter().any(|z| z.is_nan()) => Verdict::Missing,
+            Fault::None => Verdict::Accepted,
+        };
+        self.found.iter().zip(&subject.groups.parts).map(of).collect()
     }
 
     /// Removes stuck sensors.

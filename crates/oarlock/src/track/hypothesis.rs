@@ -8,6 +8,7 @@ use super::magnetic::{FieldState, IronState, LagState};
 use super::north::NorthState;
 use super::rest::RestState;
 use super::stance::StanceState;
+use super::strapdown::LinkState;
 use super::vibration::Shaken;
 use crate::estimate::belief::Belief;
 use crate::estimate::System;
@@ -28,6 +29,8 @@ pub struct Hypothesis {
     pub score: f64,
     /// Other hypotheses that are still followed. They have no rivals of their own.
     pub rivals: Vec<Hypothesis>,
+    /// Of strapdown links: everything else that their filter knows.
+    pub(crate) links: Option<Box<LinkState>>,
 }
 
 /// Memory of one source between samples.
@@ -69,16 +72,18 @@ impl Clone for Hypothesis {
             sources: self.sources.clone(),
             doubt: self.doubt.clone(),
             rivals: self.rivals.clone(),
+            links: self.links.clone(),
             ..*self
         }
     }
 
     fn clone_from(&mut self, from: &Self) {
-        let Hypothesis { belief, sources, doubt, line, score, rivals } = self;
+        let Hypothesis { belief, sources, doubt, line, score, rivals, links } = self;
         belief.clone_from(&from.belief);
         sources.clone_from(&from.sources);
         doubt.clone_from(&from.doubt);
         rivals.clone_from(&from.rivals);
+        links.clone_from(&from.links);
         (*line, *score) = (from.line, from.score);
     }
 }
@@ -87,18 +92,30 @@ impl Hypothesis {
     /// A new hypothesis without rivals; all `sources` count as read just now.
     pub fn new(belief: Belief, sources: usize) -> Self {
         let sources = vec![SourceMemory::new(belief.time_s); sources];
-        Hypothesis { belief, sources, doubt: None, line: 0, score: 0.0, rivals: Vec::new() }
+        Hypothesis { belief, sources, doubt: None, line: 0, score: 0.0, rivals: Vec::new(), links: None }
+    }
+
+    /// What the filter of strapdown links knows, as numbers; empty for a tree.
+    pub fn flat_links(&self) -> Vec<f64> {
+        self.links.as_ref().map_or_else(Vec::new, |links| links.to_flat())
+    }
+
+    /// With the result of `flat_links`; `None` if it is none.
+    pub fn with_links(self, flat: &[f64]) -> Option<Self> {
+        let links = if flat.is_empty() { None } else { Some(Box::new(LinkState::from_flat(flat)?)) };
+        Some(Hypothesis { links, ..self })
     }
 
     /// Hypothesis number `line` alone; `self` if no rival has that number.
     pub fn alone(&self, line: u64) -> Hypothesis {
         let chosen = std::iter::once(self).chain(&self.rivals).find(|one| one.line == line).unwrap_or(self);
-        let Hypothesis { belief, sources, doubt, .. } = chosen;
+        let Hypothesis { belief, sources, doubt, links, .. } = chosen;
         Hypothesis {
             belief: belief.clone(),
             sources: sources.clone(),
             doubt: doubt.clone(),
             rivals: Vec::new(),
+            links: links.clone(),
             ..*chosen
         }
     }

@@ -1,6 +1,7 @@
 //! `Run`: tracks a whole recording by a loop over `Tracker::step` and stores the estimates.
 
 mod back;
+mod back_links;
 mod counts;
 mod packed;
 mod series;
@@ -283,6 +284,13 @@ impl Run {
         &self.inputs
     }
 
+    /// Frames whose links turn off the axes of their hinges (`Series::off_axis`).
+    pub fn locked_frames(&self) -> Vec<usize> {
+        let mut tracker = self.tracker.clone();
+        let known = self.last.as_ref().is_some_and(|last| tracker.resume_links(last).is_ok());
+        tracker.strapdown.filter(|_| known).map_or_else(Vec::new, |strapdown| strapdown.locked())
+    }
+
     /// Calibration of the run.
     pub fn calibration(&self) -> &Calibration {
         &self.calibration
@@ -305,7 +313,9 @@ struct Keeper<'a> {
 impl Keeper<'_> {
     fn keep(&mut self, sample: &Sample, known: &Hypothesis, info: &Info) {
         let time_s = known.belief.time_s;
-        let cursor = self.cursors.pop_front().expect("one for each sample");
+        let own = self.cursors.pop_front().expect("one for each sample");
+        // Strapdown links have taken in all samples that were read, also those that wait.
+        let cursor = self.cursors.back().filter(|_| known.links.is_some()).cloned().unwrap_or(own);
         let run = &mut *self.run;
         run.steps += 1;
         run.note_partings(known);
@@ -329,6 +339,7 @@ impl Keeper<'_> {
         if is_row {
             self.kept_s = time_s;
             run.grow(sample, info);
+            run.series.off_axis.extend(known.links.iter().flat_map(|links| links.off_axis.iter().flatten()));
             run.write(row, known);
         }
     }

@@ -36,6 +36,9 @@ impl Tracker {
 
     /// Processes a corrected sample.
     fn take_in(&mut self, sample: &Sample, sink: Sink) -> Result<Status> {
+        if self.strapdown.is_some() {
+            return self.take_in_links(sample, sink);
+        }
         let Some(mut one) = self.hypothesis.take() else {
             return self.gather(sample, sink);
         };
@@ -51,6 +54,9 @@ impl Tracker {
 
     /// Processes samples that still wait for a full start window at the end of the recording.
     pub fn finish(&mut self, sink: Sink) -> Result<()> {
+        if self.strapdown.is_some() {
+            return self.finish_links(sink);
+        }
         if self.hypothesis.is_none() && !self.waiting.is_empty() {
             self.begin(sink)?;
         }

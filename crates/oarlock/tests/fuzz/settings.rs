@@ -8,6 +8,7 @@ use super::streams::{samples, step_through};
 use super::support::chance::Chance;
 use super::support::{model, CHAIN, SCULLER};
 use oarlock::config::{Config, Consider, FilterKind, Magnetometer, ProcessNoise};
+use oarlock::model::Structure;
 use oarlock::rotation::Mat3;
 use oarlock::track::{Calibration, Tracker};
 use std::collections::BTreeMap;
@@ -30,6 +31,7 @@ pub fn config(chance: &mut Chance, coordinates: usize) -> Config {
         (0..count).map(|_| odd(chance)).collect()
     };
     Config {
+        structure: *pick(chance, &[None, Some(Structure::Tree), Some(Structure::Strapdown)]),
         estimate,
         closures: one_in(chance, 2),
         contacts: one_in(chance, 2),

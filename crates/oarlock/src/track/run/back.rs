@@ -27,6 +27,9 @@ impl Run {
 
     /// Smooths in place of the filtered estimates, which takes half the memory.
     pub fn into_smooth(self, progress: Progress) -> Result<Run> {
+        if self.tracker.strapdown.is_some() {
+            return self.back_links(progress);
+        }
         self.back(&mut |_| {}, progress)
     }
 
@@ -35,6 +38,9 @@ impl Run {
     /// Each course is judged by its objective (`track::objective`), which the next filtering finds. Returns the lowest.
     pub fn into_iterated(self, iterations: usize, progress: Progress) -> Result<Run> {
         self.check_smoothable()?;
+        if self.tracker.strapdown.is_some() {
+            return self.back_links(progress);
+        }
         if iterations <= 1 {
             return self.back(&mut |_| {}, progress);
         }

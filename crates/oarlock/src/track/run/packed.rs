@@ -15,10 +15,10 @@ pub(super) struct Packed {
 impl Packed {
     pub(super) fn of(known: &Hypothesis) -> Self {
         let upper = upper(&known.belief.covariance);
-        let Hypothesis { belief, sources, rivals, .. } = known;
+        let Hypothesis { belief, sources, rivals, links, .. } = known;
         let belief = Belief { covariance: Square::zeros(0), ..belief.clone() };
-        let (sources, rivals) = (sources.clone(), rivals.clone());
-        Packed { known: Hypothesis { belief, sources, doubt: None, rivals, ..*known }, upper }
+        let (sources, rivals, links) = (sources.clone(), rivals.clone(), links.clone());
+        Packed { known: Hypothesis { belief, sources, doubt: None, rivals, links, ..*known }, upper }
     }
 
     /// Replaces the filtered by the smoothed estimate.

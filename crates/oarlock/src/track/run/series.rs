@@ -47,6 +47,8 @@ pub struct Series {
     pub std: Vec<f64>,
     /// Per row and coordinate: 1 where it is observed.
     pub observed: Vec<u8>,
+    /// Of strapdown links, per row: turns off the hinges' axes, rotation vectors in the order of `Run::locked_frames`, rad.
+    pub off_axis: Vec<f64>,
     /// Readings of input joints, in the order of `Run::input_coordinates`; NaN where missing.
     pub inputs: Arc<Vec<f64>>,
     /// Per row and source: normalised innovation squared of the used rows; NaN if none was used.
@@ -75,7 +77,7 @@ impl Series {
         let width = self.mean.len() / self.time_s.len().max(1);
         // The filtered bands are needed to find how much consider states widen them.
         let (mean, std) = (last(&self.mean, width), self.std.clone());
-        Series { mean, std, observed: self.observed.clone(), ..self.read() }
+        Series { mean, std, observed: self.observed.clone(), off_axis: self.off_axis.clone(), ..self.read() }
     }
 
     /// Standard deviations of a row of `width` states.

@@ -190,7 +190,8 @@ fn an_error_of_a_heading_that_nothing_measures_remains_one() {
         let (mut flat, (states, _, width)) = (doubt.to_flat(), doubt.size());
         let led = heading(&moving.body, &moving.start.belief.mean);
         led.iter().zip(flat[HEAD..].chunks_mut(width)).for_each(|(led, row)| row[0] += led);
-        let astray = Hypothesis { doubt: Doubt::from_flat(&flat, states), ..moving.start.clone() };
+        let mut astray = moving.start.clone();
+        astray.doubt = Doubt::from_flat(&flat, states);
         let [end, astray] = [moving.start.clone(), astray].map(|start| moving.end(&Calibration::default(), start));
         let expected = heading(&moving.body, &end.belief.mean);
         // Slopes are affine in what they were: the difference is what became of the heading.

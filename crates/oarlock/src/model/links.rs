@@ -1,0 +1,185 @@
+//! `Links`: what a model file states about strapdown links, by the kind of joints. `strapdown` uses it.
+//!
+//! Sources: joints of people slide by 0.3 to 2.3 cm (RMS, optics on trunk and arms) and nominal points are 2 to 10 cm off; joints of rigs are
+//! machined or glued. Noise densities are those of consumer units with what lies between two samples.
+
+use super::section::Section;
+
+/// How a model is tracked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Structure {
+    /// Each unit integrates its own gyroscope and accelerometer; joints are readings.
+    Strapdown,
+    /// Joint angles are states of a kinematic tree; gyroscopes and accelerometers are readings.
+    Tree,
+}
+
+/// Kinds of joints that a `[links]` table names.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum JointsOf {
+    /// Of a person: soft, with nominal points.
+    Bone,
+    /// Of a rig that hands move: stiff joints, sensors glued by eye.
+    HandRig,
+    /// Machined.
+    Machine,
+}
+
+/// Statements about joints, units and the start. Standard deviations unless a name says otherwise.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Links {
+    /// Distance between the two points of a joint, m, and its correlation time, s.
+    pub joint_std_m: f64,
+    /// See `joint_std_m`.
+    pub joint_time_s: f64,
+    /// Constant error of each of the two points, m.
+    pub point_std_m: f64,
+    /// Turn of a joint beside its hinges, rad; `None`: not read.
+    pub hinge_std_rad: Option<f64>,
+    /// Speed of every unit, m/s, and its correlation time, s.
+    pub speed_std_m_s: f64,
+    /// See `speed_std_m_s`.
+    pub speed_time_s: f64,
+    /// Distance of every unit from its start, m, and its correlation time, s. Not read if the body has contacts.
+    pub place_std_m: f64,
+    /// See `place_std_m`.
+    pub place_time_s: f64,
+    /// Gyroscope, rad/s per sqrt(Hz).
+    pub gyro_density: f64,
+    /// Accelerometer, m/s2 per sqrt(Hz), with what sliding and skin add.
+    pub accel_density: f64,
+    /// Share of the change between two readings of the gyroscope that is unknown in between, so that a hit widens itself.
+    pub gyro_step_share: f64,
+    /// The same of the accelerometer.
+    pub accel_step_share: f64,
+    /// Scale of the gyroscope.
+    pub gyro_scale: f64,
+    /// Gyroscope's bias at rest, rad/s: what a resting unit may turn.
+    pub rest_rate_std_rad_s: f64,
+    /// Speed at rest, m/s; `None`: rest says nothing of it.
+    pub rest_speed_std_m_s: Option<f64>,
+    /// Correlation time of readings at rest, s.
+    pub rest_time_s: f64,
+    /// Heading of every link at the start, rad.
+    pub start_std_rad: f64,
+    /// Its tilt, rad, beside what the mean force says.
+    pub start_tilt_std_rad: f64,
+    /// Speed at the start, m/s.
+    pub start_speed_std_m_s: f64,
+    /// Position of a unit at the start, m.
+    pub start_place_std_m: f64,
+}
+
+/// Standard deviation of a heading that nobody knows: that of a uniform angle, pi / sqrt(3), rad.
+const UNKNOWN_RAD: f64 = 1.8;
+
+const KEYS: [&str; 21] = [
+    "joints",
+    "joint_std_m",
+    "joint_time_s",
+    "point_std_m",
+    "hinge_std_rad",
+    "speed_std_m_s",
+    "speed_time_s",
+    "place_std_m",
+    "place_time_s",
+    "gyro_density",
+    "accel_density",
+    "gyro_step_share",
+    "accel_step_share",
+    "gyro_scale",
+    "rest_rate_std_rad_s",
+    "rest_speed_std_m_s",
+    "rest_time_s",
+    "start_std_rad",
+    "start_tilt_std_rad",
+    "start_speed_std_m_s",
+    "start_place_std_m",
+];
+
+impl Links {
+    /// The statements of a kind.
+    pub fn of(kind: JointsOf) -> Links {
+        let bone = Links {
+            joint_std_m: 0.03,
+            joint_time_s: 0.2,
+            point_std_m: 0.1,
+            hinge_std_rad: None,
+            speed_std_m_s: 1.5,
+            speed_time_s: 1.0,
+            place_std_m: 1.0,
+            place_time_s: 2.0,
+            gyro_density: 0.003,
+            accel_density: 0.15,
+            gyro_step_share: 0.1,
+            accel_step_share: 0.3,
+            gyro_scale: 0.003,
+            rest_rate_std_rad_s: 0.005,
+            rest_speed_std_m_s: None,
+            rest_time_s: 0.3,
+            start_std_rad: 0.05,
+            start_tilt_std_rad: 0.1,
+            start_speed_std_m_s: 1.0,
+            start_place_std_m: 0.1,
+        };
+        match kind {
+            JointsOf::Bone => bone,
+            JointsOf::HandRig => Links {
+                joint_std_m: 0.003,
+                point_std_m: 0.01,
+                hinge_std_rad: Some(0.1),
+                accel_density: 0.1,
+                start_std_rad: UNKNOWN_RAD,
+                ..bone
+            },
+            JointsOf::Machine => Links {
+                joint_std_m: 0.003,
+                point_std_m: 0.02,
+                hinge_std_rad: Some(0.01),
+                accel_density: 0.1,
+                start_std_rad: UNKNOWN_RAD,
+                ..bone
+            },
+        }
+    }
+
+    pub(super) fn read(whole: &Section) -> Links {
+        let Some(section) = whole.get("links").and_then(|slot| Section::of(slot, &KEYS)) else {
+            return Links::of(JointsOf::Bone);
+        };
+        let kinds = [("bone", JointsOf::Bone), ("hand_rig", JointsOf::HandRig), ("machine", JointsOf::Machine)];
+        let kind = section.get("joints").and_then(|slot| slot.choice(&kinds)).unwrap_or(JointsOf::Bone);
+        let mut links = Links::of(kind);
+        let number = |key: &str, unit: &str| section.get(key).and_then(|slot| slot.positive(unit));
+        for (key, value, unit) in links.numbers() {
+            *value = number(key, unit).unwrap_or(*value);
+        }
+        links.hinge_std_rad = number("hinge_std_rad", "rad").or(links.hinge_std_rad);
+        links.rest_speed_std_m_s = number("rest_speed_std_m_s", "m/s").or(links.rest_speed_std_m_s);
+        links
+    }
+
+    fn numbers(&mut self) -> [(&'static str, &mut f64, &'static str); 18] {
+        [
+            ("joint_std_m", &mut self.joint_std_m, "m"),
+            ("joint_time_s", &mut self.joint_time_s, "s"),
+            ("point_std_m", &mut self.point_std_m, "m"),
+            ("speed_std_m_s", &mut self.speed_std_m_s, "m/s"),
+            ("speed_time_s", &mut self.speed_time_s, "s"),
+            ("place_std_m", &mut self.place_std_m, "m"),
+            ("place_time_s", &mut self.place_time_s, "s"),
+            ("gyro_density", &mut self.gyro_density, "rad/s per sqrt(Hz)"),
+            ("accel_density", &mut self.accel_density, "m/s2 per sqrt(Hz)"),
+            ("gyro_step_share", &mut self.gyro_step_share, ""),
+            ("accel_step_share", &mut self.accel_step_share, ""),
+            ("gyro_scale", &mut self.gyro_scale, ""),
+            ("rest_rate_std_rad_s", &mut self.rest_rate_std_rad_s, "rad/s"),
+            ("rest_time_s", &mut self.rest_time_s, "s"),
+            ("start_std_rad", &mut self.start_std_rad, "rad"),
+            ("start_tilt_std_rad", &mut self.start_tilt_std_rad, "rad"),
+            ("start_speed_std_m_s", &mut self.start_speed_std_m_s, "m/s"),
+            ("start_place_std_m", &mut self.start_place_std_m, "m"),
+        ]
+    }
+}

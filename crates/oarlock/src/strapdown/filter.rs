@@ -1,0 +1,349 @@
+//! The filter of strapdown links: prediction by each unit's own readings, and readings of joints, bounds, rest and contact.
+
+use super::covariance::{even, predict, Correction, Rows, Step, UNIT};
+use super::increment::{sum, Increment, Reading, Readings, ZERO};
+use super::skeleton::{End, Pose, Skeleton};
+use crate::kernels::arch::Arch;
+use crate::kernels::dense::Square;
+use crate::model::Links;
+use crate::rotation::turn::Turn;
+use crate::rotation::{Mat3, Vec3};
+
+/// Interval between readings of joints, s. They lose nothing at it.
+const UPDATE_S: f64 = 0.02;
+/// Longest prediction without a reading of joints, s.
+const LONGEST_S: f64 = 0.1;
+/// Joint state of a link without a unit: random walk, rad per sqrt(s), and correlation time of the spring to its rest, s.
+pub const LOOSE_WALK: f64 = 2.0;
+pub const SPRING_TIME_S: f64 = 0.1;
+/// Steps after which the covariance is made symmetric again.
+const EVEN_EVERY: u32 = 50;
+
+/// Mean of a unit's states.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct UnitState {
+    /// Room from unit.
+    pub rotation: Mat3<f64>,
+    /// m/s, and m.
+    pub velocity: Vec3<f64>,
+    pub position: Vec3<f64>,
+    /// Biases of gyroscope, rad/s, and accelerometer, m/s2.
+    pub gyro_bias: Vec3<f64>,
+    pub accel_bias: Vec3<f64>,
+}
+
+/// Means of all states.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Means {
+    pub units: Vec<UnitState>,
+    /// Of links without a unit: rotation, neighbour from link.
+    pub loose: Vec<Mat3<f64>>,
+    /// Errors of the joints' points, m; in the axes of each unit.
+    pub points: Vec<Vec3<f64>>,
+}
+
+/// Everything that the filter knows at one instant.
+#[derive(Debug, Clone, PartialEq)]
+pub struct State {
+    /// Time of means and covariance, s.
+    pub time_s: f64,
+    pub means: Means,
+    pub covariance: Square,
+    /// Of every unit.
+    pub readings: Vec<Readings>,
+    /// Since `time_s`, up to `row_s`.
+    pub increments: Vec<Increment>,
+    pub row_s: f64,
+    /// Updates since the covariance was made symmetric.
+    pub uneven: u32,
+}
+
+/// What one update did; the smoother needs it.
+#[derive(Debug, Clone)]
+pub struct Node {
+    /// Before the prediction.
+    pub before: Means,
+    pub before_s: f64,
+    pub covariance: Square,
+    pub steps: Vec<Step>,
+    /// What each unit read meanwhile.
+    pub increments: Vec<Increment>,
+    /// After it.
+    pub predicted: Means,
+    pub predicted_covariance: Square,
+}
+
+/// The filter of one body.
+#[derive(Debug, Clone)]
+pub struct StrapdownFilter {
+    pub skeleton: Skeleton,
+    pub links: Links,
+    /// First state of each point of a joint: of the end `from` and the end `to` of every closure; `None`: a point of the room.
+    pub points: Vec<[Option<usize>; 2]>,
+    /// Number of states.
+    pub size: usize,
+    /// Whether closures are read.
+    pub closures: bool,
+    /// The only closure that is read, while headings are sought.
+    pub only: Option<usize>,
+    pub contacts: bool,
+    pub gravity: Vec3<f64>,
+    pub correction: Correction,
+    pub rows: Rows,
+    arch: Arch,
+    /// Of the last update: normalised innovation squared of each closure.
+    pub closure_nis: Vec<f64>,
+    /// Of the last update, by unit.
+    pub rests: Vec<bool>,
+    pub stands: Vec<bool>,
+}
+
+impl StrapdownFilter {
+    pub fn new(skeleton: Skeleton, links: Links, (closures, contacts): (bool, bool)) -> Self {
+        let units = skeleton.units.len();
+        let mut size = UNIT * units + 3 * skeleton.loose.len();
+        let mut place = |end: &End| match end {
+            End::Room(_) => None,
+            End::Unit(..) => {
+                size += 3;
+                Some(size - 3)
+            }
+        };
+        let points = skeleton.closures.iter().map(|c| [place(&c.from), place(&c.to)]).collect();
+        StrapdownFilter {
+            gravity: skeleton.up * -skeleton.gravity_m_s2,
+            correction: Correction::new(size),
+            rows: Rows::default(),
+            arch: Arch::best(),
+            closure_nis: vec![f64::NAN; skeleton.closures.len()],
+            rests: vec![false; units],
+            stands: vec![false; units],
+            skeleton,
+            links,
+            points,
+            size,
+            closures,
+            only: None,
+            contacts,
+        }
+    }
+
+    /// Links whose hinges lock a direction.
+    pub fn locked(&self) -> impl Iterator<Item = &super::skeleton::Link> {
+        self.skeleton.links.iter().filter(|link| link.turns.locked() > 0)
+    }
+
+    /// First state of a link without a unit.
+    pub fn loose_state(&self, number: usize) -> usize {
+        UNIT * self.skeleton.units.len() + 3 * number
+    }
+
+    /// Whether the body may go anywhere: it touches the ground, and nothing else says where it is.
+    pub fn travels(&self) -> bool {
+        self.contacts && self.skeleton.units.iter().any(|u| u.contact.is_some())
+    }
+
+    /// Orientation of a link, room from link.
+    pub fn orientation(&self, means: &Means, link: usize) -> Mat3<f64> {
+        match self.skeleton.links[link].pose {
+            Pose::Unit(u) => means.units[u].rotation.times_transposed(&self.skeleton.units[u].mount),
+            Pose::State(number, anchor) => self.orientation(means, anchor).times(&means.loose[number]),
+            Pose::Between(child, share) => {
+                let [first, turn] = self.between(means, link, child);
+                first.times(&Mat3::about(Vec3(Turn::of(&turn).log()) * share))
+            }
+        }
+    }
+
+    /// A link that lies between its parent and a child: as the parent carries it at rest, and the turn from there to how the child does.
+    fn between(&self, means: &Means, link: usize, child: usize) -> [Mat3<f64>; 2] {
+        let parent = self.skeleton.links[link].parent.map_or(Mat3::identity(), |p| self.orientation(means, p));
+        let first = parent.times(&self.skeleton.links[link].rest);
+        let second = self.orientation(means, child).times_transposed(&self.skeleton.links[child].rest);
+        [first, first.transposed().times(&second)]
+    }
+
+    pub fn through(&self, means: &Means, closure: &super::skeleton::Closure) -> Vec3<f64> {
+        let vectors = closure.through.iter().map(|(l, v)| self.orientation(means, *l).apply(*v));
+        vectors.fold(Vec3([0.0; 3]), |sum, v| sum + v)
+    }
+
+    /// Derivatives of a link's turn error, in the room's axes: of its unit, and of the joint states on the way, times `m`.
+    pub fn push_turn(&self, rows: &mut Rows, means: &Means, link: usize, m: &Mat3<f64>) {
+        match self.skeleton.links[link].pose {
+            Pose::Unit(u) => rows.push(UNIT * u, m),
+            Pose::State(number, anchor) => {
+                rows.push(self.loose_state(number), &m.times(&self.orientation(means, anchor)));
+                self.push_turn(rows, means, anchor, m);
+            }
+            Pose::Between(child, share) => {
+                if let Some(parent) = self.skeleton.links[link].parent {
+                    self.push_turn(rows, means, parent, &sum(&ZERO, m, 1.0 - share));
+                }
+                self.push_turn(rows, means, child, &sum(&ZERO, m, share));
+            }
+        }
+    }
+
+    /// Adds a reading of a unit; false if it is late.
+    pub fn take(&self, state: &mut State, unit: usize, reading: Reading) -> bool {
+        state.readings[unit].push(reading)
+    }
+
+    /// Time up to which every unit that still speaks has readings, s.
+    pub fn complete_s(&self, state: &State, patience_s: f64) -> f64 {
+        let newest = state.readings.iter().map(Readings::last_s).fold(f64::NEG_INFINITY, f64::max);
+        let speaking = state.readings.iter().map(Readings::last_s).filter(|last| *last >= newest - patience_s);
+        speaking.fold(newest, f64::min)
+    }
+
+    /// Moves to a later time; `node` receives each update.
+    pub fn advance(&mut self, state: &mut State, to_s: f64, node: &mut dyn FnMut(Node), wants_nodes: bool) {
+        while state.row_s < to_s {
+            let next_s = to_s.min(state.time_s + LONGEST_S).max(state.row_s);
+            self.extend(state, next_s);
+            let since_s = state.row_s - state.time_s;
+            if since_s >= UPDATE_S * (1.0 - 1e-6) {
+                let before =
+                    wants_nodes.then(|| (state.means.clone(), state.covariance.clone(), state.increments.clone()));
+                let before_s = state.time_s;
+                let steps = self.predict(state);
+                if let Some((before, covariance, increments)) = before {
+                    let (predicted, predicted_covariance) = (state.means.clone(), state.covariance.clone());
+                    node(Node { before, before_s, covariance, steps, increments, predicted, predicted_covariance });
+                }
+                self.update(state, since_s);
+            }
+            if next_s >= to_s {
+                break;
+            }
+        }
+        state.readings.iter_mut().for_each(|r| r.forget(state.time_s));
+    }
+
+    fn extend(&self, state: &mut State, to_s: f64) {
+        let ends = (state.row_s, to_s);
+        let units = state.means.units.iter().zip(&state.readings).zip(&mut state.increments);
+        for ((mean, readings), increment) in units {
+            let lift = mean.rotation.apply_transposed(self.gravity * -1.0);
+            readings.integrate(increment, ends, [mean.gyro_bias, mean.accel_bias], lift, &self.links);
+        }
+        state.row_s = to_s;
+    }
+
+    /// A unit's state after an increment from `mean`.
+    pub fn moved(&self, mean: &UnitState, i: &Increment) -> UnitState {
+        let t = i.duration_s;
+        UnitState {
+            rotation: mean.rotation.times(&i.rotation),
+            velocity: mean.velocity + self.gravity * t + mean.rotation.apply(i.velocity),
+            position: mean.position
+                + mean.velocity * t
+                + self.gravity * (0.5 * t * t)
+                + mean.rotation.apply(i.position),
+            ..*mean
+        }
+    }
+
+    /// Means at `row_s`.
+    pub fn present(&self, state: &State) -> Means {
+        let units = state.means.units.iter().zip(&state.increments).map(|(mean, i)| self.moved(mean, i));
+        Means { units: units.collect(), loose: state.means.loose.clone(), points: state.means.points.clone() }
+    }
+
+    fn predict(&mut self, state: &mut State) -> Vec<Step> {
+        let mut steps = Vec::with_capacity(state.means.units.len());
+        let mut noises = Vec::with_capacity(steps.capacity());
+        for (mean, increment) in state.means.units.iter_mut().zip(&mut state.increments) {
+            let before = mean.rotation;
+            *mean = self.moved(mean, increment);
+            let (step, noise) = Step::of(increment, &before, (mean.velocity, mean.position), self.gravity);
+            mean.rotation = orthonormal(&mean.rotation);
+            steps.push(step);
+            noises.push(noise);
+            *increment = Increment::none();
+        }
+        predict(self.arch, &mut state.covariance, &steps);
+        let step_s = state.row_s - state.time_s;
+        for (i, (noise, unit)) in noises.iter().zip(&self.skeleton.units).enumerate() {
+            for (r, row) in noise.iter().enumerate() {
+                for (c, x) in row.iter().enumerate() {
+                    *state.covariance.at_mut(UNIT * i + r, UNIT * i + c) += *x;
+                }
+            }
+            for r in 0..6 {
+                let at = UNIT * i + 9 + r;
+                *state.covariance.at_mut(at, at) += unit.bias[r / 3][1].powi(2) * step_s;
+            }
+        }
+        for number in 0..self.skeleton.loose.len() {
+            let first = self.loose_state(number);
+            (first..first + 3).for_each(|i| *state.covariance.at_mut(i, i) += LOOSE_WALK * LOOSE_WALK * step_s);
+        }
+        state.time_s = state.row_s;
+        steps
+    }
+
+    fn update(&mut self, state: &mut State, step_s: f64) {
+        self.correction.shift.fill(0.0);
+        self.closure_nis.fill(f64::NAN);
+        if self.closures {
+            let read = self.only.map_or(0..self.skeleton.closures.len(), |c| c..c + 1);
+            read.for_each(|c| self.read_closure(state, c, step_s));
+            let read = self.only.map_or(0..self.skeleton.links.len(), |c| {
+                let l = self.skeleton.closures[c].link;
+                l..l + 1
+            });
+            read.for_each(|l| self.read_hinges(state, l, step_s));
+        }
+        (0..self.skeleton.links.len()).for_each(|l| self.read_spring(state, l, step_s));
+        (0..self.skeleton.units.len()).for_each(|u| self.read_bounds(state, u, step_s));
+        (0..self.skeleton.units.len()).for_each(|u| self.read_rest(state, u, step_s));
+        (0..self.skeleton.units.len()).for_each(|u| self.read_contact(state, u, step_s));
+        let shift = std::mem::take(&mut self.correction.shift);
+        self.shift(&mut state.means, &shift);
+        self.correction.shift = shift;
+        state.uneven += 1;
+        if state.uneven >= EVEN_EVERY {
+            state.uneven = 0;
+            even(&mut state.covariance);
+        }
+    }
+
+    /// Moves the means by an error: R <- Exp(f) R, v <- Exp(f) v + ..., p <- Exp(f) p + ...
+    pub fn shift(&self, means: &mut Means, shift: &[f64]) {
+        let three = |i: usize| Vec3([shift[i], shift[i + 1], shift[i + 2]]);
+        for (i, mean) in means.units.iter_mut().enumerate() {
+            let first = UNIT * i;
+            let turn = Mat3::about(three(first));
+            mean.rotation = turn.times(&mean.rotation);
+            mean.velocity = turn.apply(mean.velocity) + three(first + 3);
+            mean.position = turn.apply(mean.position) + three(first + 6);
+            mean.gyro_bias += three(first + 9);
+            mean.accel_bias += three(first + 12);
+        }
+        for (number, loose) in means.loose.iter_mut().enumerate() {
+            *loose = orthonormal(&Mat3::about(three(self.loose_state(number))).times(loose));
+        }
+        for (point, first) in means.points.iter_mut().zip(self.points.iter().flatten().flatten()) {
+            *point += three(*first);
+        }
+    }
+
+    /// Rotation of a link against its parent, and room from link.
+    pub fn relative(&self, means: &Means, l: usize) -> (Mat3<f64>, Mat3<f64>) {
+        let child = self.orientation(means, l);
+        let parent = self.skeleton.links[l].parent.map_or(Mat3::identity(), |p| self.orientation(means, p));
+        (parent.transposed().times(&child), child)
+    }
+}
+
+/// Scalar product.
+pub fn dot(a: Vec3<f64>, b: Vec3<f64>) -> f64 {
+    a.0[0] * b.0[0] + a.0[1] * b.0[1] + a.0[2] * b.0[2]
+}
+
+/// A rotation without the rounding of many products.
+fn orthonormal(m: &Mat3<f64>) -> Mat3<f64> {
+    Turn::of(m).times(&Turn::NONE).matrix()
+}

@@ -1,0 +1,212 @@
+//! Readings of strapdown links: joints, hinges, bounds, rest and contact. `filter` reads them at every update.
+
+use super::covariance::UNIT;
+use super::filter::{dot, State, StrapdownFilter, SPRING_TIME_S};
+use super::increment::{skew, square, sum, Reading, Readings, ZERO};
+use super::joint::Turns;
+use super::skeleton::{End, Pose};
+use crate::rotation::turn::{right_jacobian_inverse, Turn};
+use crate::rotation::{Mat3, Vec3};
+
+/// Rest: readings constant within these, rad/s and m/s2, for this time, s, at a rate below this, rad/s.
+const REST_GYRO: f64 = 0.05;
+const REST_ACCEL: f64 = 0.25;
+pub const REST_S: f64 = 0.4;
+const REST_RATE: f64 = 0.1;
+/// Contact with the ground: rate below this, rad/s, and force within this of gravity, m/s2, for this time, s (after Skog et al. 2010).
+const CONTACT_RATE: f64 = 1.0;
+const CONTACT_FORCE: f64 = 1.5;
+const CONTACT_S: f64 = 0.07;
+/// Correlation time of the speed of a foot that stands, s.
+const CONTACT_TIME_S: f64 = 0.05;
+/// How far a joint turns off the axes of its hinges where one side has no unit, rad.
+const LOOSE_HINGE_RAD: f64 = 0.1;
+
+/// What readings of joints and bounds are worth at this interval: white noise of the same effect as a correlated error.
+fn white(std: f64, time_s: f64, step_s: f64) -> f64 {
+    std * std * (2.0 * time_s / step_s).max(1.0)
+}
+
+impl StrapdownFilter {
+    /// Number of a point among all.
+    fn point(&self, closure: usize, end: usize) -> Option<usize> {
+        let first = self.points[closure][end]?;
+        self.points.iter().flatten().flatten().position(|f| *f == first)
+    }
+
+    /// The two points of a joint coincide, in the axes of the unit `from`.
+    pub(super) fn read_closure(&mut self, state: &mut State, c: usize, step_s: f64) {
+        let closure = self.skeleton.closures[c].clone();
+        let means = &state.means;
+        let mut rows = std::mem::take(&mut self.rows);
+        rows.clear();
+        let own = |k: usize| self.point(c, k).map_or(Vec3([0.0; 3]), |p| means.points[p]);
+        // Everything is read in the axes of the first unit; of the room if that is fixed.
+        let axes = match closure.from {
+            End::Unit(u, _) => means.units[u].rotation,
+            End::Room(_) => Mat3::identity(),
+        };
+        let back = axes.transposed();
+        let mut gap = Vec3([0.0; 3]);
+        for (k, (end, sign)) in [(closure.from, -1.0), (closure.to, 1.0)].into_iter().enumerate() {
+            match end {
+                End::Room(point) => gap += point * sign,
+                End::Unit(u, point) => {
+                    let mean = &means.units[u];
+                    let arm = mean.rotation.apply(point + own(k));
+                    gap += (mean.position + arm) * sign;
+                    rows.push(UNIT * u, &sum(&ZERO, &back.times(&skew(mean.position + arm)), -sign));
+                    rows.push(UNIT * u + 6, &sum(&ZERO, &back, sign));
+                    let first = self.points[c][k].unwrap_or_default();
+                    rows.push(first, &sum(&ZERO, &back.times(&mean.rotation), sign));
+                }
+            }
+        }
+        for (l, vector) in &closure.through {
+            let arm = self.orientation(means, *l).apply(*vector);
+            gap += arm * -1.0;
+            self.push_turn(&mut rows, means, *l, &back.times(&skew(arm)));
+        }
+        // The gap's own axes turn with the first unit; at a small gap that is of second order, and so it is left out: then a turn of everything
+        // about the vertical changes no reading.
+        let variance = white(self.links.joint_std_m, self.links.joint_time_s, step_s);
+        let innovation = back.apply(gap).0.map(|x| -x);
+        self.closure_nis[c] = self.correction.read(&mut state.covariance, &rows, 3, innovation, [variance; 3]);
+        self.rows = rows;
+    }
+
+    /// A joint does not turn off_axis its hinges.
+    pub(super) fn read_hinges(&mut self, state: &mut State, l: usize, step_s: f64) {
+        let link = &self.skeleton.links[l];
+        let locked = link.turns.locked();
+        let is_loose = matches!(link.pose, Pose::State(..)) || link.parent.is_some_and(|p| self.is_loose(p));
+        let std = match (self.links.hinge_std_rad, is_loose) {
+            (Some(std), _) => std,
+            (None, true) => LOOSE_HINGE_RAD,
+            (None, false) => return,
+        };
+        if locked == 0 {
+            return;
+        }
+        let (relative, child) = self.relative(&state.means, l);
+        let angles = link.turns.angles(&relative, [0.0; 3]);
+        let mut m = ZERO;
+        let mut innovation = [0.0; 3];
+        for ((row, innovation), normal) in m.0.iter_mut().zip(&mut innovation).zip(angles.normals).take(locked) {
+            *row = child.apply(normal).0;
+            *innovation = -dot(normal, angles.off_axis);
+        }
+        let variance = white(std, self.links.joint_time_s, step_s);
+        self.read_turn(state, l, &m, (locked, innovation, [variance; 3]));
+    }
+
+    /// A joint without a unit on one side stays near its rest, as far as its limits say.
+    pub(super) fn read_spring(&mut self, state: &mut State, l: usize, step_s: f64) {
+        let link = &self.skeleton.links[l];
+        let is_loose = matches!(link.pose, Pose::State(..)) || link.parent.is_some_and(|p| self.is_loose(p));
+        if !is_loose || matches!(link.turns, Turns::Free(..)) {
+            return;
+        }
+        let (relative, child) = self.relative(&state.means, l);
+        let beyond = link.rest.transposed().times(&relative);
+        let turn = Turn::of(&beyond).log();
+        let m = child.transposed();
+        let variance = link.range_rad.map(|range| white(range, SPRING_TIME_S, step_s));
+        let towards = right_jacobian_inverse(turn).times(&m);
+        self.read_turn(state, l, &towards, (3, turn.map(|x| -x), variance));
+    }
+
+    fn is_loose(&self, link: usize) -> bool {
+        matches!(self.skeleton.links[link].pose, Pose::State(..))
+    }
+
+    /// Reads rows of a joint's turn; `m`: their derivatives by the turn of the child against the parent, in the room's axes.
+    fn read_turn(
+        &mut self,
+        state: &mut State,
+        l: usize,
+        m: &Mat3<f64>,
+        (count, innovation, variance): (usize, [f64; 3], [f64; 3]),
+    ) {
+        let mut rows = std::mem::take(&mut self.rows);
+        rows.clear();
+        self.push_turn(&mut rows, &state.means, l, m);
+        if let Some(parent) = self.skeleton.links[l].parent {
+            self.push_turn(&mut rows, &state.means, parent, &sum(&ZERO, m, -1.0));
+        }
+        self.correction.read(&mut state.covariance, &rows, count, innovation, variance);
+        self.rows = rows;
+    }
+
+    /// A vector of a unit's states, in the room's axes, is zero.
+    fn read_zero(&mut self, state: &mut State, first: usize, value: Vec3<f64>, variance: f64) {
+        let mut rows = std::mem::take(&mut self.rows);
+        rows.clear();
+        rows.push(first, &Mat3::identity());
+        self.correction.read(&mut state.covariance, &rows, 3, value.0.map(|x| -x), [variance; 3]);
+        self.rows = rows;
+    }
+
+    /// Speed and distance are bounded. Read in the unit's own axes, where a turn of everything changes nothing; noise is the same in all
+    /// directions, so the rows may as well have the room's axes.
+    pub(super) fn read_bounds(&mut self, state: &mut State, u: usize, step_s: f64) {
+        let (links, count) = (self.links, self.skeleton.units.len() as f64);
+        let mean = state.means.units[u];
+        let speed = count * white(links.speed_std_m_s, links.speed_time_s, step_s);
+        self.read_zero(state, UNIT * u + 3, mean.velocity, speed);
+        if !self.travels() {
+            let place = count * white(links.place_std_m, links.place_time_s, step_s);
+            self.read_zero(state, UNIT * u + 6, mean.position, place);
+        }
+    }
+
+    /// A resting unit reads its gyroscope's bias, and, where the model says so, no speed.
+    pub(super) fn read_rest(&mut self, state: &mut State, u: usize, step_s: f64) {
+        self.rests[u] = is_at_rest(&state.readings[u], state.time_s);
+        if !self.rests[u] {
+            return;
+        }
+        let links = self.links;
+        let mean = state.means.units[u];
+        let gyro = state.readings[u].at(state.time_s).gyro;
+        let rate = white(links.rest_rate_std_rad_s, links.rest_time_s, step_s);
+        self.read_zero(state, UNIT * u + 9, mean.gyro_bias - gyro, rate);
+        if let Some(std) = links.rest_speed_std_m_s {
+            self.read_zero(state, UNIT * u + 3, mean.velocity, white(std, links.rest_time_s, step_s));
+        }
+    }
+
+    /// The point of a foot that stands on the ground does not move.
+    pub(super) fn read_contact(&mut self, state: &mut State, u: usize, step_s: f64) {
+        let Some((point, std)) = self.skeleton.units[u].contact.filter(|_| self.contacts) else { return };
+        let readings = &state.readings[u];
+        self.stands[u] = readings.window(state.time_s, CONTACT_S).is_some_and(|mut window| {
+            window.all(|r| {
+                let force = square(r.accel).sqrt() - self.skeleton.gravity_m_s2;
+                square(r.gyro) < CONTACT_RATE * CONTACT_RATE && force.abs() < CONTACT_FORCE
+            })
+        });
+        if !self.stands[u] {
+            return;
+        }
+        let mean = state.means.units[u];
+        let rate = readings.at(state.time_s).gyro - mean.gyro_bias;
+        let velocity = mean.velocity + mean.rotation.apply(rate.cross(point));
+        self.read_zero(state, UNIT * u + 3, velocity, white(std, CONTACT_TIME_S, step_s));
+    }
+}
+
+fn is_at_rest(readings: &Readings, time_s: f64) -> bool {
+    let Some(window) = readings.window(time_s, REST_S) else { return false };
+    let count = window.clone().count() as f64;
+    if count < 3.0 {
+        return false;
+    }
+    let moments = |of: fn(&Reading) -> Vec3<f64>| {
+        let mean = window.clone().fold(Vec3([0.0; 3]), |sum, r| sum + of(r)) * (1.0 / count);
+        let scatter: f64 = window.clone().map(|r| square(of(r) - mean)).sum::<f64>() / count;
+        (square(mean).sqrt(), scatter.sqrt())
+    };
+    let (rate, turning) = moments(|r| r.gyro);
+    turning < REST_GYRO && rate < REST_RATE && moments(|r| r.accel).1 < REST_ACCEL
+}

@@ -1,0 +1,449 @@
+//! `Skeleton`: a model as links and joints: which links have units, how the others hang between them, and which joints close.
+
+use super::filter::dot;
+use super::joint::{Hinge, Turns};
+use super::pieces::Pieces;
+use crate::body::Body;
+use crate::error::{Error, Result};
+use crate::model::transform::evaluate_three;
+use crate::model::{JointKind, Model, SensorKind};
+use crate::rotation::{Mat3, Vec3};
+use crate::sensor::{MountValue, Quantity};
+
+/// Axes that move as one.
+#[derive(Debug, Clone)]
+pub struct Link {
+    /// The link that carries its joint; `None`: the room.
+    pub parent: Option<usize>,
+    /// What its joint lets turn.
+    pub turns: Turns,
+    /// Position of the joint in the parent's axes, m. In its own axes it is the origin.
+    pub arm: Vec3<f64>,
+    /// How its orientation is known.
+    pub pose: Pose,
+    /// The frame behind its joint, and the link from that frame.
+    pub frame: usize,
+    pub frame_axes: Mat3<f64>,
+    /// Rotation against the parent at rest, and how far it turns about its axes (standard deviations), rad.
+    pub rest: Mat3<f64>,
+    pub range_rad: [f64; 3],
+}
+
+/// How a link's orientation is known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Pose {
+    /// From its unit, by number.
+    Unit(usize),
+    /// From its own joint state, by number, against a link nearer to a unit.
+    State(usize, usize),
+    /// Between its parent and the child that its other joint carries: this share of their turn, from rest, belongs to its own joint. Two stiff
+    /// joints in a row cannot be told apart by the units beyond them.
+    Between(usize, f64),
+}
+
+/// An inertial unit.
+#[derive(Debug, Clone)]
+pub struct Unit {
+    /// Its source in the measurement vector, and the first rows of gyroscope and accelerometer.
+    pub source: usize,
+    pub gyro: usize,
+    pub accel: usize,
+    /// Its sensor in the model, and its link.
+    pub sensor: usize,
+    pub link: usize,
+    /// Link from unit, and its position in the link, m.
+    pub mount: Mat3<f64>,
+    pub offset: Vec3<f64>,
+    /// Standard deviations of its mount about the link's axes, rad.
+    pub mount_std_rad: [f64; 3],
+    /// The point that touches the ground, in the unit's axes, and its speed there, m/s.
+    pub contact: Option<(Vec3<f64>, f64)>,
+    /// Start and random walk of the biases of gyroscope and accelerometer.
+    pub bias: [[f64; 2]; 2],
+}
+
+/// Joints between two units, or between the room and a unit, that meet in a point through links without units.
+#[derive(Debug, Clone)]
+pub struct Closure {
+    /// The link whose joint it is.
+    pub link: usize,
+    /// The unit whose axes read it, and the joint's point in them, m.
+    pub from: End,
+    /// Links without units between the two, and the vector through each in its axes, m.
+    pub through: Vec<(usize, Vec3<f64>)>,
+    pub to: End,
+}
+
+/// One end of a closure.
+#[derive(Debug, Clone, Copy)]
+pub enum End {
+    /// Unit, and the point in its axes, m.
+    Unit(usize, Vec3<f64>),
+    /// A point of the room, m.
+    Room(Vec3<f64>),
+}
+
+/// A joint between two hinges that meet, on the piece between them: the link that carries it, its position there, and the hinges so far.
+type Begun = (Option<usize>, Vec3<f64>, Vec<Hinge>);
+
+/// Mounts of a calibration, by sensor of the model.
+#[derive(Debug, Clone)]
+pub struct Mounts {
+    /// `None`: the nominal one.
+    pub values: Vec<Option<MountValue>>,
+    /// Standard deviations about the link's axes, rad.
+    pub stds_rad: Vec<[f64; 3]>,
+}
+
+/// A model as links.
+#[derive(Debug, Clone)]
+pub struct Skeleton {
+    /// Parents first.
+    pub links: Vec<Link>,
+    pub units: Vec<Unit>,
+    pub closures: Vec<Closure>,
+    /// Links with a joint state, by its number. Those that others hang on come first.
+    pub loose: Vec<usize>,
+    /// The vertical, and the reading of a resting accelerometer, m/s2, in the room's axes.
+    pub up: Vec3<f64>,
+    pub gravity_m_s2: f64,
+    /// Whether the root is accelerated in all directions: its joints turn against the room and go with nothing.
+    pushed: bool,
+}
+
+impl Skeleton {
+    /// The links of a body whose units have readings if `present`, by source.
+    pub fn new(body: &Body, present: &[bool], mounts: &Mounts) -> Result<Self> {
+        refuse_unknown(&body.model)?;
+        let pieces = Pieces::of(body);
+        let mut skeleton = Skeleton {
+            links: Vec::new(),
+            units: Vec::new(),
+            closures: Vec::new(),
+            loose: Vec::new(),
+            up: Vec3(body.model.world.up),
+            gravity_m_s2: body.model.world.gravity_m_s2,
+            pushed: is_pushed(&body.model),
+        };
+        let sensors = body.model.sensors.iter().enumerate();
+        let imus: Vec<(usize, usize)> = sensors
+            .filter_map(|(i, sensor)| {
+                let source = body.suite.sources.iter().position(|s| s.name == sensor.name)?;
+                let SensorKind::Imu(imu) = &sensor.kind else { return None };
+                (present[source] && imu.noise.gyro_std.is_some() && imu.noise.accel_std.is_some())
+                    .then_some((i, source))
+            })
+            .collect();
+        let frames: Vec<usize> = imus
+            .iter()
+            .map(|(i, _)| match &body.model.sensors[*i].kind {
+                SensorKind::Imu(imu) => imu.frame,
+                _ => 0,
+            })
+            .collect();
+        let place = skeleton.place_links(body, &pieces, &frames)?;
+        for ((sensor, source), frame) in imus.into_iter().zip(frames) {
+            skeleton.place_unit(body, &pieces, &place, (sensor, source, frame), mounts)?;
+        }
+        skeleton.hang();
+        skeleton.close();
+        if skeleton.units.is_empty() {
+            return Err(Error::Data(format!(
+                "model '{}': no unit has readings of gyroscope and accelerometer at the start; strapdown links need one",
+                body.model.name
+            )));
+        }
+        Ok(skeleton)
+    }
+
+    /// Links of the model's pieces: hinges that meet in a point make one joint. Returns the link of each piece.
+    fn place_links(&mut self, body: &Body, pieces: &Pieces, with_units: &[usize]) -> Result<Vec<Option<usize>>> {
+        let model = &body.model;
+        let mut place = vec![None; pieces.all.len()];
+        let mut open: Vec<Option<Begun>> = vec![None; pieces.all.len()];
+        for (p, piece) in pieces.all.iter().enumerate().skip(1) {
+            let (joint, sign) = piece.joint;
+            let joint = &model.joints[joint];
+            let (parent, arm, mut hinges) = match open[piece.parent].clone() {
+                Some(before) => before,
+                None => (place[piece.parent], piece.arm, Vec::new()),
+            };
+            let turns = match joint.kind {
+                JointKind::Free => Turns::Free(joint.first, piece.entry),
+                JointKind::Ball => Turns::Ball(joint.first, piece.entry),
+                _ => {
+                    hinges.push(Hinge { coordinate: joint.first, sign, entry: piece.entry });
+                    Turns::Hinges(hinges.clone())
+                }
+            };
+            let children: Vec<usize> = (1..pieces.all.len()).filter(|c| pieces.all[*c].parent == p).collect();
+            let meets = |c: usize| {
+                let next = &pieces.all[c];
+                model.joints[next.joint.0].kind == JointKind::Hinge && next.arm.0.iter().all(|x| x.abs() < 1e-9)
+            };
+            let is_between = joint.kind == JointKind::Hinge
+                && hinges.len() < 3
+                && children.len() == 1
+                && meets(children[0])
+                && !with_units.iter().any(|f| pieces.homes[*f].piece == p);
+            if is_between {
+                open[p] = Some((parent, arm, hinges));
+                continue;
+            }
+            let (rest, range_rad) = rest_and_range(body, &turns);
+            let frame_axes = pieces.homes[piece.frame].rotation;
+            self.links.push(Link {
+                parent,
+                turns,
+                arm,
+                pose: Pose::State(usize::MAX, usize::MAX),
+                rest,
+                range_rad,
+                frame: piece.frame,
+                frame_axes,
+            });
+            place[p] = Some(self.links.len() - 1);
+        }
+        Ok(place)
+    }
+
+    fn place_unit(
+        &mut self,
+        body: &Body,
+        pieces: &Pieces,
+        place: &[Option<usize>],
+        (sensor, source, frame): (usize, usize, usize),
+        mounts: &Mounts,
+    ) -> Result<()> {
+        let model = &body.model;
+        let home = &pieces.homes[frame];
+        let name = &model.sensors[sensor].name;
+        let Some(link) = place[home.piece] else {
+            return Err(Error::Model(format!(
+                "model '{}': unit '{name}' stands in the room: structure \"strapdown\" needs units on links that move",
+                model.name
+            )));
+        };
+        if let Pose::Unit(other) = self.links[link].pose {
+            let other = &model.sensors[self.units[other].sensor].name;
+            return Err(Error::Model(format!(
+                "model '{}': units '{other}' and '{name}' sit on one link: structure \"strapdown\" takes one; leave one out \
+                 with Model.with_units, or use structure \"tree\"",
+                model.name
+            )));
+        }
+        let part = |quantity| {
+            let parts = &body.suite.sources[source].parts;
+            parts.iter().find(|p| p.quantity == quantity).map_or(0, |p| p.rows.start)
+        };
+        let SensorKind::Imu(imu) = &model.sensors[sensor].kind else { return Ok(()) };
+        let nominal = || (imu.mount.rotation, evaluate_three(&imu.mount.offset, &body.parameters));
+        let (rotation, offset) = mounts.values[sensor].unwrap_or_else(nominal);
+        let mount = home.rotation.times(&rotation);
+        let offset = home.origin + home.rotation.apply(Vec3(offset));
+        let contact = imu.contact.as_ref().map(|c| {
+            let point = home.origin + home.rotation.apply(Vec3(evaluate_three(&c.point, &body.parameters)));
+            (mount.apply_transposed(point - offset), c.std_m_s)
+        });
+        let noise = &imu.noise;
+        self.links[link].pose = Pose::Unit(self.units.len());
+        self.units.push(Unit {
+            source,
+            gyro: part(Quantity::Gyro),
+            accel: part(Quantity::Accel),
+            sensor,
+            link,
+            mount,
+            offset,
+            mount_std_rad: mounts.stds_rad[sensor],
+            contact,
+            bias: [
+                [noise.gyro_bias_start_std, noise.gyro_bias_walk],
+                [noise.accel_bias_start_std, noise.accel_bias_walk],
+            ],
+        });
+        Ok(())
+    }
+
+    /// Gives each link without a unit a state against the neighbour on its way to the nearest unit.
+    fn hang(&mut self) {
+        for (link, child, share) in self.between() {
+            self.links[link].pose = Pose::Between(child, share);
+        }
+        let mut todo: Vec<usize> = self.units.iter().map(|u| u.link).collect();
+        let is_known = |link: &Link| matches!(link.pose, Pose::Unit(_) | Pose::Between(..));
+        let mut known: Vec<bool> = self.links.iter().map(is_known).collect();
+        let mut next = 0;
+        while next < todo.len() {
+            let here = todo[next];
+            next += 1;
+            for l in self.neighbours(here) {
+                if !known[l] {
+                    known[l] = true;
+                    self.links[l].pose = Pose::State(self.loose.len(), here);
+                    self.loose.push(l);
+                    todo.push(l);
+                }
+            }
+        }
+    }
+
+    /// Links without a unit between two units by stiff joints: the link, its child, and the share of its own joint.
+    fn between(&self) -> Vec<(usize, usize, f64)> {
+        let has_unit = |l: usize| matches!(self.links[l].pose, Pose::Unit(_));
+        let stiff = |l: usize| self.links[l].turns.locked() == 0 && self.links[l].range_rad[0] <= STIFF_RAD;
+        let find = |l: usize| {
+            let parent = self.links[l].parent.filter(|p| has_unit(*p))?;
+            let neighbours = self.neighbours(l);
+            let child = neighbours.iter().copied().find(|c| *c != parent).filter(|c| has_unit(*c))?;
+            let is_it = !has_unit(l) && neighbours.len() == 2 && stiff(l) && stiff(child);
+            let [own, other] = [l, child].map(|l| self.links[l].range_rad[0].powi(2));
+            is_it.then(|| (l, child, own / (own + other)))
+        };
+        (0..self.links.len()).filter_map(find).collect()
+    }
+
+    /// Units beyond a closure, seen from its first end.
+    pub fn beyond(&self, closure: usize) -> Vec<usize> {
+        let unit = |end: &End| match end {
+            End::Unit(u, _) => Some(*u),
+            End::Room(_) => None,
+        };
+        let mut found: Vec<usize> = unit(&self.closures[closure].to).into_iter().collect();
+        let mut next = 0;
+        while next < found.len() {
+            for (c, other) in self.closures.iter().enumerate().filter(|(c, _)| *c != closure) {
+                let ends = [unit(&other.from), unit(&other.to)];
+                let here = ends.contains(&Some(found[next])) && c != closure;
+                let new = ends.into_iter().flatten().find(|u| here && !found.contains(u));
+                found.extend(new);
+            }
+            next += 1;
+        }
+        found
+    }
+
+    fn neighbours(&self, link: usize) -> Vec<usize> {
+        let children = (0..self.links.len()).filter(|l| self.links[*l].parent == Some(link));
+        self.links[link].parent.into_iter().chain(children).collect()
+    }
+
+    /// Joints that close: each meeting of two links whose chains of states begin at different units, and joints with the room.
+    fn close(&mut self) {
+        let mut closures = Vec::new();
+        for (l, link) in self.links.iter().enumerate() {
+            let to = self.way(l, Vec3([0.0; 3]));
+            let from = match (link.parent, &link.turns) {
+                (_, Turns::Free(..)) => continue,
+                (None, _) if self.pushed => continue,
+                (None, _) => (End::Room(link.arm), Vec::new()),
+                (Some(parent), _) => self.way(parent, link.arm),
+            };
+            let same = |a: &End, b: &End| matches!((a, b), (End::Unit(a, _), End::Unit(b, _)) if a == b);
+            if same(&from.0, &to.0) {
+                continue;
+            }
+            let back = to.1.iter().rev().map(|(l, v): &(usize, Vec3<f64>)| (*l, *v * -1.0));
+            let through = from.1.iter().copied().chain(back).flat_map(|(l, v)| self.carried(l, v)).collect();
+            closures.push(Closure { link: l, from: from.0, through, to: to.0 });
+        }
+        self.closures = closures;
+    }
+
+    /// A vector of a link, carried by the links that its orientation comes from.
+    fn carried(&self, link: usize, vector: Vec3<f64>) -> Vec<(usize, Vec3<f64>)> {
+        match (self.links[link].pose, self.links[link].parent) {
+            (Pose::Between(child, share), Some(parent)) => vec![
+                (parent, self.links[link].rest.apply(vector) * (1.0 - share)),
+                (child, self.links[child].rest.apply_transposed(vector) * share),
+            ],
+            _ => vec![(link, vector)],
+        }
+    }
+
+    /// From a link's unit to a point of the link: the unit's end, and the vector through each link without a unit.
+    pub fn way(&self, link: usize, point: Vec3<f64>) -> (End, Vec<(usize, Vec3<f64>)>) {
+        let (mut l, mut at, mut through) = (link, point, Vec::new());
+        loop {
+            match self.links[l].pose {
+                Pose::Unit(u) => {
+                    let unit = &self.units[u];
+                    through.reverse();
+                    return (End::Unit(u, unit.mount.apply_transposed(at - unit.offset)), through);
+                }
+                Pose::State(_, anchor) => {
+                    let (own, there) = self.meeting(l, anchor);
+                    through.push((l, at - own));
+                    (l, at) = (anchor, there);
+                }
+                Pose::Between(..) => {
+                    through.push((l, at));
+                    let Some(parent) = self.links[l].parent else { return (End::Room(at), through) };
+                    (l, at) = (parent, self.links[l].arm);
+                }
+            }
+        }
+    }
+
+    /// The joint between two neighbours, in the axes of each, m.
+    pub fn meeting(&self, a: usize, b: usize) -> (Vec3<f64>, Vec3<f64>) {
+        if self.links[a].parent == Some(b) {
+            (Vec3([0.0; 3]), self.links[a].arm)
+        } else {
+            (self.links[b].arm, Vec3([0.0; 3]))
+        }
+    }
+}
+
+/// Rotation of a joint at rest, and its range about the child's axes: that of its hinges, spread over all directions.
+fn rest_and_range(body: &Body, turns: &Turns) -> (Mat3<f64>, [f64; 3]) {
+    let coordinates: Vec<usize> = turns.coordinates().into_iter().flatten().collect();
+    let mut q = [0.0; 3];
+    q.iter_mut().zip(&coordinates).for_each(|(q, c)| *q = body.axes[*c].rest);
+    let ranges = coordinates.iter().map(|c| body.axes[*c].prior_std().powi(2));
+    let range = (ranges.sum::<f64>() / coordinates.len() as f64).sqrt();
+    (turns.rotation(q), [range.min(WIDEST_RAD); 3])
+}
+
+/// Joints that turn by less than this are stiff, rad.
+const STIFF_RAD: f64 = 0.4;
+/// Widest range of a joint without a unit, rad.
+const WIDEST_RAD: f64 = 0.7;
+
+/// Whether base accelerations have all three directions.
+fn is_pushed(model: &Model) -> bool {
+    let axes: Vec<Vec3<f64>> = model.base_accelerations.iter().map(|b| Vec3(b.axis)).collect();
+    axes.len() == 3 && dot(axes[0].cross(axes[1]), axes[2]).abs() > 0.5
+}
+
+/// Refuses what strapdown links do not track yet.
+fn refuse_unknown(model: &Model) -> Result<()> {
+    let sensors = model.sensors.iter().find(|s| !matches!(s.kind, SensorKind::Imu(_)));
+    let what = model
+        .joints
+        .iter()
+        .find_map(|j| match (j.kind, j.input) {
+            (JointKind::Slide, _) => Some(format!("joint '{}' slides", j.name)),
+            (_, true) => Some(format!("joint '{}' is an input", j.name)),
+            _ => None,
+        })
+        .or_else(|| sensors.map(|s| format!("sensor '{}' is no inertial unit", s.name)))
+        .or_else(|| model.closures.first().map(|c| format!("it has the closure '{}'", c.name)))
+        .or_else(|| {
+            let partly = model.base_accelerations.first().filter(|_| !is_pushed(model));
+            partly.map(|b| format!("its root is accelerated by '{}' in some directions only", b.name))
+        })
+        .or_else(|| {
+            let uses = |j: usize| model.frames.iter().filter(|f| f.joint.is_some_and(|(i, _)| i == j)).count();
+            let shared = model.joints.iter().enumerate().find(|(j, _)| uses(*j) > 1);
+            shared.map(|(_, j)| format!("joint '{}' moves several frames", j.name))
+        });
+    match what {
+        None => Ok(()),
+        Some(what) => Err(Error::Model(format!(
+            "model '{}': {what}; structure \"strapdown\" tracks links with inertial units that hinges, balls and free joints \
+             connect. Use structure = \"tree\"",
+            model.name
+        ))),
+    }
+}

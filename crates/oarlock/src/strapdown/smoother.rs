@@ -1,0 +1,78 @@
+//! Rauch-Tung-Striebel smoothing (1965) of strapdown links, one update back at a time, on the filter's own errors. `track` uses it.
+
+use super::covariance::{move_rows, UNIT};
+use super::filter::{Means, Node, StrapdownFilter};
+use super::increment::Increment;
+use crate::error::{Error, Result};
+use crate::estimate::smoother::Backward;
+use crate::kernels::dense::Square;
+use crate::rotation::turn::Turn;
+use crate::rotation::Vec3;
+
+impl StrapdownFilter {
+    /// The error that moves `from` to `to`; see `shift`.
+    fn difference(&self, to: &Means, from: &Means, out: &mut [f64]) {
+        let mut put = |first: usize, v: Vec3<f64>| out[first..first + 3].copy_from_slice(&v.0);
+        for (i, (a, b)) in to.units.iter().zip(&from.units).enumerate() {
+            let first = UNIT * i;
+            let turn = a.rotation.times_transposed(&b.rotation);
+            put(first, Vec3(Turn::of(&turn).log()));
+            put(first + 3, a.velocity - turn.apply(b.velocity));
+            put(first + 6, a.position - turn.apply(b.position));
+            put(first + 9, a.gyro_bias - b.gyro_bias);
+            put(first + 12, a.accel_bias - b.accel_bias);
+        }
+        for (number, (a, b)) in to.loose.iter().zip(&from.loose).enumerate() {
+            put(self.loose_state(number), Vec3(Turn::of(&a.times_transposed(b)).log()));
+        }
+        for ((a, b), first) in to.points.iter().zip(&from.points).zip(self.points.iter().flatten().flatten()) {
+            put(*first, *a - *b);
+        }
+    }
+
+    /// Smoothed means and covariance before the node's prediction, given those after it.
+    pub fn back(
+        &self,
+        backward: &mut Backward,
+        node: &Node,
+        next: &Means,
+        next_covariance: &Square,
+    ) -> Result<(Means, Square)> {
+        let mut step = vec![0.0; self.size];
+        self.difference(next, &node.predicted, &mut step);
+        let mut covariance = node.covariance.clone();
+        let moved = |panel: &mut crate::kernels::tiles::Panel, column: usize| {
+            for (i, step) in node.steps.iter().enumerate() {
+                let rows: [usize; UNIT] = std::array::from_fn(|r| UNIT * i + r);
+                let mut rows = panel.rows_of(rows).map(|row| &mut row[column..column + self.size]);
+                move_rows::<false>(step, &mut rows);
+            }
+        };
+        let shift = backward
+            .step((next_covariance, &node.predicted_covariance), &mut covariance, &step, moved)
+            .map_err(|lost| Error::Diverged {
+                time_s: node.before_s,
+                text: format!("smoothing stopped at {:.3} s: {}; use the filtered track", node.before_s, lost.what),
+            })?;
+        let mut means = node.before.clone();
+        self.shift(&mut means, shift);
+        Ok((means, covariance))
+    }
+
+    /// Smoothed means carried on by increments that were integrated with the biases of `filtered`.
+    pub fn carried(&self, smoothed: &Means, filtered: &Means, increments: &[Increment]) -> Means {
+        let mut means = smoothed.clone();
+        for ((mean, before), increment) in means.units.iter_mut().zip(&filtered.units).zip(increments) {
+            let biases = (mean.gyro_bias - before.gyro_bias, mean.accel_bias - before.accel_bias);
+            *mean = self.moved(mean, &increment.corrected(biases.0, biases.1));
+        }
+        means
+    }
+
+    /// What means lack to others at the same time.
+    pub fn lack(&self, to: &Means, from: &Means) -> Vec<f64> {
+        let mut out = vec![0.0; self.size];
+        self.difference(to, from, &mut out);
+        out
+    }
+}

@@ -1,0 +1,257 @@
+//! The start of strapdown links: orientations from a posture and the mean force, positions that close all joints. `track` calls it.
+
+use super::covariance::UNIT;
+use super::filter::{dot, Means, State, StrapdownFilter, UnitState, LOOSE_WALK, SPRING_TIME_S};
+use super::increment::{skew, square, Increment, Readings};
+use super::readings::REST_S;
+use super::skeleton::{Closure, End, Pose};
+use crate::kernels::dense::Square;
+use crate::rotation::turn::Turn;
+use crate::rotation::{Mat3, Vec3};
+use std::f64::consts::{PI, TAU};
+
+/// Tilt from the mean force of a unit at rest, rad; and the share of the scatter of forces that their mean has.
+const LEVEL_RAD: f64 = 0.02;
+const FORCE_SHARE: f64 = 1.0;
+
+/// Above this standard deviation of headings at the start, rad, they are sought in a bank of this many.
+const OPEN_RAD: f64 = 0.6;
+const HEADINGS: usize = 12;
+/// Log-likelihood by which a heading must lead.
+const DECIDED: f64 = 6.0;
+
+/// Least standard deviation of a heading that was found, rad.
+const LEAST_HEADING_RAD: f64 = 0.1;
+
+/// What a closure made of a heading.
+struct Tried {
+    log_likelihood: f64,
+    heading: f64,
+    std: f64,
+}
+
+impl StrapdownFilter {
+    /// The state at the start. `orientation`: room from link, of every link; readings of the first moments, by unit.
+    pub fn start(&self, time_s: f64, orientation: &[Mat3<f64>], readings: Vec<Readings>) -> (State, Vec<f64>) {
+        let zero = Vec3([0.0; 3]);
+        let mut turned: Vec<Mat3<f64>> = orientation.to_vec();
+        let (mut units, mut tilts) = (Vec::new(), Vec::new());
+        for (unit, readings) in self.skeleton.units.iter().zip(&readings) {
+            let (rotation, tilt) = self.levelled(turned[unit.link].times(&unit.mount), readings, time_s);
+            tilts.push(tilt);
+            turned[unit.link] = rotation.times_transposed(&unit.mount);
+            units.push(UnitState { rotation, velocity: zero, position: zero, gyro_bias: zero, accel_bias: zero });
+        }
+        let loose: Vec<Mat3<f64>> = self.skeleton.loose.iter().map(|l| self.against(*l, &turned)).collect();
+        let points = vec![zero; self.points.iter().flatten().flatten().count()];
+        let mut means = Means { units, loose, points };
+        self.place(&mut means);
+        let covariance = self.start_covariance(&means, &tilts, self.links.start_std_rad);
+        let increments = vec![Increment::none(); self.skeleton.units.len()];
+        (State { time_s, means, covariance, readings, increments, row_s: time_s, uneven: 0 }, tilts)
+    }
+
+    /// Covariance at the start; `tilts`: standard deviation of each unit's tilt, rad.
+    fn start_covariance(&self, means: &Means, tilts: &[f64], heading: f64) -> Square {
+        let links = &self.links;
+        let mut covariance = Square::zeros(self.size);
+        for (i, (unit, mean)) in self.skeleton.units.iter().zip(&means.units).enumerate() {
+            let first = UNIT * i;
+            let turn = self.start_turn(heading, tilts[i]);
+            let j = skew(mean.position);
+            let jt = j.times(&turn);
+            let jj = jt.times_transposed(&j);
+            for r in 0..3 {
+                *covariance.at_mut(first + 3 + r, first + 3 + r) = links.start_speed_std_m_s.powi(2);
+                *covariance.at_mut(first + 9 + r, first + 9 + r) = unit.bias[0][0].powi(2);
+                *covariance.at_mut(first + 12 + r, first + 12 + r) = unit.bias[1][0].powi(2);
+                for c in 0..3 {
+                    // The position itself does not depend on the orientation.
+                    let own = if r == c { links.start_place_std_m.powi(2) } else { 0.0 };
+                    *covariance.at_mut(first + r, first + c) = turn.0[r][c];
+                    *covariance.at_mut(first + 6 + r, first + 6 + c) = own + jj.0[r][c];
+                    *covariance.at_mut(first + 6 + r, first + c) = jt.0[r][c];
+                    *covariance.at_mut(first + c, first + 6 + r) = jt.0[r][c];
+                }
+            }
+        }
+        for number in 0..self.skeleton.loose.len() {
+            let first = self.loose_state(number);
+            (first..first + 3).for_each(|i| *covariance.at_mut(i, i) = LOOSE_WALK * LOOSE_WALK * SPRING_TIME_S);
+        }
+        for first in self.points.iter().flatten().flatten() {
+            (*first..first + 3).for_each(|i| *covariance.at_mut(i, i) = links.point_std_m.powi(2));
+        }
+        covariance
+    }
+
+    /// Covariance of a unit's orientation at the start, in the room's axes; `tilt`: standard deviation of its tilt, rad.
+    fn start_turn(&self, heading: f64, tilt: f64) -> Mat3<f64> {
+        let [heading, tilt] = [heading, tilt].map(|std| std * std);
+        let up = self.skeleton.up.0;
+        Mat3(std::array::from_fn(|r| {
+            std::array::from_fn(|c| (heading - tilt) * up[r] * up[c] + if r == c { tilt } else { 0.0 })
+        }))
+    }
+
+    /// The orientation, turned the short way towards the one in which the mean force is vertical, by what both are worth; and the standard
+    /// deviation of its tilt, rad.
+    fn levelled(&self, rotation: Mat3<f64>, readings: &Readings, time_s: f64) -> (Mat3<f64>, f64) {
+        let prior = self.links.start_tilt_std_rad;
+        let Some((force, scatter)) = self.mean_force(readings, time_s) else { return (rotation, prior) };
+        let force = rotation.apply(force);
+        let axis = force.cross(self.skeleton.up);
+        let (sin, cos) = (square(axis).sqrt(), dot(force, self.skeleton.up));
+        let read = LEVEL_RAD.hypot(FORCE_SHARE * scatter / self.skeleton.gravity_m_s2.max(1.0));
+        let share = prior * prior / (prior * prior + read * read);
+        let std = prior * read / prior.hypot(read);
+        if sin < 1e-9 {
+            return (rotation, std);
+        }
+        (Mat3::about(axis * (share * sin.atan2(cos) / sin)).times(&rotation), std)
+    }
+
+    /// Mean force at the start, in the axes of the start, and the scatter of the forces about their mean, m/s2.
+    fn mean_force(&self, readings: &Readings, time_s: f64) -> Option<(Vec3<f64>, f64)> {
+        let end_s = (time_s + REST_S).min(readings.last_s());
+        let window = readings.until(end_s);
+        let (sum, count) = window.clone().fold((Vec3([0.0; 3]), 0.0), |(sum, n), r| (sum + r.accel, n + 1.0));
+        let mean = sum * (1.0 / count);
+        let scatter = (window.map(|r| square(r.accel - mean)).sum::<f64>() / count).sqrt();
+        let (mut increment, zero) = (Increment::none(), Vec3([0.0; 3]));
+        readings.integrate(&mut increment, (time_s, end_s), [zero; 2], zero, &self.links);
+        let duration_s = increment.duration_s;
+        (duration_s > 0.5 * REST_S && count > 2.0).then(|| (increment.velocity * (1.0 / duration_s), scatter))
+    }
+
+    /// Whether the model leaves the headings of links against each other open.
+    pub fn seeks_headings(&self) -> bool {
+        let between = |c: &Closure| matches!((c.from, c.to), (End::Unit(..), End::Unit(..)));
+        self.closures && self.links.start_std_rad > OPEN_RAD && self.skeleton.closures.iter().any(between)
+    }
+
+    /// The start with the headings that the first readings of every joint fit best, each joint alone in a bank of headings; `None` if they
+    /// do not decide yet.
+    pub fn with_headings(&self, start: &State, tilts: &[f64], must: bool) -> Option<State> {
+        let end_s = start.readings.iter().map(Readings::last_s).fold(f64::INFINITY, f64::min);
+        let mut state = start.clone();
+        let mut widest = 0.0_f64;
+        for c in 0..self.skeleton.closures.len() {
+            let beyond = self.skeleton.beyond(c);
+            if beyond.len() == self.skeleton.units.len() {
+                continue;
+            }
+            let mut tried: Vec<Tried> = (0..HEADINGS)
+                .map(|k| self.tried(start, tilts, (c, &beyond), k as f64 * TAU / HEADINGS as f64, end_s))
+                .collect();
+            tried.sort_by(|a, b| b.log_likelihood.total_cmp(&a.log_likelihood));
+            let best = &tried[0];
+            // Neighbours of the best heading lead to the same one.
+            let apart = |t: &&Tried| (t.heading - best.heading + PI).rem_euclid(TAU) - PI;
+            let rival = tried.iter().find(|t| apart(t).abs() > TAU / HEADINGS as f64);
+            if !must && rival.is_some_and(|rival| best.log_likelihood - rival.log_likelihood < DECIDED) {
+                return None;
+            }
+            self.turn_all(&mut state.means, &beyond, best.heading);
+            widest = widest.max(best.std);
+        }
+        state.covariance = self.start_covariance(&state.means, tilts, widest.max(LEAST_HEADING_RAD));
+        Some(state)
+    }
+
+    /// The readings of a closure from a heading of all that is beyond it.
+    fn tried(&self, start: &State, tilts: &[f64], (c, beyond): (usize, &[usize]), heading: f64, end_s: f64) -> Tried {
+        let mut closed = start.clone();
+        self.turn_all(&mut closed.means, beyond, heading);
+        closed.covariance = self.start_covariance(&closed.means, tilts, 0.5 * TAU / HEADINGS as f64);
+        let mut open = closed.clone();
+        let mut filter = self.clone();
+        filter.only = Some(c);
+        filter.advance(&mut closed, end_s, &mut |_| {}, false);
+        let mut alone = self.clone();
+        alone.closures = false;
+        alone.advance(&mut open, end_s, &mut |_| {}, false);
+        // An error of heading stays as it is, so what the closure has corrected by the end is what the start lacked.
+        let turned = |end: &End| match end {
+            End::Unit(u, _) => {
+                let moved = closed.means.units[*u].rotation.times_transposed(&open.means.units[*u].rotation);
+                dot(Vec3(Turn::of(&moved).log()), self.skeleton.up)
+            }
+            End::Room(_) => 0.0,
+        };
+        let closure = &self.skeleton.closures[c];
+        let heading = heading + turned(&closure.to) - turned(&closure.from);
+        let std = self.heading_variance(&closed.covariance, closure).sqrt();
+        Tried { log_likelihood: filter.correction.log_likelihood, heading, std }
+    }
+
+    /// Variance of the heading of a closure's second unit against its first.
+    fn heading_variance(&self, covariance: &Square, closure: &Closure) -> f64 {
+        let first = |end: &End| match end {
+            End::Unit(u, _) => Some(UNIT * u),
+            End::Room(_) => None,
+        };
+        let ends = [(first(&closure.to), 1.0), (first(&closure.from), -1.0)];
+        let up = self.skeleton.up.0;
+        let mut variance = 0.0;
+        for (a, x) in ends.iter().filter_map(|(f, s)| Some(((*f)?, s))) {
+            for (b, y) in ends.iter().filter_map(|(f, s)| Some(((*f)?, s))) {
+                for r in 0..3 {
+                    variance += (0..3).map(|c| x * y * up[r] * covariance.at(a + r, b + c) * up[c]).sum::<f64>();
+                }
+            }
+        }
+        variance.max(0.0)
+    }
+
+    /// Turns some units about the vertical, and closes all joints again.
+    fn turn_all(&self, means: &mut Means, units: &[usize], angle: f64) {
+        let turn = Mat3::about(self.skeleton.up * angle);
+        units.iter().for_each(|u| means.units[*u].rotation = turn.times(&means.units[*u].rotation));
+        self.place(means);
+    }
+
+    /// Rotation of a link against the neighbour that it hangs on, when all links are turned like this.
+    fn against(&self, link: usize, turned: &[Mat3<f64>]) -> Mat3<f64> {
+        match self.skeleton.links[link].pose {
+            Pose::State(_, anchor) => turned[anchor].transposed().times(&turned[link]),
+            Pose::Unit(_) | Pose::Between(..) => Mat3::identity(),
+        }
+    }
+
+    /// Positions of the units that close all joints, the first unit at the origin or where a joint with the room puts it.
+    fn place(&self, means: &mut Means) {
+        let mut known = vec![false; means.units.len()];
+        loop {
+            let mut moved = false;
+            for closure in &self.skeleton.closures {
+                let through = self.through(means, closure);
+                let ends = [closure.from, closure.to].map(|end| match end {
+                    End::Room(point) => (None, point),
+                    End::Unit(u, point) => (Some(u), means.units[u].rotation.apply(point)),
+                });
+                match (ends[0].0, ends[1].0) {
+                    (None, Some(b)) if !known[b] => {
+                        means.units[b].position = ends[0].1 + through - ends[1].1;
+                        (known[b], moved) = (true, true);
+                    }
+                    (Some(a), Some(b)) if known[a] && !known[b] => {
+                        means.units[b].position = means.units[a].position + ends[0].1 + through - ends[1].1;
+                        (known[b], moved) = (true, true);
+                    }
+                    (Some(a), Some(b)) if known[b] && !known[a] => {
+                        means.units[a].position = means.units[b].position + ends[1].1 - through - ends[0].1;
+                        (known[a], moved) = (true, true);
+                    }
+                    _ => {}
+                }
+            }
+            if !moved {
+                match known.iter().position(|k| !k) {
+                    Some(first) => known[first] = true,
+                    None => return,
+                }
+            }
+        }
+    }
+}

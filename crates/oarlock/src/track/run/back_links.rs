@@ -1,0 +1,169 @@
+//! Smooths a run of strapdown links backwards from its checkpoints, as `back` does for trees.
+
+use super::super::hypothesis::Hypothesis;
+use super::super::strapdown::RowMotion;
+use super::super::Tracker;
+use super::{Progress, Run};
+use crate::error::{Error, Result};
+use crate::estimate::smoother::Backward;
+use crate::kernels::dense::Square;
+use crate::strapdown::filter::{Means, Node};
+
+/// Rows between two updates: their numbers in the output and what moved them.
+type Rows = Vec<(usize, RowMotion)>;
+
+/// The updates between two checkpoints, each with the rows from its beginning on, and the rows after the last update.
+#[derive(Default)]
+struct Stretch {
+    nodes: Vec<(Node, Rows)>,
+    rest: Rows,
+    /// Filtered means and covariance at the end.
+    end: Option<(Means, Square)>,
+}
+
+impl Run {
+    pub(super) fn back_links(mut self, progress: Progress) -> Result<Run> {
+        let Some(last) = self.last.clone() else {
+            return Err(Error::Data("nothing was tracked: nothing to smooth".into()));
+        };
+        let mut tracker = self.tracker.clone();
+        tracker.resume_links(&last)?;
+        let size = tracker.strapdown.as_ref().and_then(|s| s.filter.as_ref()).map_or(0, |f| f.size);
+        let mut backward = Backward::new(size);
+        let (all, mut near) = (self.checkpoints.len(), last.belief.mean.clone());
+        let mut next: Option<(Means, Square)> = None;
+        for k in (0..all).rev() {
+            let stretch = Stretch::refilter(&self, &mut tracker, k);
+            let (mut smoothed, mut covariance) = match (next.take(), stretch.end) {
+                (Some(next), _) | (None, Some(next)) => next,
+                (None, None) => continue,
+            };
+            // After the last update of the recording there is nothing to learn from.
+            if !stretch.rest.is_empty() {
+                let filtered = smoothed.clone();
+                self.write_links(&tracker, &stretch.rest, (&smoothed, &filtered, &covariance), None, &mut near);
+            }
+            for (node, rows) in stretch.nodes.iter().rev() {
+                let Some(filter) = tracker.strapdown.as_ref().and_then(|s| s.filter.as_ref()) else { break };
+                let (before, spread) = filter.back(&mut backward, node, &smoothed, &covariance)?;
+                let arrived = filter.carried(&before, &node.before, &node.increments);
+                let lack = (filter.lack(&smoothed, &arrived), node.before_s, node.increments[0].duration_s);
+                self.write_links(&tracker, rows, (&before, &node.before, &spread), Some(&lack), &mut near);
+                (smoothed, covariance) = (before, spread);
+            }
+            self.replace_checkpoint(&tracker, k, (&smoothed, &covariance), &near);
+            next = Some((smoothed, covariance));
+            if !progress(1.0 - k as f64 / all as f64) {
+                return Err(Error::Stopped);
+            }
+        }
+        self.smoothed = true;
+        Ok(self)
+    }
+
+    /// Writes rows that begin at smoothed means; `lack`: what these, carried on, lack to the next smoothed ones, from when and over how long.
+    fn write_links(
+        &mut self,
+        tracker: &Tracker,
+        rows: &Rows,
+        (smoothed, filtered, covariance): (&Means, &Means, &Square),
+        lack: Option<&(Vec<f64>, f64, f64)>,
+        near: &mut Vec<f64>,
+    ) {
+        let Some(strapdown) = &tracker.strapdown else { return };
+        let Some(filter) = &strapdown.filter else { return };
+        let body = tracker.body();
+        let mut spread: Option<Square> = None;
+        for (row, motion) in rows.iter().rev() {
+            let mut means = filter.carried(smoothed, filtered, &motion.increments);
+            if let Some((lack, from_s, duration_s)) = lack {
+                let share = ((motion.time_s - from_s) / duration_s).clamp(0.0, 1.0);
+                filter.shift(&mut means, &lack.iter().map(|x| x * share).collect::<Vec<_>>());
+            }
+            let coordinates = strapdown.coordinates(body, &means, &motion.signals, near);
+            let spread = spread.get_or_insert_with(|| coordinates.covariance(covariance));
+            self.write_variances(*row, &coordinates.mean, |_, variance| spread.diagonal(variance));
+            let n = coordinates.mean.len();
+            self.series.std_of(*row, n).iter_mut().for_each(|x| *x = x.max(0.0).sqrt());
+            self.bound(*row);
+            let off_axis: Vec<f64> = coordinates.off_axis.concat();
+            self.series.off_axis[*row * off_axis.len()..][..off_axis.len()].copy_from_slice(&off_axis);
+            *near = coordinates.mean;
+        }
+    }
+
+    /// The smoothed state estimate at a checkpoint.
+    fn replace_checkpoint(
+        &mut self,
+        tracker: &Tracker,
+        k: usize,
+        (means, covariance): (&Means, &Square),
+        near: &[f64],
+    ) {
+        let Some(strapdown) = &tracker.strapdown else { return };
+        let mut known = self.checkpoints[k].known.whole();
+        let Some(links) = &known.links else { return };
+        let signals: Vec<_> = links.state.readings.iter().map(|r| r.at(known.belief.time_s)).collect();
+        let coordinates = strapdown.coordinates(tracker.body(), means, &signals, near);
+        known.belief.covariance = coordinates.covariance(covariance);
+        known.belief.mean = coordinates.mean;
+        self.checkpoints[k].known.replace(&known.belief);
+    }
+}
+
+impl Stretch {
+    /// Filters again from a checkpoint to the next one, or to the end.
+    fn refilter(run: &Run, tracker: &mut Tracker, checkpoint: usize) -> Stretch {
+        let (from, to) = (&run.checkpoints[checkpoint], run.checkpoints.get(checkpoint + 1));
+        let stop_s = to.map_or(f64::INFINITY, |c| c.known.time_s());
+        let mut one = from.known.whole();
+        let (mut cursor, mut sample) = (from.cursor.clone(), tracker.empty_sample());
+        let mut stretch = Stretch::default();
+        let mut row = from.row;
+        if from.is_row {
+            stretch.rest.extend(first_row(&one).map(|motion| (row, motion)));
+            row += 1;
+        }
+        let mut is_end = false;
+        loop {
+            let mut nodes = Vec::new();
+            match tracker.process_one(&mut one, is_end, &mut |node| nodes.push(node), true) {
+                Some((sample, motion)) => {
+                    for node in nodes {
+                        let rows = std::mem::take(&mut stretch.rest);
+                        stretch.nodes.push((node, rows));
+                    }
+                    if sample.time_s >= stop_s {
+                        break;
+                    }
+                    if run.series.time_s.get(row) == Some(&sample.time_s) {
+                        stretch.rest.extend(motion.map(|motion| (row, motion)));
+                        row += 1;
+                    }
+                }
+                None if is_end => break,
+                None if run.recording.next(&mut cursor, &mut sample) => {
+                    tracker.entry.correct(&mut sample);
+                    if one.links.as_ref().is_some_and(|links| sample.time_s > links.taken_s()) {
+                        tracker.take_readings(&mut one, &sample);
+                    }
+                }
+                None => is_end = true,
+            }
+        }
+        if to.is_some() {
+            // The next checkpoint has the rows from its own time on.
+            stretch.rest.clear();
+        }
+        stretch.end = one.links.map(|links| (links.state.means, links.state.covariance));
+        stretch
+    }
+}
+
+/// The row of a checkpoint, which stands at an update.
+fn first_row(one: &Hypothesis) -> Option<RowMotion> {
+    let state = &one.links.as_ref()?.state;
+    let time_s = one.belief.time_s;
+    let signals = state.readings.iter().map(|r| r.at(time_s)).collect();
+    Some(RowMotion { time_s, increments: state.increments.clone(), signals })
+}

@@ -1,0 +1,403 @@
+//! Tracks strapdown links: from samples to readings of each unit, and from the filter's estimates to state estimates of the model's joints.
+//!
+//! A sample is processed once all units that still speak have later readings, so that each is integrated on its own clock: with units
+//! that tick apart, by one of their intervals later than it came.
+
+mod flat;
+
+use super::begin::start_std;
+use super::hypothesis::Hypothesis;
+use super::{Calibration, Sink, Status, Tracker};
+use crate::body::Body;
+use crate::error::Result;
+use crate::estimate::belief::Belief;
+use crate::estimate::filter::{SourceInfo, Verdict};
+use crate::estimate::System;
+use crate::kernels::dense::Square;
+use crate::model::Structure;
+use crate::recording::Sample;
+use crate::rotation::{Mat3, Vec3};
+use crate::sensor::{MountValue, Quantity};
+use crate::strapdown::angles::Coordinates;
+use crate::strapdown::filter::{Means, Node, State, StrapdownFilter};
+use crate::strapdown::increment::{Increment, Reading, Readings, Signal};
+use crate::strapdown::skeleton::{Mounts, Skeleton};
+use std::collections::VecDeque;
+
+/// Readings from which the start is levelled, s.
+const START_S: f64 = 0.4;
+/// Longest time for which headings are sought, s, and the factor from one try to the next.
+const LONGEST_START_S: f64 = 5.0;
+const LATER: f64 = 1.7;
+/// Units silent for longer are not waited for, s.
+const PATIENCE_S: f64 = 0.15;
+/// Standard deviations of clipped readings, rad/s and m/s2: they are only a bound.
+const CLIPPED: [f64; 2] = [5.0, 50.0];
+/// The same of a force that a unit did not send, m/s2.
+const UNSENT_FORCE: f64 = 5.0;
+
+/// A sample that waits for later readings.
+#[derive(Debug, Clone, PartialEq)]
+struct Waiting {
+    sample: Sample,
+    /// What became of each part of its readings.
+    parts: Vec<Verdict>,
+}
+
+/// What a tracker of strapdown links knows at one instant, beside the state estimate of the joints.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct LinkState {
+    pub(super) state: State,
+    /// By source: whether it had readings at the start.
+    present: Vec<bool>,
+    waiting: VecDeque<Waiting>,
+    /// Time of the last sample that was taken in, s.
+    taken_s: f64,
+    /// Update that the covariance of the state estimate belongs to, s.
+    spread_s: f64,
+    /// Turns off the axes of hinges; see `Coordinates::off_axis`.
+    pub(super) off_axis: Vec<[f64; 3]>,
+}
+
+impl LinkState {
+    /// Time of the last sample that was taken in, s.
+    pub(super) fn taken_s(&self) -> f64 {
+        self.taken_s
+    }
+}
+
+/// The filter of a tracker of strapdown links.
+#[derive(Debug, Clone)]
+pub(super) struct Strapdown {
+    mounts: Mounts,
+    pub filter: Option<StrapdownFilter>,
+    /// Standard deviations of states that strapdown links do not estimate.
+    unknown: Vec<f64>,
+    /// Time after the first sample at which a start is tried again, s.
+    next_start_s: f64,
+}
+
+/// Means and signals of a row, for the smoother.
+#[derive(Debug, Clone)]
+pub(super) struct RowMotion {
+    pub time_s: f64,
+    pub increments: Vec<Increment>,
+    pub signals: Vec<Signal>,
+}
+
+impl Strapdown {
+    /// `None` if the model is tracked as a tree.
+    pub fn new(
+        body: &Body,
+        calibration: &Calibration,
+        mounts: &[Option<MountValue>],
+        chosen: Option<Structure>,
+    ) -> Result<Option<Self>> {
+        if chosen.unwrap_or(body.model.structure) == Structure::Tree {
+            return Ok(None);
+        }
+        let std = |name: &String| calibration.mount_stds_rad.get(name).copied().unwrap_or([0.0; 3]);
+        let stds_rad = body.model.sensors.iter().map(|s| std(&s.name)).collect();
+        let mounts = Mounts { values: mounts.to_vec(), stds_rad };
+        // All units, so that a model that cannot be tracked is refused at once.
+        Skeleton::new(body, &vec![true; body.suite.sources.len()], &mounts)?;
+        Ok(Some(Strapdown { mounts, filter: None, unknown: start_std(body, 1.0), next_start_s: 0.0 }))
+    }
+
+    /// Frames of links whose hinges lock a direction.
+    pub fn locked(&self) -> Vec<usize> {
+        self.filter.as_ref().map_or_else(Vec::new, |filter| filter.locked().map(|link| link.frame).collect())
+    }
+
+    /// Coordinates at these means.
+    pub fn coordinates(&self, body: &Body, means: &Means, signals: &[Signal], near: &[f64]) -> Coordinates {
+        let filter = self.filter.as_ref().expect("made at the start");
+        Coordinates::of(filter, body, means, signals, (near, &self.unknown))
+    }
+}
+
+impl Tracker {
+    /// Takes in a corrected sample.
+    pub(super) fn take_in_links(&mut self, sample: &Sample, sink: Sink) -> Result<Status> {
+        let Some(mut one) = self.hypothesis.take() else {
+            return self.gather_links(sample, sink);
+        };
+        let taken_s = one.links.as_ref().map_or(f64::NEG_INFINITY, |l| l.taken_s);
+        if sample.time_s <= taken_s || !sample.time_s.is_finite() {
+            self.hypothesis = Some(one);
+            return Ok(Status::OutOfOrder);
+        }
+        self.take_readings(&mut one, sample);
+        let processed = self.process_links(&mut one, false, sink);
+        self.hypothesis = Some(one);
+        processed?;
+        Ok(Status::Tracking)
+    }
+
+    fn gather_links(&mut self, sample: &Sample, sink: Sink) -> Result<Status> {
+        let late = self.waiting.last().is_some_and(|w| sample.time_s <= w.time_s);
+        if late || !sample.time_s.is_finite() {
+            return Ok(Status::OutOfOrder);
+        }
+        self.waiting.push(sample.clone());
+        let since_s = sample.time_s - self.waiting[0].time_s;
+        let due_s = self.strapdown.as_ref().map_or(0.0, |s| s.next_start_s);
+        if since_s < self.config.start_window_s.max(START_S).max(due_s) {
+            return Ok(Status::Starting);
+        }
+        self.begin_links(since_s >= LONGEST_START_S, sink)?;
+        Ok(if self.hypothesis.is_some() { Status::Tracking } else { Status::Starting })
+    }
+
+    /// Processes what waits at the end of the recording.
+    pub(super) fn finish_links(&mut self, sink: Sink) -> Result<()> {
+        if self.hypothesis.is_none() && !self.waiting.is_empty() {
+            self.begin_links(true, sink)?;
+        }
+        let Some(mut one) = self.hypothesis.take() else { return Ok(()) };
+        let done = self.process_links(&mut one, true, sink);
+        self.hypothesis = Some(one);
+        done
+    }
+
+    /// Makes the filter for the units that have readings, and takes in the samples that waited. Where headings are open and the readings do
+    /// not decide them, the samples go on waiting unless they `must` do.
+    fn begin_links(&mut self, must: bool, sink: Sink) -> Result<()> {
+        let waiting = std::mem::take(&mut self.waiting);
+        let present = self.present(&waiting);
+        self.build_filter(&present)?;
+        let time_s = waiting[0].time_s;
+        let mut one = Hypothesis::new(self.blank_belief(time_s), self.subject.body.suite.sources.len());
+        let units = self.strapdown_filter().skeleton.units.len();
+        let state = State {
+            time_s,
+            means: Means::default(),
+            covariance: Square::zeros(0),
+            readings: vec![Readings::default(); units],
+            increments: Vec::new(),
+            row_s: time_s,
+            uneven: 0,
+        };
+        one.links = Some(Box::new(LinkState {
+            state,
+            present,
+            waiting: VecDeque::new(),
+            taken_s: f64::NEG_INFINITY,
+            spread_s: f64::NAN,
+            off_axis: Vec::new(),
+        }));
+        waiting.iter().for_each(|sample| self.take_readings(&mut one, sample));
+        let Some(links) = &mut one.links else { return Ok(()) };
+        match self.start_state(time_s, std::mem::take(&mut links.state.readings), must) {
+            Some(state) => links.state = state,
+            None => {
+                self.waiting = waiting;
+                self.strapdown.iter_mut().for_each(|s| s.next_start_s = s.next_start_s.max(START_S) * LATER);
+                return Ok(());
+            }
+        }
+        let done = self.process_links(&mut one, false, sink);
+        self.hypothesis = Some(one);
+        done
+    }
+
+    /// By source: whether it has whole readings of gyroscope and accelerometer in some samples.
+    fn present(&self, samples: &[Sample]) -> Vec<bool> {
+        let is_read = |s: &crate::sensor::Source| {
+            let inertial = || s.parts.iter().filter(|p| matches!(p.quantity, Quantity::Gyro | Quantity::Accel));
+            let whole = |sample: &Sample| inertial().all(|p| sample.z[p.rows.clone()].iter().all(|z| !z.is_nan()));
+            inertial().count() == 2 && samples.iter().any(whole)
+        };
+        self.subject.body.suite.sources.iter().map(is_read).collect()
+    }
+
+    fn blank_belief(&self, time_s: f64) -> Belief {
+        let parts = self.subject.groups.parts.len();
+        Belief {
+            time_s,
+            mean: self.unmoved(),
+            covariance: Square::zeros(self.subject.body.layout.dim()),
+            drive: vec![1.0; self.subject.body.driven().len()],
+            usual_nis: vec![1.0; parts],
+            inflation: 1.0,
+            surprise: 1.0,
+            roughness: 1.0,
+            leftover: 1.0,
+            rejected_since_s: vec![f64::NAN; parts],
+        }
+    }
+
+    /// The start of the filter; `None` if headings are open, the readings do not decide them, and they need not.
+    fn start_state(&self, time_s: f64, readings: Vec<Readings>, must: bool) -> Option<State> {
+        let filter = self.strapdown_filter();
+        let (start, tilts) = filter.start(time_s, &self.rest_orientation(), readings);
+        if filter.seeks_headings() {
+            return filter.with_headings(&start, &tilts, must);
+        }
+        Some(start)
+    }
+
+    pub(super) fn build_filter(&mut self, present: &[bool]) -> Result<()> {
+        let Some(strapdown) = &mut self.strapdown else { return Ok(()) };
+        let body = &self.subject.body;
+        let skeleton = Skeleton::new(body, present, &strapdown.mounts)?;
+        let readings = (self.config.closures, self.config.contacts);
+        strapdown.filter = Some(StrapdownFilter::new(skeleton, body.model.links, readings));
+        Ok(())
+    }
+
+    /// Makes the filter that a state estimate belongs to.
+    pub(super) fn resume_links(&mut self, one: &Hypothesis) -> Result<()> {
+        match &one.links {
+            Some(links) => self.build_filter(&links.present.clone()),
+            None => Ok(()),
+        }
+    }
+
+    fn strapdown_filter(&self) -> &StrapdownFilter {
+        self.strapdown.as_ref().and_then(|s| s.filter.as_ref()).expect("made at the start")
+    }
+
+    /// The states of the layout before any estimate: rest, or the configured posture.
+    fn unmoved(&self) -> Vec<f64> {
+        let body = &self.subject.body;
+        let mut mean = vec![0.0; body.layout.dim()];
+        for (c, axis, slots) in body.moving() {
+            let asked = self.config.initial_q.as_ref().and_then(|q| q.get(c).copied());
+            mean[slots.q] = asked.unwrap_or(axis.rest);
+        }
+        for ((_, state), length) in body.layout.lengths.iter().zip(body.lengths()) {
+            mean[*state] = length;
+        }
+        mean
+    }
+
+    /// Orientation of every link in that posture, room from link.
+    fn rest_orientation(&self) -> Vec<Mat3<f64>> {
+        let (body, mean) = (&self.subject.body, self.unmoved());
+        let mut all: Vec<Mat3<f64>> = Vec::new();
+        for link in &self.strapdown_filter().skeleton.links {
+            let value = |c: Option<usize>| c.and_then(|c| body.layout.coordinates[c]).map_or(0.0, |s| mean[s.q]);
+            let own = link.turns.rotation(link.turns.coordinates().map(value));
+            all.push(link.parent.map_or(own, |p| all[p].times(&own)));
+        }
+        all
+    }
+
+    /// Adds the readings of a sample to their units, without those of stuck sensors.
+    pub(super) fn take_readings(&mut self, one: &mut Hypothesis, sample: &Sample) {
+        let Tracker { subject, readings, faults, strapdown, .. } = self;
+        let filter = strapdown.as_ref().and_then(|s| s.filter.as_ref()).expect("made at the start");
+        let Some(links) = &mut one.links else { return };
+        readings.take(sample);
+        faults.silence_clipped(subject, readings);
+        faults.silence_stuck(subject, &mut one.sources, readings, sample.time_s);
+        let parts = faults.verdicts(subject, sample);
+        for (u, unit) in filter.skeleton.units.iter().enumerate() {
+            let verdict = |first: usize| parts[subject.part_of_row[first]];
+            let three = |first: usize| Vec3([sample.z[first], sample.z[first + 1], sample.z[first + 2]]);
+            let is_used = |v: Verdict| matches!(v, Verdict::Accepted | Verdict::Clipped);
+            let (gyro, accel) = (verdict(unit.gyro), verdict(unit.accel));
+            if !is_used(gyro) {
+                continue;
+            }
+            let clipped = |v: Verdict, std: f64| if v == Verdict::Clipped { std } else { 0.0 };
+            let mut excess = [clipped(gyro, CLIPPED[0]), clipped(accel, CLIPPED[1])];
+            let time_s = sample.time_s + sample.offset_s.get(unit.source).copied().unwrap_or(0.0);
+            let force = match is_used(accel) {
+                true => three(unit.accel),
+                false => {
+                    excess[1] = UNSENT_FORCE;
+                    match links.state.readings[u].last() {
+                        Some(last) => last.accel,
+                        None => continue,
+                    }
+                }
+            };
+            let reading = Reading { time_s, gyro: three(unit.gyro), accel: force, excess };
+            if filter.take(&mut links.state, u, reading) {
+                one.sources[unit.source].seen_s = time_s;
+            }
+        }
+        links.taken_s = sample.time_s;
+        links.waiting.push_back(Waiting { sample: sample.clone(), parts });
+    }
+
+    /// Processes the samples that are complete; all of them if it is the end.
+    fn process_links(&mut self, one: &mut Hypothesis, is_end: bool, sink: Sink) -> Result<()> {
+        while let Some((sample, _)) = self.process_one(one, is_end, &mut |_| {}, false) {
+            sink(&sample, one, &self.info);
+        }
+        Ok(())
+    }
+
+    /// Processes the next sample if it is complete: its sample, and what the smoother needs of its row.
+    pub(super) fn process_one(
+        &mut self,
+        one: &mut Hypothesis,
+        is_end: bool,
+        node: &mut dyn FnMut(Node),
+        for_smoother: bool,
+    ) -> Option<(Sample, Option<RowMotion>)> {
+        let strapdown = self.strapdown.as_mut()?;
+        let filter = strapdown.filter.as_mut()?;
+        let links = one.links.as_mut()?;
+        let front = links.waiting.front()?;
+        let time_s = front.sample.time_s;
+        if !is_end && filter.complete_s(&links.state, PATIENCE_S) < time_s - 1e-9 {
+            return None;
+        }
+        let Waiting { sample, parts } = links.waiting.pop_front()?;
+        filter.advance(&mut links.state, time_s, node, for_smoother);
+        let is_updated = links.state.time_s == time_s;
+        let means = filter.present(&links.state);
+        let signals: Vec<Signal> = links.state.readings.iter().map(|r| r.at(time_s)).collect();
+        let body = &self.subject.body;
+        let strapdown = self.strapdown.as_ref()?;
+        let coordinates = strapdown.coordinates(body, &means, &signals, &one.belief.mean);
+        if links.spread_s != links.state.time_s {
+            one.belief.covariance = coordinates.covariance(&links.state.covariance);
+            links.spread_s = links.state.time_s;
+        }
+        let motion = for_smoother.then(|| RowMotion { time_s, increments: links.state.increments.clone(), signals });
+        links.off_axis = coordinates.off_axis;
+        one.belief.mean = coordinates.mean;
+        one.belief.time_s = time_s;
+        self.report_links(&parts, is_updated);
+        Some((sample, motion))
+    }
+
+    fn report_links(&mut self, parts: &[Verdict], is_updated: bool) {
+        let (subject, info) = (&self.subject, &mut self.info);
+        let Some(filter) = self.strapdown.as_ref().and_then(|s| s.filter.as_ref()) else { return };
+        info.innovation.fill(f64::NAN);
+        info.parts.copy_from_slice(parts);
+        info.rejected.fill(false);
+        info.lost = false;
+        info.log_likelihood = 0.0;
+        for (p, quantity) in subject.quantities.iter().enumerate() {
+            let unit = filter.skeleton.units.iter().position(|u| u.source == subject.source_of_part[p]);
+            let virtually = match quantity {
+                Quantity::Rest => unit.is_some_and(|u| is_updated && filter.rests[u]),
+                Quantity::Contact => unit.is_some_and(|u| is_updated && filter.stands[u]),
+                _ => continue,
+            };
+            info.parts[p] = if virtually { Verdict::Accepted } else { Verdict::Missing };
+        }
+        for (s, source) in info.sources.iter_mut().enumerate() {
+            *source = SourceInfo { nis: f64::NAN, used: 0, rejected: 0, missing: 0 };
+            for p in (0..parts.len()).filter(|p| subject.source_of_part[*p] == s) {
+                let rows = subject.groups.parts[p].len() as u8;
+                match info.parts[p] {
+                    Verdict::Accepted => source.used += rows,
+                    Verdict::Missing => source.missing += rows,
+                    _ => source.rejected += rows,
+                }
+            }
+        }
+        subject.excuse_virtual(info);
+        let read: Vec<f64> = filter.closure_nis.iter().copied().filter(|x| is_updated && !x.is_nan()).collect();
+        info.nis = if is_updated { read.iter().sum() } else { f64::NAN };
+        info.inertial = if read.is_empty() { (f64::NAN, 0) } else { (info.nis, 3 * read.len()) };
+    }
+}

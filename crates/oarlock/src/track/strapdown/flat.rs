@@ -1,0 +1,188 @@
+//! Flat form of the state of strapdown links, in pickled state estimates.
+
+use super::{LinkState, Waiting};
+use crate::estimate::filter::Verdict;
+use crate::kernels::dense::Square;
+use crate::recording::Sample;
+use crate::rotation::{Mat3, Vec3};
+use crate::strapdown::filter::{Means, State, UnitState};
+use crate::strapdown::increment::{Increment, Reading, Readings};
+
+const VERDICTS: [Verdict; 4] = [Verdict::Missing, Verdict::Accepted, Verdict::Clipped, Verdict::Stuck];
+
+/// Numbers one after another; lists begin with their length.
+struct Writer(Vec<f64>);
+
+impl Writer {
+    fn list(&mut self, values: &[f64]) {
+        self.0.push(values.len() as f64);
+        self.0.extend_from_slice(values);
+    }
+
+    fn count(&mut self, count: usize) {
+        self.0.push(count as f64);
+    }
+
+    fn three(&mut self, v: Vec3<f64>) {
+        self.0.extend(v.0);
+    }
+
+    fn matrix(&mut self, m: &Mat3<f64>) {
+        self.0.extend(m.0.iter().flatten());
+    }
+}
+
+struct Source<'a>(std::slice::Iter<'a, f64>);
+
+impl Source<'_> {
+    fn number(&mut self) -> Option<f64> {
+        self.0.next().copied()
+    }
+
+    fn count(&mut self) -> Option<usize> {
+        let count = self.number().filter(|c| *c >= 0.0 && c.fract() == 0.0)? as usize;
+        (count <= self.0.len()).then_some(count)
+    }
+
+    fn many<T>(&mut self, mut read: impl FnMut(&mut Self) -> Option<T>) -> Option<Vec<T>> {
+        let count = self.count()?;
+        (0..count).map(|_| read(self)).collect()
+    }
+
+    fn list(&mut self) -> Option<Vec<f64>> {
+        self.many(Self::number)
+    }
+
+    fn array<const N: usize>(&mut self) -> Option<[f64; N]> {
+        let mut out = [0.0; N];
+        out.iter_mut().try_for_each(|x| self.number().map(|v| *x = v))?;
+        Some(out)
+    }
+
+    fn three(&mut self) -> Option<Vec3<f64>> {
+        self.array().map(Vec3)
+    }
+
+    fn matrix(&mut self) -> Option<Mat3<f64>> {
+        let m = self.array::<9>()?;
+        Some(Mat3([[m[0], m[1], m[2]], [m[3], m[4], m[5]], [m[6], m[7], m[8]]]))
+    }
+}
+
+impl LinkState {
+    /// All numbers.
+    pub fn to_flat(&self) -> Vec<f64> {
+        let LinkState { state, present, waiting, taken_s, spread_s, off_axis } = self;
+        let mut to = Writer(vec![*taken_s, *spread_s, state.time_s, state.row_s, f64::from(state.uneven)]);
+        to.list(&present.iter().map(|p| f64::from(u8::from(*p))).collect::<Vec<_>>());
+        to.list(state.covariance.as_slice());
+        to.count(state.means.units.len());
+        for u in &state.means.units {
+            to.matrix(&u.rotation);
+            [u.velocity, u.position, u.gyro_bias, u.accel_bias].into_iter().for_each(|v| to.three(v));
+        }
+        to.count(state.means.loose.len());
+        state.means.loose.iter().for_each(|m| to.matrix(m));
+        to.count(state.means.points.len());
+        state.means.points.iter().for_each(|v| to.three(*v));
+        to.count(state.readings.len());
+        for readings in &state.readings {
+            let (all, interval_s) = readings.parts();
+            to.0.push(interval_s);
+            to.count(all.len());
+            for r in all {
+                to.0.push(r.time_s);
+                to.three(r.gyro);
+                to.three(r.accel);
+                to.0.extend(r.excess);
+            }
+        }
+        to.count(state.increments.len());
+        for i in &state.increments {
+            to.0.push(i.duration_s);
+            to.three(i.velocity);
+            to.three(i.position);
+            let all = [
+                &i.rotation,
+                &i.rotation_gyro,
+                &i.velocity_gyro,
+                &i.velocity_accel,
+                &i.position_gyro,
+                &i.position_accel,
+            ];
+            all.into_iter().for_each(|m| to.matrix(m));
+            to.0.extend(i.covariance.iter().flatten());
+        }
+        to.list(&off_axis.concat());
+        to.count(waiting.len());
+        for w in waiting {
+            let Sample { time_s, z, inputs, offset_s } = &w.sample;
+            to.0.push(*time_s);
+            [z, inputs, offset_s].into_iter().for_each(|v| to.list(v));
+            let number = |v: &Verdict| VERDICTS.iter().position(|known| known == v).unwrap_or(0) as f64;
+            to.list(&w.parts.iter().map(number).collect::<Vec<_>>());
+        }
+        to.0
+    }
+
+    /// Reads the result of `to_flat`; `None` if it is none.
+    pub fn from_flat(flat: &[f64]) -> Option<Self> {
+        let mut from = Source(flat.iter());
+        let [taken_s, spread_s, time_s, row_s, uneven] = from.array()?;
+        let present = from.list()?.iter().map(|p| *p != 0.0).collect();
+        let covariance = from.list()?;
+        let n = covariance.len().isqrt();
+        let covariance = Square::from_rows(n, covariance)?;
+        let units = from.many(|from| {
+            Some(UnitState {
+                rotation: from.matrix()?,
+                velocity: from.three()?,
+                position: from.three()?,
+                gyro_bias: from.three()?,
+                accel_bias: from.three()?,
+            })
+        })?;
+        let means = Means { units, loose: from.many(Source::matrix)?, points: from.many(Source::three)? };
+        let readings = from.many(|from| {
+            let interval_s = from.number()?;
+            let all = from.many(|from| {
+                Some(Reading {
+                    time_s: from.number()?,
+                    gyro: from.three()?,
+                    accel: from.three()?,
+                    excess: from.array()?,
+                })
+            })?;
+            Some(Readings::of_parts(all, interval_s))
+        })?;
+        let increments = from.many(|from| {
+            let duration_s = from.number()?;
+            let (velocity, position) = (from.three()?, from.three()?);
+            Some(Increment {
+                duration_s,
+                velocity,
+                position,
+                rotation: from.matrix()?,
+                rotation_gyro: from.matrix()?,
+                velocity_gyro: from.matrix()?,
+                velocity_accel: from.matrix()?,
+                position_gyro: from.matrix()?,
+                position_accel: from.matrix()?,
+                covariance: {
+                    let all = from.array::<81>()?;
+                    std::array::from_fn(|r| std::array::from_fn(|c| all[9 * r + c]))
+                },
+            })
+        })?;
+        let off_axis = from.list()?.chunks_exact(3).map(|v| [v[0], v[1], v[2]]).collect();
+        let waiting = from.many(|from| {
+            let sample =
+                Sample { time_s: from.number()?, z: from.list()?, inputs: from.list()?, offset_s: from.list()? };
+            let parts = from.list()?.iter().map(|v| VERDICTS.get(*v as usize).copied()).collect::<Option<_>>()?;
+            Some(Waiting { sample, parts })
+        })?;
+        let state = State { time_s, means, covariance, readings, increments, row_s, uneven: uneven as u32 };
+        let is_whole = from.0.next().is_none();
+        is_whole.then(|| LinkState { state, present, waiting: waiting.into(), taken_s, spread_s, off_axis })
+    }
+}
