@@ -20,6 +20,8 @@ pub struct Step {
     pub velocity: [Mat3<f64>; 3],
     /// Position by the same.
     pub position: [Mat3<f64>; 3],
+    /// Whether orientation, velocity and position are forgotten: the unit is silent.
+    pub forgets: bool,
 }
 
 impl Step {
@@ -49,6 +51,7 @@ impl Step {
                 sum(&before.times(&increment.position_gyro), &p.times(&turn_gyro), 1.0),
                 before.times(&increment.position_accel),
             ],
+            forgets: false,
         };
         // G = [after, 0, 0; v after, before, 0; p after, 0, before]
         let (va, pa) = (v.times(&after), p.times(&after));
@@ -73,6 +76,10 @@ impl Step {
 #[inline(always)]
 pub fn move_rows<const FUSED: bool>(step: &Step, rows: &mut [&mut [f64]; UNIT]) {
     let n = rows[0].len();
+    if step.forgets {
+        rows[..9].iter_mut().for_each(|row| row.fill(0.0));
+        return;
+    }
     let [f0, f1, f2, v0, v1, v2, p0, p1, p2, g0, g1, g2, a0, a1, a2] = rows;
     let (turn, gyro, accel) =
         ([&f0[..n], &f1[..n], &f2[..n]], [&g0[..n], &g1[..n], &g2[..n]], [&a0[..n], &a1[..n], &a2[..n]]);
@@ -117,6 +124,10 @@ pub fn move_rows<const FUSED: bool>(step: &Step, rows: &mut [&mut [f64]; UNIT]) 
 #[inline(always)]
 fn move_columns(step: &Step, x: &mut [f64]) {
     let x: &mut [f64; UNIT] = x.try_into().expect("15 columns");
+    if step.forgets {
+        x[..9].fill(0.0);
+        return;
+    }
     let old = *x;
     for q in 0..3 {
         let (mut speed, mut place, mut turn) = (0.0, step.duration_s * old[3 + q], 0.0);

@@ -3,6 +3,7 @@
 use super::covariance::{even, predict, Correction, Rows, Step, UNIT};
 use super::increment::{sum, Increment, Reading, Readings, ZERO};
 use super::skeleton::{End, Pose, Skeleton};
+use super::start::{fresh_block, put_block};
 use crate::kernels::arch::Arch;
 use crate::kernels::dense::Square;
 use crate::model::Links;
@@ -11,6 +12,10 @@ use crate::rotation::{Mat3, Vec3};
 
 /// Interval between readings of joints, s. They lose nothing at it.
 const UPDATE_S: f64 = 0.02;
+/// A unit without readings for longer is silent, s: it goes with its neighbour, and its joints are not read. What its orientation is worth when it
+/// speaks again, rad.
+const SILENT_S: f64 = 0.3;
+const SILENT_RAD: f64 = 0.6;
 /// Longest prediction without a reading of joints, s.
 const LONGEST_S: f64 = 0.1;
 /// Joint state of a link without a unit: random walk, rad per sqrt(s), and correlation time of the spring to its rest, s.
@@ -96,6 +101,8 @@ pub struct StrapdownFilter {
     /// Of the last update, by unit.
     pub rests: Vec<bool>,
     pub stands: Vec<bool>,
+    /// Of the last prediction, by unit: whether it is silent.
+    pub silent: Vec<bool>,
 }
 
 impl StrapdownFilter {
@@ -118,6 +125,7 @@ impl StrapdownFilter {
             closure_nis: vec![f64::NAN; skeleton.closures.len()],
             rests: vec![false; units],
             stands: vec![false; units],
+            silent: vec![false; units],
             skeleton,
             links,
             points,
@@ -254,6 +262,8 @@ impl StrapdownFilter {
     fn predict(&mut self, state: &mut State) -> Vec<Step> {
         let mut steps = Vec::with_capacity(state.means.units.len());
         let mut noises = Vec::with_capacity(steps.capacity());
+        self.silent = state.readings.iter().map(|r| state.row_s - r.last_s() > SILENT_S).collect();
+        let before = state.means.units.clone();
         for (mean, increment) in state.means.units.iter_mut().zip(&mut state.increments) {
             let before = mean.rotation;
             *mean = self.moved(mean, increment);
@@ -263,14 +273,17 @@ impl StrapdownFilter {
             noises.push(noise);
             *increment = Increment::none();
         }
+        for u in (0..before.len()).filter(|u| self.silent[*u]) {
+            self.ride(&mut state.means.units, &before, u);
+            let turn = sum(&ZERO, &Mat3::identity(), SILENT_RAD * SILENT_RAD);
+            let stds = [self.links.start_speed_std_m_s, self.links.start_place_std_m];
+            noises[u] = fresh_block(&turn, &state.means.units[u], stds);
+            steps[u].forgets = true;
+        }
         predict(self.arch, &mut state.covariance, &steps);
         let step_s = state.row_s - state.time_s;
         for (i, (noise, unit)) in noises.iter().zip(&self.skeleton.units).enumerate() {
-            for (r, row) in noise.iter().enumerate() {
-                for (c, x) in row.iter().enumerate() {
-                    *state.covariance.at_mut(UNIT * i + r, UNIT * i + c) += *x;
-                }
-            }
+            put_block(&mut state.covariance, UNIT * i, noise);
             for r in 0..6 {
                 let at = UNIT * i + 9 + r;
                 *state.covariance.at_mut(at, at) += unit.bias[r / 3][1].powi(2) * step_s;
@@ -282,6 +295,28 @@ impl StrapdownFilter {
         }
         state.time_s = state.row_s;
         steps
+    }
+
+    /// A silent unit goes with the neighbour that a joint connects it to, if that speaks; else it stays.
+    fn ride(&self, units: &mut [UnitState], before: &[UnitState], u: usize) {
+        let ends = self.skeleton.closures.iter().filter_map(|c| match (c.from, c.to) {
+            (End::Unit(a, _), End::Unit(b, _)) => Some((a, b)),
+            _ => None,
+        });
+        let neighbour = ends.filter_map(|(a, b)| (a == u).then_some(b).or((b == u).then_some(a)));
+        let own = &before[u];
+        units[u] = match { neighbour }.find(|n| !self.silent[*n]) {
+            None => UnitState { velocity: Vec3([0.0; 3]), ..*own },
+            Some(n) => {
+                let turn = units[n].rotation.times_transposed(&before[n].rotation);
+                UnitState {
+                    rotation: orthonormal(&turn.times(&own.rotation)),
+                    velocity: units[n].velocity,
+                    position: units[n].position + turn.apply(own.position - before[n].position),
+                    ..*own
+                }
+            }
+        };
     }
 
     fn update(&mut self, state: &mut State, step_s: f64) {

@@ -37,6 +37,10 @@ impl StrapdownFilter {
     /// The two points of a joint coincide, in the axes of the unit `from`.
     pub(super) fn read_closure(&mut self, state: &mut State, c: usize, step_s: f64) {
         let closure = self.skeleton.closures[c].clone();
+        let is_silent = |end: End| matches!(end, End::Unit(u, _) if self.silent[u]);
+        if is_silent(closure.from) || is_silent(closure.to) {
+            return;
+        }
         let means = &state.means;
         let mut rows = std::mem::take(&mut self.rows);
         rows.clear();
@@ -85,7 +89,8 @@ impl StrapdownFilter {
             (None, true) => LOOSE_HINGE_RAD,
             (None, false) => return,
         };
-        if locked == 0 {
+        let is_silent = |l: usize| matches!(self.skeleton.links[l].pose, Pose::Unit(u) if self.silent[u]);
+        if locked == 0 || is_silent(l) || link.parent.is_some_and(is_silent) {
             return;
         }
         let (relative, child) = self.relative(&state.means, l);

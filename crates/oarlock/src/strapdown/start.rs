@@ -56,23 +56,12 @@ impl StrapdownFilter {
         let links = &self.links;
         let mut covariance = Square::zeros(self.size);
         for (i, (unit, mean)) in self.skeleton.units.iter().zip(&means.units).enumerate() {
-            let first = UNIT * i;
-            let turn = self.start_turn(heading, tilts[i]);
-            let j = skew(mean.position);
-            let jt = j.times(&turn);
-            let jj = jt.times_transposed(&j);
-            for r in 0..3 {
-                *covariance.at_mut(first + 3 + r, first + 3 + r) = links.start_speed_std_m_s.powi(2);
-                *covariance.at_mut(first + 9 + r, first + 9 + r) = unit.bias[0][0].powi(2);
-                *covariance.at_mut(first + 12 + r, first + 12 + r) = unit.bias[1][0].powi(2);
-                for c in 0..3 {
-                    // The position itself does not depend on the orientation.
-                    let own = if r == c { links.start_place_std_m.powi(2) } else { 0.0 };
-                    *covariance.at_mut(first + r, first + c) = turn.0[r][c];
-                    *covariance.at_mut(first + 6 + r, first + 6 + c) = own + jj.0[r][c];
-                    *covariance.at_mut(first + 6 + r, first + c) = jt.0[r][c];
-                    *covariance.at_mut(first + c, first + 6 + r) = jt.0[r][c];
-                }
+            let stds = [links.start_speed_std_m_s, links.start_place_std_m];
+            let block = fresh_block(&self.start_turn(heading, tilts[i]), mean, stds);
+            put_block(&mut covariance, UNIT * i, &block);
+            for r in 0..6 {
+                let at = UNIT * i + 9 + r;
+                *covariance.at_mut(at, at) = unit.bias[r / 3][0].powi(2);
             }
         }
         for number in 0..self.skeleton.loose.len() {
@@ -252,6 +241,29 @@ impl StrapdownFilter {
                     None => return,
                 }
             }
+        }
+    }
+}
+
+/// Covariance of a unit's orientation, velocity and position that do not depend on each other; `turn`: that of its orientation.
+pub fn fresh_block(turn: &Mat3<f64>, mean: &UnitState, stds: [f64; 2]) -> [[f64; 9]; 9] {
+    // Invariant errors of velocity and position contain the turn of both about the room's origin.
+    let levers = [Mat3::identity(), skew(mean.velocity), skew(mean.position)];
+    let by_turn = levers.map(|lever| lever.times(turn));
+    std::array::from_fn(|r| {
+        std::array::from_fn(|c| {
+            let (a, b) = (r / 3, c / 3);
+            let own = if r == c && a > 0 { stds[a - 1].powi(2) } else { 0.0 };
+            own + by_turn[a].times_transposed(&levers[b]).0[r % 3][c % 3]
+        })
+    })
+}
+
+/// Adds a block of nine rows and columns.
+pub fn put_block(covariance: &mut Square, first: usize, block: &[[f64; 9]; 9]) {
+    for (r, row) in block.iter().enumerate() {
+        for (c, x) in row.iter().enumerate() {
+            *covariance.at_mut(first + r, first + c) += *x;
         }
     }
 }

@@ -1,0 +1,155 @@
+"""Strapdown links: a unit never turns otherwise than its own gyroscope measured, whatever joints and hits do."""
+
+import pickle
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation, Slerp
+
+import oarlock
+from tests.hit_body import LINKS, hit_body, rms
+
+# Of twelve such bodies (slides of 0, 1 and 2 cm, four seeds): live up to 2.2 and 4.7 deg of tilt and relative orientation, smoothed 0.7 and 3.3;
+# one filter for each unit 2.7 and 7.0, the tree 8 to 32 and 14 to 87.
+LIVE_DEG = 2.5, 5.5
+SMOOTHED_DEG = 0.9, 3.8
+
+
+@pytest.fixture(scope="module")
+def sliding():
+    return hit_body(slide_m=0.01, seed=3)
+
+
+@pytest.fixture(scope="module")
+def tracked(sliding):
+    return sliding.track()
+
+
+@pytest.mark.parametrize("slide_m", [0.0, 0.01, 0.02])
+def test_a_body_that_is_hit_is_tracked(slide_m):
+    body = hit_body(slide_m=slide_m)
+    live, alone = body.track(), body.track(closures=False)
+    for track, bars in ((live, LIVE_DEG), (oarlock.smooth(live), SMOOTHED_DEG)):
+        errors = [rms(rms(e) for e in kind.values()) for kind in body.errors_deg(track)]
+        assert errors[0] < bars[0] and errors[1] < bars[1], (track.smoothed, errors)
+    without = [rms(rms(e) for e in kind.values()) for kind in body.errors_deg(alone)]
+    with_joints = [rms(rms(e) for e in kind.values()) for kind in body.errors_deg(live)]
+    assert with_joints[0] < without[0] and with_joints[1] < without[1], "joints pay"
+
+
+def test_a_tree_turns_links_otherwise_than_their_gyroscopes(sliding):
+    """What the form is for: the smoothness of joints acts as a false heading sensor at hits."""
+    _, relative = sliding.errors_deg(sliding.track(structure="tree"))
+    assert rms(rms(e) for e in relative.values()) > 2.0 * LIVE_DEG[1]
+
+
+@pytest.mark.parametrize("smoothed", [False, True])
+def test_no_unit_turns_otherwise_than_its_gyroscope(sliding, tracked, smoothed):
+    track = oarlock.smooth(tracked) if smoothed else tracked
+    for stream in sliding.recording:
+        gyro = stream.gyro_rad_s - np.column_stack(
+            [
+                np.interp(stream.time_s, track.time_s, track.slow[f"{stream.name}.gyro_bias_{a}"].value)
+                for a in "xyz"
+            ]
+        )
+        mount = Rotation.from_matrix(sliding.calibration.mounts[stream.name][0])
+        pose = Slerp(track.time_s, Rotation.from_quat(track.frame_quat_wxyz(stream.name)[:, [1, 2, 3, 0]]))
+        for first in range(100, len(gyro) - 60, 25):
+            rows = slice(first, first + 50)
+            steps = np.diff(stream.time_s[first : first + 51])[:, None]
+            turned = Rotation.identity()
+            for turn in Rotation.from_rotvec(0.5 * (gyro[rows] + gyro[first + 1 : first + 51]) * steps):
+                turned = turned * turn
+            ends = pose(stream.time_s[[first, first + 50]])
+            off = (mount * turned * mount.inv()).inv() * ends[0].inv() * ends[1]
+            assert np.degrees(off.magnitude()) < 5.0, (stream.name, stream.time_s[first])
+
+
+def test_bands_hold_the_errors_and_are_no_wider_than_needed(sliding, tracked):
+    _, relative = sliding.errors_deg(tracked)
+    for (parent, child), error in relative.items():
+        std = np.degrees(np.linalg.norm(tracked.frame_rotation_stds(child, parent), axis=1)[50:])
+        assert 0.05 < np.mean(error**2) / np.mean(std**2) < 1.5, (parent, child)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [0, 1])
+def test_joints_keep_headings_over_minutes(seed):
+    """Without joints units drift by tens of degrees on the same readings."""
+    body = hit_body(300.0, 0.01, 0.005, seed)
+    live = body.track()
+    _, relative = body.errors_deg(live)
+    last = [rms(error[-500:]) for error in relative.values()]
+    assert np.mean(last) < 3.0 and max(last) < 6.0
+    _, relative = body.errors_deg(oarlock.smooth(live))
+    assert np.mean([rms(error) for error in relative.values()]) < 1.5
+    _, relative = body.errors_deg(body.track(closures=False))
+    assert np.mean([rms(error[-500:]) for error in relative.values()]) > 15.0
+
+
+def test_the_first_band_is_the_widest(tracked):
+    assert np.all(tracked.q_std[1, 3:] <= 1.1 * tracked.q_std[0, 3:])
+
+
+def test_a_unit_may_fall_silent_and_come_back(sliding):
+    arm = sliding.recording["upper_arm_l"]
+    heard = (arm.time_s < 10.0) | (arm.time_s > 12.0)
+    part = oarlock.ImuStream(
+        "upper_arm_l", arm.time_s[heard], gyro_rad_s=arm.gyro_rad_s[heard], accel_m_s2=arm.accel_m_s2[heard]
+    )
+    others = [stream for stream in sliding.recording if stream.name != "upper_arm_l"]
+    track = oarlock.track(
+        sliding.model,
+        oarlock.Recording([*others, part]),
+        sliding.calibration,
+        oarlock.Config(magnetometer="off", initial_q=sliding.start_q),
+    )
+    tilt, relative = sliding.errors_deg(track)
+    silent = track.frame_rotation_stds("upper_arm_l", "thorax").max(axis=1)
+    at = track.time_s
+    assert silent[(at > 11.5) & (at < 12.0)].min() > 3.0 * silent[(at > 9.0) & (at < 10.0)].max()
+    # Tilt returns within seconds; the heading that two seconds lost returns with movement, and the band says so.
+    assert rms(tilt["upper_arm_l"][-500:]) < LIVE_DEG[0]
+    assert rms(relative["pelvis", "thorax"]) < LIVE_DEG[1] and rms(tilt["upper_arm_r"]) < LIVE_DEG[0]
+
+
+def test_a_stream_gives_the_numbers_of_the_batch(sliding, tracked):
+    """Readings one by one as they arrive, each at its own instant."""
+    tracker = oarlock.Tracker(sliding.model, sliding.calibration, oarlock.Config(**tracked.provenance["config"]))
+    readings = sorted(
+        (time_s, stream.name, k) for stream in sliding.recording for k, time_s in enumerate(stream.time_s)
+    )
+    beliefs = []
+    for time_s, name, k in readings:
+        stream = sliding.recording[name]
+        parts = {"gyro_rad_s": stream.gyro_rad_s[k], "accel_m_s2": stream.accel_m_s2[k]}
+        beliefs += [belief for belief, _ in tracker.push(name, time_s, parts)]
+    beliefs += [belief for belief, _ in tracker.flush()]
+    columns = [beliefs[0].state_names.index(name) for name in tracked.coordinate_names]
+    at = np.searchsorted(tracked.time_s, [belief.time_s for belief in beliefs])
+    assert len(beliefs) >= 0.98 * len(tracked)
+    assert np.array_equal([belief.mean[columns] for belief in beliefs], tracked.q[at])
+
+
+def test_a_pickled_estimate_goes_on(sliding, tracked):
+    belief = pickle.loads(pickle.dumps(tracked.last_belief))
+    assert np.array_equal(belief.links, tracked.last_belief.links) and len(belief.links) > 1000
+    with pytest.raises(oarlock.DataError, match="links"):
+        build, parts = tracked.last_belief.__reduce__()
+        build(*parts[:-1], np.array([1.0, 2.0]))
+
+
+def test_what_it_cannot_track_is_refused():
+    with pytest.raises(oarlock.ModelError, match=r"slides.*structure = \"tree\""):
+        oarlock.track(
+            oarlock.load_model("sculler"),
+            oarlock.Recording([oarlock.ImuStream("back", [0.0, 0.01], gyro_rad_s=np.zeros((2, 3)))]),
+            config=oarlock.Config(structure="strapdown"),
+        )
+
+
+@pytest.mark.parametrize("link", LINKS)
+def test_the_orientation_of_a_link_has_a_band(tracked, link):
+    stds = tracked.frame_rotation_stds(link)
+    assert stds.shape == (len(tracked), 3) and np.all(stds > 0.0) and np.all(np.isfinite(stds))
