@@ -6,6 +6,7 @@
 //! otherwise than its own gyroscope measured. `track` uses this for models with `structure = "strapdown"`.
 
 pub mod angles;
+pub mod check;
 mod covariance;
 pub mod filter;
 pub mod increment;

@@ -15,7 +15,7 @@ const UPDATE_S: f64 = 0.02;
 /// A unit without readings for longer is silent, s: it goes with its neighbour, and its joints are not read. What its orientation is worth when it
 /// speaks again, rad.
 const SILENT_S: f64 = 0.3;
-const SILENT_RAD: f64 = 0.6;
+const SILENT_RAD: f64 = 1.0;
 /// Longest prediction without a reading of joints, s.
 const LONGEST_S: f64 = 0.1;
 /// Joint state of a link without a unit: random walk, rad per sqrt(s), and correlation time of the spring to its rest, s.
@@ -103,6 +103,10 @@ pub struct StrapdownFilter {
     pub stands: Vec<bool>,
     /// Of the last prediction, by unit: whether it is silent.
     pub silent: Vec<bool>,
+    /// By unit: whether its joints are let go, because it contradicts itself alone.
+    pub let_go: Vec<bool>,
+    /// Of the last update, by unit: by what it was turned, rad in the room's axes.
+    pub moved_by: Vec<Vec3<f64>>,
 }
 
 impl StrapdownFilter {
@@ -126,6 +130,8 @@ impl StrapdownFilter {
             rests: vec![false; units],
             stands: vec![false; units],
             silent: vec![false; units],
+            let_go: vec![false; units],
+            moved_by: vec![Vec3([0.0; 3]); units],
             skeleton,
             links,
             points,
@@ -336,6 +342,9 @@ impl StrapdownFilter {
         (0..self.skeleton.units.len()).for_each(|u| self.read_rest(state, u, step_s));
         (0..self.skeleton.units.len()).for_each(|u| self.read_contact(state, u, step_s));
         let shift = std::mem::take(&mut self.correction.shift);
+        for (u, moved) in self.moved_by.iter_mut().enumerate() {
+            moved.0.copy_from_slice(&shift[UNIT * u..UNIT * u + 3]);
+        }
         self.shift(&mut state.means, &shift);
         self.correction.shift = shift;
         state.uneven += 1;

@@ -37,7 +37,7 @@ impl StrapdownFilter {
     /// The two points of a joint coincide, in the axes of the unit `from`.
     pub(super) fn read_closure(&mut self, state: &mut State, c: usize, step_s: f64) {
         let closure = self.skeleton.closures[c].clone();
-        let is_silent = |end: End| matches!(end, End::Unit(u, _) if self.silent[u]);
+        let is_silent = |end: End| matches!(end, End::Unit(u, _) if self.silent[u] || self.let_go[u]);
         if is_silent(closure.from) || is_silent(closure.to) {
             return;
         }

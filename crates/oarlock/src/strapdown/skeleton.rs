@@ -108,7 +108,7 @@ pub struct Skeleton {
     pub up: Vec3<f64>,
     pub gravity_m_s2: f64,
     /// Whether the root is accelerated in all directions: its joints turn against the room and go with nothing.
-    pushed: bool,
+    pub pushed: bool,
 }
 
 impl Skeleton {
@@ -154,6 +154,12 @@ impl Skeleton {
             )));
         }
         Ok(skeleton)
+    }
+
+    /// The same room without links, units and joints.
+    pub fn without_joints(&self) -> Self {
+        let (links, units) = (Vec::new(), Vec::new());
+        Skeleton { links, units, closures: Vec::new(), loose: Vec::new(), ..*self }
     }
 
     /// Links of the model's pieces: hinges that meet in a point make one joint. Returns the link of each piece.

@@ -10,6 +10,7 @@ use super::run::{Run, StreamCount};
 use crate::config::Magnetometer;
 use crate::model::{JointKind, Model};
 use crate::recording::input_joint;
+use crate::strapdown::check::Check;
 
 /// Smallest increase of a standard deviation that a note reports, deg.
 const WORTH_A_WORD_DEG: f64 = 0.1;
@@ -18,7 +19,8 @@ const REJECTED_SHARE: f64 = 0.05;
 
 /// All notes on a run.
 pub fn notes(run: &Run) -> Vec<String> {
-    let mut notes = run.recording().notes();
+    let mut notes = contradicted(run);
+    notes.extend(run.recording().notes());
     notes.extend(nominal_mounts(run));
     notes.extend(absent_streams(run));
     notes.extend(silent_loops(run));
@@ -40,6 +42,25 @@ pub fn notes(run: &Run) -> Vec<String> {
         ));
     }
     notes
+}
+
+/// Shortest time of a contradiction that is reported, s.
+const CONTRADICTED_S: f64 = 0.5;
+
+/// Reports units that their joints contradict beyond all bands.
+fn contradicted(run: &Run) -> Vec<String> {
+    let Some(links) = run.last().and_then(|last| last.links.as_ref()) else { return Vec::new() };
+    let worst =
+        links.units_contradicted(run.tracker()).into_iter().filter(|(_, check)| check.contradicted_s > CONTRADICTED_S);
+    let text = |(name, check): (String, Check)| {
+        format!(
+            "{name}: its joints contradict the unit's own readings for {:.1} s, by up to {:.0} deg; its joints were not used then, and its \
+             angles are not reliable. Check which segment it is on (`oarlock assign`) and its mount (`oarlock calibrate`)",
+            check.contradicted_s,
+            check.worst_rad.to_degrees()
+        )
+    };
+    worst.map(text).collect()
 }
 
 /// Reports bands that consider states (mounts, lengths, sensor positions) widen beyond the calibration's own uncertainty.

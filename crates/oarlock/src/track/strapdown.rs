@@ -19,6 +19,7 @@ use crate::recording::Sample;
 use crate::rotation::{Mat3, Vec3};
 use crate::sensor::{MountValue, Quantity};
 use crate::strapdown::angles::Coordinates;
+use crate::strapdown::check::{Alone, Check};
 use crate::strapdown::filter::{Means, Node, State, StrapdownFilter};
 use crate::strapdown::increment::{Increment, Reading, Readings, Signal};
 use crate::strapdown::skeleton::{Mounts, Skeleton};
@@ -55,11 +56,25 @@ pub(crate) struct LinkState {
     taken_s: f64,
     /// Update that the covariance of the state estimate belongs to, s.
     spread_s: f64,
+    /// Each unit alone, and how the body agrees with it.
+    alone: Vec<State>,
+    pub(super) checks: Vec<Check>,
     /// Turns off the axes of hinges; see `Coordinates::off_axis`.
     pub(super) off_axis: Vec<[f64; 3]>,
 }
 
 impl LinkState {
+    /// Names of the units, and how each agrees with itself alone.
+    pub(super) fn units_contradicted(&self, tracker: &Tracker) -> Vec<(String, Check)> {
+        let mut tracker = tracker.clone();
+        let sources = &tracker.subject.body.suite.sources.clone();
+        if tracker.build_filter(&self.present).is_err() {
+            return Vec::new();
+        }
+        let units = tracker.strapdown_filter().skeleton.units.iter();
+        units.zip(&self.checks).map(|(unit, check)| (sources[unit.source].name.clone(), *check)).collect()
+    }
+
     /// Time of the last sample that was taken in, s.
     pub(super) fn taken_s(&self) -> f64 {
         self.taken_s
@@ -71,6 +86,7 @@ impl LinkState {
 pub(super) struct Strapdown {
     mounts: Mounts,
     pub filter: Option<StrapdownFilter>,
+    alone: Option<Alone>,
     /// Standard deviations of states that strapdown links do not estimate.
     unknown: Vec<f64>,
     /// Time after the first sample at which a start is tried again, s.
@@ -101,7 +117,7 @@ impl Strapdown {
         let mounts = Mounts { values: mounts.to_vec(), stds_rad };
         // All units, so that a model that cannot be tracked is refused at once.
         Skeleton::new(body, &vec![true; body.suite.sources.len()], &mounts)?;
-        Ok(Some(Strapdown { mounts, filter: None, unknown: start_std(body, 1.0), next_start_s: 0.0 }))
+        Ok(Some(Strapdown { mounts, filter: None, alone: None, unknown: start_std(body, 1.0), next_start_s: 0.0 }))
     }
 
     /// Frames of links whose hinges lock a direction.
@@ -184,12 +200,17 @@ impl Tracker {
             waiting: VecDeque::new(),
             taken_s: f64::NEG_INFINITY,
             spread_s: f64::NAN,
+            alone: Vec::new(),
+            checks: vec![Check::NEW; units],
             off_axis: Vec::new(),
         }));
         waiting.iter().for_each(|sample| self.take_readings(&mut one, sample));
         let Some(links) = &mut one.links else { return Ok(()) };
         match self.start_state(time_s, std::mem::take(&mut links.state.readings), must) {
-            Some(state) => links.state = state,
+            Some(state) => {
+                links.alone = self.strapdown.iter().flat_map(|s| &s.alone).flat_map(|a| a.start(&state)).collect();
+                links.state = state;
+            }
             None => {
                 self.waiting = waiting;
                 self.strapdown.iter_mut().for_each(|s| s.next_start_s = s.next_start_s.max(START_S) * LATER);
@@ -242,7 +263,9 @@ impl Tracker {
         let body = &self.subject.body;
         let skeleton = Skeleton::new(body, present, &strapdown.mounts)?;
         let readings = (self.config.closures, self.config.contacts);
-        strapdown.filter = Some(StrapdownFilter::new(skeleton, body.model.links, readings));
+        let filter = StrapdownFilter::new(skeleton, body.model.links, readings);
+        strapdown.alone = Some(Alone::new(&filter));
+        strapdown.filter = Some(filter);
         Ok(())
     }
 
@@ -315,6 +338,7 @@ impl Tracker {
                 }
             };
             let reading = Reading { time_s, gyro: three(unit.gyro), accel: force, excess };
+            strapdown.iter().flat_map(|s| &s.alone).for_each(|alone| alone.take(&mut links.alone, u, reading));
             if filter.take(&mut links.state, u, reading) {
                 one.sources[unit.source].seen_s = time_s;
             }
@@ -348,8 +372,16 @@ impl Tracker {
             return None;
         }
         let Waiting { sample, parts } = links.waiting.pop_front()?;
+        let before_s = links.state.time_s;
+        filter.let_go.iter_mut().zip(&links.checks).for_each(|(let_go, check)| *let_go = check.is_contradicted);
         filter.advance(&mut links.state, time_s, node, for_smoother);
         let is_updated = links.state.time_s == time_s;
+        if let Some(alone) = strapdown.alone.as_mut().filter(|_| filter.closures) {
+            alone.advance(&mut links.alone, time_s);
+            if is_updated && time_s > before_s {
+                filter.check(&links.state, &links.alone, &mut links.checks, time_s - before_s);
+            }
+        }
         let means = filter.present(&links.state);
         let signals: Vec<Signal> = links.state.readings.iter().map(|r| r.at(time_s)).collect();
         let body = &self.subject.body;

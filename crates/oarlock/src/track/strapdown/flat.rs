@@ -5,6 +5,7 @@ use crate::estimate::filter::Verdict;
 use crate::kernels::dense::Square;
 use crate::recording::Sample;
 use crate::rotation::{Mat3, Vec3};
+use crate::strapdown::check::Check;
 use crate::strapdown::filter::{Means, State, UnitState};
 use crate::strapdown::increment::{Increment, Reading, Readings};
 
@@ -69,49 +70,102 @@ impl Source<'_> {
     }
 }
 
+fn put_state(to: &mut Writer, state: &State) {
+    to.0.extend([state.time_s, state.row_s, f64::from(state.uneven)]);
+    to.list(state.covariance.as_slice());
+    to.count(state.means.units.len());
+    for u in &state.means.units {
+        to.matrix(&u.rotation);
+        [u.velocity, u.position, u.gyro_bias, u.accel_bias].into_iter().for_each(|v| to.three(v));
+    }
+    to.count(state.means.loose.len());
+    state.means.loose.iter().for_each(|m| to.matrix(m));
+    to.count(state.means.points.len());
+    state.means.points.iter().for_each(|v| to.three(*v));
+    to.count(state.readings.len());
+    for readings in &state.readings {
+        let (all, interval_s) = readings.parts();
+        to.0.push(interval_s);
+        to.count(all.len());
+        for r in all {
+            to.0.push(r.time_s);
+            to.three(r.gyro);
+            to.three(r.accel);
+            to.0.extend(r.excess);
+        }
+    }
+    to.count(state.increments.len());
+    state.increments.iter().for_each(|i| put_increment(to, i));
+}
+
+fn put_increment(to: &mut Writer, i: &Increment) {
+    to.0.push(i.duration_s);
+    to.three(i.velocity);
+    to.three(i.position);
+    let all = [&i.rotation, &i.rotation_gyro, &i.velocity_gyro, &i.velocity_accel, &i.position_gyro, &i.position_accel];
+    all.into_iter().for_each(|m| to.matrix(m));
+    to.0.extend(i.covariance.iter().flatten());
+}
+
+fn state_of(from: &mut Source) -> Option<State> {
+    let [time_s, row_s, uneven] = from.array()?;
+    let covariance = from.list()?;
+    let covariance = Square::from_rows(covariance.len().isqrt(), covariance)?;
+    let units = from.many(|from| {
+        Some(UnitState {
+            rotation: from.matrix()?,
+            velocity: from.three()?,
+            position: from.three()?,
+            gyro_bias: from.three()?,
+            accel_bias: from.three()?,
+        })
+    })?;
+    let means = Means { units, loose: from.many(Source::matrix)?, points: from.many(Source::three)? };
+    let readings = from.many(|from| {
+        let interval_s = from.number()?;
+        let reading = |from: &mut Source| {
+            Some(Reading { time_s: from.number()?, gyro: from.three()?, accel: from.three()?, excess: from.array()? })
+        };
+        Some(Readings::of_parts(from.many(reading)?, interval_s))
+    })?;
+    let increments = from.many(increment_of)?;
+    Some(State { time_s, means, covariance, readings, increments, row_s, uneven: uneven as u32 })
+}
+
+fn increment_of(from: &mut Source) -> Option<Increment> {
+    let duration_s = from.number()?;
+    let (velocity, position) = (from.three()?, from.three()?);
+    Some(Increment {
+        duration_s,
+        velocity,
+        position,
+        rotation: from.matrix()?,
+        rotation_gyro: from.matrix()?,
+        velocity_gyro: from.matrix()?,
+        velocity_accel: from.matrix()?,
+        position_gyro: from.matrix()?,
+        position_accel: from.matrix()?,
+        covariance: {
+            let all = from.array::<81>()?;
+            std::array::from_fn(|r| std::array::from_fn(|c| all[9 * r + c]))
+        },
+    })
+}
+
 impl LinkState {
     /// All numbers.
     pub fn to_flat(&self) -> Vec<f64> {
-        let LinkState { state, present, waiting, taken_s, spread_s, off_axis } = self;
-        let mut to = Writer(vec![*taken_s, *spread_s, state.time_s, state.row_s, f64::from(state.uneven)]);
+        let LinkState { state, present, waiting, taken_s, spread_s, alone, checks, off_axis } = self;
+        let mut to = Writer(vec![*taken_s, *spread_s]);
         to.list(&present.iter().map(|p| f64::from(u8::from(*p))).collect::<Vec<_>>());
-        to.list(state.covariance.as_slice());
-        to.count(state.means.units.len());
-        for u in &state.means.units {
-            to.matrix(&u.rotation);
-            [u.velocity, u.position, u.gyro_bias, u.accel_bias].into_iter().for_each(|v| to.three(v));
-        }
-        to.count(state.means.loose.len());
-        state.means.loose.iter().for_each(|m| to.matrix(m));
-        to.count(state.means.points.len());
-        state.means.points.iter().for_each(|v| to.three(*v));
-        to.count(state.readings.len());
-        for readings in &state.readings {
-            let (all, interval_s) = readings.parts();
-            to.0.push(interval_s);
-            to.count(all.len());
-            for r in all {
-                to.0.push(r.time_s);
-                to.three(r.gyro);
-                to.three(r.accel);
-                to.0.extend(r.excess);
-            }
-        }
-        to.count(state.increments.len());
-        for i in &state.increments {
-            to.0.push(i.duration_s);
-            to.three(i.velocity);
-            to.three(i.position);
-            let all = [
-                &i.rotation,
-                &i.rotation_gyro,
-                &i.velocity_gyro,
-                &i.velocity_accel,
-                &i.position_gyro,
-                &i.position_accel,
-            ];
-            all.into_iter().for_each(|m| to.matrix(m));
-            to.0.extend(i.covariance.iter().flatten());
+        put_state(&mut to, state);
+        to.count(alone.len());
+        alone.iter().for_each(|state| put_state(&mut to, state));
+        to.count(checks.len());
+        for check in checks {
+            let Check { tilt, turned, worth, is_contradicted, contradicted_s, worst_rad } = check;
+            to.0.extend(tilt.iter().chain(&turned.0));
+            to.0.extend([*worth, f64::from(u8::from(*is_contradicted)), *contradicted_s, *worst_rad]);
         }
         to.list(&off_axis.concat());
         to.count(waiting.len());
@@ -128,51 +182,14 @@ impl LinkState {
     /// Reads the result of `to_flat`; `None` if it is none.
     pub fn from_flat(flat: &[f64]) -> Option<Self> {
         let mut from = Source(flat.iter());
-        let [taken_s, spread_s, time_s, row_s, uneven] = from.array()?;
+        let [taken_s, spread_s] = from.array()?;
         let present = from.list()?.iter().map(|p| *p != 0.0).collect();
-        let covariance = from.list()?;
-        let n = covariance.len().isqrt();
-        let covariance = Square::from_rows(n, covariance)?;
-        let units = from.many(|from| {
-            Some(UnitState {
-                rotation: from.matrix()?,
-                velocity: from.three()?,
-                position: from.three()?,
-                gyro_bias: from.three()?,
-                accel_bias: from.three()?,
-            })
-        })?;
-        let means = Means { units, loose: from.many(Source::matrix)?, points: from.many(Source::three)? };
-        let readings = from.many(|from| {
-            let interval_s = from.number()?;
-            let all = from.many(|from| {
-                Some(Reading {
-                    time_s: from.number()?,
-                    gyro: from.three()?,
-                    accel: from.three()?,
-                    excess: from.array()?,
-                })
-            })?;
-            Some(Readings::of_parts(all, interval_s))
-        })?;
-        let increments = from.many(|from| {
-            let duration_s = from.number()?;
-            let (velocity, position) = (from.three()?, from.three()?);
-            Some(Increment {
-                duration_s,
-                velocity,
-                position,
-                rotation: from.matrix()?,
-                rotation_gyro: from.matrix()?,
-                velocity_gyro: from.matrix()?,
-                velocity_accel: from.matrix()?,
-                position_gyro: from.matrix()?,
-                position_accel: from.matrix()?,
-                covariance: {
-                    let all = from.array::<81>()?;
-                    std::array::from_fn(|r| std::array::from_fn(|c| all[9 * r + c]))
-                },
-            })
+        let state = state_of(&mut from)?;
+        let alone = from.many(state_of)?;
+        let checks = from.many(|from| {
+            let [tilt, band, x, y, z, worth, now, contradicted_s, worst_rad] = from.array()?;
+            let turned = Vec3([x, y, z]);
+            Some(Check { tilt: [tilt, band], turned, worth, is_contradicted: now != 0.0, contradicted_s, worst_rad })
         })?;
         let off_axis = from.list()?.chunks_exact(3).map(|v| [v[0], v[1], v[2]]).collect();
         let waiting = from.many(|from| {
@@ -181,8 +198,8 @@ impl LinkState {
             let parts = from.list()?.iter().map(|v| VERDICTS.get(*v as usize).copied()).collect::<Option<_>>()?;
             Some(Waiting { sample, parts })
         })?;
-        let state = State { time_s, means, covariance, readings, increments, row_s, uneven: uneven as u32 };
         let is_whole = from.0.next().is_none();
-        is_whole.then(|| LinkState { state, present, waiting: waiting.into(), taken_s, spread_s, off_axis })
+        let waiting = waiting.into();
+        is_whole.then_some(LinkState { state, present, waiting, taken_s, spread_s, alone, checks, off_axis })
     }
 }
