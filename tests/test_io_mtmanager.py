@@ -157,6 +157,20 @@ def test_wrapping_counter_and_lost_packets(tmp_path):
     assert recording.meta["packets"]["00b42d4d"]["after_s"] == [0.01]
 
 
+def test_a_packet_that_stands_twice_is_read_once(tmp_path):
+    name = "MT46_01-000_00B42D4D.txt"
+    lines = (SAMPLES / name).read_text(encoding="utf-8").splitlines()
+    row = next(k for k, line in enumerate(lines) if "PacketCounter" in line) + 1
+    (tmp_path / name).write_text("\n".join([*lines[: row + 1], *lines[row:]]), encoding="utf-8")
+    recording, plain = read_mtmanager(tmp_path / name), read_mtmanager(SAMPLES / name)
+    assert len(recording.streams[0].time_s) == len(plain.streams[0].time_s)
+    np.testing.assert_array_equal(recording.streams[0].gyro_rad_s, plain.streams[0].gyro_rad_s)
+    assert "twice: 1" in str(recording.meta)
+    changed = lines[row].replace(lines[row].split()[1], "1.0", 1)
+    (tmp_path / name).write_text("\n".join([*lines[: row + 1], changed, *lines[row + 1 :]]), encoding="utf-8")
+    refused(tmp_path / name, "duplicated or out of order")
+
+
 def test_sample_time_fine_gives_the_stamps(tmp_path):
     file = edited(tmp_path, "", "")
     text = file.read_text(encoding="utf-8")

@@ -88,6 +88,15 @@ class Columns:
         """(T, len(names)) of these columns."""
         return np.column_stack([self.values[name] for name in names])
 
+    def once(self) -> Columns:
+        """Without rows that repeat the one before in every number: the same packet, written twice."""
+        table = np.column_stack(list(self.values.values()))
+        same = (table[1:] == table[:-1]) | (np.isnan(table[1:]) & np.isnan(table[:-1]))
+        kept = np.concatenate([[True], ~same.all(axis=1)])
+        if self.texts or kept.all():
+            return self
+        return Columns(self.layout, self.lines[kept], {n: v[kept] for n, v in self.values.items()}, {})
+
     def places(self, name: str) -> Places:
         """File, line and column of the cells of a column."""
         return Places(self.layout, self.lines, self.layout.index(name))

@@ -82,6 +82,7 @@ class _Unit:
     rate_hz: float | None
     name: str
     columns: Columns
+    doubled: int
 
     def has(self, names: Sequence[str]) -> bool:
         return self.table.present(names)
@@ -227,15 +228,22 @@ def _unit(one: ListedFile) -> _Unit:
             "calibrated inertial data or orientation for the export."
         )
     clocks = [name for name in (COUNTER, TICKS) if name in table.layout.names]
-    columns = read_columns_of(table, [*clocks, *(name for group in groups for name in group)])
+    written = read_columns_of(table, [*clocks, *(name for group in groups for name in group)])
+    columns = written.once()
     rate = next((found for line in table.above if (found := _RATE.search(line))), None)
     rate_hz = float(rate[1]) if rate is not None and float(rate[1]) > 0.0 else None
     name = stream_name(_trial_and_device(one)[1])
-    return _Unit(table, _said(table.above), rate_hz, name or "unit", columns)
+    doubled = len(written.lines) - len(columns.lines)
+    return _Unit(table, _said(table.above), rate_hz, name or "unit", columns, doubled)
 
 
 def _notes(units: Sequence[_Unit]) -> list[str]:
-    return [
+    twice = [
+        f"{unit.name}: packets that the file has twice: {unit.doubled}; each was read once."
+        for unit in units
+        if unit.doubled
+    ]
+    return twice + [
         f'{unit.name}: the orientation was left out, because its axes are "{unit.said["coordinate_system"]}"; '
         "export with ENU axes."
         for unit in units
