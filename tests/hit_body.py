@@ -1,7 +1,7 @@
 """A body of nobody: trunk and two arms that sway and are hit, with exact readings of four units on clocks of their own.
 
-Its motion is made of rotations alone and shares nothing with the engine. Twice a second the relative rate of a joint jumps by 10 rad/s
-within one sample and dies away in 0.05 s. Shoulders may slide in the thorax, as those of people do.
+Its motion is made of rotations alone and shares nothing with the engine. Twice a second the relative rate of a joint
+jumps by 10 rad/s within one sample and dies away in 0.05 s. Shoulders may slide in the thorax, as those of people do.
 """
 
 from __future__ import annotations
@@ -43,16 +43,24 @@ class HitBody:
         """Tilt of each link, and relative orientation of each pair, over time, deg."""
         time_s = np.arange(from_s, min(track.time_s[-1], self.time_s[-1]) - 0.1, SAMPLE_S)
         found = {
-            link: Slerp(track.time_s, Rotation.from_quat(track.frame_quat_wxyz(link)[:, [1, 2, 3, 0]]))(time_s)
+            link: Slerp(track.time_s, Rotation.from_quat(track.frame_quat_wxyz(link)[:, [1, 2, 3, 0]]))(
+                time_s
+            )
             for link in LINKS
         }
         true = {link: Slerp(self.time_s, turns)(time_s) for link, turns in self.turns.items()}
         tilt = {
-            link: np.degrees(np.arccos(np.clip(np.sum(found[link].inv().apply(UP) * true[link].inv().apply(UP), 1), -1, 1)))
+            link: np.degrees(
+                np.arccos(np.clip(np.sum(found[link].inv().apply(UP) * true[link].inv().apply(UP), 1), -1, 1))
+            )
             for link in LINKS
         }
         relative = {
-            pair: np.degrees(((true[pair[0]].inv() * true[pair[1]]).inv() * (found[pair[0]].inv() * found[pair[1]])).magnitude())
+            pair: np.degrees(
+                (
+                    (true[pair[0]].inv() * true[pair[1]]).inv() * (found[pair[0]].inv() * found[pair[1]])
+                ).magnitude()
+            )
             for pair in PAIRS
         }
         return tilt, relative
@@ -62,14 +70,20 @@ def rms(values) -> float:
     return float(np.sqrt(np.mean(np.square(list(values)))))
 
 
-def hit_body(duration_s: float = 30.0, slide_m: float = 0.0, gyro_bias_rad_s: float = 0.0, seed: int = 0) -> HitBody:
+def hit_body(
+    duration_s: float = 30.0, slide_m: float = 0.0, gyro_bias_rad_s: float = 0.0, seed: int = 0
+) -> HitBody:
     random = np.random.default_rng(seed)
     fine_s = np.arange(0.0, duration_s, FINE_S)
     model = oarlock.load_model("upper_body").with_units(LINKS)
     turns = {"pelvis": Rotation.from_rotvec(_sway(random, fine_s, 0.35, 0.4))}
-    turns["thorax"] = turns["pelvis"] * Rotation.from_rotvec(_sway(random, fine_s, 0.3, 0.6)) * _hits(random, fine_s)
+    turns["thorax"] = (
+        turns["pelvis"] * Rotation.from_rotvec(_sway(random, fine_s, 0.3, 0.6)) * _hits(random, fine_s)
+    )
     for link in LINKS[2:]:
-        turns[link] = turns["thorax"] * Rotation.from_rotvec(_sway(random, fine_s, 0.8, 0.9)) * _hits(random, fine_s)
+        turns[link] = (
+            turns["thorax"] * Rotation.from_rotvec(_sway(random, fine_s, 0.8, 0.9)) * _hits(random, fine_s)
+        )
     units = {unit.name: unit for unit in model.describe().sensors}
     places = _places(model, turns, _sway(random, fine_s, 0.15, 0.6), slide_m, random)
     streams, mounts = [], {}
@@ -87,7 +101,10 @@ def hit_body(duration_s: float = 30.0, slide_m: float = 0.0, gyro_bias_rad_s: fl
         force = turns[link][at].inv().apply(acceleration + GRAVITY * UP)
         streams.append(
             oarlock.ImuStream(
-                link, fine_s[at], gyro_rad_s=mount.inv().apply(turned) + bias, accel_m_s2=mount.inv().apply(force)
+                link,
+                fine_s[at],
+                gyro_rad_s=mount.inv().apply(turned) + bias,
+                accel_m_s2=mount.inv().apply(force),
             )
         )
         mounts[link] = (mount.as_matrix(), offset)
@@ -122,7 +139,9 @@ def _places(model, turns, pelvis_m, slide_m, random):
     length = model.parameters
     middle = np.array([0.0, length["pelvis"] + 0.5 * length["lumbar"], 0.0])
     places = {"pelvis": pelvis_m}
-    places["thorax"] = pelvis_m + turns["pelvis"].apply(middle) + turns["thorax"].apply([0, 0.5 * length["lumbar"], 0])
+    places["thorax"] = (
+        pelvis_m + turns["pelvis"].apply(middle) + turns["thorax"].apply([0, 0.5 * length["lumbar"], 0])
+    )
     for side, sign in (("l", -1.0), ("r", 1.0)):
         slide = gaussian_filter1d(random.standard_normal(pelvis_m.shape), 0.05 / FINE_S, axis=0)
         shoulder = [0.0, length["thorax"], sign * length[f"shoulder_{side}"]] + slide_m * slide / slide.std()

@@ -7,10 +7,10 @@ import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
 import oarlock
-from tests.hit_body import LINKS, hit_body, rms
+from hit_body import LINKS, hit_body, rms
 
-# Of twelve such bodies (slides of 0, 1 and 2 cm, four seeds): live up to 2.2 and 4.7 deg of tilt and relative orientation, smoothed 0.7 and 3.3;
-# one filter for each unit 2.7 and 7.0, the tree 8 to 32 and 14 to 87.
+# Of twelve such bodies (slides of 0, 1 and 2 cm, four seeds): live up to 2.2 and 4.7 deg of tilt and relative
+# orientation, smoothed 0.7 and 3.3; one filter for each unit 2.7 and 7.0, the tree 8 to 32 and 14 to 87.
 LIVE_DEG = 2.5, 5.5
 SMOOTHED_DEG = 0.9, 3.8
 
@@ -92,7 +92,7 @@ def test_the_first_band_is_the_widest(tracked):
     assert np.all(tracked.q_std[1, 3:] <= 1.1 * tracked.q_std[0, 3:])
 
 
-def test_a_unit_may_fall_silent_and_come_back(sliding):
+def test_a_unit_may_fall_silent_and_come_back(sliding, tracked):
     arm = sliding.recording["upper_arm_l"]
     heard = (arm.time_s < 10.0) | (arm.time_s > 12.0)
     part = oarlock.ImuStream(
@@ -111,12 +111,16 @@ def test_a_unit_may_fall_silent_and_come_back(sliding):
     assert silent[(at > 11.5) & (at < 12.0)].min() > 3.0 * silent[(at > 9.0) & (at < 10.0)].max()
     # Tilt returns within seconds; the heading that two seconds lost returns with movement, and the band says so.
     assert rms(tilt["upper_arm_l"][-500:]) < LIVE_DEG[0]
-    assert rms(relative["pelvis", "thorax"]) < LIVE_DEG[1] and rms(tilt["upper_arm_r"]) < LIVE_DEG[0]
+    _, whole = sliding.errors_deg(tracked)
+    assert rms(relative["pelvis", "thorax"]) < 1.5 * rms(whole["pelvis", "thorax"])
+    assert rms(tilt["upper_arm_r"]) < LIVE_DEG[0]
 
 
 def test_a_stream_gives_the_numbers_of_the_batch(sliding, tracked):
     """Readings one by one as they arrive, each at its own instant."""
-    tracker = oarlock.Tracker(sliding.model, sliding.calibration, oarlock.Config(**tracked.provenance["config"]))
+    tracker = oarlock.Tracker(
+        sliding.model, sliding.calibration, oarlock.Config(**tracked.provenance["config"])
+    )
     readings = sorted(
         (time_s, stream.name, k) for stream in sliding.recording for k, time_s in enumerate(stream.time_s)
     )

@@ -78,6 +78,7 @@ class Model:
     length_names: list[str]
     joint_names: list[str]
     coordinate_names: list[str]
+    structure: str
     frame_names: list[str]
     frame_parents: list[int]
     joint_origins: list[tuple[float, float, float]]

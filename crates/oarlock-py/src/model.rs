@@ -76,6 +76,15 @@ impl PyModel {
         lengths_of(&self.model).into_iter().map(|i| self.model.parameters[i].name.clone()).collect()
     }
 
+    /// How the model is tracked: "strapdown" or "tree".
+    #[getter]
+    fn structure(&self) -> &'static str {
+        match self.model.structure {
+            oarlock::model::Structure::Strapdown => "strapdown",
+            oarlock::model::Structure::Tree => "tree",
+        }
+    }
+
     #[getter]
     fn joint_names(&self) -> Vec<String> {
         self.model.joints.iter().map(|j| j.name.clone()).collect()

@@ -6,7 +6,7 @@ use super::run::Progress;
 use super::{Calibration, Tracker};
 use crate::config::Config;
 use crate::error::{Error, Result};
-use crate::model::Model;
+use crate::model::{Model, Structure};
 use crate::recording::{Gathering, Recording, Stream};
 use std::sync::Arc;
 
@@ -32,6 +32,8 @@ pub fn score(
     progress: Progress,
 ) -> Result<Score> {
     let clocks = &calibration.corrections.clocks;
+    // Normal equations are those of joint angles as states.
+    let config = &Config { structure: Some(Structure::Tree), ..config.clone() };
     let config = &Tracker::new(model.clone(), calibration, config)?.settle(&streams, clocks, config)?;
     let mut tracker = Tracker::new(model.clone(), calibration, config)?;
     let Some(considering) = &mut tracker.considering else {

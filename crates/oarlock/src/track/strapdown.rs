@@ -428,8 +428,10 @@ impl Tracker {
             }
         }
         subject.excuse_virtual(info);
-        let read: Vec<f64> = filter.closure_nis.iter().copied().filter(|x| is_updated && !x.is_nan()).collect();
-        info.nis = if is_updated { read.iter().sum() } else { f64::NAN };
-        info.inertial = if read.is_empty() { (f64::NAN, 0) } else { (info.nis, 3 * read.len()) };
+        // Of the last update, which may be earlier than the sample.
+        let read: Vec<f64> = filter.closure_nis.iter().copied().filter(|x| !x.is_nan()).collect();
+        let sum = read.iter().sum();
+        info.nis = if is_updated { sum } else { f64::NAN };
+        info.inertial = if read.is_empty() { (f64::NAN, 0) } else { (sum, 3 * read.len()) };
     }
 }

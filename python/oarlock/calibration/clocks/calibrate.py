@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from oarlock._core import Model
 from oarlock.calibration.clocks.coarse import coarse_delays
 from oarlock.calibration.clocks.devices import most_agree, reference_streams, same_stamps, unknowns
+from oarlock.calibration.clocks.joint_misfit import offsets_of_units
 from oarlock.calibration.clocks.lines import after
 from oarlock.calibration.clocks.scores import Filtering, bare
 from oarlock.calibration.clocks.search import SAME_CLOCK_STDS, Clocks, settle, with_clocks
@@ -75,6 +76,11 @@ def calibrate_clocks(
         )
     rough = {name: Clock(delay) for name, delay in coarse_delays(measured, fixed).items()}
     start = with_clocks(measured, rough)
+    if model.structure == "strapdown":
+        with shown(progress, "calibrating clocks") as told:
+            near = offsets_of_units(model, start, bare(known), groups, told or _nobody)
+        found = {name: after(rough.get(name, Clock(0.0)), clock) for name, clock in near.items()}
+        return _noted(known, found, fixed, rough, {})
     seen_by = Filtering(model, bare(known), groups, bool(fixed), threads)
     with shown(progress, "calibrating clocks") as told:
         near = settle(seen_by, start, told or _nobody)
@@ -82,6 +88,12 @@ def calibrate_clocks(
     if not fixed:
         fixed, found = _by_majority(found, measured)
     kept, refused = _judged(measured, found, fixed)
+    return _noted(known, kept, fixed, rough, refused)
+
+
+def _noted(
+    known: Calibration, kept: Clocks, fixed: Sequence[str], rough: Clocks, refused: dict[str, str]
+) -> Calibration:
     whole = {n: after(known.clocks.get(n, Clock(0.0)), clock) for n, clock in kept.items()}
     noted = {"reference": list(fixed), "coarse": sorted(rough), "refused": refused}
     return replace(known, clocks=dict(known.clocks) | whole, noted=dict(known.noted) | {"clocks": noted})
