@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from validation import dfjimu, diodem, openaxes, others, page
+from validation import dfjimu, diodem, openaxes, others, page, people
 from validation.__main__ import SETS, run
 
 from .record import Record, made_text, stamped
@@ -18,6 +18,8 @@ HELPED = "heading given"
 """In the name of an estimate that got the relative heading of its bodies from the reference."""
 
 SCORED = (
+    ("people", people.HARD_TITLE),
+    ("people", people.IN_PLACE_TITLE),
     ("dfjimu", f"Relative orientation, RMSE after 10 s, {dfjimu.OWN}"),
     ("diodem_arm", f"Rigid units, RMSE after 5 s, {diodem.PLAIN}"),
     ("diodem_arm", f"Foam units, RMSE after 5 s, {diodem.PLAIN}"),

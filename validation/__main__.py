@@ -9,10 +9,11 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from . import broad, dfjimu, diodem, openaxes, others, page, qmt, singular
+from . import broad, dfjimu, diodem, openaxes, others, page, people, qmt, singular
 from .results import SetResult
 
 SETS: dict[str, Callable[[Path], SetResult]] = {
+    "people": people.run,
     "dfjimu": dfjimu.run,
     "diodem": diodem.run,
     "openaxes": openaxes.run,
