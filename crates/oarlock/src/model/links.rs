@@ -110,9 +110,9 @@ impl Links {
             speed_time_s: 1.0,
             place_std_m: 1.0,
             place_time_s: 2.0,
-            gyro_density: 0.003,
-            accel_density: 0.15,
-            gyro_step_share: 0.1,
+            gyro_density: 0.002,
+            accel_density: 0.1,
+            gyro_step_share: 0.07,
             accel_step_share: 0.3,
             gyro_scale: 0.003,
             rest_rate_std_rad_s: 0.005,
@@ -129,7 +129,6 @@ impl Links {
                 joint_std_m: 0.003,
                 point_std_m: 0.01,
                 hinge_std_rad: Some(0.1),
-                accel_density: 0.1,
                 start_std_rad: UNKNOWN_RAD,
                 ..bone
             },
@@ -137,7 +136,6 @@ impl Links {
                 joint_std_m: 0.003,
                 point_std_m: 0.02,
                 hinge_std_rad: Some(0.01),
-                accel_density: 0.1,
                 start_std_rad: UNKNOWN_RAD,
                 ..bone
             },

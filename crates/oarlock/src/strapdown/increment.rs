@@ -239,9 +239,9 @@ impl Readings {
                     (a.gyro + dw * share, a.accel + df * share, noise)
                 }
                 None => {
-                    // Nothing newer: the last reading is held.
+                    // Nothing newer, or nothing yet: the nearest reading is held.
                     h = h.min(SILENCE_S);
-                    let since_s = now_s - a.time_s;
+                    let since_s = (now_s - a.time_s).abs();
                     let noise = self.held(a, since_s, links);
                     // In a silence the limb is taken to stop.
                     let stops = (gyro_bias, increment.rotation.apply_transposed(lift) + accel_bias, noise);
@@ -281,8 +281,8 @@ impl Readings {
         noise
     }
 
-    /// The same after the last reading.
-    fn held(&self, last: &Reading, since_s: f64, links: &Links) -> [f64; 2] {
+    /// The same with no reading on the other side.
+    fn held(&self, nearest: &Reading, since_s: f64, links: &Links) -> [f64; 2] {
         if since_s >= SILENCE_S - 1e-9 {
             return unread();
         }
@@ -291,8 +291,8 @@ impl Readings {
             own * own + (std * std * share.min(1.0) + excess * excess) * self.interval_s.max(0.01)
         };
         [
-            of(links.gyro_density, UNREAD_RATE, last.excess[0]),
-            of(links.accel_density, UNREAD_ACCELERATION, last.excess[1]),
+            of(links.gyro_density, UNREAD_RATE, nearest.excess[0]),
+            of(links.accel_density, UNREAD_ACCELERATION, nearest.excess[1]),
         ]
     }
 
@@ -392,6 +392,14 @@ mod tests {
         let (whole, parts) = (sum_of(NO_BIAS, &[0.03, 0.2]), sum_of(NO_BIAS, &[0.03, 0.05, 0.11, 0.2]));
         // Rounding of a product of 17 rotations.
         assert!(square(whole.velocity - parts.velocity) < 1e-24 && square(whole.position - parts.position) < 1e-24);
+    }
+
+    #[test]
+    fn noise_before_the_first_reading_is_not_negative() {
+        let mut increment = Increment::none();
+        let lift = Vec3([0.0; 3]);
+        readings().integrate(&mut increment, (-0.3, 0.05), NO_BIAS, lift, &Links::of(JointsOf::Bone));
+        assert!((0..9).all(|i| increment.covariance[i][i] > 0.0), "{:?}", increment.covariance);
     }
 
     #[test]
