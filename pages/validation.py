@@ -51,7 +51,20 @@ def sections(record: Record) -> Mapping[str, Mapping[str, str]]:
     for name, title in SCORED:
         if name in record["sets"]:
             parts += _set(record["sets"][name], title)
-    return {PAGE: {"figures": "\n\n".join(parts)}}
+    people_text = _people(record["sets"]["people"]) if "people" in record["sets"] else ""
+    return {PAGE: {"figures": "\n\n".join(parts)}, "README.md": {"people": people_text}}
+
+
+def _people(one: Mapping[str, Any]) -> str:
+    """The table of README: medians on people, beside one filter for each unit."""
+    if one["absent"]:
+        return f"Not run, {one['absent']}."
+    columns = ("tilt", "relative", "as tracked")
+    groups = [(table["title"].split(":")[0].lower(), table["rows"]) for table in one["tables"]]
+    heads = [f"{column}, {group}" for group, _ in groups for column in columns]
+    names = list(groups[0][1])
+    lines = [[name, *(_cell(rows[name][c]) for _, rows in groups for c in columns)] for name in names]
+    return f"{table(['', *heads], lines)}\n\n{made_text(one)}."
 
 
 def _set(one: Mapping[str, Any], title: str | None) -> list[str]:

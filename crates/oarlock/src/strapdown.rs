@@ -7,7 +7,7 @@
 
 pub mod angles;
 pub mod check;
-mod covariance;
+pub(crate) mod covariance;
 pub mod filter;
 pub mod increment;
 mod joint;

@@ -44,7 +44,7 @@ def add_to(app: typer.Typer) -> None:
             "oarlock track rec --model pendulum3 --calibration cal.toml --only upper,middle,lower --out out",
             "oarlock track trial --model sculler --out out --json | jq .steps_per_s",
             "oarlock track monday tuesday friday --model sculler --threads 2 --out season",
-            "oarlock track walk --model lower_body --stature 1.78 --mass 74 --low-pass 6 --out out",
+            "oarlock track walk --model lower_body --stature 1.78 --mass 74 --out out",
             "oarlock track again --model sculler --config out/run.toml --set gate=false --out again",
         )
         + settings_help(),
@@ -91,7 +91,7 @@ def track(
     low_pass_hz: Annotated[
         float | None,
         typer.Option(
-            "--low-pass", metavar="HZ", help="First remove faster vibration of inertial units; people: 6."
+            "--low-pass", metavar="HZ", help="First remove faster vibration of inertial units; for --set structure=tree."
         ),
     ] = None,
     stature_m: Stature = None,

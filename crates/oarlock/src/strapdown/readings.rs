@@ -71,15 +71,17 @@ impl StrapdownFilter {
             gap += arm * -1.0;
             self.push_turn(&mut rows, means, *l, &back.times(&skew(arm)));
         }
-        // The gap's own axes turn with the first unit; at a small gap that is of second order, and so it is left out: then a turn of everything
-        // about the vertical changes no reading.
+        // The gap's own axes turn with the first unit, so that a turn of everything about the vertical changes no reading.
+        if let End::Unit(u, _) = closure.from {
+            rows.push(UNIT * u, &back.times(&skew(gap)));
+        }
         let variance = white(self.links.joint_std_m, self.links.joint_time_s, step_s);
         let innovation = back.apply(gap).0.map(|x| -x);
         self.closure_nis[c] = self.correction.read(&mut state.covariance, &rows, 3, innovation, [variance; 3]);
         self.rows = rows;
     }
 
-    /// A joint does not turn off_axis its hinges.
+    /// A joint does not turn off the axes of its hinges.
     pub(super) fn read_hinges(&mut self, state: &mut State, l: usize, step_s: f64) {
         let link = &self.skeleton.links[l];
         let locked = link.turns.locked();

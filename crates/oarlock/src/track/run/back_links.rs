@@ -167,3 +167,68 @@ fn first_row(one: &Hypothesis) -> Option<RowMotion> {
     let signals = state.readings.iter().map(|r| r.at(time_s)).collect();
     Some(RowMotion { time_s, increments: state.increments.clone(), signals })
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::config::Config;
+    use crate::model::Model;
+    use crate::recording::{Channel, Stream};
+    use crate::sensor::Quantity;
+    use crate::strapdown::covariance::UNIT;
+    use crate::track::{run::track, Calibration};
+    use nalgebra::{DMatrix, DVector};
+    use std::sync::Arc;
+
+    const ARM: &str = r#"
+format = 1
+name = "arm"
+structure = "strapdown"
+links = { joints = "bone" }
+joint = [ { name = "trunk", kind = "free" }, { name = "shoulder", kind = "ball" } ]
+frame = [
+    { name = "trunk", parent = "root", transform = {}, joint = "trunk" },
+    { name = "arm", parent = "trunk", transform = { translation = [0, 0, 0.3] }, joint = "shoulder" },
+]
+sensor = [
+    { name = "trunk", kind = "imu", frame = "trunk", gyro_std_rad_s = 0.01, accel_std_m_s2 = 0.1 },
+    { name = "arm", kind = "imu", frame = "arm", gyro_std_rad_s = 0.01, accel_std_m_s2 = 0.1 },
+]
+world = { up = [0, 0, 1], forward = [1, 0, 0] }
+"#;
+
+    #[test]
+    fn information_on_a_turn_of_everything_about_the_vertical_never_rises() {
+        let model = Arc::new(Model::from_toml(ARM, "arm.toml").unwrap());
+        let time_s: Vec<f64> = (0..600).map(|k| 0.01 * f64::from(k)).collect();
+        let stream = |name: &str, phase: f64| {
+            let channel = |quantity, size: f64, lift: f64| {
+                let wave = |t: f64, k: f64| size * (9.0 * t + phase + 2.0 * k).sin();
+                let values: Vec<f64> =
+                    time_s.iter().flat_map(|t| [wave(*t, 0.0), wave(*t, 1.0), wave(*t, 2.0) + lift]).collect();
+                Channel { quantity, values: values.into() }
+            };
+            let channels = vec![channel(Quantity::Gyro, 3.0, 0.3), channel(Quantity::Accel, 5.0, 9.8)];
+            Stream { name: name.into(), time_s: time_s.clone().into(), channels }
+        };
+        let streams = vec![stream("trunk", 0.0), stream("arm", 1.0)];
+        let config = Config { belief_interval_s: 0.1, ..Config::default() };
+        let run = track(model, streams, &Calibration::default(), &config, None, &mut |_| true).unwrap();
+        let information: Vec<f64> = run
+            .checkpoints
+            .iter()
+            .map(|checkpoint| {
+                let known = checkpoint.known.whole();
+                let covariance = &known.links.as_ref().unwrap().state.covariance;
+                let n = covariance.n();
+                let whole = DMatrix::from_fn(n, n, |i, j| covariance.at(i, j));
+                // Both units turn about the vertical of the room, in which errors have one origin.
+                let turn = DVector::from_fn(n, |i, _| f64::from(u8::from(i == 2 || i == UNIT + 2)));
+                turn.dot(&whole.cholesky().expect("positive").solve(&turn))
+            })
+            .collect();
+        assert!(information.len() > 50);
+        // Rounding of an inverse whose condition is 1e7.
+        assert!(information.windows(2).all(|two| two[1] <= two[0] * (1.0 + 1e-8)), "{information:?}");
+        assert!(information[0] > 1.001 * information[information.len() - 1], "{information:?}");
+    }
+}
