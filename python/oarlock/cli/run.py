@@ -74,9 +74,9 @@ def run(
     low_pass_hz: Annotated[
         float,
         typer.Option(
-            "--low-pass", metavar="HZ", help="Cut-off of the readings of units on skin and clothes; 0: none."
+            "--low-pass", metavar="HZ", help="Cut-off of the readings of inertial units; 0: none."
         ),
-    ] = 6.0,
+    ] = 0.0,
     force: Force = False,
 ) -> None:
     """Import, calibrate with what is there, track, smooth and report: one command from files to angles.

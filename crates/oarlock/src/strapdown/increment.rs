@@ -229,20 +229,25 @@ impl Readings {
                 k += 1;
             }
             let next = self.all.get(k + 1).filter(|_| self.all[k].time_s <= now_s + 1e-9);
-            let end_s = next.map_or(to_s, |n| n.time_s.min(to_s));
+            let following = next.or(self.all.get(k)).filter(|r| r.time_s > now_s + 1e-9);
+            let end_s = following.map_or(to_s, |r| r.time_s.min(to_s));
             let (mut h, a) = (end_s - now_s, &self.all[k]);
             let (rate, force, noise) = match next {
                 Some(b) => {
                     let share = (0.5 * (now_s + end_s) - a.time_s) / (b.time_s - a.time_s);
                     let (dw, df) = (b.gyro - a.gyro, b.accel - a.accel);
-                    let noise = self.between(a, b, links);
+                    let noise = self.between(a, b, [links.gyro_step_share, links.accel_step_share], links);
                     (a.gyro + dw * share, a.accel + df * share, noise)
                 }
                 None => {
                     // Nothing newer, or nothing yet: the nearest reading is held.
                     h = h.min(SILENCE_S);
                     let since_s = (now_s - a.time_s).abs();
-                    let noise = self.held(a, since_s, links);
+                    let noise = match self.all.get(k + 1).filter(|_| a.time_s > now_s && since_s < SILENCE_S - 1e-9) {
+                        // Before the first reading all that changes between the first two is unknown.
+                        Some(second) => self.between(a, second, [1.0; 2], links),
+                        None => self.held(a, since_s, links),
+                    };
                     // In a silence the limb is taken to stop.
                     let stops = (gyro_bias, increment.rotation.apply_transposed(lift) + accel_bias, noise);
                     if since_s >= SILENCE_S - 1e-9 {
@@ -260,12 +265,11 @@ impl Readings {
     }
 
     /// Power of the noise between two readings: white, a share of their difference, and what lost readings hide.
-    fn between(&self, a: &Reading, b: &Reading, links: &Links) -> [f64; 2] {
+    fn between(&self, a: &Reading, b: &Reading, share: [f64; 2], links: &Links) -> [f64; 2] {
         let step_s = b.time_s - a.time_s;
         let change = [square(b.gyro - a.gyro), square(b.accel - a.accel)];
         let mut noise = [0.0; 2];
         let own = [links.gyro_density, links.accel_density];
-        let share = [links.gyro_step_share, links.accel_step_share];
         for q in 0..2 {
             let excess = a.excess[q].max(b.excess[q]);
             noise[q] = own[q].powi(2) + (share[q].powi(2) * change[q] / 3.0 + excess * excess) * step_s;

@@ -4,7 +4,7 @@ use super::covariance::UNIT;
 use super::filter::{dot, Means, State, StrapdownFilter, UnitState, LOOSE_WALK, SPRING_TIME_S};
 use super::increment::{skew, square, Increment, Readings};
 use super::readings::REST_S;
-use super::skeleton::{Closure, End, Pose};
+use super::skeleton::{Closure, End, Pose, Unit};
 use crate::kernels::dense::Square;
 use crate::rotation::turn::Turn;
 use crate::rotation::{Mat3, Vec3};
@@ -14,7 +14,7 @@ use std::f64::consts::{PI, TAU};
 const LEVEL_RAD: f64 = 0.02;
 const FORCE_SHARE: f64 = 1.0;
 
-/// Above this standard deviation of headings at the start, rad, they are sought in a bank of this many.
+/// Above this standard deviation of a joint's heading at the start, rad, it is sought in a bank of this many.
 const OPEN_RAD: f64 = 0.6;
 const HEADINGS: usize = 12;
 /// Log-likelihood by which a heading must lead.
@@ -22,6 +22,14 @@ const DECIDED: f64 = 6.0;
 
 /// Least standard deviation of a heading that was found, rad.
 const LEAST_HEADING_RAD: f64 = 0.1;
+
+/// Whether the units of a closure may have any heading against each other; `stds`: of each unit's heading, rad.
+fn is_open(closure: &Closure, stds: &[f64]) -> bool {
+    match (closure.from, closure.to) {
+        (End::Unit(a, _), End::Unit(b, _)) => stds[a].hypot(stds[b]) > OPEN_RAD,
+        _ => false,
+    }
+}
 
 /// What a closure made of a heading.
 struct Tried {
@@ -46,18 +54,29 @@ impl StrapdownFilter {
         let points = vec![zero; self.points.iter().flatten().flatten().count()];
         let mut means = Means { units, loose, points };
         self.place(&mut means);
-        let covariance = self.start_covariance(&means, &tilts, self.links.start_std_rad);
+        let headings: Vec<f64> = self.heading_stds(&means).iter().map(|std| std.min(OPEN_RAD)).collect();
+        let covariance = self.start_covariance(&means, &tilts, &headings);
         let increments = vec![Increment::none(); self.skeleton.units.len()];
         (State { time_s, means, covariance, readings, increments, row_s: time_s, uneven: 0 }, tilts)
     }
 
-    /// Covariance at the start; `tilts`: standard deviation of each unit's tilt, rad.
-    fn start_covariance(&self, means: &Means, tilts: &[f64], heading: f64) -> Square {
+    /// Standard deviation of each unit's heading before any reading, rad: of the posture, and of a calibrated mount about its vertical.
+    fn heading_stds(&self, means: &Means) -> Vec<f64> {
+        let std = |(unit, mean): (&Unit, &UnitState)| {
+            let up = unit.mount.apply(mean.rotation.apply_transposed(self.skeleton.up));
+            let mount = unit.mount_std_rad.iter().zip(up.0).map(|(std, u)| (std * u).powi(2)).sum::<f64>();
+            self.links.start_std_rad.hypot(mount.sqrt())
+        };
+        self.skeleton.units.iter().zip(&means.units).map(std).collect()
+    }
+
+    /// Covariance at the start; standard deviations of each unit's tilt and heading, rad.
+    fn start_covariance(&self, means: &Means, tilts: &[f64], headings: &[f64]) -> Square {
         let links = &self.links;
         let mut covariance = Square::zeros(self.size);
         for (i, (unit, mean)) in self.skeleton.units.iter().zip(&means.units).enumerate() {
             let stds = [links.start_speed_std_m_s, links.start_place_std_m];
-            let block = fresh_block(&self.start_turn(heading, tilts[i]), mean, stds);
+            let block = fresh_block(&self.start_turn(headings[i], tilts[i]), mean, stds);
             put_block(&mut covariance, UNIT * i, &block);
             for r in 0..6 {
                 let at = UNIT * i + 9 + r;
@@ -113,10 +132,10 @@ impl StrapdownFilter {
         (duration_s > 0.5 * REST_S && count > 2.0).then(|| (increment.velocity * (1.0 / duration_s), scatter))
     }
 
-    /// Whether the model leaves the headings of links against each other open.
-    pub fn seeks_headings(&self) -> bool {
-        let between = |c: &Closure| matches!((c.from, c.to), (End::Unit(..), End::Unit(..)));
-        self.closures && self.links.start_std_rad > OPEN_RAD && self.skeleton.closures.iter().any(between)
+    /// Whether model or calibration leave the headings of links against each other open.
+    pub fn seeks_headings(&self, means: &Means) -> bool {
+        let stds = self.heading_stds(means);
+        self.closures && self.skeleton.closures.iter().any(|c| is_open(c, &stds))
     }
 
     /// The start with the headings that the first readings of every joint fit best, each joint alone in a bank of headings; `None` if they
@@ -124,10 +143,11 @@ impl StrapdownFilter {
     pub fn with_headings(&self, start: &State, tilts: &[f64], must: bool) -> Option<State> {
         let end_s = start.readings.iter().map(Readings::last_s).fold(f64::INFINITY, f64::min);
         let mut state = start.clone();
-        let mut widest = 0.0_f64;
+        let known = self.heading_stds(&start.means);
+        let (mut sought, mut widest) = (vec![false; known.len()], LEAST_HEADING_RAD);
         for c in 0..self.skeleton.closures.len() {
             let beyond = self.skeleton.beyond(c);
-            if beyond.len() == self.skeleton.units.len() {
+            if beyond.len() == self.skeleton.units.len() || !is_open(&self.skeleton.closures[c], &known) {
                 continue;
             }
             let mut tried: Vec<Tried> = (0..HEADINGS)
@@ -143,8 +163,18 @@ impl StrapdownFilter {
             }
             self.turn_all(&mut state.means, &beyond, best.heading);
             widest = widest.max(best.std);
+            let ends =
+                [self.skeleton.closures[c].from, self.skeleton.closures[c].to].into_iter().filter_map(
+                    |end| match end {
+                        End::Unit(u, _) => Some(u),
+                        End::Room(_) => None,
+                    },
+                );
+            beyond.iter().copied().chain(ends).for_each(|u| sought[u] = true);
         }
-        state.covariance = self.start_covariance(&state.means, tilts, widest.max(LEAST_HEADING_RAD));
+        let of = |(std, sought): (&f64, &bool)| if *sought { widest } else { std.min(OPEN_RAD) };
+        let stds: Vec<f64> = known.iter().zip(&sought).map(of).collect();
+        state.covariance = self.start_covariance(&state.means, tilts, &stds);
         Some(state)
     }
 
@@ -152,7 +182,8 @@ impl StrapdownFilter {
     fn tried(&self, start: &State, tilts: &[f64], (c, beyond): (usize, &[usize]), heading: f64, end_s: f64) -> Tried {
         let mut closed = start.clone();
         self.turn_all(&mut closed.means, beyond, heading);
-        closed.covariance = self.start_covariance(&closed.means, tilts, 0.5 * TAU / HEADINGS as f64);
+        let half = vec![0.5 * TAU / HEADINGS as f64; tilts.len()];
+        closed.covariance = self.start_covariance(&closed.means, tilts, &half);
         let mut open = closed.clone();
         let mut filter = self.clone();
         filter.only = Some(c);

@@ -252,7 +252,7 @@ impl Tracker {
     fn start_state(&self, time_s: f64, readings: Vec<Readings>, must: bool) -> Option<State> {
         let filter = self.strapdown_filter();
         let (start, tilts) = filter.start(time_s, &self.rest_orientation(), readings);
-        if filter.seeks_headings() {
+        if filter.seeks_headings(&start.means) {
             return filter.with_headings(&start, &tilts, must);
         }
         Some(start)
