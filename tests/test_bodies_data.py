@@ -175,8 +175,8 @@ def test_hips_and_knees_stay_within_their_ranges():
 
 NGIMU_UNITS = {"thorax": "thorax", "upper_arm_r": "humerus", "forearm_r": "radius"}
 SHOULDER_BOUND_DEG = 5.0
-# The vendor's forearm follows a disturbed magnetometer (its field is 38 to 59 uT), and 40 Hz are few for 9 rad/s: gyroscopes
-# that are summed alone differ from the vendor by 38 deg after the best constant turns, VQF by 49, strapdown links by 10.9.
+# The vendor's forearm follows a disturbed magnetometer (its field is 38 to 59 uT), and 40 Hz are few for 9 rad/s:
+# summed gyroscopes differ from the vendor by 38 deg after the best constant turns, VQF by 49, strapdown links by 10.9.
 ELBOW_BOUND_DEG = 12.0
 # Verticals of both segments agree with the vendor's within 2 deg. Flexion also depends on the vendor's heading, and the
 # vendor has 0 where the model's elbow has its carrying angle of 10 deg; so its band cannot hold all of them (0.88).

@@ -73,9 +73,7 @@ def run(
     ] = None,
     low_pass_hz: Annotated[
         float,
-        typer.Option(
-            "--low-pass", metavar="HZ", help="Cut-off of the readings of inertial units; 0: none."
-        ),
+        typer.Option("--low-pass", metavar="HZ", help="Cut-off of the readings of inertial units; 0: none."),
     ] = 0.0,
     force: Force = False,
 ) -> None:

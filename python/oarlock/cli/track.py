@@ -91,7 +91,9 @@ def track(
     low_pass_hz: Annotated[
         float | None,
         typer.Option(
-            "--low-pass", metavar="HZ", help="First remove faster vibration of inertial units; for --set structure=tree."
+            "--low-pass",
+            metavar="HZ",
+            help="First remove faster vibration of units; for --set structure=tree.",
         ),
     ] = None,
     stature_m: Stature = None,
