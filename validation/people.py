@@ -131,7 +131,9 @@ def _table(title: str, scores: Mapping[str, Mapping[str, Score]]) -> Table:
         rows.append(
             Row(method, tuple(cells), ours=method.startswith("Oarlock"), online="smoothed" not in method)
         )
-    text = f"{AS_GOOD}: trials whose tilt and relative orientation are at most 0.3 deg above VQF's."
+    text = (
+        f"{AS_GOOD}: trials whose tilt and relative orientation are at most {AS_GOOD_DEG:g} deg above VQF's."
+    )
     return Table(title, COLUMNS, tuple(rows), text=text)
 
 

@@ -28,6 +28,24 @@ pub struct Belief {
     pub rejected_since_s: Vec<f64>,
 }
 
+impl Belief {
+    /// With nothing learnt and nothing rejected, for so many driven coordinates and parts of the measurement vector.
+    pub fn new(time_s: f64, mean: Vec<f64>, covariance: Square, (driven, parts): (usize, usize)) -> Self {
+        Belief {
+            time_s,
+            mean,
+            covariance,
+            drive: vec![1.0; driven],
+            usual_nis: vec![1.0; parts],
+            inflation: 1.0,
+            surprise: 1.0,
+            roughness: 1.0,
+            leftover: 1.0,
+            rejected_since_s: vec![f64::NAN; parts],
+        }
+    }
+}
+
 impl Clone for Belief {
     fn clone(&self) -> Self {
         Belief {

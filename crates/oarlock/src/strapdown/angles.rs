@@ -1,7 +1,7 @@
 //! Joint coordinates of strapdown links, their rates and covariance, in the layout of the model's states. `track` reports them.
 
 use super::covariance::{Rows, UNIT};
-use super::filter::{Means, StrapdownFilter};
+use super::filter::{dot, Means, StrapdownFilter};
 use super::increment::{skew, square, sum, Signal, ZERO};
 use super::joint::Turns;
 use super::skeleton::{End, Pose};
@@ -139,7 +139,6 @@ impl Coordinates {
         };
         let (own, own_by, _) = joint(l, &self.mean);
         let (other, other_by, relative) = joint(child, &self.mean);
-        let dot = |a: Vec3<f64>, b: Vec3<f64>| a.0[0] * b.0[0] + a.0[1] * b.0[1] + a.0[2] * b.0[2];
         for i in 0..3 {
             for j in 0..3 {
                 let (a, b) = (Vec3(own_by.0[i]), Vec3(own_by.0[j]));

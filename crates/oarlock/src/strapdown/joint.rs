@@ -1,6 +1,8 @@
 //! A joint between two links: its angles from a relative rotation, and their derivatives. `skeleton` makes them, `angles` and `readings`
 //! use them.
 
+use super::filter::dot;
+use super::increment::square;
 use crate::rotation::turn::Turn;
 use crate::rotation::{Mat3, Vec3};
 use std::f64::consts::TAU;
@@ -140,10 +142,6 @@ impl Turns {
     }
 }
 
-fn square(v: Vec3<f64>) -> f64 {
-    v.0.iter().map(|x| x * x).sum()
-}
-
 fn unit(v: Vec3<f64>) -> Vec3<f64> {
     v * (1.0 / square(v).sqrt().max(1e-12))
 }
@@ -164,7 +162,6 @@ fn one_hinge(hinge: &Hinge, rotation: &Mat3<f64>, guess: f64) -> Angles {
 
 /// (J'J + damping)^-1 J' of the columns `axes`, the first `count` of which are used.
 fn inverse(axes: &[Vec3<f64>; 3], count: usize) -> Mat3<f64> {
-    let dot = |a: Vec3<f64>, b: Vec3<f64>| a.0[0] * b.0[0] + a.0[1] * b.0[1] + a.0[2] * b.0[2];
     let gram = nalgebra::Matrix3::from_fn(|i, j| match (i < count && j < count, i == j) {
         (true, same) => dot(axes[i], axes[j]) + if same { DAMPING } else { 0.0 },
         (false, same) => f64::from(u8::from(same)),

@@ -83,6 +83,16 @@ pub enum End {
     Room(Vec3<f64>),
 }
 
+impl End {
+    /// Its unit; `None`: the room.
+    pub fn unit(&self) -> Option<usize> {
+        match self {
+            End::Unit(u, _) => Some(*u),
+            End::Room(_) => None,
+        }
+    }
+}
+
 /// A joint between two hinges that meet, on the piece between them: the link that carries it, its position there, and the hinges so far.
 type Begun = (Option<usize>, Vec3<f64>, Vec<Hinge>);
 
@@ -311,15 +321,11 @@ impl Skeleton {
 
     /// Units beyond a closure, seen from its first end.
     pub fn beyond(&self, closure: usize) -> Vec<usize> {
-        let unit = |end: &End| match end {
-            End::Unit(u, _) => Some(*u),
-            End::Room(_) => None,
-        };
-        let mut found: Vec<usize> = unit(&self.closures[closure].to).into_iter().collect();
+        let mut found: Vec<usize> = self.closures[closure].to.unit().into_iter().collect();
         let mut next = 0;
         while next < found.len() {
             for (c, other) in self.closures.iter().enumerate().filter(|(c, _)| *c != closure) {
-                let ends = [unit(&other.from), unit(&other.to)];
+                let ends = [other.from.unit(), other.to.unit()];
                 let here = ends.contains(&Some(found[next])) && c != closure;
                 let new = ends.into_iter().flatten().find(|u| here && !found.contains(u));
                 found.extend(new);

@@ -25,10 +25,8 @@ const LEAST_HEADING_RAD: f64 = 0.1;
 
 /// Whether the units of a closure may have any heading against each other; `stds`: of each unit's heading, rad.
 fn is_open(closure: &Closure, stds: &[f64]) -> bool {
-    match (closure.from, closure.to) {
-        (End::Unit(a, _), End::Unit(b, _)) => stds[a].hypot(stds[b]) > OPEN_RAD,
-        _ => false,
-    }
+    let units = closure.from.unit().zip(closure.to.unit());
+    units.is_some_and(|(a, b)| stds[a].hypot(stds[b]) > OPEN_RAD)
 }
 
 /// What a closure made of a heading.
@@ -163,14 +161,8 @@ impl StrapdownFilter {
             }
             self.turn_all(&mut state.means, &beyond, best.heading);
             widest = widest.max(best.std);
-            let ends =
-                [self.skeleton.closures[c].from, self.skeleton.closures[c].to].into_iter().filter_map(
-                    |end| match end {
-                        End::Unit(u, _) => Some(u),
-                        End::Room(_) => None,
-                    },
-                );
-            beyond.iter().copied().chain(ends).for_each(|u| sought[u] = true);
+            let Closure { from, to, .. } = &self.skeleton.closures[c];
+            beyond.iter().copied().chain(from.unit()).chain(to.unit()).for_each(|u| sought[u] = true);
         }
         let of = |(std, sought): (&f64, &bool)| if *sought { widest } else { std.min(OPEN_RAD) };
         let stds: Vec<f64> = known.iter().zip(&sought).map(of).collect();
@@ -192,12 +184,11 @@ impl StrapdownFilter {
         alone.closures = false;
         alone.advance(&mut open, end_s, &mut |_| {}, false);
         // An error of heading stays as it is, so what the closure has corrected by the end is what the start lacked.
-        let turned = |end: &End| match end {
-            End::Unit(u, _) => {
-                let moved = closed.means.units[*u].rotation.times_transposed(&open.means.units[*u].rotation);
+        let turned = |end: &End| {
+            end.unit().map_or(0.0, |u| {
+                let moved = closed.means.units[u].rotation.times_transposed(&open.means.units[u].rotation);
                 dot(Vec3(Turn::of(&moved).log()), self.skeleton.up)
-            }
-            End::Room(_) => 0.0,
+            })
         };
         let closure = &self.skeleton.closures[c];
         let heading = heading + turned(&closure.to) - turned(&closure.from);
@@ -207,11 +198,7 @@ impl StrapdownFilter {
 
     /// Variance of the heading of a closure's second unit against its first.
     fn heading_variance(&self, covariance: &Square, closure: &Closure) -> f64 {
-        let first = |end: &End| match end {
-            End::Unit(u, _) => Some(UNIT * u),
-            End::Room(_) => None,
-        };
-        let ends = [(first(&closure.to), 1.0), (first(&closure.from), -1.0)];
+        let ends = [(&closure.to, 1.0), (&closure.from, -1.0)].map(|(end, sign)| (end.unit().map(|u| UNIT * u), sign));
         let up = self.skeleton.up.0;
         let mut variance = 0.0;
         for (a, x) in ends.iter().filter_map(|(f, s)| Some(((*f)?, s))) {

@@ -157,18 +157,7 @@ impl Start<'_> {
         }
         self.place_turns(&fit, compass, &mut covariance);
         let parts = self.subject.groups.parts.len();
-        let belief = Belief {
-            time_s,
-            mean: fit.mean,
-            covariance,
-            drive: vec![1.0; body.driven().len()],
-            usual_nis: vec![1.0; parts],
-            inflation: 1.0,
-            surprise: 1.0,
-            roughness: 1.0,
-            leftover: 1.0,
-            rejected_since_s: vec![f64::NAN; parts],
-        };
+        let belief = Belief::new(time_s, fit.mean, covariance, (body.driven().len(), parts));
         Hypothesis { doubt: self.doubt.clone(), ..Hypothesis::new(belief, self.subject.groups.sources.len()) }
     }
 

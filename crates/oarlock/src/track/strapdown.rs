@@ -234,18 +234,8 @@ impl Tracker {
 
     fn blank_belief(&self, time_s: f64) -> Belief {
         let parts = self.subject.groups.parts.len();
-        Belief {
-            time_s,
-            mean: self.unmoved(),
-            covariance: Square::zeros(self.subject.body.layout.dim()),
-            drive: vec![1.0; self.subject.body.driven().len()],
-            usual_nis: vec![1.0; parts],
-            inflation: 1.0,
-            surprise: 1.0,
-            roughness: 1.0,
-            leftover: 1.0,
-            rejected_since_s: vec![f64::NAN; parts],
-        }
+        let body = &self.subject.body;
+        Belief::new(time_s, self.unmoved(), Square::zeros(body.layout.dim()), (body.driven().len(), parts))
     }
 
     /// The start of the filter; `None` if headings are open, the readings do not decide them, and they need not.

@@ -127,18 +127,7 @@ pub fn belief(body: &Body, time_s: f64, mean: Vec<f64>, std: &[f64]) -> Belief {
         *covariance.at_mut(i, i) = s * s;
     }
     let parts = body.groups().parts.len();
-    Belief {
-        time_s,
-        mean,
-        covariance,
-        drive: vec![1.0; body.driven().len()],
-        usual_nis: vec![1.0; parts],
-        inflation: 1.0,
-        surprise: 1.0,
-        roughness: 1.0,
-        leftover: 1.0,
-        rejected_since_s: vec![f64::NAN; parts],
-    }
+    Belief::new(time_s, mean, covariance, (body.driven().len(), parts))
 }
 
 /// The same, with nothing remembered of its sources.
