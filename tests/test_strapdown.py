@@ -92,19 +92,20 @@ def test_the_first_band_is_the_widest(tracked):
     assert np.all(tracked.q_std[1, 3:] <= 1.1 * tracked.q_std[0, 3:])
 
 
-def test_a_unit_may_fall_silent_and_come_back(sliding, tracked):
-    arm = sliding.recording["upper_arm_l"]
-    heard = (arm.time_s < 10.0) | (arm.time_s > 12.0)
+def _with_arm(body, is_heard):
+    """The recording with only these readings of the left arm's unit."""
+    arm = body.recording["upper_arm_l"]
+    heard = is_heard(arm.time_s)
     part = oarlock.ImuStream(
         "upper_arm_l", arm.time_s[heard], gyro_rad_s=arm.gyro_rad_s[heard], accel_m_s2=arm.accel_m_s2[heard]
     )
-    others = [stream for stream in sliding.recording if stream.name != "upper_arm_l"]
-    track = oarlock.track(
-        sliding.model,
-        oarlock.Recording([*others, part]),
-        sliding.calibration,
-        oarlock.Config(magnetometer="off", initial_q=sliding.start_q),
-    )
+    return oarlock.Recording([*(s for s in body.recording if s.name != "upper_arm_l"), part])
+
+
+def test_a_unit_may_fall_silent_and_come_back(sliding, tracked):
+    recording = _with_arm(sliding, lambda time_s: (time_s < 10.0) | (time_s > 12.0))
+    config = oarlock.Config(magnetometer="off", initial_q=sliding.start_q)
+    track = oarlock.track(sliding.model, recording, sliding.calibration, config)
     tilt, relative = sliding.errors_deg(track)
     silent = track.frame_rotation_stds("upper_arm_l", "thorax").max(axis=1)
     at = track.time_s
@@ -116,20 +117,44 @@ def test_a_unit_may_fall_silent_and_come_back(sliding, tracked):
     assert rms(tilt["upper_arm_r"]) < LIVE_DEG[0]
 
 
-def test_a_stream_gives_the_numbers_of_the_batch(sliding, tracked):
+@pytest.mark.parametrize("live", [False, True])
+def test_a_unit_may_begin_to_speak_late(sliding, tracked, live):
+    """A recording says so from its start on; in a stream the unit is admitted when it speaks."""
+    recording = _with_arm(sliding, lambda time_s: time_s > 5.0)
+    config = oarlock.Config(magnetometer="off", initial_q=sliding.start_q)
+    _, whole = sliding.errors_deg(tracked)
+    if live:
+        tracker = oarlock.Tracker(sliding.model, sliding.calibration, config)
+        beliefs = [belief for belief, _ in streamed(tracker, recording)]
+        columns = [beliefs[0].state_names.index(name) for name in tracked.coordinate_names]
+        own = columns[tracked.coordinate_names.index("shoulder_l.rx")]
+        stds = np.array([np.sqrt(belief.covariance[own, own]) for belief in beliefs])
+        time_s = np.array([belief.time_s for belief in beliefs])
+        assert stds[(time_s > 4.0) & (time_s < 4.9)].min() > 2.0 * stds[time_s > 20.0].max()
+        assert np.isfinite([belief.mean[columns] for belief in beliefs]).all()
+        return
+    track = oarlock.track(sliding.model, recording, sliding.calibration, config)
+    for result in (track, oarlock.smooth(track)):
+        tilt, relative = sliding.errors_deg(result)
+        assert rms(tilt["upper_arm_l"][-500:]) < LIVE_DEG[0]
+        assert rms(relative["pelvis", "thorax"]) < 1.5 * rms(whole["pelvis", "thorax"])
+
+
+def streamed(tracker, recording):
     """Readings one by one as they arrive, each at its own instant."""
-    tracker = oarlock.Tracker(
-        sliding.model, sliding.calibration, oarlock.Config(**tracked.provenance["config"])
-    )
-    readings = sorted(
-        (time_s, stream.name, k) for stream in sliding.recording for k, time_s in enumerate(stream.time_s)
-    )
-    beliefs = []
+    readings = sorted((time_s, stream.name, k) for stream in recording for k, time_s in enumerate(stream.time_s))
     for time_s, name, k in readings:
-        stream = sliding.recording[name]
-        parts = {"gyro_rad_s": stream.gyro_rad_s[k], "accel_m_s2": stream.accel_m_s2[k]}
-        beliefs += [belief for belief, _ in tracker.push(name, time_s, parts)]
-    beliefs += [belief for belief, _ in tracker.flush()]
+        stream = recording[name]
+        yield from tracker.push(
+            name, time_s, {"gyro_rad_s": stream.gyro_rad_s[k], "accel_m_s2": stream.accel_m_s2[k]}
+        )
+    yield from tracker.flush()
+
+
+def test_a_stream_gives_the_numbers_of_the_batch(sliding, tracked):
+    config = oarlock.Config(**tracked.provenance["config"])
+    tracker = oarlock.Tracker(sliding.model, sliding.calibration, config)
+    beliefs = [belief for belief, _ in streamed(tracker, sliding.recording)]
     columns = [beliefs[0].state_names.index(name) for name in tracked.coordinate_names]
     at = np.searchsorted(tracked.time_s, [belief.time_s for belief in beliefs])
     assert len(beliefs) >= 0.98 * len(tracked)

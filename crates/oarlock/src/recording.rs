@@ -227,6 +227,14 @@ impl Recording {
         })
     }
 
+    /// Whether a stream of this source has a number of each of these quantities.
+    pub fn has(&self, source: usize, quantities: &[Quantity]) -> bool {
+        let own = self.streams.iter().zip(&self.sources).filter(|(_, s)| **s == Some(source));
+        let channels = || own.clone().flat_map(|(clocked, _)| &clocked.stream.channels);
+        let is_number = |channel: &Channel| channel.values.iter().any(|x| !x.is_nan());
+        quantities.iter().all(|q| channels().any(|channel| channel.quantity == *q && is_number(channel)))
+    }
+
     /// Rows of the stream that has most.
     pub fn longest(&self) -> usize {
         self.streams.iter().map(|s| s.stream.time_s.len()).max().unwrap_or_default()

@@ -11,6 +11,7 @@ pub(crate) mod covariance;
 pub mod filter;
 pub mod increment;
 mod joint;
+mod late;
 mod pieces;
 mod readings;
 pub mod skeleton;

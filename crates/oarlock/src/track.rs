@@ -201,11 +201,12 @@ impl Tracker {
     }
 
     /// Continues from a state estimate of an earlier run instead of fitting a start.
-    pub fn resume(&mut self, start: Hypothesis) -> Result<()> {
+    pub fn resume(&mut self, mut start: Hypothesis) -> Result<()> {
         for one in std::iter::once(&start).chain(&start.rivals) {
             self.check_start(one)?;
         }
         self.resume_links(&start)?;
+        self.admit_known(&mut start)?;
         self.hypothesis = Some(start);
         Ok(())
     }

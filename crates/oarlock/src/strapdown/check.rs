@@ -2,9 +2,10 @@
 //! accelerometer says, beyond what both are worth? `track` lets the joints of such a unit go and says so.
 
 use super::covariance::UNIT;
-use super::filter::{dot, State, StrapdownFilter};
+use super::filter::{dot, Means, State, StrapdownFilter};
 use super::increment::{square, Reading};
 use super::skeleton::{Link, Pose, Skeleton};
+use crate::kernels::dense::Square;
 use crate::rotation::{Mat3, Vec3};
 
 /// Differences are averaged over this time, s.
@@ -83,20 +84,7 @@ impl Alone {
 
     /// The start of each, from that of the body.
     pub fn start(&self, state: &State) -> Vec<State> {
-        let one = |u: usize| {
-            let mut alone = State { readings: vec![state.readings[u].clone()], ..state.clone() };
-            alone.means.units = vec![state.means.units[u]];
-            (alone.means.loose, alone.means.points) = (Vec::new(), Vec::new());
-            alone.increments = vec![state.increments[u]];
-            alone.covariance = crate::kernels::dense::Square::zeros(UNIT);
-            for r in 0..UNIT {
-                for c in 0..UNIT {
-                    *alone.covariance.at_mut(r, c) = state.covariance.at(UNIT * u + r, UNIT * u + c);
-                }
-            }
-            alone
-        };
-        (0..self.filters.len()).map(one).collect()
+        (0..self.filters.len()).map(|u| state.of_unit(u)).collect()
     }
 
     /// Adds a reading of a unit.
@@ -114,6 +102,26 @@ impl Alone {
     }
 }
 
+impl State {
+    /// What it says of one unit alone.
+    pub fn of_unit(&self, u: usize) -> State {
+        let first = UNIT * u;
+        let mut covariance = Square::zeros(UNIT);
+        for r in 0..UNIT {
+            for c in 0..UNIT {
+                *covariance.at_mut(r, c) = self.covariance.at(first + r, first + c);
+            }
+        }
+        State {
+            means: Means { units: vec![self.means.units[u]], ..Means::default() },
+            readings: vec![self.readings[u].clone()],
+            increments: vec![self.increments[u]],
+            covariance,
+            ..*self
+        }
+    }
+}
+
 impl StrapdownFilter {
     /// Compares all units with themselves alone after an update that took `step_s`.
     pub fn check(&mut self, state: &State, alone: &[State], checks: &mut [Check], step_s: f64) {
@@ -122,7 +130,7 @@ impl StrapdownFilter {
             let (own, other) = (&state.means.units[u], &alone.means.units[0]);
             let [here, there] = [own, other].map(|mean| mean.rotation.apply_transposed(up));
             let angle = dot(here, there).clamp(-1.0, 1.0).acos();
-            let variance = |p: &crate::kernels::dense::Square, first: usize| -> f64 {
+            let variance = |p: &Square, first: usize| -> f64 {
                 let turn = Mat3(std::array::from_fn(|r| std::array::from_fn(|c| p.at(first + r, first + c))));
                 let all: f64 = (0..3).map(|k| turn.0[k][k]).sum();
                 all - dot(up, turn.apply(up))

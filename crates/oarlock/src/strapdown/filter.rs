@@ -15,7 +15,7 @@ const UPDATE_S: f64 = 0.02;
 /// A unit without readings for longer is silent, s: it goes with its neighbour, and its joints are not read. What its orientation is worth when it
 /// speaks again, rad.
 const SILENT_S: f64 = 0.3;
-const SILENT_RAD: f64 = 1.0;
+pub const SILENT_RAD: f64 = 1.0;
 /// Longest prediction without a reading of joints, s.
 const LONGEST_S: f64 = 0.1;
 /// Joint state of a link without a unit: random walk, rad per sqrt(s), and correlation time of the spring to its rest, s.
@@ -237,12 +237,16 @@ impl StrapdownFilter {
 
     fn extend(&self, state: &mut State, to_s: f64) {
         let ends = (state.row_s, to_s);
-        let units = state.means.units.iter().zip(&state.readings).zip(&mut state.increments);
-        for ((mean, readings), increment) in units {
-            let lift = mean.rotation.apply_transposed(self.gravity * -1.0);
-            readings.integrate(increment, ends, [mean.gyro_bias, mean.accel_bias], lift, &self.links);
-        }
+        (0..state.increments.len()).for_each(|u| self.extend_unit(state, u, ends));
         state.row_s = to_s;
+    }
+
+    /// Extends the increment of a unit from one time to another, s.
+    pub(super) fn extend_unit(&self, state: &mut State, u: usize, ends_s: (f64, f64)) {
+        let mean = &state.means.units[u];
+        let lift = mean.rotation.apply_transposed(self.gravity * -1.0);
+        let biases = [mean.gyro_bias, mean.accel_bias];
+        state.readings[u].integrate(&mut state.increments[u], ends_s, biases, lift, &self.links);
     }
 
     /// A unit's state after an increment from `mean`.

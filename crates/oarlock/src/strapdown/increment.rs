@@ -224,6 +224,10 @@ impl Readings {
     ) {
         let mut now_s = from_s;
         let mut k = self.before(from_s);
+        if self.all.is_empty() && to_s > from_s {
+            increment.add(to_s - from_s, Vec3([0.0; 3]), increment.rotation.apply_transposed(lift), unread());
+            return;
+        }
         while now_s < to_s - 1e-9 {
             while k + 1 < self.all.len() && self.all[k + 1].time_s <= now_s + 1e-9 {
                 k += 1;

@@ -51,7 +51,7 @@ impl StrapdownFilter {
         let loose: Vec<Mat3<f64>> = self.skeleton.loose.iter().map(|l| self.against(*l, &turned)).collect();
         let points = vec![zero; self.points.iter().flatten().flatten().count()];
         let mut means = Means { units, loose, points };
-        self.place(&mut means);
+        self.place(&mut means, &mut vec![false; tilts.len()]);
         let headings: Vec<f64> = self.heading_stds(&means).iter().map(|std| std.min(OPEN_RAD)).collect();
         let covariance = self.start_covariance(&means, &tilts, &headings);
         let increments = vec![Increment::none(); self.skeleton.units.len()];
@@ -139,7 +139,8 @@ impl StrapdownFilter {
     /// The start with the headings that the first readings of every joint fit best, each joint alone in a bank of headings; `None` if they
     /// do not decide yet.
     pub fn with_headings(&self, start: &State, tilts: &[f64], must: bool) -> Option<State> {
-        let end_s = start.readings.iter().map(Readings::last_s).fold(f64::INFINITY, f64::min);
+        let last_s = start.readings.iter().map(Readings::last_s);
+        let end_s = last_s.filter(|last| last.is_finite()).fold(f64::INFINITY, f64::min);
         let mut state = start.clone();
         let known = self.heading_stds(&start.means);
         let (mut sought, mut widest) = (vec![false; known.len()], LEAST_HEADING_RAD);
@@ -215,20 +216,19 @@ impl StrapdownFilter {
     fn turn_all(&self, means: &mut Means, units: &[usize], angle: f64) {
         let turn = Mat3::about(self.skeleton.up * angle);
         units.iter().for_each(|u| means.units[*u].rotation = turn.times(&means.units[*u].rotation));
-        self.place(means);
+        self.place(means, &mut vec![false; means.units.len()]);
     }
 
     /// Rotation of a link against the neighbour that it hangs on, when all links are turned like this.
-    fn against(&self, link: usize, turned: &[Mat3<f64>]) -> Mat3<f64> {
+    pub(super) fn against(&self, link: usize, turned: &[Mat3<f64>]) -> Mat3<f64> {
         match self.skeleton.links[link].pose {
             Pose::State(_, anchor) => turned[anchor].transposed().times(&turned[link]),
             Pose::Unit(_) | Pose::Between(..) => Mat3::identity(),
         }
     }
 
-    /// Positions of the units that close all joints, the first unit at the origin or where a joint with the room puts it.
-    fn place(&self, means: &mut Means) {
-        let mut known = vec![false; means.units.len()];
+    /// Positions that close all joints, of units that are not `known`; the first one is at the origin or where a joint with the room puts it.
+    pub(super) fn place(&self, means: &mut Means, known: &mut [bool]) {
         loop {
             let mut moved = false;
             for closure in &self.skeleton.closures {

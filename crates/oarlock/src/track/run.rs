@@ -101,6 +101,7 @@ pub fn track(
     let body = tracker.body();
     let inputs = body.model.joints.iter().filter(|j| j.input).map(|j| j.first).collect();
     let recording = Recording::new(&body.model, &body.suite, streams, clocks, Gathering::of(config))?;
+    tracker.listen(&recording);
     if let Some(start) = start {
         tracker.resume(start)?;
     }

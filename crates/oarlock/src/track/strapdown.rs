@@ -15,14 +15,14 @@ use crate::estimate::filter::{SourceInfo, Verdict};
 use crate::estimate::System;
 use crate::kernels::dense::Square;
 use crate::model::Structure;
-use crate::recording::Sample;
+use crate::recording::{Recording, Sample};
 use crate::rotation::{Mat3, Vec3};
 use crate::sensor::{MountValue, Quantity};
 use crate::strapdown::angles::Coordinates;
 use crate::strapdown::check::{Alone, Check};
 use crate::strapdown::filter::{Means, Node, State, StrapdownFilter};
 use crate::strapdown::increment::{Increment, Reading, Readings, Signal};
-use crate::strapdown::skeleton::{Mounts, Skeleton};
+use crate::strapdown::skeleton::{Mounts, Skeleton, Unit};
 use std::collections::VecDeque;
 
 /// Readings from which the start is levelled, s.
@@ -34,7 +34,9 @@ const LATER: f64 = 1.7;
 const PATIENCE_S: f64 = 0.15;
 /// Standard deviations of clipped readings, rad/s and m/s2: they are only a bound.
 const CLIPPED: [f64; 2] = [5.0, 50.0];
-/// The same of a force that a unit did not send, m/s2.
+/// What a unit of strapdown links measures.
+const INERTIAL: [Quantity; 2] = [Quantity::Gyro, Quantity::Accel];
+/// Standard deviation of a force that a unit did not send, m/s2.
 const UNSENT_FORCE: f64 = 5.0;
 
 /// A sample that waits for later readings.
@@ -87,6 +89,8 @@ pub(super) struct Strapdown {
     mounts: Mounts,
     pub filter: Option<StrapdownFilter>,
     alone: Option<Alone>,
+    /// By source: whether the whole recording has readings of it, so that it counts from the start on; empty: unknown.
+    speaks: Vec<bool>,
     /// Standard deviations of states that strapdown links do not estimate.
     unknown: Vec<f64>,
     /// Time after the first sample at which a start is tried again, s.
@@ -117,7 +121,8 @@ impl Strapdown {
         let mounts = Mounts { values: mounts.to_vec(), stds_rad };
         // All units, so that a model that cannot be tracked is refused at once.
         Skeleton::new(body, &vec![true; body.suite.sources.len()], &mounts)?;
-        Ok(Some(Strapdown { mounts, filter: None, alone: None, unknown: start_std(body, 1.0), next_start_s: 0.0 }))
+        let unknown = start_std(body, 1.0);
+        Ok(Some(Strapdown { mounts, filter: None, alone: None, speaks: Vec::new(), unknown, next_start_s: 0.0 }))
     }
 
     /// Frames of links whose hinges lock a direction.
@@ -143,6 +148,7 @@ impl Tracker {
             self.hypothesis = Some(one);
             return Ok(Status::OutOfOrder);
         }
+        self.admit(&mut one, self.present(std::slice::from_ref(sample)))?;
         self.take_readings(&mut one, sample);
         let processed = self.process_links(&mut one, false, sink);
         self.hypothesis = Some(one);
@@ -222,14 +228,45 @@ impl Tracker {
         done
     }
 
-    /// By source: whether it has whole readings of gyroscope and accelerometer in some samples.
-    fn present(&self, samples: &[Sample]) -> Vec<bool> {
-        let is_read = |s: &crate::sensor::Source| {
-            let inertial = || s.parts.iter().filter(|p| matches!(p.quantity, Quantity::Gyro | Quantity::Accel));
-            let whole = |sample: &Sample| inertial().all(|p| sample.z[p.rows.clone()].iter().all(|z| !z.is_nan()));
-            inertial().count() == 2 && samples.iter().any(whole)
+    /// Makes the filter larger by units that speak, by source, and did not at the start.
+    fn admit(&mut self, one: &mut Hypothesis, speaks: Vec<bool>) -> Result<()> {
+        let Some(links) = &mut one.links else { return Ok(()) };
+        if !links.present.iter().zip(&speaks).any(|(was, is)| *is && !was) {
+            return Ok(());
+        }
+        let old = self.strapdown_filter().clone();
+        links.present.iter_mut().zip(speaks).for_each(|(was, is)| *was |= is);
+        self.build_filter(&links.present)?;
+        let filter = self.strapdown_filter();
+        links.state = filter.admit(&old, &links.state);
+        let earlier = |unit: &Unit| old.skeleton.units.iter().position(|o| o.source == unit.source);
+        let units = || filter.skeleton.units.iter().map(earlier).enumerate();
+        let alone = |(u, o): (usize, Option<usize>)| match o {
+            Some(o) => links.alone[o].clone(),
+            None => links.state.of_unit(u),
         };
-        self.subject.body.suite.sources.iter().map(is_read).collect()
+        links.alone = units().map(alone).collect();
+        links.checks = units().map(|(_, o)| o.map_or(Check::NEW, |o| links.checks[o])).collect();
+        Ok(())
+    }
+
+    /// By source: whether it has whole readings of gyroscope and accelerometer in some samples, or is known to have some later.
+    fn present(&self, samples: &[Sample]) -> Vec<bool> {
+        let later = |s: usize| self.strapdown.as_ref().is_some_and(|links| links.speaks.get(s) == Some(&true));
+        let is_read = |(s, source): (usize, &crate::sensor::Source)| {
+            let inertial = || source.parts.iter().filter(|p| INERTIAL.contains(&p.quantity));
+            let whole = |sample: &Sample| inertial().all(|p| sample.z[p.rows.clone()].iter().all(|z| !z.is_nan()));
+            inertial().count() == 2 && (later(s) || samples.iter().any(whole))
+        };
+        self.subject.body.suite.sources.iter().enumerate().map(is_read).collect()
+    }
+
+    /// Reads from a recording which units speak at any time.
+    pub(super) fn listen(&mut self, recording: &Recording) {
+        let sources = 0..self.subject.body.suite.sources.len();
+        if let Some(strapdown) = &mut self.strapdown {
+            strapdown.speaks = sources.map(|s| recording.has(s, &INERTIAL)).collect();
+        }
     }
 
     fn blank_belief(&self, time_s: f64) -> Belief {
@@ -265,6 +302,11 @@ impl Tracker {
             Some(links) => self.build_filter(&links.present.clone()),
             None => Ok(()),
         }
+    }
+
+    /// Admits the units that a recording has and an earlier run, from which it continues, had not.
+    pub(super) fn admit_known(&mut self, one: &mut Hypothesis) -> Result<()> {
+        self.admit(one, self.present(&[]))
     }
 
     fn strapdown_filter(&self) -> &StrapdownFilter {
