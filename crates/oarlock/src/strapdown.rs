@@ -16,4 +16,4 @@ mod pieces;
 mod readings;
 pub mod skeleton;
 pub mod smoother;
-mod start;
+pub mod start;

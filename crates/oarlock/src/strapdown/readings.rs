@@ -11,7 +11,7 @@ use crate::rotation::{Mat3, Vec3};
 /// Rest: readings constant within these, rad/s and m/s2, for this time, s, at a rate below this, rad/s.
 const REST_GYRO: f64 = 0.05;
 const REST_ACCEL: f64 = 0.25;
-pub const REST_S: f64 = 0.4;
+const REST_S: f64 = 0.4;
 const REST_RATE: f64 = 0.1;
 /// Contact with the ground: rate below this, rad/s, and force within this of gravity, m/s2, for this time, s (after Skog et al. 2010).
 const CONTACT_RATE: f64 = 1.0;

@@ -3,13 +3,14 @@
 use super::covariance::UNIT;
 use super::filter::{dot, Means, State, StrapdownFilter, UnitState, LOOSE_WALK, SPRING_TIME_S};
 use super::increment::{skew, square, Increment, Readings};
-use super::readings::REST_S;
 use super::skeleton::{Closure, End, Pose, Unit};
 use crate::kernels::dense::Square;
 use crate::rotation::turn::Turn;
 use crate::rotation::{Mat3, Vec3};
 use std::f64::consts::{PI, TAU};
 
+/// The start is levelled by the mean force over this time, s: in it a person's speed changes by about a metre per second.
+pub const LEVEL_S: f64 = 1.0;
 /// Tilt from the mean force of a unit at rest, rad; and the share of the scatter of forces that their mean has.
 const LEVEL_RAD: f64 = 0.02;
 const FORCE_SHARE: f64 = 1.0;
@@ -119,7 +120,7 @@ impl StrapdownFilter {
 
     /// Mean force at the start, in the axes of the start, and the scatter of the forces about their mean, m/s2.
     fn mean_force(&self, readings: &Readings, time_s: f64) -> Option<(Vec3<f64>, f64)> {
-        let end_s = (time_s + REST_S).min(readings.last_s());
+        let end_s = (time_s + LEVEL_S).min(readings.last_s());
         let window = readings.until(end_s);
         let (sum, count) = window.clone().fold((Vec3([0.0; 3]), 0.0), |(sum, n), r| (sum + r.accel, n + 1.0));
         let mean = sum * (1.0 / count);
@@ -127,7 +128,7 @@ impl StrapdownFilter {
         let (mut increment, zero) = (Increment::none(), Vec3([0.0; 3]));
         readings.integrate(&mut increment, (time_s, end_s), [zero; 2], zero, &self.links);
         let duration_s = increment.duration_s;
-        (duration_s > 0.5 * REST_S && count > 2.0).then(|| (increment.velocity * (1.0 / duration_s), scatter))
+        (duration_s > 0.5 * LEVEL_S && count > 2.0).then(|| (increment.velocity * (1.0 / duration_s), scatter))
     }
 
     /// Whether model or calibration leave the headings of links against each other open.

@@ -11,7 +11,8 @@ use super::{Calibration, Sink, Status, Tracker};
 use crate::body::Body;
 use crate::error::Result;
 use crate::estimate::belief::Belief;
-use crate::estimate::filter::{SourceInfo, Verdict};
+use crate::estimate::filter::{Info, SourceInfo, Verdict};
+use crate::estimate::smoother::Backward;
 use crate::estimate::System;
 use crate::kernels::dense::Square;
 use crate::model::Structure;
@@ -22,11 +23,10 @@ use crate::strapdown::angles::Coordinates;
 use crate::strapdown::check::{Alone, Check};
 use crate::strapdown::filter::{Means, Node, State, StrapdownFilter};
 use crate::strapdown::increment::{Increment, Reading, Readings, Signal};
+use crate::strapdown::start::LEVEL_S;
 use crate::strapdown::skeleton::{Mounts, Skeleton, Unit};
 use std::collections::VecDeque;
 
-/// Readings from which the start is levelled, s.
-const START_S: f64 = 0.4;
 /// Longest time for which headings are sought, s, and the factor from one try to the next.
 const LONGEST_START_S: f64 = 5.0;
 const LATER: f64 = 1.7;
@@ -105,6 +105,21 @@ pub(super) struct RowMotion {
     pub signals: Vec<Signal>,
 }
 
+/// What smoothed means, carried on by the increments of an update, lack to the smoothed ones after it; from when, s, and over how long, s.
+pub(super) struct Lack {
+    error: Vec<f64>,
+    from_s: f64,
+    duration_s: f64,
+}
+
+impl Lack {
+    pub fn of(filter: &StrapdownFilter, node: &Node, before: &Means, after: &Means) -> Self {
+        let arrived = filter.carried(before, &node.before, &node.increments);
+        let duration_s = node.increments[0].duration_s;
+        Lack { error: filter.lack(after, &arrived), from_s: node.before_s, duration_s }
+    }
+}
+
 impl Strapdown {
     /// `None` if the model is tracked as a tree.
     pub fn new(
@@ -128,6 +143,24 @@ impl Strapdown {
     /// Frames of links whose hinges lock a direction.
     pub fn locked(&self) -> Vec<usize> {
         self.filter.as_ref().map_or_else(Vec::new, |filter| filter.locked().map(|link| link.frame).collect())
+    }
+
+    /// Coordinates of a row after smoothed means, where the filter had `filtered`.
+    pub fn smoothed(
+        &self,
+        body: &Body,
+        (smoothed, filtered): (&Means, &Means),
+        motion: &RowMotion,
+        lack: Option<&Lack>,
+        near: &[f64],
+    ) -> Coordinates {
+        let filter = self.filter.as_ref().expect("made at the start");
+        let mut means = filter.carried(smoothed, filtered, &motion.increments);
+        if let Some(Lack { error, from_s, duration_s }) = lack {
+            let share = ((motion.time_s - from_s) / duration_s).clamp(0.0, 1.0);
+            filter.shift(&mut means, &error.iter().map(|x| x * share).collect::<Vec<_>>());
+        }
+        self.coordinates(body, &means, &motion.signals, near)
     }
 
     /// Coordinates at these means.
@@ -164,7 +197,7 @@ impl Tracker {
         self.waiting.push(sample.clone());
         let since_s = sample.time_s - self.waiting[0].time_s;
         let due_s = self.strapdown.as_ref().map_or(0.0, |s| s.next_start_s);
-        if since_s < self.config.start_window_s.max(START_S).max(due_s) {
+        if since_s < self.config.start_window_s.max(LEVEL_S).max(due_s) {
             return Ok(Status::Starting);
         }
         self.begin_links(since_s >= LONGEST_START_S, sink)?;
@@ -219,13 +252,49 @@ impl Tracker {
             }
             None => {
                 self.waiting = waiting;
-                self.strapdown.iter_mut().for_each(|s| s.next_start_s = s.next_start_s.max(START_S) * LATER);
+                self.strapdown.iter_mut().for_each(|s| s.next_start_s = s.next_start_s.max(LEVEL_S) * LATER);
                 return Ok(());
             }
         }
-        let done = self.process_links(&mut one, false, sink);
+        self.process_start(&mut one, sink);
         self.hypothesis = Some(one);
-        done
+        Ok(())
+    }
+
+    /// Processes the samples of the start, which have all been taken in: their estimates are smoothed, because a wrong tilt at the start is
+    /// corrected within the first second, and no unit turns like that.
+    fn process_start(&mut self, one: &mut Hypothesis, sink: Sink) {
+        let mut rows: Vec<(Sample, Hypothesis, Info, RowMotion)> = Vec::new();
+        let mut updates: Vec<(Node, usize)> = Vec::new();
+        loop {
+            let first = rows.len();
+            let mut nodes = Vec::new();
+            let Some((sample, motion)) = self.process_one(one, false, &mut |node| nodes.push(node), true) else { break };
+            updates.extend(nodes.into_iter().map(|node| (node, first)));
+            rows.extend(motion.map(|motion| (sample, one.clone(), self.info.clone(), motion)));
+        }
+        let (Some(strapdown), Some(links)) = (&self.strapdown, &one.links) else { return };
+        let filter = self.strapdown_filter();
+        let mut backward = Backward::new(filter.size);
+        let (mut smoothed, mut covariance) = (links.state.means.clone(), links.state.covariance.clone());
+        let mut end = updates.last().map_or(0, |(_, first)| *first);
+        for (k, (node, _)) in updates.iter().enumerate().rev() {
+            let Ok((before, spread)) = filter.back(&mut backward, node, &smoothed, &covariance) else { break };
+            let lack = Lack::of(filter, node, &before, &smoothed);
+            let first = k.checked_sub(1).map_or(0, |earlier| updates[earlier].1);
+            for (_, known, _, motion) in &mut rows[first..end] {
+                let belief = &mut known.belief;
+                let ends = (&before, &node.before);
+                let coordinates = strapdown.smoothed(&self.subject.body, ends, motion, Some(&lack), &belief.mean);
+                belief.covariance = coordinates.covariance(&spread);
+                if let Some(links) = &mut known.links {
+                    links.off_axis.clone_from(&coordinates.off_axis);
+                }
+                belief.mean = coordinates.mean;
+            }
+            (smoothed, covariance, end) = (before, spread, first);
+        }
+        rows.iter().for_each(|(sample, known, info, _)| sink(sample, known, info));
     }
 
     /// Makes the filter larger by units that speak, by source, and did not at the start.

@@ -1,7 +1,7 @@
 //! Smooths a run of strapdown links backwards from its checkpoints, as `back` does for trees.
 
 use super::super::hypothesis::Hypothesis;
-use super::super::strapdown::RowMotion;
+use super::super::strapdown::{Lack, RowMotion};
 use super::super::Tracker;
 use super::{Progress, Run};
 use crate::error::{Error, Result};
@@ -46,8 +46,7 @@ impl Run {
             for (node, rows) in stretch.nodes.iter().rev() {
                 let Some(filter) = tracker.strapdown.as_ref().and_then(|s| s.filter.as_ref()) else { break };
                 let (before, spread) = filter.back(&mut backward, node, &smoothed, &covariance)?;
-                let arrived = filter.carried(&before, &node.before, &node.increments);
-                let lack = (filter.lack(&smoothed, &arrived), node.before_s, node.increments[0].duration_s);
+                let lack = Lack::of(filter, node, &before, &smoothed);
                 self.write_links(&tracker, rows, (&before, &node.before, &spread), Some(&lack), &mut near);
                 (smoothed, covariance) = (before, spread);
             }
@@ -61,26 +60,20 @@ impl Run {
         Ok(self)
     }
 
-    /// Writes rows that begin at smoothed means; `lack`: what these, carried on, lack to the next smoothed ones, from when and over how long.
+    /// Writes rows that begin at smoothed means.
     fn write_links(
         &mut self,
         tracker: &Tracker,
         rows: &Rows,
         (smoothed, filtered, covariance): (&Means, &Means, &Square),
-        lack: Option<&(Vec<f64>, f64, f64)>,
+        lack: Option<&Lack>,
         near: &mut Vec<f64>,
     ) {
         let Some(strapdown) = &tracker.strapdown else { return };
-        let Some(filter) = &strapdown.filter else { return };
         let body = tracker.body();
         let mut spread: Option<Square> = None;
         for (row, motion) in rows.iter().rev() {
-            let mut means = filter.carried(smoothed, filtered, &motion.increments);
-            if let Some((lack, from_s, duration_s)) = lack {
-                let share = ((motion.time_s - from_s) / duration_s).clamp(0.0, 1.0);
-                filter.shift(&mut means, &lack.iter().map(|x| x * share).collect::<Vec<_>>());
-            }
-            let coordinates = strapdown.coordinates(body, &means, &motion.signals, near);
+            let coordinates = strapdown.smoothed(body, (smoothed, filtered), motion, lack, near);
             let spread = spread.get_or_insert_with(|| coordinates.covariance(covariance));
             self.write_variances(*row, &coordinates.mean, |_, variance| spread.diagonal(variance));
             let n = coordinates.mean.len();
