@@ -6,6 +6,7 @@
 //! otherwise than its own gyroscope measured. `track` uses this for models with `structure = "strapdown"`.
 
 pub mod angles;
+mod attach;
 pub mod check;
 pub(crate) mod covariance;
 pub mod filter;
@@ -14,6 +15,7 @@ mod joint;
 mod late;
 mod pieces;
 mod readings;
+pub mod sensors;
 pub mod skeleton;
 pub mod smoother;
 pub mod start;

@@ -44,6 +44,9 @@ impl Coordinates {
             all.place_joint(filter, body, means, &motions, l);
         }
         (0..filter.skeleton.links.len()).for_each(|l| all.split(filter, body, means, l));
+        if let (Some(slot), Some(i)) = (body.layout.azimuth, filter.azimuth_state()) {
+            all.set(slot, means.azimuth, vec![(i, 1.0)], 0.0);
+        }
         for (u, unit) in filter.skeleton.units.iter().enumerate() {
             for slot in body.layout.errors.iter().filter(|slot| slot.sensor == unit.sensor) {
                 let mean = &means.units[u];

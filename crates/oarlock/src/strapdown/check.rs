@@ -115,6 +115,7 @@ impl State {
         State {
             means: Means { units: vec![self.means.units[u]], ..Means::default() },
             readings: vec![self.readings[u].clone()],
+            heard: Vec::new(),
             increments: vec![self.increments[u]],
             covariance,
             ..*self

@@ -2,8 +2,10 @@
 
 use super::covariance::{even, predict, Correction, Rows, Step, UNIT};
 use super::increment::{sum, Increment, Reading, Readings, ZERO};
+use super::sensors::{Heard, Measures, Sensor};
 use super::skeleton::{End, Pose, Skeleton};
 use super::start::{fresh_block, put_block};
+use crate::estimate::filter::Verdict;
 use crate::kernels::arch::Arch;
 use crate::kernels::dense::Square;
 use crate::model::Links;
@@ -45,6 +47,8 @@ pub struct Means {
     pub loose: Vec<Mat3<f64>>,
     /// Errors of the joints' points, m; in the axes of each unit.
     pub points: Vec<Vec3<f64>>,
+    /// Of the magnetic field, rad from `forward`; the last state, if units have magnetometers.
+    pub azimuth: f64,
 }
 
 /// Everything that the filter knows at one instant.
@@ -56,6 +60,8 @@ pub struct State {
     pub covariance: Square,
     /// Of every unit.
     pub readings: Vec<Readings>,
+    /// Of every other sensor.
+    pub heard: Vec<Heard>,
     /// Since `time_s`, up to `row_s`.
     pub increments: Vec<Increment>,
     pub row_s: f64,
@@ -103,6 +109,8 @@ pub struct StrapdownFilter {
     pub stands: Vec<bool>,
     /// Of the last prediction, by unit: whether it is silent.
     pub silent: Vec<bool>,
+    /// Of the last update, by unit: what became of its field.
+    pub fields: Vec<Verdict>,
     /// By unit: whether its joints are let go, because it contradicts itself alone.
     pub let_go: Vec<bool>,
     /// Of the last update, by unit: by what it was turned, rad in the room's axes.
@@ -120,7 +128,12 @@ impl StrapdownFilter {
                 Some(size - 3)
             }
         };
-        let points = skeleton.closures.iter().map(|c| [place(&c.from), place(&c.to)]).collect();
+        let points = skeleton.closures.iter().map(|c| match c.loop_std_m {
+            None => [place(&c.from), place(&c.to)],
+            Some(_) => [None; 2],
+        });
+        let points = points.collect();
+        size += usize::from(skeleton.has_fields());
         StrapdownFilter {
             gravity: skeleton.up * -skeleton.gravity_m_s2,
             correction: Correction::new(size),
@@ -130,6 +143,7 @@ impl StrapdownFilter {
             rests: vec![false; units],
             stands: vec![false; units],
             silent: vec![false; units],
+            fields: vec![Verdict::Missing; units],
             let_go: vec![false; units],
             moved_by: vec![Vec3([0.0; 3]); units],
             skeleton,
@@ -152,9 +166,11 @@ impl StrapdownFilter {
         UNIT * self.skeleton.units.len() + 3 * number
     }
 
-    /// Whether the body may go anywhere: it touches the ground, and nothing else says where it is.
+    /// Whether the body may go anywhere: it touches the ground, or something measures where it is.
     pub fn travels(&self) -> bool {
-        self.contacts && self.skeleton.units.iter().any(|u| u.contact.is_some())
+        let is_place = |sensor: &Sensor| matches!(sensor.measures, Measures::Point(..));
+        let touches = self.contacts && self.skeleton.units.iter().any(|u| u.contact.is_some());
+        touches || self.skeleton.sensors.iter().any(is_place)
     }
 
     /// Orientation of a link, room from link.
@@ -167,6 +183,11 @@ impl StrapdownFilter {
                 first.times(&Mat3::about(Vec3(Turn::of(&turn).log()) * share))
             }
         }
+    }
+
+    /// The same; of the room, no turn.
+    pub fn orientation_of(&self, means: &Means, link: Option<usize>) -> Mat3<f64> {
+        link.map_or(Mat3::identity(), |l| self.orientation(means, l))
     }
 
     /// A link that lies between its parent and a child: as the parent carries it at rest, and the turn from there to how the child does.
@@ -207,7 +228,8 @@ impl StrapdownFilter {
     /// Time up to which every unit that still speaks has readings, s.
     pub fn complete_s(&self, state: &State, patience_s: f64) -> f64 {
         let newest = state.readings.iter().map(Readings::last_s).fold(f64::NEG_INFINITY, f64::max);
-        let speaking = state.readings.iter().map(Readings::last_s).filter(|last| *last >= newest - patience_s);
+        let all = state.readings.iter().map(Readings::last_s).chain(state.heard.iter().map(Heard::last_s));
+        let speaking = all.filter(|last| *last >= newest - patience_s);
         speaking.fold(newest, f64::min)
     }
 
@@ -233,6 +255,7 @@ impl StrapdownFilter {
             }
         }
         state.readings.iter_mut().for_each(|r| r.forget(state.time_s));
+        state.heard.iter_mut().for_each(|h| h.forget(state.time_s));
     }
 
     fn extend(&self, state: &mut State, to_s: f64) {
@@ -266,7 +289,8 @@ impl StrapdownFilter {
     /// Means at `row_s`.
     pub fn present(&self, state: &State) -> Means {
         let units = state.means.units.iter().zip(&state.increments).map(|(mean, i)| self.moved(mean, i));
-        Means { units: units.collect(), loose: state.means.loose.clone(), points: state.means.points.clone() }
+        let Means { loose, points, azimuth, .. } = &state.means;
+        Means { units: units.collect(), loose: loose.clone(), points: points.clone(), azimuth: *azimuth }
     }
 
     fn predict(&mut self, state: &mut State) -> Vec<Step> {
@@ -302,6 +326,9 @@ impl StrapdownFilter {
         for number in 0..self.skeleton.loose.len() {
             let first = self.loose_state(number);
             (first..first + 3).for_each(|i| *state.covariance.at_mut(i, i) += LOOSE_WALK * LOOSE_WALK * step_s);
+        }
+        if let Some(i) = self.azimuth_state() {
+            *state.covariance.at_mut(i, i) += self.skeleton.azimuth_walk.powi(2) * step_s;
         }
         state.time_s = state.row_s;
         steps
@@ -340,6 +367,12 @@ impl StrapdownFilter {
                 l..l + 1
             });
             read.for_each(|l| self.read_hinges(state, l, step_s));
+            if self.only.is_none() {
+                (0..self.skeleton.axes.len()).for_each(|number| self.read_axes(state, number, step_s));
+            }
+        }
+        if self.only.is_none() {
+            self.read_sensors(state, step_s);
         }
         (0..self.skeleton.links.len()).for_each(|l| self.read_spring(state, l, step_s));
         (0..self.skeleton.units.len()).for_each(|u| self.read_bounds(state, u, step_s));
@@ -375,6 +408,9 @@ impl StrapdownFilter {
         }
         for (point, first) in means.points.iter_mut().zip(self.points.iter().flatten().flatten()) {
             *point += three(*first);
+        }
+        if let Some(i) = self.azimuth_state() {
+            means.azimuth += shift[i];
         }
     }
 

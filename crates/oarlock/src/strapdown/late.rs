@@ -3,6 +3,7 @@
 use super::covariance::UNIT;
 use super::filter::{Means, State, StrapdownFilter, UnitState, LOOSE_WALK, SILENT_RAD, SPRING_TIME_S};
 use super::increment::{sum, Increment, Readings, ZERO};
+use super::sensors::{Heard, Sensor, UNKNOWN_AZIMUTH_RAD};
 use super::skeleton::Pose;
 use super::start::{fresh_block, put_block};
 use crate::kernels::dense::Square;
@@ -22,7 +23,8 @@ impl StrapdownFilter {
             UnitState { rotation, velocity: zero, position: zero, gyro_bias: zero, accel_bias: zero }
         };
         let unit = |(u, o): (usize, &Option<usize>)| o.map_or_else(|| fresh(u), |o| state.means.units[o]);
-        let mut means = Means { units: earlier.iter().enumerate().map(unit).collect(), ..Means::default() };
+        let units = earlier.iter().enumerate().map(unit).collect();
+        let mut means = Means { units, azimuth: state.means.azimuth, ..Means::default() };
         means.loose = self.skeleton.loose.iter().map(|l| self.against(*l, &rotations)).collect();
         let mut source = vec![None; self.size];
         for (u, o) in earlier.iter().enumerate() {
@@ -37,6 +39,9 @@ impl StrapdownFilter {
             let old_first = there.and_then(|there| old.points.iter().flatten().flatten().nth(there));
             (0..3).for_each(|i| source[first + i] = old_first.map(|first| first + i));
         }
+        if let (Some(own), Some(there)) = (self.azimuth_state(), old.azimuth_state()) {
+            source[own] = Some(there);
+        }
         let mut known: Vec<bool> = earlier.iter().map(Option::is_some).collect();
         self.place(&mut means, &mut known);
         let covariance = self.admitted_covariance(&state.covariance, &source, &means);
@@ -44,6 +49,7 @@ impl StrapdownFilter {
         let mut admitted = State {
             readings: earlier.iter().map(readings).collect(),
             increments: earlier.iter().map(|o| o.map_or_else(Increment::none, |o| state.increments[o])).collect(),
+            heard: self.skeleton.sensors.iter().map(|sensor| old.heard_of(sensor, &state.heard)).collect(),
             means,
             covariance,
             ..*state
@@ -82,6 +88,9 @@ impl StrapdownFilter {
         for first in self.points.iter().flatten().flatten().filter(|first| source[**first].is_none()) {
             (*first..first + 3).for_each(|i| *covariance.at_mut(i, i) = links.point_std_m.powi(2));
         }
+        if let Some(i) = self.azimuth_state().filter(|i| source[*i].is_none()) {
+            *covariance.at_mut(i, i) = UNKNOWN_AZIMUTH_RAD * UNKNOWN_AZIMUTH_RAD;
+        }
         covariance
     }
 
@@ -109,6 +118,12 @@ impl StrapdownFilter {
     fn same_loose(&self, link: &super::skeleton::Link, anchor_frame: Option<usize>) -> Option<usize> {
         let is_it = |l: &usize| self.skeleton.links[*l].frame == link.frame && self.anchor_frame(*l) == anchor_frame;
         self.skeleton.loose.iter().position(is_it).map(|number| self.loose_state(number))
+    }
+
+    /// The readings of the same sensor.
+    fn heard_of(&self, sensor: &Sensor, heard: &[Heard]) -> Heard {
+        let there = self.skeleton.sensors.iter().position(|own| own.at == sensor.at);
+        there.map_or_else(Heard::default, |s| heard[s].clone())
     }
 
     /// First state of every point of a joint, with what it belongs to: the joint's frame and the unit's source.

@@ -4,7 +4,7 @@ use super::covariance::UNIT;
 use super::filter::{dot, State, StrapdownFilter, SPRING_TIME_S};
 use super::increment::{skew, square, sum, Reading, Readings, ZERO};
 use super::joint::Turns;
-use super::skeleton::{End, Pose};
+use super::skeleton::{Axes, End, Pose};
 use crate::rotation::turn::{right_jacobian_inverse, Turn};
 use crate::rotation::{Mat3, Vec3};
 
@@ -23,7 +23,7 @@ const CONTACT_TIME_S: f64 = 0.05;
 const LOOSE_HINGE_RAD: f64 = 0.1;
 
 /// What readings of joints and bounds are worth at this interval: white noise of the same effect as a correlated error.
-fn white(std: f64, time_s: f64, step_s: f64) -> f64 {
+pub(super) fn white(std: f64, time_s: f64, step_s: f64) -> f64 {
     std * std * (2.0 * time_s / step_s).max(1.0)
 }
 
@@ -61,8 +61,9 @@ impl StrapdownFilter {
                     gap += (mean.position + arm) * sign;
                     rows.push(UNIT * u, &sum(&ZERO, &back.times(&skew(mean.position + arm)), -sign));
                     rows.push(UNIT * u + 6, &sum(&ZERO, &back, sign));
-                    let first = self.points[c][k].unwrap_or_default();
-                    rows.push(first, &sum(&ZERO, &back.times(&mean.rotation), sign));
+                    if let Some(first) = self.points[c][k] {
+                        rows.push(first, &sum(&ZERO, &back.times(&mean.rotation), sign));
+                    }
                 }
             }
         }
@@ -75,9 +76,35 @@ impl StrapdownFilter {
         if let End::Unit(u, _) = closure.from {
             rows.push(UNIT * u, &back.times(&skew(gap)));
         }
-        let variance = white(self.links.joint_std_m, self.links.joint_time_s, step_s);
+        let std_m = closure.loop_std_m.unwrap_or(self.links.joint_std_m);
+        let variance = white(std_m, self.links.joint_time_s, step_s);
         let innovation = back.apply(gap).0.map(|x| -x);
         self.closure_nis[c] = self.correction.read(&mut state.covariance, &rows, 3, innovation, [variance; 3]);
+        self.rows = rows;
+    }
+
+    /// Axes of two links that a loop keeps together.
+    pub(super) fn read_axes(&mut self, state: &mut State, number: usize, step_s: f64) {
+        let Axes { ends, std } = self.skeleton.axes[number];
+        let means = &state.means;
+        let mut rows = std::mem::take(&mut self.rows);
+        rows.clear();
+        // Everything is read in the axes of the first link, as the gap of a joint.
+        let back = self.orientation_of(means, ends[0].0).transposed();
+        let mut gap = Vec3([0.0; 3]);
+        for ((link, axis), sign) in ends.into_iter().zip([1.0, -1.0]) {
+            let own = self.orientation_of(means, link).apply(axis);
+            gap += own * sign;
+            if let Some(l) = link {
+                self.push_turn(&mut rows, means, l, &sum(&ZERO, &back.times(&skew(own)), -sign));
+            }
+        }
+        if let Some(l) = ends[0].0 {
+            self.push_turn(&mut rows, means, l, &back.times(&skew(gap)));
+        }
+        let variance = white(std, self.links.joint_time_s, step_s);
+        let innovation = back.apply(gap).0.map(|x| -x);
+        self.correction.read(&mut state.covariance, &rows, 3, innovation, [variance; 3]);
         self.rows = rows;
     }
 
@@ -128,7 +155,7 @@ impl StrapdownFilter {
     }
 
     /// Reads rows of a joint's turn; `m`: their derivatives by the turn of the child against the parent, in the room's axes.
-    fn read_turn(
+    pub(super) fn read_turn(
         &mut self,
         state: &mut State,
         l: usize,

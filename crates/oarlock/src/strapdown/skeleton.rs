@@ -2,6 +2,8 @@
 
 use super::filter::dot;
 use super::joint::{Hinge, Turns};
+use super::attach::Attach;
+use super::sensors::{Measures, Sensor};
 use super::pieces::Pieces;
 use crate::body::Body;
 use crate::error::{Error, Result};
@@ -72,6 +74,15 @@ pub struct Closure {
     /// Links without units between the two, and the vector through each in its axes, m.
     pub through: Vec<(usize, Vec3<f64>)>,
     pub to: End,
+    /// Of a loop of the model, how far its points are apart, standard deviation, m; `None`: a joint.
+    pub loop_std_m: Option<f64>,
+}
+
+/// Axes of two links (`None`: of the room) that a loop of the model keeps together, and the standard deviation of their difference.
+#[derive(Debug, Clone, Copy)]
+pub struct Axes {
+    pub ends: [(Option<usize>, Vec3<f64>); 2],
+    pub std: f64,
 }
 
 /// One end of a closure.
@@ -93,6 +104,9 @@ impl End {
     }
 }
 
+/// A unit's end, and the vectors from there to a point through links without a unit, each in its axes, m.
+pub type Way = (End, Vec<(usize, Vec3<f64>)>);
+
 /// A joint between two hinges that meet, on the piece between them: the link that carries it, its position there, and the hinges so far.
 type Begun = (Option<usize>, Vec3<f64>, Vec<Hinge>);
 
@@ -111,12 +125,20 @@ pub struct Skeleton {
     /// Parents first.
     pub links: Vec<Link>,
     pub units: Vec<Unit>,
+    /// Joints, then loops.
     pub closures: Vec<Closure>,
+    pub axes: Vec<Axes>,
+    /// Sensors that are no gyroscope or accelerometer.
+    pub sensors: Vec<Sensor>,
     /// Links with a joint state, by its number. Those that others hang on come first.
     pub loose: Vec<usize>,
     /// The vertical, and the reading of a resting accelerometer, m/s2, in the room's axes.
     pub up: Vec3<f64>,
     pub gravity_m_s2: f64,
+    /// Horizontal vector from which azimuths count, the field's azimuth if it is known, rad, and its random walk, rad per sqrt(s).
+    pub forward: Vec3<f64>,
+    pub azimuth_rad: Option<f64>,
+    pub azimuth_walk: f64,
     /// Whether the root is accelerated in all directions: its joints turn against the room and go with nothing.
     pub pushed: bool,
 }
@@ -125,14 +147,19 @@ impl Skeleton {
     /// The links of a body whose units have readings if `present`, by source.
     pub fn new(body: &Body, present: &[bool], mounts: &Mounts) -> Result<Self> {
         refuse_unknown(&body.model)?;
-        let pieces = Pieces::of(body);
+        let (pieces, world) = (Pieces::of(body), &body.model.world);
         let mut skeleton = Skeleton {
             links: Vec::new(),
             units: Vec::new(),
             closures: Vec::new(),
+            axes: Vec::new(),
+            sensors: Vec::new(),
             loose: Vec::new(),
-            up: Vec3(body.model.world.up),
-            gravity_m_s2: body.model.world.gravity_m_s2,
+            up: Vec3(world.up),
+            gravity_m_s2: world.gravity_m_s2,
+            forward: Vec3(world.forward),
+            azimuth_rad: world.azimuth_fixed.then_some(world.magnetic_azimuth_rad),
+            azimuth_walk: world.azimuth_walk,
             pushed: is_pushed(&body.model),
         };
         let sensors = body.model.sensors.iter().enumerate();
@@ -163,13 +190,34 @@ impl Skeleton {
                 body.model.name
             )));
         }
+        skeleton.refuse_adrift(body)?;
+        let attach = Attach { body, pieces: &pieces, place: &place };
+        attach.loops(&mut skeleton)?;
+        attach.sensors(&mut skeleton)?;
         Ok(skeleton)
+    }
+
+    /// Refuses links that no joints connect to a unit.
+    fn refuse_adrift(&self, body: &Body) -> Result<()> {
+        let adrift = self.links.iter().find(|link| matches!(link.pose, Pose::State(usize::MAX, _)));
+        adrift.map_or(Ok(()), |link| {
+            Err(Error::Data(format!(
+                "model '{}': nothing tells how '{}' moves: no unit with readings of gyroscope and accelerometer is on it or on what its \
+                 joints connect it to; give its unit's stream, or leave it out of the model",
+                body.model.name, body.model.frames[link.frame].name
+            )))
+        })
+    }
+
+    /// Whether units have magnetometers.
+    pub fn has_fields(&self) -> bool {
+        self.sensors.iter().any(|sensor| matches!(sensor.measures, Measures::Field(_)))
     }
 
     /// The same room without links, units and joints.
     pub fn without_joints(&self) -> Self {
-        let (links, units) = (Vec::new(), Vec::new());
-        Skeleton { links, units, closures: Vec::new(), loose: Vec::new(), ..*self }
+        let (links, units, closures, axes) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        Skeleton { links, units, closures, axes, sensors: Vec::new(), loose: Vec::new(), ..*self }
     }
 
     /// Links of the model's pieces: hinges that meet in a point make one joint. Returns the link of each piece.
@@ -324,7 +372,8 @@ impl Skeleton {
         let mut found: Vec<usize> = self.closures[closure].to.unit().into_iter().collect();
         let mut next = 0;
         while next < found.len() {
-            for (c, other) in self.closures.iter().enumerate().filter(|(c, _)| *c != closure) {
+            let joints = self.closures.iter().enumerate().filter(|(_, other)| other.loop_std_m.is_none());
+            for (c, other) in joints.filter(|(c, _)| *c != closure) {
                 let ends = [other.from.unit(), other.to.unit()];
                 let here = ends.contains(&Some(found[next])) && c != closure;
                 let new = ends.into_iter().flatten().find(|u| here && !found.contains(u));
@@ -355,11 +404,16 @@ impl Skeleton {
             if same(&from.0, &to.0) {
                 continue;
             }
-            let back = to.1.iter().rev().map(|(l, v): &(usize, Vec3<f64>)| (*l, *v * -1.0));
-            let through = from.1.iter().copied().chain(back).flat_map(|(l, v)| self.carried(l, v)).collect();
-            closures.push(Closure { link: l, from: from.0, through, to: to.0 });
+            closures.push(self.closure(l, from, to, None));
         }
         self.closures = closures;
+    }
+
+    /// The meeting of two points, each with its way from a unit.
+    pub(super) fn closure(&self, link: usize, from: Way, to: Way, loop_std_m: Option<f64>) -> Closure {
+        let back = to.1.iter().rev().map(|(l, v)| (*l, *v * -1.0));
+        let through = from.1.iter().copied().chain(back).flat_map(|(l, v)| self.carried(l, v)).collect();
+        Closure { link, from: from.0, through, to: to.0, loop_std_m }
     }
 
     /// A vector of a link, carried by the links that its orientation comes from.
@@ -374,7 +428,7 @@ impl Skeleton {
     }
 
     /// From a link's unit to a point of the link: the unit's end, and the vector through each link without a unit.
-    pub fn way(&self, link: usize, point: Vec3<f64>) -> (End, Vec<(usize, Vec3<f64>)>) {
+    pub fn way(&self, link: usize, point: Vec3<f64>) -> Way {
         let (mut l, mut at, mut through) = (link, point, Vec::new());
         loop {
             match self.links[l].pose {
@@ -430,17 +484,12 @@ fn is_pushed(model: &Model) -> bool {
 
 /// Refuses what strapdown links do not track yet.
 fn refuse_unknown(model: &Model) -> Result<()> {
-    let sensors = model.sensors.iter().find(|s| !matches!(s.kind, SensorKind::Imu(_)));
-    let what = model
-        .joints
-        .iter()
-        .find_map(|j| match (j.kind, j.input) {
-            (JointKind::Slide, _) => Some(format!("joint '{}' slides", j.name)),
-            (_, true) => Some(format!("joint '{}' is an input", j.name)),
-            _ => None,
-        })
-        .or_else(|| sensors.map(|s| format!("sensor '{}' is no inertial unit", s.name)))
-        .or_else(|| model.closures.first().map(|c| format!("it has the closure '{}'", c.name)))
+    let is_read = |kind: &SensorKind| !matches!(kind, SensorKind::Range(_) | SensorKind::Orientation(_));
+    let sensors = model.sensors.iter().find(|s| !is_read(&s.kind));
+    let slides = model.joints.iter().find(|j| j.kind == JointKind::Slide);
+    let what = slides
+        .map(|j| format!("joint '{}' slides", j.name))
+        .or_else(|| sensors.map(|s| format!("sensor '{}' measures a distance or an orientation", s.name)))
         .or_else(|| {
             let partly = model.base_accelerations.first().filter(|_| !is_pushed(model));
             partly.map(|b| format!("its root is accelerated by '{}' in some directions only", b.name))

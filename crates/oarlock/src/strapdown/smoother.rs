@@ -28,6 +28,9 @@ impl StrapdownFilter {
         for ((a, b), first) in to.points.iter().zip(&from.points).zip(self.points.iter().flatten().flatten()) {
             put(*first, *a - *b);
         }
+        if let Some(i) = self.azimuth_state() {
+            out[i] = to.azimuth - from.azimuth;
+        }
     }
 
     /// Smoothed means and covariance before the node's prediction, given those after it.

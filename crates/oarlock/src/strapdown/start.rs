@@ -3,6 +3,7 @@
 use super::covariance::UNIT;
 use super::filter::{dot, Means, State, StrapdownFilter, UnitState, LOOSE_WALK, SPRING_TIME_S};
 use super::increment::{skew, square, Increment, Readings};
+use super::sensors::{Heard, UNKNOWN_AZIMUTH_RAD};
 use super::skeleton::{Closure, End, Pose, Unit};
 use crate::kernels::dense::Square;
 use crate::rotation::turn::Turn;
@@ -27,7 +28,7 @@ const LEAST_HEADING_RAD: f64 = 0.1;
 /// Whether the units of a closure may have any heading against each other; `stds`: of each unit's heading, rad.
 fn is_open(closure: &Closure, stds: &[f64]) -> bool {
     let units = closure.from.unit().zip(closure.to.unit());
-    units.is_some_and(|(a, b)| stds[a].hypot(stds[b]) > OPEN_RAD)
+    closure.loop_std_m.is_none() && units.is_some_and(|(a, b)| stds[a].hypot(stds[b]) > OPEN_RAD)
 }
 
 /// What a closure made of a heading.
@@ -39,7 +40,12 @@ struct Tried {
 
 impl StrapdownFilter {
     /// The state at the start. `orientation`: room from link, of every link; readings of the first moments, by unit.
-    pub fn start(&self, time_s: f64, orientation: &[Mat3<f64>], readings: Vec<Readings>) -> (State, Vec<f64>) {
+    pub fn start(
+        &self,
+        time_s: f64,
+        orientation: &[Mat3<f64>],
+        (readings, heard): (Vec<Readings>, Vec<Heard>),
+    ) -> (State, Vec<f64>) {
         let zero = Vec3([0.0; 3]);
         let mut turned: Vec<Mat3<f64>> = orientation.to_vec();
         let (mut units, mut tilts) = (Vec::new(), Vec::new());
@@ -51,12 +57,14 @@ impl StrapdownFilter {
         }
         let loose: Vec<Mat3<f64>> = self.skeleton.loose.iter().map(|l| self.against(*l, &turned)).collect();
         let points = vec![zero; self.points.iter().flatten().flatten().count()];
-        let mut means = Means { units, loose, points };
+        let mut means = Means { units, loose, points, azimuth: 0.0 };
         self.place(&mut means, &mut vec![false; tilts.len()]);
+        let north = self.find_north(&mut means, &heard);
+        self.find_place(&mut means, &heard);
         let headings: Vec<f64> = self.heading_stds(&means).iter().map(|std| std.min(OPEN_RAD)).collect();
-        let covariance = self.start_covariance(&means, &tilts, &headings);
+        let covariance = self.start_covariance(&means, &tilts, (&headings, north));
         let increments = vec![Increment::none(); self.skeleton.units.len()];
-        (State { time_s, means, covariance, readings, increments, row_s: time_s, uneven: 0 }, tilts)
+        (State { time_s, means, covariance, readings, heard, increments, row_s: time_s, uneven: 0 }, tilts)
     }
 
     /// Standard deviation of each unit's heading before any reading, rad: of the posture, and of a calibrated mount about its vertical.
@@ -69,8 +77,8 @@ impl StrapdownFilter {
         self.skeleton.units.iter().zip(&means.units).map(std).collect()
     }
 
-    /// Covariance at the start; standard deviations of each unit's tilt and heading, rad.
-    fn start_covariance(&self, means: &Means, tilts: &[f64], headings: &[f64]) -> Square {
+    /// Covariance at the start; standard deviations of each unit's tilt and heading, and of the field's azimuth, rad.
+    fn start_covariance(&self, means: &Means, tilts: &[f64], (headings, north): (&[f64], f64)) -> Square {
         let links = &self.links;
         let mut covariance = Square::zeros(self.size);
         for (i, (unit, mean)) in self.skeleton.units.iter().zip(&means.units).enumerate() {
@@ -88,6 +96,9 @@ impl StrapdownFilter {
         }
         for first in self.points.iter().flatten().flatten() {
             (*first..first + 3).for_each(|i| *covariance.at_mut(i, i) = links.point_std_m.powi(2));
+        }
+        if let Some(i) = self.azimuth_state() {
+            *covariance.at_mut(i, i) = north * north;
         }
         covariance
     }
@@ -168,7 +179,8 @@ impl StrapdownFilter {
         }
         let of = |(std, sought): (&f64, &bool)| if *sought { widest } else { std.min(OPEN_RAD) };
         let stds: Vec<f64> = known.iter().zip(&sought).map(of).collect();
-        state.covariance = self.start_covariance(&state.means, tilts, &stds);
+        let north = self.find_north(&mut state.means, &state.heard);
+        state.covariance = self.start_covariance(&state.means, tilts, (&stds, north));
         Some(state)
     }
 
@@ -177,7 +189,7 @@ impl StrapdownFilter {
         let mut closed = start.clone();
         self.turn_all(&mut closed.means, beyond, heading);
         let half = vec![0.5 * TAU / HEADINGS as f64; tilts.len()];
-        closed.covariance = self.start_covariance(&closed.means, tilts, &half);
+        closed.covariance = self.start_covariance(&closed.means, tilts, (&half, UNKNOWN_AZIMUTH_RAD));
         let mut open = closed.clone();
         let mut filter = self.clone();
         filter.only = Some(c);
@@ -214,7 +226,7 @@ impl StrapdownFilter {
     }
 
     /// Turns some units about the vertical, and closes all joints again.
-    fn turn_all(&self, means: &mut Means, units: &[usize], angle: f64) {
+    pub(super) fn turn_all(&self, means: &mut Means, units: &[usize], angle: f64) {
         let turn = Mat3::about(self.skeleton.up * angle);
         units.iter().for_each(|u| means.units[*u].rotation = turn.times(&means.units[*u].rotation));
         self.place(means, &mut vec![false; means.units.len()]);

@@ -27,7 +27,7 @@ pub fn notes(run: &Run) -> Vec<String> {
     notes.extend(silent_loops(run));
     let (counts, field) = (run.counts(), expected_field(run));
     notes.extend(no_magnetometers(run, &counts));
-    notes.extend(not_for_links(run, &counts));
+    notes.extend(not_for_links(run));
     notes.extend(rejections(&counts, &field));
     notes.extend(disturbances(&counts, &field));
     notes.extend(faults(&counts));
@@ -251,17 +251,14 @@ fn no_magnetometers(run: &Run, counts: &[StreamCount]) -> Option<String> {
 }
 
 /// What strapdown links do not use.
-fn not_for_links(run: &Run, counts: &[StreamCount]) -> Vec<String> {
+fn not_for_links(run: &Run) -> Vec<String> {
     if run.last().is_none_or(|last| last.links.is_none()) {
         return Vec::new();
     }
     let estimate = run.config().estimate.iter().filter(|name| [LENGTHS, MOUNTS].contains(&name.as_str()));
-    let mut unused: Vec<String> = estimate.map(|name| format!("estimate = {name}")).collect();
-    if counts.iter().any(|c| c.magnetometer == Some(true)) && run.config().magnetometer != Magnetometer::Off {
-        unused.push("readings of magnetometers".into());
-    }
+    let unused = estimate.map(|name| format!("estimate = {name}"));
     let text = |what| format!("not used by strapdown links: {what}; structure = \"tree\" uses it");
-    unused.into_iter().map(text).collect()
+    unused.map(text).collect()
 }
 
 fn losses(run: &Run) -> Option<String> {

@@ -15,6 +15,7 @@ use crate::estimate::filter::{Info, SourceInfo, Verdict};
 use crate::estimate::smoother::Backward;
 use crate::estimate::System;
 use crate::kernels::dense::Square;
+use crate::config::Magnetometer;
 use crate::model::Structure;
 use crate::recording::{Recording, Sample};
 use crate::rotation::{Mat3, Vec3};
@@ -24,6 +25,7 @@ use crate::strapdown::check::{Alone, Check};
 use crate::strapdown::filter::{Means, Node, State, StrapdownFilter};
 use crate::strapdown::increment::{Increment, Reading, Readings, Signal};
 use crate::strapdown::start::LEVEL_S;
+use crate::strapdown::sensors::{Heard, Measures, Place};
 use crate::strapdown::skeleton::{Mounts, Skeleton, Unit};
 use std::collections::VecDeque;
 
@@ -229,6 +231,7 @@ impl Tracker {
             means: Means::default(),
             covariance: Square::zeros(0),
             readings: vec![Readings::default(); units],
+            heard: vec![Heard::default(); self.strapdown_filter().skeleton.sensors.len()],
             increments: Vec::new(),
             row_s: time_s,
             uneven: 0,
@@ -245,7 +248,8 @@ impl Tracker {
         }));
         waiting.iter().for_each(|sample| self.take_readings(&mut one, sample));
         let Some(links) = &mut one.links else { return Ok(()) };
-        match self.start_state(time_s, std::mem::take(&mut links.state.readings), must) {
+        let taken = (std::mem::take(&mut links.state.readings), std::mem::take(&mut links.state.heard));
+        match self.start_state(time_s, taken, must) {
             Some(state) => {
                 links.alone = self.strapdown.iter().flat_map(|s| &s.alone).flat_map(|a| a.start(&state)).collect();
                 links.state = state;
@@ -345,7 +349,7 @@ impl Tracker {
     }
 
     /// The start of the filter; `None` if headings are open, the readings do not decide them, and they need not.
-    fn start_state(&self, time_s: f64, readings: Vec<Readings>, must: bool) -> Option<State> {
+    fn start_state(&self, time_s: f64, readings: (Vec<Readings>, Vec<Heard>), must: bool) -> Option<State> {
         let filter = self.strapdown_filter();
         let (start, tilts) = filter.start(time_s, &self.rest_orientation(), readings);
         if filter.seeks_headings(&start.means) {
@@ -357,7 +361,10 @@ impl Tracker {
     pub(super) fn build_filter(&mut self, present: &[bool]) -> Result<()> {
         let Some(strapdown) = &mut self.strapdown else { return Ok(()) };
         let body = &self.subject.body;
-        let skeleton = Skeleton::new(body, present, &strapdown.mounts)?;
+        let mut skeleton = Skeleton::new(body, present, &strapdown.mounts)?;
+        if self.config.magnetometer == Magnetometer::Off {
+            skeleton.sensors.retain(|sensor| !matches!(sensor.measures, Measures::Field(_)));
+        }
         let readings = (self.config.closures, self.config.contacts);
         let filter = StrapdownFilter::new(skeleton, body.model.links, readings);
         strapdown.alone = Some(Alone::new(&filter));
@@ -444,6 +451,24 @@ impl Tracker {
                 one.sources[unit.source].seen_s = time_s;
             }
         }
+        for (sensor, heard) in filter.skeleton.sensors.iter().zip(&mut links.state.heard) {
+            let mut value = [0.0; 3];
+            let (own, offset_s) = match sensor.at {
+                Place::Input(coordinate) => (&sample.inputs[coordinate..=coordinate], 0.0),
+                Place::Row(first) => {
+                    let part = subject.part_of_row[first];
+                    let source = subject.source_of_part[part];
+                    let is_used = matches!(parts[part], Verdict::Accepted);
+                    let end = if is_used { first + sensor.measures.width() } else { first };
+                    (&sample.z[first..end], sample.offset_s.get(source).copied().unwrap_or(0.0))
+                }
+            };
+            if own.is_empty() || own.iter().any(|x| x.is_nan()) {
+                continue;
+            }
+            value[..own.len()].copy_from_slice(own);
+            heard.push(sample.time_s + offset_s, value);
+        }
         links.taken_s = sample.time_s;
         links.waiting.push_back(Waiting { sample: sample.clone(), parts });
     }
@@ -513,6 +538,11 @@ impl Tracker {
             let virtually = match quantity {
                 Quantity::Rest => unit.is_some_and(|u| is_updated && filter.rests[u]),
                 Quantity::Contact => unit.is_some_and(|u| is_updated && filter.stands[u]),
+                Quantity::Mag if info.parts[p] == Verdict::Accepted => {
+                    let judged = unit.map_or(Verdict::Missing, |u| filter.fields[u]);
+                    info.parts[p] = if judged == Verdict::Missing { Verdict::Accepted } else { judged };
+                    continue;
+                }
                 _ => continue,
             };
             info.parts[p] = if virtually { Verdict::Accepted } else { Verdict::Missing };

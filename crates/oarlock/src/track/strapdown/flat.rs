@@ -8,6 +8,7 @@ use crate::rotation::{Mat3, Vec3};
 use crate::strapdown::check::Check;
 use crate::strapdown::filter::{Means, State, UnitState};
 use crate::strapdown::increment::{Increment, Reading, Readings};
+use crate::strapdown::sensors::Heard;
 
 const VERDICTS: [Verdict; 4] = [Verdict::Missing, Verdict::Accepted, Verdict::Clipped, Verdict::Stuck];
 
@@ -94,6 +95,13 @@ fn put_state(to: &mut Writer, state: &State) {
             to.0.extend(r.excess);
         }
     }
+    to.0.push(state.means.azimuth);
+    to.count(state.heard.len());
+    for Heard { all, usual } in &state.heard {
+        to.list(&usual.iter().flatten().copied().collect::<Vec<_>>());
+        to.count(all.len());
+        all.iter().for_each(|(time_s, value)| to.0.extend([*time_s, value[0], value[1], value[2]]));
+    }
     to.count(state.increments.len());
     state.increments.iter().for_each(|i| put_increment(to, i));
 }
@@ -120,7 +128,8 @@ fn state_of(from: &mut Source) -> Option<State> {
             accel_bias: from.three()?,
         })
     })?;
-    let means = Means { units, loose: from.many(Source::matrix)?, points: from.many(Source::three)? };
+    let mut means =
+        Means { units, loose: from.many(Source::matrix)?, points: from.many(Source::three)?, azimuth: 0.0 };
     let readings = from.many(|from| {
         let interval_s = from.number()?;
         let reading = |from: &mut Source| {
@@ -128,8 +137,14 @@ fn state_of(from: &mut Source) -> Option<State> {
         };
         Some(Readings::of_parts(from.many(reading)?, interval_s))
     })?;
+    means.azimuth = from.number()?;
+    let heard = from.many(|from| {
+        let usual = from.list()?.try_into().ok();
+        let reading = |from: &mut Source| Some((from.number()?, from.array()?));
+        Some(Heard { usual, all: from.many(reading)?.into() })
+    })?;
     let increments = from.many(increment_of)?;
-    Some(State { time_s, means, covariance, readings, increments, row_s, uneven: uneven as u32 })
+    Some(State { time_s, means, covariance, readings, heard, increments, row_s, uneven: uneven as u32 })
 }
 
 fn increment_of(from: &mut Source) -> Option<Increment> {

@@ -1,0 +1,255 @@
+//! Sensors of strapdown links that are no gyroscope or accelerometer: encoders of hinges, positions of points, magnetometers. `filter`
+//! reads them at every update.
+
+use super::covariance::UNIT;
+use super::filter::{dot, Means, State, StrapdownFilter};
+use super::increment::{skew, square, sum, ZERO};
+use super::readings::white;
+use super::skeleton::{End, Skeleton};
+use crate::estimate::filter::Verdict;
+use crate::rotation::{Mat3, Vec3};
+use std::collections::VecDeque;
+use std::f64::consts::{PI, TAU};
+
+/// Readings further apart are not joined by a line, s.
+const LONGEST_GAP_S: f64 = 0.2;
+/// A reading holds for this long after its time, s.
+const HOLD_S: f64 = 0.01;
+/// Readings are stored for this long, s.
+const MEMORY_S: f64 = 0.6;
+/// What iron in buildings does to the heading of the field: standard deviation, rad, and correlation time, s.
+const IRON_RAD: f64 = 0.15;
+const IRON_TIME_S: f64 = 5.0;
+/// A field counts if its norm is within this share, and its dip within this angle, rad, of the usual ones (Laidig and Seel 2023, section 3.5).
+const NORM_TOLERANCE: f64 = 0.15;
+const DIP_TOLERANCE_RAD: f64 = 0.175;
+/// Time constant of the usual norm and dip, s, and while a field differs from them.
+const USUAL_S: f64 = 20.0;
+const NEW_S: f64 = 100.0;
+/// Innovations beyond this many standard deviations count less (Huber 1964).
+const HUBER: f64 = 1.5;
+/// Standard deviation of an azimuth that the model states as known, rad.
+const KNOWN_AZIMUTH_RAD: f64 = 0.02;
+/// And of one that nobody knows: of a uniform angle.
+pub const UNKNOWN_AZIMUTH_RAD: f64 = 1.8;
+
+/// A sensor, and where its readings are.
+#[derive(Debug, Clone)]
+pub struct Sensor {
+    /// First row in the measurement vector, and part of it; of an input, its coordinate.
+    pub at: Place,
+    /// Standard deviation of a reading, in its unit.
+    pub std: f64,
+    pub measures: Measures,
+}
+
+/// Where a sensor's readings are in a sample.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Place {
+    Row(usize),
+    Input(usize),
+}
+
+/// What a sensor measures.
+#[derive(Debug, Clone)]
+pub enum Measures {
+    /// The angle of a hinge, by link and number, rad.
+    Angle(usize, usize),
+    /// A point of a link in the room, m: by its unit's end, and vectors through links without a unit.
+    Point(End, Vec<(usize, Vec3<f64>)>),
+    /// The magnetic field in the axes of a unit, uT.
+    Field(usize),
+}
+
+impl Measures {
+    /// Numbers of a reading.
+    pub fn width(&self) -> usize {
+        if matches!(self, Measures::Angle(..)) {
+            1
+        } else {
+            3
+        }
+    }
+}
+
+/// Readings of a sensor around the present, and the usual norm and dip of a field, uT and rad.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Heard {
+    pub all: VecDeque<(f64, [f64; 3])>,
+    pub usual: Option<[f64; 2]>,
+}
+
+impl Heard {
+    /// Adds a reading; not if it is late.
+    pub fn push(&mut self, time_s: f64, value: [f64; 3]) {
+        if self.last_s() < time_s {
+            self.all.push_back((time_s, value));
+        }
+    }
+
+    pub fn last_s(&self) -> f64 {
+        self.all.back().map_or(f64::NEG_INFINITY, |r| r.0)
+    }
+
+    pub fn forget(&mut self, time_s: f64) {
+        while self.all.len() > 2 && self.all[1].0 < time_s - MEMORY_S {
+            self.all.pop_front();
+        }
+    }
+
+    /// The value at a time, and how many updates of `step_s` share one reading.
+    fn at(&self, time_s: f64, step_s: f64) -> Option<([f64; 3], f64)> {
+        let next = self.all.partition_point(|r| r.0 <= time_s + 1e-9);
+        let (a_s, a) = self.all.get(next.checked_sub(1)?)?;
+        let since_s = time_s - a_s;
+        match self.all.get(next) {
+            Some((b_s, b)) if b_s - a_s <= LONGEST_GAP_S => {
+                let share = since_s / (b_s - a_s);
+                let value = std::array::from_fn(|k| a[k] + share * (b[k] - a[k]));
+                Some((value, ((b_s - a_s) / step_s).max(1.0)))
+            }
+            _ => (since_s <= HOLD_S).then_some((*a, 1.0)),
+        }
+    }
+}
+
+impl StrapdownFilter {
+    /// Reads all sensors that have a value now.
+    pub(super) fn read_sensors(&mut self, state: &mut State, step_s: f64) {
+        self.fields.fill(Verdict::Missing);
+        for s in 0..self.skeleton.sensors.len() {
+            let Some((value, shared)) = state.heard[s].at(state.time_s, step_s) else { continue };
+            let Sensor { std, measures, .. } = self.skeleton.sensors[s].clone();
+            let variance = std * std * shared;
+            match measures {
+                Measures::Angle(l, k) => self.read_angle(state, (l, k), value[0], variance),
+                Measures::Point(end, through) => self.read_point(state, (end, &through), Vec3(value), variance),
+                Measures::Field(u) => self.read_field(state, s, u, (Vec3(value), std), step_s),
+            }
+        }
+    }
+
+    fn read_angle(&mut self, state: &mut State, (l, k): (usize, usize), angle: f64, variance: f64) {
+        let (relative, child) = self.relative(&state.means, l);
+        let angles = self.skeleton.links[l].turns.angles(&relative, [0.0; 3]);
+        let row = child.apply(Vec3(angles.by_turn.0[k]));
+        let innovation = (angle - angles.q[k] + PI).rem_euclid(TAU) - PI;
+        self.read_turn(state, l, &Mat3([row.0, [0.0; 3], [0.0; 3]]), (1, [innovation, 0.0, 0.0], [variance; 3]));
+    }
+
+    fn read_point(
+        &mut self,
+        state: &mut State,
+        (end, through): (End, &[(usize, Vec3<f64>)]),
+        place: Vec3<f64>,
+        variance: f64,
+    ) {
+        let End::Unit(u, point) = end else { return };
+        let means = &state.means;
+        let mut rows = std::mem::take(&mut self.rows);
+        rows.clear();
+        let mean = &means.units[u];
+        let mut at = mean.position + mean.rotation.apply(point);
+        rows.push(UNIT * u, &sum(&ZERO, &skew(at), -1.0));
+        rows.push(UNIT * u + 6, &Mat3::identity());
+        for (l, vector) in through {
+            let arm = self.orientation(means, *l).apply(*vector);
+            at += arm;
+            self.push_turn(&mut rows, means, *l, &sum(&ZERO, &skew(arm), -1.0));
+        }
+        self.correction.read(&mut state.covariance, &rows, 3, (place - at).0, [variance; 3]);
+        self.rows = rows;
+    }
+
+    /// The heading of the field, against the azimuth that all units share. Norm and dip say whether it is the field of the place.
+    fn read_field(&mut self, state: &mut State, s: usize, u: usize, (field, std): (Vec3<f64>, f64), step_s: f64) {
+        let Some(first) = self.azimuth_state() else { return };
+        let up = self.skeleton.up;
+        let seen = state.means.units[u].rotation.apply(field);
+        let level = seen - up * dot(seen, up);
+        let across = square(level).sqrt();
+        let now = [square(seen).sqrt(), (-dot(seen, up)).atan2(across)];
+        if !(now[0] > 0.0 && across > 0.1 * now[0]) {
+            return;
+        }
+        let usual = state.heard[s].usual.get_or_insert(now);
+        self.fields[u] = match [now[0] / usual[0] - 1.0, now[1] - usual[1]].map(f64::abs) {
+            [norm, _] if norm > NORM_TOLERANCE => Verdict::Excluded,
+            [_, dip] if dip > DIP_TOLERANCE_RAD => Verdict::WrongDirection,
+            _ => Verdict::Accepted,
+        };
+        let is_usual = self.fields[u] == Verdict::Accepted;
+        let share = (step_s / if is_usual { USUAL_S } else { NEW_S }).min(1.0);
+        usual.iter_mut().zip(now).for_each(|(usual, now)| *usual += share * (now - *usual));
+        if !is_usual {
+            return;
+        }
+        let innovation = self.north_of(level) - state.means.azimuth;
+        let innovation = (innovation + PI).rem_euclid(TAU) - PI;
+        // The heading turns with the unit; a wrong tilt lets the vertical part of the field in.
+        let by_turn = seen.cross(up.cross(level)) * (1.0 / square(level));
+        let mut rows = std::mem::take(&mut self.rows);
+        rows.clear();
+        rows.push(UNIT * u, &Mat3([by_turn.0.map(|x| -x), [0.0; 3], [0.0; 3]]));
+        rows.states.push(first);
+        rows.slopes.push([1.0, 0.0, 0.0]);
+        let own = (std / across).powi(2) + white(IRON_RAD, IRON_TIME_S, step_s);
+        let expected = IRON_RAD * IRON_RAD + self.spread_of(&state.covariance, &rows);
+        let variance = own * (innovation * innovation / (HUBER * HUBER * expected)).max(1.0);
+        self.correction.read(&mut state.covariance, &rows, 1, [innovation, 0.0, 0.0], [variance; 3]);
+        self.rows = rows;
+    }
+
+    /// Variance of the first row of a reading.
+    fn spread_of(&self, covariance: &crate::kernels::dense::Square, rows: &super::covariance::Rows) -> f64 {
+        let all = || rows.states.iter().zip(&rows.slopes);
+        let of = |(i, h): (&usize, &[f64; 3])| h[0] * all().map(|(j, g)| covariance.at(*i, *j) * g[0]).sum::<f64>();
+        all().map(of).sum()
+    }
+
+    /// Angle of a horizontal vector about the vertical from `forward`, rad.
+    fn north_of(&self, level: Vec3<f64>) -> f64 {
+        let Skeleton { up, forward, .. } = &self.skeleton;
+        dot(level, up.cross(*forward)).atan2(dot(level, *forward))
+    }
+
+    /// State of the field's azimuth, if units have magnetometers.
+    pub fn azimuth_state(&self) -> Option<usize> {
+        self.skeleton.has_fields().then(|| self.size - 1)
+    }
+
+    /// Moves all units so that the first position that was measured is right.
+    pub(super) fn find_place(&self, means: &mut Means, heard: &[Heard]) {
+        let first = self.skeleton.sensors.iter().zip(heard).find_map(|(sensor, heard)| match &sensor.measures {
+            Measures::Point(End::Unit(u, point), through) => Some((*u, *point, through, heard.all.front()?.1)),
+            _ => None,
+        });
+        let Some((u, point, through, place)) = first else { return };
+        let mut at = means.units[u].position + means.units[u].rotation.apply(point);
+        for (l, vector) in through {
+            at += self.orientation(means, *l).apply(*vector);
+        }
+        means.units.iter_mut().for_each(|unit| unit.position += Vec3(place) - at);
+    }
+
+    /// The azimuth at the start, from the first reading of the first magnetometer, and its standard deviation, rad. If the azimuth is known, all
+    /// units turn about the vertical instead, so that the field has it.
+    pub(super) fn find_north(&self, means: &mut Means, heard: &[Heard]) -> f64 {
+        let first = self.skeleton.sensors.iter().zip(heard).find_map(|(sensor, heard)| match sensor.measures {
+            Measures::Field(u) => Some((u, heard.all.front()?.1)),
+            _ => None,
+        });
+        let Some((u, field)) = first else { return UNKNOWN_AZIMUTH_RAD };
+        let up = self.skeleton.up;
+        let seen = means.units[u].rotation.apply(Vec3(field));
+        let north = self.north_of(seen - up * dot(seen, up));
+        let Some(azimuth) = self.skeleton.azimuth_rad else {
+            means.azimuth = north;
+            return UNKNOWN_AZIMUTH_RAD;
+        };
+        means.azimuth = azimuth;
+        let all: Vec<usize> = (0..means.units.len()).collect();
+        self.turn_all(means, &all, azimuth - north);
+        KNOWN_AZIMUTH_RAD
+    }
+}
