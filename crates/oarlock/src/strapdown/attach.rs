@@ -22,7 +22,8 @@ impl Attach<'_> {
     pub fn loops(&self, skeleton: &mut Skeleton) -> Result<()> {
         for closure in &self.body.model.closures {
             let [(a, at_a), (b, at_b)] = &closure.sides;
-            let (from, to) = (self.way(skeleton, *a, at_a, &closure.name)?, self.way(skeleton, *b, at_b, &closure.name)?);
+            let (from, to) =
+                (self.way(skeleton, *a, at_a, &closure.name)?, self.way(skeleton, *b, at_b, &closure.name)?);
             // A point of the room is read from the unit's side, in its axes.
             let (from, to) = if matches!(from.0, End::Room(_)) { (to, from) } else { (from, to) };
             let link = self.link(*a, &closure.name)?.or(self.link(*b, &closure.name)?).unwrap_or_default();

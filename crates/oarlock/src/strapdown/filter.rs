@@ -12,8 +12,10 @@ use crate::model::Links;
 use crate::rotation::turn::Turn;
 use crate::rotation::{Mat3, Vec3};
 
-/// Interval between readings of joints, s. They lose nothing at it.
+/// Interval between readings of joints, s. They lose nothing at it; an encoder of a link without a unit does, because nothing else tells how the
+/// link moves in between.
 const UPDATE_S: f64 = 0.02;
+const UPDATE_ENCODER_S: f64 = 0.008;
 /// A unit without readings for longer is silent, s: it goes with its neighbour, and its joints are not read. What its orientation is worth when it
 /// speaks again, rad.
 const SILENT_S: f64 = 0.3;
@@ -93,6 +95,8 @@ pub struct StrapdownFilter {
     pub points: Vec<[Option<usize>; 2]>,
     /// Number of states.
     pub size: usize,
+    /// Least interval between updates, s.
+    update_s: f64,
     /// Whether closures are read.
     pub closures: bool,
     /// The only closure that is read, while headings are sought.
@@ -134,7 +138,10 @@ impl StrapdownFilter {
         });
         let points = points.collect();
         size += usize::from(skeleton.has_fields());
+        let is_alone = |sensor: &Sensor| matches!(sensor.measures, Measures::Angle(l, _) if matches!(skeleton.links[l].pose, Pose::State(..)));
+        let update_s = if skeleton.sensors.iter().any(is_alone) { UPDATE_ENCODER_S } else { UPDATE_S };
         StrapdownFilter {
+            update_s,
             gravity: skeleton.up * -skeleton.gravity_m_s2,
             correction: Correction::new(size),
             rows: Rows::default(),
@@ -239,7 +246,7 @@ impl StrapdownFilter {
             let next_s = to_s.min(state.time_s + LONGEST_S).max(state.row_s);
             self.extend(state, next_s);
             let since_s = state.row_s - state.time_s;
-            if since_s >= UPDATE_S * (1.0 - 1e-6) {
+            if since_s >= self.update_s * (1.0 - 1e-6) {
                 let before =
                     wants_nodes.then(|| (state.means.clone(), state.covariance.clone(), state.increments.clone()));
                 let before_s = state.time_s;

@@ -1,10 +1,10 @@
 //! `Skeleton`: a model as links and joints: which links have units, how the others hang between them, and which joints close.
 
+use super::attach::Attach;
 use super::filter::dot;
 use super::joint::{Hinge, Turns};
-use super::attach::Attach;
-use super::sensors::{Measures, Sensor};
 use super::pieces::Pieces;
+use super::sensors::{Measures, Sensor};
 use crate::body::Body;
 use crate::error::{Error, Result};
 use crate::model::transform::evaluate_three;
@@ -183,7 +183,6 @@ impl Skeleton {
             skeleton.place_unit(body, &pieces, &place, (sensor, source, frame), mounts)?;
         }
         skeleton.hang();
-        skeleton.close();
         if skeleton.units.is_empty() {
             return Err(Error::Data(format!(
                 "model '{}': no unit has readings of gyroscope and accelerometer at the start; strapdown links need one",
@@ -191,6 +190,7 @@ impl Skeleton {
             )));
         }
         skeleton.refuse_adrift(body)?;
+        skeleton.close();
         let attach = Attach { body, pieces: &pieces, place: &place };
         attach.loops(&mut skeleton)?;
         attach.sensors(&mut skeleton)?;

@@ -9,13 +9,13 @@ use super::begin::start_std;
 use super::hypothesis::Hypothesis;
 use super::{Calibration, Sink, Status, Tracker};
 use crate::body::Body;
+use crate::config::Magnetometer;
 use crate::error::Result;
 use crate::estimate::belief::Belief;
 use crate::estimate::filter::{Info, SourceInfo, Verdict};
 use crate::estimate::smoother::Backward;
 use crate::estimate::System;
 use crate::kernels::dense::Square;
-use crate::config::Magnetometer;
 use crate::model::Structure;
 use crate::recording::{Recording, Sample};
 use crate::rotation::{Mat3, Vec3};
@@ -24,9 +24,9 @@ use crate::strapdown::angles::Coordinates;
 use crate::strapdown::check::{Alone, Check};
 use crate::strapdown::filter::{Means, Node, State, StrapdownFilter};
 use crate::strapdown::increment::{Increment, Reading, Readings, Signal};
-use crate::strapdown::start::LEVEL_S;
 use crate::strapdown::sensors::{Heard, Measures, Place};
 use crate::strapdown::skeleton::{Mounts, Skeleton, Unit};
+use crate::strapdown::start::LEVEL_S;
 use std::collections::VecDeque;
 
 /// Longest time for which headings are sought, s, and the factor from one try to the next.
@@ -273,7 +273,9 @@ impl Tracker {
         loop {
             let first = rows.len();
             let mut nodes = Vec::new();
-            let Some((sample, motion)) = self.process_one(one, false, &mut |node| nodes.push(node), true) else { break };
+            let Some((sample, motion)) = self.process_one(one, false, &mut |node| nodes.push(node), true) else {
+                break;
+            };
             updates.extend(nodes.into_iter().map(|node| (node, first)));
             rows.extend(motion.map(|motion| (sample, one.clone(), self.info.clone(), motion)));
         }

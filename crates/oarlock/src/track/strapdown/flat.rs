@@ -128,8 +128,7 @@ fn state_of(from: &mut Source) -> Option<State> {
             accel_bias: from.three()?,
         })
     })?;
-    let mut means =
-        Means { units, loose: from.many(Source::matrix)?, points: from.many(Source::three)?, azimuth: 0.0 };
+    let mut means = Means { units, loose: from.many(Source::matrix)?, points: from.many(Source::three)?, azimuth: 0.0 };
     let readings = from.many(|from| {
         let interval_s = from.number()?;
         let reading = |from: &mut Source| {
