@@ -21,9 +21,10 @@ from oarlock.movement import (
     side_differences,
     side_pairs,
 )
+from oarlock.movement.blocks import Movement
 from oarlock.movement.evenness import changes, wanderings
 from oarlock.movement.front import front_of
-from oarlock.movement.movement import Movement, movement_of
+from oarlock.movement.movement import movement_of
 from oarlock.movement.range_section import ranges_markup
 from oarlock.movement.report import write_movement_report
 from oarlock.movement.settled import settled_s
@@ -167,7 +168,7 @@ def moved(monkeypatch, changes_deg: dict[str, np.ndarray], seed: int = 0, **prov
     monkeypatch.setattr("oarlock.movement.movement.movement_angles", lambda track, turns: tuple(found))
     monkeypatch.setattr("oarlock.movement.movement.room_angles", lambda track, turns: ())
     monkeypatch.setattr("oarlock.movement.movement.SegmentTurns", lambda track: None)
-    return movement_of(SimpleNamespace(time_s=MOVED_S, provenance=provenance))
+    return movement_of(SimpleNamespace(time_s=MOVED_S, provenance=provenance, info=None))
 
 
 def test_a_planted_change_is_found_and_even_cycles_report_nothing(monkeypatch):
@@ -194,6 +195,7 @@ def test_a_drift_is_a_finding_and_never_even(monkeypatch):
     assert front.next_step.startswith("Calibrate the sensors first")
     assert "oarlock calibrate session --model arm" in front.commands[0][1]
     assert "middle of right wrist flexion" in front.checked
+    assert "right wrist flexion" not in [one.name for one in front.figures], "a drift or a change of posture"
     calm = front_of(moved(monkeypatch, {}))
     assert not calm.points
     assert "a change above" in calm.quiet and "of the cycle time" in calm.quiet

@@ -8,9 +8,9 @@ import pytest
 import oarlock
 from oarlock import SessionErrors
 from oarlock.model.rotation import quat_from_rotvec, quat_product, rotvec_from_quat
-from oarlock.movement import cycle_ranges, movement_angles
+from oarlock.movement import MovementAngle, cycle_ranges, movement_angles, ranges_of_motion
 from oarlock.movement.angles import room_angles
-from oarlock.movement.ranges import SKIN_SHARE, range_errors
+from oarlock.movement.ranges import DRIFTS, SKIN_SHARE, WIDE, range_errors
 from oarlock.tracking.track import track_without_filter
 
 SMALL_RAD = 1e-5
@@ -98,8 +98,48 @@ def test_an_arm_that_swings_about_one_axis_has_a_narrow_interval():
     angles = [replace(one, std_deg=np.full(len(TIME_S), 6.0)) for one in movement_angles(track)]
     found = cycle_ranges(TIME_S, angles, np.array([0.5, 1.5, 2.5, 3.5]))["shoulder_flexion_r"]
     assert found.range_deg == pytest.approx(np.degrees(1.2), abs=0.5)
-    assert found.half_deg < 7.0 and found.well_measured
-    assert found.cause == "units move with the skin"
+    assert found.half_deg < 7.0 and found.is_narrow
+    assert not found.well_measured and found.cause == "it is not known to 5°"
+    angles = [replace(one, std_deg=one.std_deg / 3.0) for one in angles]
+    found = cycle_ranges(TIME_S, angles, np.array([0.5, 1.5, 2.5, 3.5]))["shoulder_flexion_r"]
+    assert found.well_measured and found.cause == "units move with the skin"
+
+
+@pytest.mark.parametrize(
+    ("begin_deg", "end_deg", "doubt"),
+    [
+        (2.0, 2.0, ""),
+        (3.0, 3.0, WIDE),
+        (1.0, 4.0, DRIFTS),
+        (4.0, 1.0, WIDE),
+    ],
+)
+def test_an_angle_is_measured_well_if_its_band_stays_within_5_deg(begin_deg, end_deg, doubt):
+    """1.96 times 2.55 deg is 5 deg; a range of 80 deg is well known in each case."""
+    value = 40.0 * np.sin(2.0 * np.pi * TIME_S)
+    one = MovementAngle("elbow", "", value, np.linspace(begin_deg, end_deg, len(TIME_S)))
+    for found in (ranges_of_motion([one]), cycle_ranges(TIME_S, [one], np.array([0.25, 1.25, 2.25, 3.25]))):
+        assert found["elbow"].is_narrow
+        assert found["elbow"].well_measured is (not doubt)
+        assert found["elbow"].doubt == doubt
+
+
+def test_a_joint_beyond_its_limits_makes_its_segments_doubtful():
+    """A knee adducted by 10 deg more than the 10 deg of its limits: hip and ankle beside it, and not the other leg."""
+    model = oarlock.load_model("lower_body", stature_m=1.78, mass_kg=75)
+    q, names = swings("lower_body"), model.coordinate_names
+    q[:, names.index("knee_adduction_l")] = np.radians(20.0)
+    q[:, names.index("knee_adduction_r")] = np.radians(11.0)
+    for joint, value_rad in (("knee_flexion", 0.5), ("knee_rotation", 0.0), ("hip_rotation", 0.0)):
+        for side in "rl":
+            q[:, names.index(f"{joint}_{side}")] = value_rad
+    track = track_without_filter(model, TIME_S, q, provenance={}, q_std=np.full(q.shape, np.radians(1.0)))
+    doubts = {one.name: one.doubt for one in movement_angles(track)}
+    assert doubts["knee_adduction_l"] == "limits"
+    for name in ("knee_flexion_l", "hip_flexion_l", "ankle_dorsiflexion_l"):
+        assert doubts[name] == "beside"
+    for name in ("knee_adduction_r", "knee_flexion_r", "hip_flexion_r"):
+        assert doubts[name] == "", "1 deg beyond is within its 95 % band"
 
 
 SKIN = SessionErrors(

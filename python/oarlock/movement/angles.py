@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from oarlock import JointAngle, Track, joint_angles
+from oarlock.evaluation.errors import BAND_95
 from oarlock.model.angle_sequence import angle_labels, angles_from_quat, angles_per_turn
 from oarlock.movement.turns import SegmentTurns, Sensitivity
+from oarlock.tracking.contradictions import contradicted_units
 from oarlock.tracking.joint_angles import NamedRotation, named_rotation
 from oarlock.tracking.joint_series import BallSeries
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
+CONTRADICTED, LIMITS, BESIDE = "contradicted", "limits", "beside"
+"""What makes an angle unreliable: a unit of its joint, its own value, another joint of its segments."""
 OBSERVED_SHARE = 0.5
 """An angle is used if sensors observe it at least in this share of the rows."""
 CLEAR_SHARE = 0.8
@@ -51,6 +55,7 @@ class MovementAngle:
         std_deg: (T,) standard deviation, deg; NaN if the track has none.
         limits_deg: soft limits of a hinge, deg; None for others.
         sensitivity: what its errors depend on; None if unknown.
+        doubt: why it is unreliable whatever its standard deviation, a key of `ranges.CAUSES`; "" if it is not.
     """
 
     name: str
@@ -59,6 +64,16 @@ class MovementAngle:
     std_deg: Floats
     limits_deg: tuple[float, float] | None = None
     sensitivity: Sensitivity | None = None
+    doubt: str = ""
+
+    @property
+    def passes_limits(self) -> bool:
+        """Whether a value is beyond the soft limits by more than half of its 95 % band."""
+        if self.limits_deg is None:
+            return False
+        low, high = self.limits_deg
+        beyond_deg = np.maximum(low - self.value_deg, self.value_deg - high)
+        return bool((beyond_deg > BAND_95 * self.std_deg).any())
 
     def since(self, first: int) -> MovementAngle:
         """The angle from a sample on."""
@@ -79,16 +94,16 @@ def movement_angles(track: Track, turns: SegmentTurns | None = None) -> tuple[Mo
         DataError: the track has no model.
     """
     turns = turns or SegmentTurns(track)
-    found = []
+    found: dict[str, list[MovementAngle | None]] = {}
     for joint in turns.joints:
         if joint.kind == "hinge":
             series = track.hinge(joint.name)
             limits = (float(np.degrees(joint.limits[0])), float(np.degrees(joint.limits[1])))
             course = _Course(series.value, series.std, series.observed, turns.of(joint.name))
-            found.append(_angle(joint.name, joint.label, course, limits))
+            found[joint.name] = [_angle(joint.name, joint.label, course, limits)]
         elif joint.kind == "ball":
-            found += _ball_angles(track, joint.name, joint.label, turns)
-    return tuple(angle for angle in found if angle is not None)
+            found[joint.name] = _ball_angles(track, joint.name, joint.label, turns)
+    return _doubted(track, turns, found)
 
 
 def room_angles(track: Track, turns: SegmentTurns | None = None) -> tuple[MovementAngle, ...]:
@@ -102,12 +117,39 @@ def room_angles(track: Track, turns: SegmentTurns | None = None) -> tuple[Moveme
     turns = turns or SegmentTurns(track)
     if turns.up != UP:
         return ()
-    found = []
+    found = {}
     for joint in turns.joints:
         named = named_rotation(joint.name, is_free=True)
         if joint.kind == "free" and named is not None:
-            found += _named_angles(joint_angles(track), track.ball(joint.name), joint.label, named, turns)
-    return tuple(angle for angle in found if angle is not None)
+            series = track.ball(joint.name)
+            found[joint.name] = _named_angles(joint_angles(track), series, joint.label, named, turns)
+    return _doubted(track, turns, found)
+
+
+def _doubted(
+    track: Track, turns: SegmentTurns, found: Mapping[str, Sequence[MovementAngle | None]]
+) -> tuple[MovementAngle, ...]:
+    """The known angles of each joint, with what makes them unreliable.
+
+    A joint beyond its limits shows that the axes of one of its segments are wrong by more than the bands say. Nothing
+    shows which one, so the other joints of both are doubted too.
+    """
+    known = [(joint, one) for joint, angles in found.items() for one in angles if one is not None]
+    segments = {joint: set(turns.segments(joint)) for joint in found}
+    contradicted = turns.segments_of_units(contradicted_units(track.notes))
+    passing = {
+        joint
+        for joint, one in known
+        if one.passes_limits or any(note.startswith(f"{joint}: beyond its ") for note in track.notes)
+    }
+    twisted = {segment for joint in passing for segment in segments[joint]}
+
+    def doubt(joint: str) -> str:
+        if segments[joint] & contradicted:
+            return CONTRADICTED
+        return LIMITS if joint in passing else BESIDE if segments[joint] & twisted else ""
+
+    return tuple(replace(one, doubt=doubt(joint)) for joint, one in known)
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from html import escape
 from math import isfinite
 
+from oarlock.movement.blocks import Block, Movement
 from oarlock.movement.evenness import LEAST_MOVEMENT_DEG, Change, Wander, changes, wanderings
-from oarlock.movement.movement import Block, Movement
 from oarlock.movement.words import named, placed, plain, signed, sized
 from oarlock.report import Column, fixed, plain_table
 

@@ -11,8 +11,8 @@ import numpy as np
 from scipy.stats import studentized_range, t
 
 from oarlock.movement.angles import Floats
+from oarlock.movement.blocks import Block, Movement
 from oarlock.movement.cycles import RATE_HZ, cycle_courses
-from oarlock.movement.movement import Block, Movement
 
 CHANCE = 0.05 / 3.0
 """Of a false finding among changes of numbers, among changes of middles, and among spans of middles."""
@@ -107,13 +107,13 @@ def changes(movement: Movement, block: Block) -> tuple[Change, ...]:
 
 
 def wanderings(movement: Movement, block: Block) -> tuple[Wander, ...]:
-    """The middles of all angles over the cycles of a block, the one that wanders most first; empty below six cycles.
+    """The middles over the cycles of a block, the one that wanders most first; empty below six cycles.
 
-    The limit takes errors of one cycle as shared and those of different cycles as independent: then the span follows
-    Tukey's studentized range, here with Bonferroni's correction.
+    Angles that are unreliable are left out. The limit takes errors of one cycle as shared and those of different cycles
+    as independent: then the span follows Tukey's studentized range, here with Bonferroni's correction.
     """
     count = block.repetition.count
-    angles = [one for one in block.angles if one.name in block.ranges]
+    angles = [one for one in block.angles if one.name in block.ranges and not one.doubt]
     if count < LEAST_CYCLES or not angles:
         return ()
     compared = len(angles) * _compared(movement)
@@ -126,6 +126,19 @@ def wanderings(movement: Movement, block: Block) -> tuple[Wander, ...]:
         change = _change(angle.name, middles, compared)
         found.append(Wander(change, float(np.ptp(middles)), factor * std, moves))
     return tuple(sorted(found, key=lambda one: -one.span_deg))
+
+
+def drifting(movement: Movement, block: Block) -> frozenset[str]:
+    """Names of the angles of a block whose middle wanders as drift of the estimate would.
+
+    A middle may wander as far as the uncertainty allows; where no magnetometer measured a heading, any wandering may be
+    drift.
+    """
+    info = movement.track.info
+    heading_known = info is not None and bool((info.field > 0).any())
+    return frozenset(
+        one.angle for one in wanderings(movement, block) if one.certain and not (one.beyond and heading_known)
+    )
 
 
 def _compared(movement: Movement) -> int:

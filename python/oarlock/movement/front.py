@@ -7,11 +7,11 @@ from math import ceil
 
 import numpy as np
 
-from oarlock.movement.angles import MovementAngle
+from oarlock.movement.angles import CONTRADICTED, MovementAngle
+from oarlock.movement.blocks import Block, Movement
 from oarlock.movement.checked import checked_markup
 from oarlock.movement.cycles import cycle_courses
 from oarlock.movement.evenness import LEAST_CYCLES, Wander, changes, wanderings
-from oarlock.movement.movement import Block, Movement
 from oarlock.movement.ranges import SideDifference
 from oarlock.movement.words import (
     CYCLE,
@@ -88,7 +88,7 @@ def _quiet(movement: Movement) -> str:
     few = [one.repetition.count for one in movement.blocks if one.repetition.count < LEAST_CYCLES]
     if few:
         shown.append(_too_few(few))
-    limits = [one.limit_deg for _, one in movement.sides if np.isfinite(one.limit_deg)]
+    limits = [one.limit_deg for _, one in movement.sides if one.well_measured and np.isfinite(one.limit_deg)]
     if limits:
         shown.append(f"Right and left: a difference above {fixed(max(limits), 0)}° of any range would show.")
     return " ".join([NOTHING if len(shown) > bool(few) else "", *shown]).strip()
@@ -136,9 +136,8 @@ def _drifting(movement: Movement, block: Block) -> str:
     within_limits = [one for one in wanderings(movement, block) if one.certain and not one.beyond]
     if not within_limits:
         return ""
-    good = {one.name for one in measured(block.ranges.values())}
     use = "Of these angles use the range in a cycle only."
-    if not good & {one.angle for one in within_limits}:
+    if not any(block.ranges[one.angle].is_narrow for one in within_limits):
         use = "Do not use these angles of this recording."
     return (
         f"{placed(movement, block)}{_wandered(block, within_limits)}. Drift of the estimate explains that: the "
@@ -249,8 +248,8 @@ def _course(movement: Movement) -> Course | None:
 
 
 def _moving(block: Block) -> list[MovementAngle]:
-    """The angle with the largest range first."""
-    found = [angle for angle in block.angles if angle.name in block.ranges]
+    """The angle with the largest range first; none at a unit that its joints contradict."""
+    found = [angle for angle in block.angles if angle.name in block.ranges and angle.doubt != CONTRADICTED]
     return sorted(found, key=lambda angle: -block.ranges[angle.name].range_deg)
 
 

@@ -1,104 +1,28 @@
-"""`Movement`: angles, ranges and blocks of repeated movement of one track, and its table of cycles. For the report."""
+"""`movement_of`: angles, ranges and blocks of a track; and its table of cycles. For the report."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pyarrow as pa
 
 from oarlock import Track
-from oarlock.movement.angles import Floats, MovementAngle, movement_angles, room_angles
+from oarlock.movement.angles import CONTRADICTED, Floats, MovementAngle, movement_angles, room_angles
+from oarlock.movement.blocks import Block, Movement
 from oarlock.movement.cycles import Repetition, cycle_courses, find_cycles
-from oarlock.movement.ranges import (
-    MotionRange,
-    SideDifference,
-    cycle_ranges,
-    ranges_of_motion,
-    side_differences,
-)
+from oarlock.movement.evenness import drifting
+from oarlock.movement.ranges import DRIFTS, MotionRange, cycle_ranges, ranges_of_motion
 from oarlock.movement.settled import settled_s
 from oarlock.movement.turns import SegmentTurns
-
-
-@dataclass(frozen=True, eq=False)
-class Block:
-    """A stretch of repeated movement: a warm-up, bends of one elbow, a walk.
-
-    Args:
-        number: 1 for the first in time.
-        repetition: its cycles and its leading angle.
-        ranges: mean range over its cycles of each angle, by name.
-        angles: the angles of the joints; also those of the free segment in the room if one of them leads.
-    """
-
-    number: int
-    repetition: Repetition
-    ranges: dict[str, MotionRange]
-    angles: tuple[MovementAngle, ...]
-
-    @property
-    def lead(self) -> MotionRange | None:
-        """The range of the leading angle; None if it has gaps."""
-        return self.ranges.get(self.repetition.lead)
-
-
-@dataclass(frozen=True, eq=False)
-class Movement:
-    """What the sections show: the track, its angles, their ranges, and its blocks of repeated movement.
-
-    Ranges and cycles are those from `start_s` on, when the filter has converged; angles are those of the whole track.
-
-    Args:
-        track: the track.
-        angles: of the joints; also those of the free segment in the room if one of them leads a block.
-        ranges: over the whole track, by name; those in the room are not among them.
-        blocks: in the order of time.
-        start_s: from when numbers count.
-    """
-
-    track: Track
-    angles: tuple[MovementAngle, ...]
-    ranges: dict[str, MotionRange]
-    blocks: tuple[Block, ...]
-    start_s: float
-
-    @property
-    def main(self) -> Block | None:
-        """The block with the most cycles."""
-        return max(self.blocks, key=lambda one: one.repetition.count, default=None)
-
-    @property
-    def several(self) -> bool:
-        """Whether there are blocks to tell apart."""
-        return len(self.blocks) > 1
-
-    @property
-    def shown(self) -> tuple[MotionRange, ...]:
-        """All ranges that the page gives: of each block; with one block or none also those of the whole track."""
-        if self.several:
-            return tuple(one for block in self.blocks for one in block.ranges.values())
-        return tuple({**self.ranges, **(self.blocks[0].ranges if self.blocks else {})}.values())
-
-    @property
-    def nominal(self) -> bool:
-        """Whether the sensors were not calibrated."""
-        return bool(self.track.provenance.get("nominal_mounts"))
-
-    @property
-    def sides(self) -> tuple[tuple[Block | None, SideDifference], ...]:
-        """Right against left over the cycles of each block, or over the whole track if nothing repeats."""
-        if not self.blocks:
-            return tuple((None, one) for one in side_differences(self.ranges))
-        return tuple((block, one) for block in self.blocks for one in side_differences(block.ranges))
 
 
 def movement_of(track: Track) -> Movement:
     """Angles, ranges and blocks of a track.
 
     Where the joints do not repeat, the free segment may: a person who bows. Its angles in the room count only in blocks
-    that they lead.
+    that they lead. Angles at a unit that its joints contradict lead none.
 
     Raises:
         DataError: the track has no model.
@@ -117,7 +41,17 @@ def movement_of(track: Track) -> Movement:
     ]
     blocks = sorted((*found, *turned), key=lambda one: float(one.repetition.begins_s[0]))
     numbered = tuple(replace(one, number=k) for k, one in enumerate(blocks, 1))
-    return Movement(track, (*known, *room) if turned else known, ranges, numbered, start_s)
+    whole = Movement(track, (*known, *room) if turned else known, ranges, numbered, start_s)
+    return replace(whole, blocks=tuple(replace(block, ranges=_doubted(whole, block)) for block in numbered))
+
+
+def _doubted(movement: Movement, block: Block) -> dict[str, MotionRange]:
+    """The ranges of a block, with those of angles that drift marked."""
+    drifts = drifting(movement, block)
+    return {
+        name: replace(one, doubt=one.doubt or DRIFTS) if name in drifts else one
+        for name, one in block.ranges.items()
+    }
 
 
 def cycles_table(movement: Movement) -> pa.Table:
@@ -151,7 +85,8 @@ def _repetitions(
     time_s: Floats, angles: Sequence[MovementAngle], start_s: float, taken: Sequence[Repetition] = ()
 ) -> tuple[Repetition, ...]:
     first = int(np.searchsorted(time_s, start_s))
-    return find_cycles(time_s[first:], _late(time_s, angles, start_s), taken)
+    reliable = [one for one in angles if one.doubt != CONTRADICTED]
+    return find_cycles(time_s[first:], _late(time_s, reliable, start_s), taken)
 
 
 def _block(time_s: Floats, repetition: Repetition, angles: tuple[MovementAngle, ...]) -> Block:

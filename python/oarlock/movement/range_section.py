@@ -6,8 +6,8 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from math import isfinite
 
-from oarlock.movement.movement import Block, Movement
-from oarlock.movement.ranges import LEAST_MOVEMENT_DEG, WELL_SHARE, MotionRange
+from oarlock.movement.blocks import Block, Movement
+from oarlock.movement.ranges import LEAST_MOVEMENT_DEG, WELL_SHARE, WITHIN_DEG, MotionRange
 from oarlock.movement.words import plain, titled, within
 from oarlock.report import Column, fixed, plain_table, sortable_table, value_cell
 from oarlock.report.viewer.sides import side_of
@@ -66,7 +66,7 @@ def _measured(movement: Movement, block: Block | None, well: list[MotionRange]) 
     rows: list[list[str]] = []
     muted = [k for k, one in enumerate(well) if one.hardly_moved]
     for one in well:
-        ends = one if movement.several else movement.ranges[one.name]
+        ends = one if movement.several else movement.ranges.get(one.name, one)
         values = [one.range_deg, one.half_deg, *([one.between_deg] if block else [])]
         values += [ends.lowest_deg, ends.highest_deg]
         rows.append([_head(movement, one), *(value_cell(v, fixed(v, 1)) for v in values)])
@@ -98,8 +98,9 @@ def _apart(movement: Movement, apart: Sequence[tuple[Block | None, MotionRange]]
             ]
         )
     why = (
-        f"Half of the 95 % interval is more than {100.0 * WELL_SHARE:g} % of the range. Where other angles change with "
-        "it, errors of mounts and headings do not cancel."
+        f"Half of the 95 % interval is more than {100.0 * WELL_SHARE:g} % of the range, or the angle itself is not "
+        f"known to {WITHIN_DEG:.0f}°, drifts, passes the limits of its joint, or is beside such a joint or unit. Where "
+        "other angles change with it, errors of mounts and headings do not cancel."
     )
     if movement.nominal:
         why += (

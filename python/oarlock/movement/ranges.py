@@ -3,28 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.movement.angles import Floats, MovementAngle
+from oarlock.evaluation.errors import BAND_95
+from oarlock.movement.angles import BESIDE, CONTRADICTED, LIMITS, Floats, MovementAngle
 from oarlock.movement.cycles import cycle_courses
 from oarlock.report.viewer.sides import side_of
 
 Ints = NDArray[np.int64]
 
-BAND_95 = 1.959964
-"""Half width of the 95 % band of a normal distribution in standard deviations."""
 LEAST_DIFFERENCE_DEG = 2.0
 """Differences of the sides below this are not reported, even if they are certain."""
+DRIFTS, WIDE = "drifts", "wide"
+WITHIN_DEG = 5.0
+"""An angle is measured well only if half of its 95 % band is at most this."""
 CAUSES = {
+    CONTRADICTED: "joints contradict its unit",
+    LIMITS: "it passes the limits of its joint",
+    BESIDE: "a joint beside it passes its limits",
+    DRIFTS: "it drifts",
+    WIDE: f"it is not known to {WITHIN_DEG:.0f}°",
     "axes": "other angles change with it",
     "skin": "units move with the skin",
     "ends": "the estimate drifts",
     "scatter": "cycles differ",
 }
-"""What makes a range uncertain."""
+"""What makes an angle, or its range, uncertain."""
 LEAST_MOVEMENT_DEG = 5.0
 """Angles that move less hardly moved: they are grey, and not drawn over cycles."""
 LEAST_STEEP = 0.1
@@ -68,6 +75,7 @@ class MotionRange:
         between_deg: standard deviation of the range between cycles; 0 without cycles.
         count: number of cycles; 1 without.
         parts: standard deviations of the range by what both ends share; None if the ends count as independent.
+        doubt: why the angle itself is not measured well, a key of `CAUSES`; "" if nothing says so.
     """
 
     name: str
@@ -78,6 +86,7 @@ class MotionRange:
     between_deg: float = 0.0
     count: int = 1
     parts: RangeErrors | None = None
+    doubt: str = ""
 
     @property
     def range_deg(self) -> float:
@@ -99,9 +108,14 @@ class MotionRange:
         return BAND_95 * self.range_std_deg
 
     @property
-    def well_measured(self) -> bool:
+    def is_narrow(self) -> bool:
         """Whether half of the interval is at most a quarter of the range; True without standard deviations."""
         return not self.half_deg > WELL_SHARE * self.range_deg
+
+    @property
+    def well_measured(self) -> bool:
+        """Whether the interval of the range is narrow and nothing speaks against the angle itself."""
+        return self.is_narrow and not self.doubt
 
     @property
     def hardly_moved(self) -> bool:
@@ -110,7 +124,9 @@ class MotionRange:
 
     @property
     def cause(self) -> str:
-        """The largest part of the standard deviation of the range, for people."""
+        """What speaks against the angle, else the largest part of the range's standard deviation, for people."""
+        if self.doubt:
+            return CAUSES[self.doubt]
         scatter = self.between_deg / np.sqrt(self.count)
         sizes = {**self._shares, "scatter": scatter}
         return CAUSES[max(sizes, key=lambda name: sizes[name])]
@@ -153,11 +169,15 @@ class SideDifference:
         return BAND_95 * self.std_deg
 
     @property
+    def well_measured(self) -> bool:
+        """Whether both ranges are."""
+        return self.right.well_measured and self.left.well_measured
+
+    @property
     def certain(self) -> bool:
         """Whether it is worth a sentence: both ranges measured well, above 2 deg and outside its 95 % interval."""
         size = abs(self.difference_deg)
-        well = self.right.well_measured and self.left.well_measured
-        return well and size > LEAST_DIFFERENCE_DEG and size > self.limit_deg
+        return self.well_measured and size > LEAST_DIFFERENCE_DEG and size > self.limit_deg
 
 
 def ranges_of_motion(angles: Sequence[MovementAngle]) -> dict[str, MotionRange]:
@@ -165,9 +185,10 @@ def ranges_of_motion(angles: Sequence[MovementAngle]) -> dict[str, MotionRange]:
     found = {}
     for angle in angles:
         ends = np.array([[np.nanargmin(angle.value_deg), np.nanargmax(angle.value_deg)]])
-        found[angle.name] = _range(
+        one = _range(
             angle.name, angle.value_deg[ends], angle.std_deg[ends], _at(angle, ends), WANDER_IN_TRACK
         )
+        found[angle.name] = replace(one, doubt=angle.doubt or _band_doubt(angle.std_deg))
     return found
 
 
@@ -189,11 +210,26 @@ def cycle_ranges(time_s: Floats, angles: Sequence[MovementAngle], begins_s: Floa
         def chosen(columns: Floats, ends: Ints = ends, cycles: Ints = cycles) -> Floats:
             return np.stack([cycle_courses(time_s, one, begins_s)[cycles, ends] for one in columns.T], axis=2)
 
-        claimed = chosen(angle.std_deg[:, None])[..., 0]
+        stds = cycle_courses(time_s, angle.std_deg, begins_s)
+        claimed = stds[cycles, ends]
         told = angle.sensitivity
         at = None if told is None else (chosen(told.turns), chosen(told.posture_rad))
-        found[angle.name] = _range(angle.name, courses[cycles, ends], claimed, at, WANDER_IN_CYCLES)
+        one = _range(angle.name, courses[cycles, ends], claimed, at, WANDER_IN_CYCLES)
+        found[angle.name] = replace(one, doubt=angle.doubt or _band_doubt(stds.ravel()))
     return found
+
+
+def _band_doubt(std_deg: Floats) -> str:
+    """Whether half of the 95 % band exceeds 5 deg: its root mean square in any third of the time.
+
+    The angle drifts if it does so in the last third and not in the first.
+    """
+    known = std_deg[np.isfinite(std_deg)]
+    thirds = np.array_split(known, 3) if known.size >= 3 else [known] if known.size else []
+    halves_deg = [BAND_95 * float(np.sqrt(np.mean(third**2))) for third in thirds]
+    if max(halves_deg, default=0.0) <= WITHIN_DEG:
+        return ""
+    return DRIFTS if halves_deg[0] <= WITHIN_DEG < halves_deg[-1] else WIDE
 
 
 def _at(angle: MovementAngle, rows: Ints) -> tuple[Floats, Floats] | None:

@@ -10,8 +10,8 @@ from itertools import pairwise
 import numpy as np
 
 from oarlock.movement.angles import MovementAngle
+from oarlock.movement.blocks import Block, Movement
 from oarlock.movement.cycles import cycle_courses
-from oarlock.movement.movement import Block, Movement
 from oarlock.movement.range_section import STYLE, ranges_markup
 from oarlock.movement.ranges import side_pairs
 from oarlock.movement.words import plain, quality, titled

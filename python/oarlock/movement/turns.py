@@ -6,6 +6,7 @@ parent from child, becomes Exp(e_parent) R Exp(e_child), and an angle changes by
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -67,6 +68,14 @@ class SegmentTurns:
         """The vertical in the root's axes."""
         return tuple(self._description.world.up)
 
+    def segments(self, joint: str) -> tuple[str, str]:
+        """The two segments with units between which a joint lies."""
+        return neighbours(self._description, joint)
+
+    def segments_of_units(self, units: Sequence[str]) -> set[str]:
+        """The segments that these units are on."""
+        return {unit.frame for unit in self._description.inertial_units if unit.name in units}
+
     @cached_property
     def posture_rad(self) -> Floats:
         """(T, m) joints that turn, rad, and the vertical in the axes of each free segment: a heading is no posture."""
@@ -89,7 +98,7 @@ class SegmentTurns:
             weights: (T, 3) change of the angle by a small rotation behind the joint, in the child's axes; None for a
                 hinge.
         """
-        upper, lower = neighbours(self._description, joint)
+        upper, lower = self.segments(joint)
         columns = self._between(upper, lower)
         by_coordinate, turned = self._pair(upper, lower, columns)
         rows = by_coordinate[:, [columns.index(column) for column in self._turning(joint)]]

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from math import isfinite
 
+from oarlock.movement.angles import CONTRADICTED
+from oarlock.movement.blocks import Block, Movement
 from oarlock.movement.cycles import Repetition
 from oarlock.movement.evenness import Change
-from oarlock.movement.movement import Block, Movement
 from oarlock.movement.ranges import MotionRange
 from oarlock.report import KeyFigure, fixed
 from oarlock.report.viewer.sides import side_of
@@ -77,7 +78,9 @@ def key_figures(movement: Movement) -> list[KeyFigure]:
     """Number and duration of cycles, and the largest ranges that are measured well; of several blocks their leads."""
     if movement.several:
         return [
-            _lead_figure(movement, block, block.lead) for block in movement.blocks if block.lead is not None
+            _lead_figure(movement, block, block.lead)
+            for block in movement.blocks
+            if block.lead is not None and block.lead.well_measured
         ]
     found = []
     for block in movement.blocks:
@@ -167,9 +170,10 @@ def heading(movement: Movement) -> str | None:
         return f"{len(movement.blocks)} blocks of repeated movement"
     if movement.blocks:
         return f"{movement.blocks[0].repetition.peaks} repetitions of {leads[0]}"
-    if not movement.ranges:
+    reliable = [one for one in movement.shown if one.doubt != CONTRADICTED]
+    if not reliable:
         return None
-    most = max(measured(movement.shown) or movement.shown, key=lambda one: one.range_deg)
+    most = max(measured(reliable) or reliable, key=lambda one: one.range_deg)
     return f"movement, most in {plain(most.name)}"
 
 
