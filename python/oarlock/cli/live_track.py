@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from oarlock.cli.options import Force, Json, OutFolder, example
-from oarlock.cli.tables import write_summary
+from oarlock.cli.tables import write_contradiction, write_summary
 from oarlock.cli.terminal import output_folder, print_json, progress, say, steps, verb
 from oarlock.cli.track_folder import TRACK, document, write_folder
 
@@ -49,6 +49,7 @@ def track(
     if json_output:
         print_json(document(result, out))
         return
+    write_contradiction(result.notes)
     say(f"Live track of {folder}", style="bold")
     write_summary(result)
     say(f"\nWrote {out}: track, sensors, beliefs (.parquet), model.toml, run.toml, report.html")

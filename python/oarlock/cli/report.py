@@ -10,6 +10,7 @@ import typer
 
 from oarlock.cli.evaluate import truth_folder
 from oarlock.cli.options import Json, Replace, example
+from oarlock.cli.tables import write_contradiction
 from oarlock.cli.terminal import UsageError, free_file, print_json, progress, say, verb
 
 if TYPE_CHECKING:
@@ -178,6 +179,7 @@ def report(
         found = {"season": earlier.notes} if season is not None else {}
         print_json({"report": written[0], "beside": written[1:], "session": dict(session), **found})
         return
+    write_contradiction(track.notes)
     if session:
         say(session_text(session), style="bold")
     for note in earlier.notes:

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from oarlock.cli.tables import write_contradiction
 from oarlock.cli.terminal import heading, say
 from oarlock.cli.track_folder import TRACK
 from oarlock.storage.added_files import added_files
@@ -15,8 +16,9 @@ if TYPE_CHECKING:
     from oarlock import Suspect
 
 
-def write_suspects(found: Sequence[Suspect]) -> None:
-    """Prints one or two sentences for each suspect; nothing without suspects."""
+def write_suspects(found: Sequence[Suspect], notes: Sequence[str]) -> None:
+    """Prints that joints contradict units, by the notes of the track, then one or two sentences for each suspect."""
+    write_contradiction(notes)
     if not found:
         return
     heading("Suspects", "sensors that appear to be faulty; nothing was corrected")

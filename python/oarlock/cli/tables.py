@@ -18,6 +18,15 @@ from oarlock.tracking.track import Track
 _DIGITS = {"deg": ".3f", "mm": ".2f"}
 
 
+def write_contradiction(notes: Sequence[str], recording: str = "") -> None:
+    """Prints that joints contradict units, before anything else; nothing if none do."""
+    from oarlock.report.trust import contradicted
+
+    belief, where = contradicted(notes), f"{recording}: " if recording else ""
+    if belief is not None:
+        say(f"{where}{belief.words}: {belief.reason} {belief.remedy}", "bold red")
+
+
 def write_summary(track: Track) -> None:
     """Prints rows, rates, readings, speed, observed joints and the health of each sensor."""
     summary = summarize(track)

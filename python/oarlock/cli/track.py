@@ -200,7 +200,7 @@ def track(
     if json_output:
         print_json(document(result, out, found))
         return
-    write_suspects(found)
+    write_suspects(found, result.notes)
     say(f"Tracked {recordings[0]}", style="bold")
     write_summary(result)
     tables = ["track", *beside(result)]

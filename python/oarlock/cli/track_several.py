@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NoReturn
 import typer
 from rich.text import Text
 
-from oarlock.cli.tables import speed
+from oarlock.cli.tables import speed, write_contradiction
 from oarlock.cli.terminal import (
     EXIT_DATA,
     Told,
@@ -75,6 +75,7 @@ def track_several(
     """Tracks and writes each recording. If one failed, exits with status 1 after the others are written."""
     rows: list[tuple[object, ...]] = []
     documents: dict[str, object] = {}
+    notes: dict[str, Sequence[str]] = {}
     failed: list[str] = []
     with progress("tracking") as told, ExitStack() as ended:
         writers = {path: FolderWriter(out, TRACK, force) for path, out in folders.items()}
@@ -92,10 +93,13 @@ def track_several(
             write_folder(result, writers[path].stage, csv)
             writers[path].commit()
             documents[out.name] = document(result, out, suspects)
+            notes[out.name] = result.notes
             rows.append(_row(out, result))
     if json_output:
         print_json({"recordings": documents})
     elif rows:
+        for name, sentences in notes.items():
+            write_contradiction(sentences, name)
         _write(rows, out.parent)
     if failed:
         _leave(failed, len(folders))

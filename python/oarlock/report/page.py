@@ -54,7 +54,8 @@ def render(
     anchor = "measured-in" if handed else "measured"
     suspects = verdict.suspect_sentences(track.notes)
     answers = front_markup(front, suspects, sentences, figures)
-    lead = rest + belief_markup(belief, anchor)
+    line = belief_markup(belief, anchor)
+    lead = line + rest if belief.level == "bad" else rest + line
     beside = bool(handed) and not handed[0].folded
     # The drawings of a field of application are more useful than the curves of all joints.
     folded = [key for key, _, _ in own if key in FOLDED or (handed and key == "curves")]

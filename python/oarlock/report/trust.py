@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from oarlock.evaluation.scores import Evaluation, SensorScore
 from oarlock.evaluation.summary import readings
 from oarlock.evaluation.suspects.text import SUSPECT_NOTE
-from oarlock.report.text import capital, percent
+from oarlock.report.text import capital, listing, percent
 from oarlock.report.verdict import MISLEADING_COVERAGE, NARROW_COVERAGE
+from oarlock.tracking.contradictions import contradicted_units
 from oarlock.tracking.track import Track
 
 FEW_USED = 0.9
@@ -76,7 +77,9 @@ def trust(
     `direct`: what encoders measure, in the words of a field of application: "oars and seat". `caution`: a reason of the
     field to read with care.
     """
-    bad = _worst(track, evaluation)
+    bad, contradiction = _worst(track, evaluation), contradicted(track.notes)
+    if contradiction is not None:
+        return replace(contradiction, reasons=(*contradiction.reasons, *bad))
     if bad:
         return Trust("bad", tuple(bad), "Check this sensor and its cable, then record again.")
     contorted = [found[0] for note in track.notes if (found := _CONTORTED.match(note))]
@@ -89,6 +92,18 @@ def trust(
     if reasons:
         return Trust("care", (*reasons, *_increased(track)), shown=min(len(reasons), MOST_SHOWN))
     return Trust("good", (_good(track, evaluation),))
+
+
+def contradicted(notes: Sequence[str]) -> Trust | None:
+    """The first line of page and terminal if joints contradict units, by the notes of a track; else None."""
+    units = contradicted_units(notes)
+    if not units:
+        return None
+    reason = (
+        f"joints contradict the readings of {listing(units)}, so angles of adjacent joints are not reliable."
+    )
+    remedy = "Check segment (oarlock assign) and mount (oarlock calibrate), then track again."
+    return Trust("bad", (reason,), remedy)
 
 
 def _good(track: Track, evaluation: Evaluation | None) -> str:
