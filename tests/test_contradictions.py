@@ -69,6 +69,7 @@ def test_the_page_begins_with_the_contradiction_and_its_angles_are_no_headline(a
         ]
     )
     assert "elbow" not in told
+    assert front.next_step.startswith("Correct segment or mount") and not front.sensors_step
     page, *_ = write_movement_report(track, tmp_path / "report.html")
     lead = page.read_text(encoding="utf-8").partition("</h1>")[2]
     assert lead.startswith('<p class="trust bad">') and "forearm_r" in lead[: lead.index("</p>")]

@@ -154,7 +154,12 @@ def _wandered(block: Block, angles: Sequence[Wander]) -> str:
 
 
 def _next_step(movement: Movement) -> str:
-    """Calibrate first, then record again: how often, what this shows, and the change that would show."""
+    """Calibrate first, then record again: how often, what this shows, and the change that would show.
+
+    Where joints contradict a unit, the recording may still be good.
+    """
+    if _is_contradicted(movement):
+        return "Correct segment or mount of the units that joints contradict, and track this recording again."
     known = [one for one in movement.shown if np.isfinite(one.half_deg) and not one.hardly_moved]
     best = {one.name: one for one in reversed(measured(known))}
     largest = sorted(best.values(), key=lambda one: -one.range_deg)[:2]
@@ -173,6 +178,10 @@ def _next_step(movement: Movement) -> str:
     return f"Record {again}.{would}"
 
 
+def _is_contradicted(movement: Movement) -> bool:
+    return any(one.doubt == CONTRADICTED for one in movement.shown)
+
+
 def _caution(movement: Movement) -> str:
     """That large movements are not measured well; "" if all are."""
     large = [one for one in movement.shown if one.range_deg > LARGE_DEG]
@@ -185,7 +194,7 @@ def _caution(movement: Movement) -> str:
 
 def _sensors_step(movement: Movement) -> str:
     """What narrows angles that are not measured well; without calibration the next step says it."""
-    if movement.nominal or not _caution(movement):
+    if movement.nominal or _is_contradicted(movement) or not _caution(movement):
         return ""
     return (
         "Record a guided calibration session just before the movement (two minutes) and strap the units tightly: both "
