@@ -160,7 +160,7 @@ def smooth(track: Track, *, iterations: int = 1, progress: Progress = None) -> T
             earlier if squared residuals and process noise of the whole course no longer fall. It helps where a heading
             follows from movement alone; 2 or 3 are enough. Where mounts or lengths are far off, it can make the
             estimate worse: calibrate first. Each costs as much as tracking and smoothing with `ekf`, and the last one
-            filtering more.
+            filtering more. Strapdown links are smoothed once: their errors are nearly linear.
         progress: True shows a bar or lines; a function is called regularly with the share done, 0 to 1.
 
     Raises:

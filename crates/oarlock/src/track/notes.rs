@@ -7,7 +7,7 @@ use super::faults::Fault;
 use super::loops::dependence;
 use super::magnetic::Field;
 use super::run::{Run, StreamCount};
-use crate::config::Magnetometer;
+use crate::config::{Config, Magnetometer};
 use crate::model::{JointKind, Model};
 use crate::recording::input_joint;
 use crate::state::{LENGTHS, MOUNTS};
@@ -256,7 +256,18 @@ fn not_for_links(run: &Run) -> Vec<String> {
         return Vec::new();
     }
     let estimate = run.config().estimate.iter().filter(|name| [LENGTHS, MOUNTS].contains(&name.as_str()));
-    let unused = estimate.map(|name| format!("estimate = {name}"));
+    let (own, usual) = (run.config(), Config::default());
+    let settings = [
+        ("process_noise", own.process_noise != usual.process_noise),
+        ("filter", own.filter != usual.filter),
+        ("gate", own.gate != usual.gate),
+        ("learning_memory_s", own.learning_memory_s != usual.learning_memory_s),
+        ("consider", own.consider != usual.consider),
+    ];
+    let settings = settings.into_iter().filter(|(_, is_set)| *is_set).map(|(name, _)| name.to_string());
+    let soft = run.tracker().body().model.sensors.iter().filter(|s| s.kind.mount().is_some_and(|m| m.soft.is_some()));
+    let unused = estimate.map(|name| format!("estimate = {name}")).chain(settings);
+    let unused = unused.chain(soft.map(|sensor| format!("soft mount of {}", sensor.name)));
     let text = |what| format!("not used by strapdown links: {what}; structure = \"tree\" uses it");
     unused.map(text).collect()
 }
