@@ -74,6 +74,8 @@ pub struct Closure {
     /// Links without units between the two, and the vector through each in its axes, m.
     pub through: Vec<(usize, Vec3<f64>)>,
     pub to: End,
+    /// By how much each of its points is off where the model's parameters are, in the axes of its unit: variances, m2.
+    pub spread_m2: [Vec3<f64>; 2],
     /// Of a loop of the model, how far its points are apart, standard deviation, m; `None`: a joint.
     pub loop_std_m: Option<f64>,
 }
@@ -100,6 +102,13 @@ impl End {
         match self {
             End::Unit(u, _) => Some(*u),
             End::Room(_) => None,
+        }
+    }
+
+    /// Its point, m.
+    fn point(&self) -> Vec3<f64> {
+        match self {
+            End::Unit(_, point) | End::Room(point) => *point,
         }
     }
 }
@@ -147,6 +156,30 @@ impl Skeleton {
     /// The links of a body whose units have readings if `present`, by source.
     pub fn new(body: &Body, present: &[bool], mounts: &Mounts) -> Result<Self> {
         refuse_unknown(&body.model)?;
+        let mut skeleton = Self::of(body, present, mounts)?;
+        skeleton.spread_points(body, present, mounts)?;
+        Ok(skeleton)
+    }
+
+    /// Moves each parameter by its standard deviation, and sees how far the points of joints go.
+    fn spread_points(&mut self, body: &Body, present: &[bool], mounts: &Mounts) -> Result<()> {
+        let mut moved = body.clone();
+        for (i, parameter) in body.model.parameters.iter().enumerate() {
+            let Some(std) = parameter.std else { continue };
+            moved.parameters[i] = body.parameters[i] + std;
+            let other = Self::of(&moved, present, mounts)?;
+            moved.parameters[i] = body.parameters[i];
+            for (own, other) in self.closures.iter_mut().zip(&other.closures) {
+                let ends = [(own.from, other.from), (own.to, other.to)];
+                for (spread, (here, there)) in own.spread_m2.iter_mut().zip(ends) {
+                    *spread += Vec3((there.point() - here.point()).0.map(|x| x * x));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn of(body: &Body, present: &[bool], mounts: &Mounts) -> Result<Self> {
         let (pieces, world) = (Pieces::of(body), &body.model.world);
         let mut skeleton = Skeleton {
             links: Vec::new(),
@@ -413,7 +446,7 @@ impl Skeleton {
     pub(super) fn closure(&self, link: usize, from: Way, to: Way, loop_std_m: Option<f64>) -> Closure {
         let back = to.1.iter().rev().map(|(l, v)| (*l, *v * -1.0));
         let through = from.1.iter().copied().chain(back).flat_map(|(l, v)| self.carried(l, v)).collect();
-        Closure { link, from: from.0, through, to: to.0, loop_std_m }
+        Closure { link, from: from.0, through, to: to.0, spread_m2: [Vec3([0.0; 3]); 2], loop_std_m }
     }
 
     /// A vector of a link, carried by the links that its orientation comes from.

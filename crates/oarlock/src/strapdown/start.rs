@@ -94,8 +94,14 @@ impl StrapdownFilter {
             let first = self.loose_state(number);
             (first..first + 3).for_each(|i| *covariance.at_mut(i, i) = LOOSE_WALK * LOOSE_WALK * SPRING_TIME_S);
         }
-        for first in self.points.iter().flatten().flatten() {
-            (*first..first + 3).for_each(|i| *covariance.at_mut(i, i) = links.point_std_m.powi(2));
+        let mut put = |first: Option<usize>, variance: Vec3<f64>| {
+            for (i, variance) in first.into_iter().flat_map(|first| first..first + 3).zip(variance.0) {
+                *covariance.at_mut(i, i) = variance;
+            }
+        };
+        for (points, closure) in self.points.iter().zip(&self.skeleton.closures) {
+            let own = Vec3([links.point_std_m.powi(2); 3]);
+            points.iter().zip(closure.spread_m2).for_each(|(first, spread)| put(*first, spread + own));
         }
         if let Some(i) = self.azimuth_state() {
             *covariance.at_mut(i, i) = north * north;
