@@ -37,6 +37,8 @@ pub struct Links {
     pub point_std_m: f64,
     /// Turn of a joint beside its hinges, rad; `None`: not read.
     pub hinge_std_rad: Option<f64>,
+    /// Constant turn of a joint's axes against each of its links, rad, where no calibration tells it; `None`: there is none.
+    pub axis_std_rad: Option<f64>,
     /// Speed of every unit, m/s, and its correlation time, s.
     pub speed_std_m_s: f64,
     /// See `speed_std_m_s`.
@@ -74,12 +76,13 @@ pub struct Links {
 /// Standard deviation of a heading that nobody knows: that of a uniform angle, pi / sqrt(3), rad.
 const UNKNOWN_RAD: f64 = 1.8;
 
-const KEYS: [&str; 21] = [
+const KEYS: [&str; 22] = [
     "joints",
     "joint_std_m",
     "joint_time_s",
     "point_std_m",
     "hinge_std_rad",
+    "axis_std_rad",
     "speed_std_m_s",
     "speed_time_s",
     "place_std_m",
@@ -106,6 +109,7 @@ impl Links {
             joint_time_s: 0.2,
             point_std_m: 0.1,
             hinge_std_rad: None,
+            axis_std_rad: None,
             speed_std_m_s: 1.5,
             speed_time_s: 1.0,
             place_std_m: 1.0,
@@ -123,22 +127,13 @@ impl Links {
             start_speed_std_m_s: 1.0,
             start_place_std_m: 0.1,
         };
+        let rig = Links { joint_std_m: 0.003, start_std_rad: UNKNOWN_RAD, ..bone };
         match kind {
             JointsOf::Bone => bone,
-            JointsOf::HandRig => Links {
-                joint_std_m: 0.003,
-                point_std_m: 0.01,
-                hinge_std_rad: Some(0.1),
-                start_std_rad: UNKNOWN_RAD,
-                ..bone
-            },
-            JointsOf::Machine => Links {
-                joint_std_m: 0.003,
-                point_std_m: 0.02,
-                hinge_std_rad: Some(0.01),
-                start_std_rad: UNKNOWN_RAD,
-                ..bone
-            },
+            JointsOf::HandRig => Links { point_std_m: 0.01, hinge_std_rad: Some(0.1), axis_std_rad: Some(0.05), ..rig },
+            JointsOf::Machine => {
+                Links { point_std_m: 0.02, hinge_std_rad: Some(0.01), axis_std_rad: Some(0.02), ..rig }
+            }
         }
     }
 
@@ -154,6 +149,7 @@ impl Links {
             *value = number(key, unit).unwrap_or(*value);
         }
         links.hinge_std_rad = number("hinge_std_rad", "rad").or(links.hinge_std_rad);
+        links.axis_std_rad = number("axis_std_rad", "rad").or(links.axis_std_rad);
         links.rest_speed_std_m_s = number("rest_speed_std_m_s", "m/s").or(links.rest_speed_std_m_s);
         links
     }

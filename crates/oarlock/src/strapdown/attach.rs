@@ -35,7 +35,7 @@ impl Attach<'_> {
                     let home = &self.pieces.homes[frame];
                     Ok((self.link(frame, &closure.name)?, home.rotation.apply(Vec3(axes[side]))))
                 };
-                skeleton.axes.push(Axes { ends: [axis(0)?, axis(1)?], std: closure.std_axis });
+                skeleton.loop_axes.push(Axes { ends: [axis(0)?, axis(1)?], std: closure.std_axis });
             }
         }
         Ok(())

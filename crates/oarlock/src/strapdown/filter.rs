@@ -47,8 +47,8 @@ pub struct Means {
     pub units: Vec<UnitState>,
     /// Of links without a unit: rotation, neighbour from link.
     pub loose: Vec<Mat3<f64>>,
-    /// Errors of the joints' points, m; in the axes of each unit.
-    pub points: Vec<Vec3<f64>>,
+    /// Errors of the joints' points, m, in the axes of each unit; then turns of their axes, rad, in those of each link.
+    pub constants: Vec<Vec3<f64>>,
     /// Of the magnetic field, rad from `forward`; the last state, if units have magnetometers.
     pub azimuth: f64,
 }
@@ -93,6 +93,8 @@ pub struct StrapdownFilter {
     pub links: Links,
     /// First state of each point of a joint: of the end `from` and the end `to` of every closure; `None`: a point of the room.
     pub points: Vec<[Option<usize>; 2]>,
+    /// First state of the turn of a joint's axes, against the link that carries it and the link that it carries, by link; `None`: they have none.
+    pub axes: Vec<[Option<usize>; 2]>,
     /// Number of states.
     pub size: usize,
     /// Least interval between updates, s.
@@ -125,18 +127,14 @@ impl StrapdownFilter {
     pub fn new(skeleton: Skeleton, links: Links, (closures, contacts): (bool, bool)) -> Self {
         let units = skeleton.units.len();
         let mut size = UNIT * units + 3 * skeleton.loose.len();
-        let mut place = |end: &End| match end {
-            End::Room(_) => None,
-            End::Unit(..) => {
-                size += 3;
-                Some(size - 3)
-            }
+        let mut place = |is_there: bool| {
+            size += if is_there { 3 } else { 0 };
+            is_there.then(|| size - 3)
         };
-        let points = skeleton.closures.iter().map(|c| match c.loop_std_m {
-            None => [place(&c.from), place(&c.to)],
-            Some(_) => [None; 2],
-        });
-        let points = points.collect();
+        let ends = skeleton.closures.iter().map(|c| (c.loop_std_m.is_none(), [&c.from, &c.to]));
+        let points = ends.map(|(is_joint, ends)| ends.map(|end| place(is_joint && end.unit().is_some()))).collect();
+        let turns = |l: usize| closures && links.axis_std_rad.is_some() && skeleton.is_hinged(l);
+        let axes = (0..skeleton.links.len()).map(|l| [turns(l); 2].map(&mut place)).collect();
         size += usize::from(skeleton.has_fields());
         let is_alone = |sensor: &Sensor| matches!(sensor.measures, Measures::Angle(l, _) if matches!(skeleton.links[l].pose, Pose::State(..)));
         let update_s = if skeleton.sensors.iter().any(is_alone) { UPDATE_ENCODER_S } else { UPDATE_S };
@@ -156,6 +154,7 @@ impl StrapdownFilter {
             skeleton,
             links,
             points,
+            axes,
             size,
             closures,
             only: None,
@@ -171,6 +170,11 @@ impl StrapdownFilter {
     /// First state of a link without a unit.
     pub fn loose_state(&self, number: usize) -> usize {
         UNIT * self.skeleton.units.len() + 3 * number
+    }
+
+    /// First states of all constants, in order.
+    pub fn constants(&self) -> impl Iterator<Item = usize> + '_ {
+        self.points.iter().chain(&self.axes).flatten().flatten().copied()
     }
 
     /// Whether the body may go anywhere: it touches the ground, or something measures where it is.
@@ -296,8 +300,8 @@ impl StrapdownFilter {
     /// Means at `row_s`.
     pub fn present(&self, state: &State) -> Means {
         let units = state.means.units.iter().zip(&state.increments).map(|(mean, i)| self.moved(mean, i));
-        let Means { loose, points, azimuth, .. } = &state.means;
-        Means { units: units.collect(), loose: loose.clone(), points: points.clone(), azimuth: *azimuth }
+        let Means { loose, constants, azimuth, .. } = &state.means;
+        Means { units: units.collect(), loose: loose.clone(), constants: constants.clone(), azimuth: *azimuth }
     }
 
     fn predict(&mut self, state: &mut State) -> Vec<Step> {
@@ -375,7 +379,7 @@ impl StrapdownFilter {
             });
             read.for_each(|l| self.read_hinges(state, l, step_s));
             if self.only.is_none() {
-                (0..self.skeleton.axes.len()).for_each(|number| self.read_axes(state, number, step_s));
+                (0..self.skeleton.loop_axes.len()).for_each(|number| self.read_axes(state, number, step_s));
             }
         }
         if self.only.is_none() {
@@ -413,8 +417,8 @@ impl StrapdownFilter {
         for (number, loose) in means.loose.iter_mut().enumerate() {
             *loose = orthonormal(&Mat3::about(three(self.loose_state(number))).times(loose));
         }
-        for (point, first) in means.points.iter_mut().zip(self.points.iter().flatten().flatten()) {
-            *point += three(*first);
+        for (constant, first) in means.constants.iter_mut().zip(self.constants()) {
+            *constant += three(first);
         }
         if let Some(i) = self.azimuth_state() {
             means.azimuth += shift[i];

@@ -1,11 +1,10 @@
 //! The state estimate of strapdown links when units begin to speak that had no readings at the start. `track` calls it.
 
 use super::covariance::UNIT;
-use super::filter::{Means, State, StrapdownFilter, UnitState, LOOSE_WALK, SILENT_RAD, SPRING_TIME_S};
-use super::increment::{sum, Increment, Readings, ZERO};
+use super::filter::{Means, State, StrapdownFilter, UnitState, SILENT_RAD};
+use super::increment::{Increment, Readings};
 use super::sensors::{Heard, Sensor, UNKNOWN_AZIMUTH_RAD};
 use super::skeleton::Pose;
-use super::start::{fresh_block, put_block};
 use crate::kernels::dense::Square;
 use crate::rotation::{Mat3, Vec3};
 
@@ -34,9 +33,10 @@ impl StrapdownFilter {
             let first = old.same_loose(&self.skeleton.links[*l], self.anchor_frame(*l));
             (0..3).for_each(|i| source[self.loose_state(number) + i] = first.map(|first| first + i));
         }
-        for (first, there) in self.point_states().map(|(first, key)| (first, old.point_of(key))) {
-            means.points.push(there.map_or(zero, |there| state.means.points[there]));
-            let old_first = there.and_then(|there| old.points.iter().flatten().flatten().nth(there));
+        for (first, key) in self.constants().zip(self.constant_keys()) {
+            let there = old.constant_keys().position(|own| own == key);
+            means.constants.push(there.map_or(zero, |there| state.means.constants[there]));
+            let old_first = there.and_then(|there| old.constants().nth(there));
             (0..3).for_each(|i| source[first + i] = old_first.map(|first| first + i));
         }
         if let (Some(own), Some(there)) = (self.azimuth_state(), old.azimuth_state()) {
@@ -62,34 +62,16 @@ impl StrapdownFilter {
 
     /// The covariance by the old state of each new one; states without an old one are as at a start.
     fn admitted_covariance(&self, old: &Square, source: &[Option<usize>], means: &Means) -> Square {
-        let mut covariance = Square::zeros(self.size);
+        let silent = vec![SILENT_RAD; means.units.len()];
+        let mut covariance = self.start_covariance(means, &silent, (&silent, UNKNOWN_AZIMUTH_RAD));
         for (r, from) in source.iter().enumerate() {
-            let Some(from) = from else { continue };
             for (c, other) in source.iter().enumerate() {
-                if let Some(other) = other {
-                    *covariance.at_mut(r, c) = old.at(*from, *other);
+                match (from, other) {
+                    (Some(from), Some(other)) => *covariance.at_mut(r, c) = old.at(*from, *other),
+                    (None, None) => {}
+                    _ => *covariance.at_mut(r, c) = 0.0,
                 }
             }
-        }
-        let links = &self.links;
-        for (u, unit) in self.skeleton.units.iter().enumerate().filter(|(u, _)| source[UNIT * u].is_none()) {
-            let turn = sum(&ZERO, &Mat3::identity(), SILENT_RAD * SILENT_RAD);
-            let stds = [links.start_speed_std_m_s, links.start_place_std_m];
-            put_block(&mut covariance, UNIT * u, &fresh_block(&turn, &means.units[u], stds));
-            (0..6).for_each(|r| *covariance.at_mut(UNIT * u + 9 + r, UNIT * u + 9 + r) = unit.bias[r / 3][0].powi(2));
-        }
-        for number in 0..self.skeleton.loose.len() {
-            let first = self.loose_state(number);
-            let is_new = |i: &usize| source[*i].is_none();
-            (first..first + 3)
-                .filter(is_new)
-                .for_each(|i| *covariance.at_mut(i, i) = LOOSE_WALK * LOOSE_WALK * SPRING_TIME_S);
-        }
-        for first in self.points.iter().flatten().flatten().filter(|first| source[**first].is_none()) {
-            (*first..first + 3).for_each(|i| *covariance.at_mut(i, i) = links.point_std_m.powi(2));
-        }
-        if let Some(i) = self.azimuth_state().filter(|i| source[*i].is_none()) {
-            *covariance.at_mut(i, i) = UNKNOWN_AZIMUTH_RAD * UNKNOWN_AZIMUTH_RAD;
         }
         covariance
     }
@@ -126,18 +108,17 @@ impl StrapdownFilter {
         there.map_or_else(Heard::default, |s| heard[s].clone())
     }
 
-    /// First state of every point of a joint, with what it belongs to: the joint's frame and the unit's source.
-    fn point_states(&self) -> impl Iterator<Item = (usize, (usize, usize))> + '_ {
-        self.skeleton.closures.iter().zip(&self.points).flat_map(|(closure, points)| {
-            let frame = self.skeleton.links[closure.link].frame;
-            let source = |u: usize| self.skeleton.units[u].source;
+    /// What every constant belongs to, in order: a point to its joint's frame and its unit's source, axes to their joint's frame and end.
+    fn constant_keys(&self) -> impl Iterator<Item = (bool, usize, usize)> + '_ {
+        let skeleton = &self.skeleton;
+        let points = skeleton.closures.iter().zip(&self.points).flat_map(move |(closure, points)| {
+            let frame = skeleton.links[closure.link].frame;
             let ends = [closure.from.unit(), closure.to.unit()].into_iter().zip(points);
-            ends.filter_map(move |(unit, first)| Some(((*first)?, (frame, source(unit?)))))
-        })
-    }
-
-    /// Number of the point that belongs to a joint's frame and a unit's source.
-    fn point_of(&self, key: (usize, usize)) -> Option<usize> {
-        self.point_states().position(|(_, own)| own == key)
+            ends.filter_map(move |(unit, first)| first.and(unit).map(|u| (true, frame, skeleton.units[u].source)))
+        });
+        let axes = skeleton.links.iter().zip(&self.axes).flat_map(|(link, axes)| {
+            axes.iter().enumerate().filter_map(move |(end, first)| first.map(|_| (false, link.frame, end)))
+        });
+        points.chain(axes)
     }
 }

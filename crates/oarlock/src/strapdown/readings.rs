@@ -1,7 +1,7 @@
 //! Readings of strapdown links: joints, hinges, bounds, rest and contact. `filter` reads them at every update.
 
-use super::covariance::UNIT;
-use super::filter::{dot, State, StrapdownFilter, SPRING_TIME_S};
+use super::covariance::{Rows, UNIT};
+use super::filter::{dot, Means, State, StrapdownFilter, SPRING_TIME_S};
 use super::increment::{skew, square, sum, Reading, Readings, ZERO};
 use super::joint::Turns;
 use super::skeleton::{Axes, End, Pose};
@@ -28,10 +28,10 @@ pub(super) fn white(std: f64, time_s: f64, step_s: f64) -> f64 {
 }
 
 impl StrapdownFilter {
-    /// Number of a point among all.
-    fn point(&self, closure: usize, end: usize) -> Option<usize> {
-        let first = self.points[closure][end]?;
-        self.points.iter().flatten().flatten().position(|f| *f == first)
+    /// Mean of a constant by its first state; zero if it is no state.
+    fn constant(&self, means: &Means, first: Option<usize>) -> Vec3<f64> {
+        let begin = self.loose_state(self.skeleton.loose.len());
+        first.map_or(Vec3([0.0; 3]), |first| means.constants[(first - begin) / 3])
     }
 
     /// The two points of a joint coincide, in the axes of the unit `from`.
@@ -44,7 +44,7 @@ impl StrapdownFilter {
         let means = &state.means;
         let mut rows = std::mem::take(&mut self.rows);
         rows.clear();
-        let own = |k: usize| self.point(c, k).map_or(Vec3([0.0; 3]), |p| means.points[p]);
+        let own = |k: usize| self.constant(means, self.points[c][k]);
         // Everything is read in the axes of the first unit; of the room if that is fixed.
         let axes = match closure.from {
             End::Unit(u, _) => means.units[u].rotation,
@@ -85,7 +85,7 @@ impl StrapdownFilter {
 
     /// Axes of two links that a loop keeps together.
     pub(super) fn read_axes(&mut self, state: &mut State, number: usize, step_s: f64) {
-        let Axes { ends, std } = self.skeleton.axes[number];
+        let Axes { ends, std } = self.skeleton.loop_axes[number];
         let means = &state.means;
         let mut rows = std::mem::take(&mut self.rows);
         rows.clear();
@@ -112,7 +112,7 @@ impl StrapdownFilter {
     pub(super) fn read_hinges(&mut self, state: &mut State, l: usize, step_s: f64) {
         let link = &self.skeleton.links[l];
         let locked = link.turns.locked();
-        let is_loose = matches!(link.pose, Pose::State(..)) || link.parent.is_some_and(|p| self.is_loose(p));
+        let is_loose = !self.skeleton.is_hinged(l);
         let std = match (self.links.hinge_std_rad, is_loose) {
             (Some(std), _) => std,
             (None, true) => LOOSE_HINGE_RAD,
@@ -123,21 +123,29 @@ impl StrapdownFilter {
             return;
         }
         let (relative, child) = self.relative(&state.means, l);
+        let [before, after] = self.axes[l].map(|first| Mat3::about(self.constant(&state.means, first)));
+        let relative = before.transposed().times(&relative).times(&after);
         let angles = link.turns.angles(&relative, [0.0; 3]);
         let mut m = ZERO;
         let mut innovation = [0.0; 3];
         for ((row, innovation), normal) in m.0.iter_mut().zip(&mut innovation).zip(angles.normals).take(locked) {
-            *row = child.apply(normal).0;
+            *row = normal.0;
             *innovation = -dot(normal, angles.off_axis);
         }
+        let mut rows = self.turn_rows(&state.means, l, &m.times(&child.times(&after).transposed()));
+        let by_axes = [sum(&ZERO, &m.times(&relative.transposed()), -1.0), m];
+        for (first, by_axes) in self.axes[l].iter().zip(&by_axes) {
+            first.iter().for_each(|first| rows.push(*first, by_axes));
+        }
         let variance = white(std, self.links.joint_time_s, step_s);
-        self.read_turn(state, l, &m, (locked, innovation, [variance; 3]));
+        self.correction.read(&mut state.covariance, &rows, locked, innovation, [variance; 3]);
+        self.rows = rows;
     }
 
     /// A joint without a unit on one side stays near its rest, as far as its limits say.
     pub(super) fn read_spring(&mut self, state: &mut State, l: usize, step_s: f64) {
         let link = &self.skeleton.links[l];
-        let is_loose = matches!(link.pose, Pose::State(..)) || link.parent.is_some_and(|p| self.is_loose(p));
+        let is_loose = self.skeleton.is_loose(l) || link.parent.is_some_and(|p| self.skeleton.is_loose(p));
         if !is_loose || matches!(link.turns, Turns::Free(..)) {
             return;
         }
@@ -147,29 +155,20 @@ impl StrapdownFilter {
         let m = child.transposed();
         let variance = link.range_rad.map(|range| white(range, SPRING_TIME_S, step_s));
         let towards = right_jacobian_inverse(turn).times(&m);
-        self.read_turn(state, l, &towards, (3, turn.map(|x| -x), variance));
+        let rows = self.turn_rows(&state.means, l, &towards);
+        self.correction.read(&mut state.covariance, &rows, 3, turn.map(|x| -x), variance);
+        self.rows = rows;
     }
 
-    fn is_loose(&self, link: usize) -> bool {
-        matches!(self.skeleton.links[link].pose, Pose::State(..))
-    }
-
-    /// Reads rows of a joint's turn; `m`: their derivatives by the turn of the child against the parent, in the room's axes.
-    pub(super) fn read_turn(
-        &mut self,
-        state: &mut State,
-        l: usize,
-        m: &Mat3<f64>,
-        (count, innovation, variance): (usize, [f64; 3], [f64; 3]),
-    ) {
+    /// Derivatives of rows of a joint's turn; `m`: by the turn of the child against the parent, in the room's axes.
+    pub(super) fn turn_rows(&mut self, means: &Means, l: usize, m: &Mat3<f64>) -> Rows {
         let mut rows = std::mem::take(&mut self.rows);
         rows.clear();
-        self.push_turn(&mut rows, &state.means, l, m);
+        self.push_turn(&mut rows, means, l, m);
         if let Some(parent) = self.skeleton.links[l].parent {
-            self.push_turn(&mut rows, &state.means, parent, &sum(&ZERO, m, -1.0));
+            self.push_turn(&mut rows, means, parent, &sum(&ZERO, m, -1.0));
         }
-        self.correction.read(&mut state.covariance, &rows, count, innovation, variance);
-        self.rows = rows;
+        rows
     }
 
     /// A vector of a unit's states, in the room's axes, is zero.

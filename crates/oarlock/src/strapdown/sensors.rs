@@ -134,7 +134,9 @@ impl StrapdownFilter {
         let angles = self.skeleton.links[l].turns.angles(&relative, [0.0; 3]);
         let row = child.apply(Vec3(angles.by_turn.0[k]));
         let innovation = (angle - angles.q[k] + PI).rem_euclid(TAU) - PI;
-        self.read_turn(state, l, &Mat3([row.0, [0.0; 3], [0.0; 3]]), (1, [innovation, 0.0, 0.0], [variance; 3]));
+        let rows = self.turn_rows(&state.means, l, &Mat3([row.0, [0.0; 3], [0.0; 3]]));
+        self.correction.read(&mut state.covariance, &rows, 1, [innovation, 0.0, 0.0], [variance; 3]);
+        self.rows = rows;
     }
 
     fn read_point(

@@ -136,7 +136,7 @@ pub struct Skeleton {
     pub units: Vec<Unit>,
     /// Joints, then loops.
     pub closures: Vec<Closure>,
-    pub axes: Vec<Axes>,
+    pub loop_axes: Vec<Axes>,
     /// Sensors that are no gyroscope or accelerometer.
     pub sensors: Vec<Sensor>,
     /// Links with a joint state, by its number. Those that others hang on come first.
@@ -185,7 +185,7 @@ impl Skeleton {
             links: Vec::new(),
             units: Vec::new(),
             closures: Vec::new(),
-            axes: Vec::new(),
+            loop_axes: Vec::new(),
             sensors: Vec::new(),
             loose: Vec::new(),
             up: Vec3(world.up),
@@ -249,8 +249,8 @@ impl Skeleton {
 
     /// The same room without links, units and joints.
     pub fn without_joints(&self) -> Self {
-        let (links, units, closures, axes) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        Skeleton { links, units, closures, axes, sensors: Vec::new(), loose: Vec::new(), ..*self }
+        let (links, units, closures, loop_axes) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        Skeleton { links, units, closures, loop_axes, sensors: Vec::new(), loose: Vec::new(), ..*self }
     }
 
     /// Links of the model's pieces: hinges that meet in a point make one joint. Returns the link of each piece.
@@ -398,6 +398,16 @@ impl Skeleton {
             is_it.then(|| (l, child, own / (own + other)))
         };
         (0..self.links.len()).filter_map(find).collect()
+    }
+
+    /// Whether a joint locks a direction between two links whose orientations units tell.
+    pub fn is_hinged(&self, l: usize) -> bool {
+        self.links[l].turns.locked() > 0 && !self.is_loose(l) && !self.links[l].parent.is_some_and(|p| self.is_loose(p))
+    }
+
+    /// Whether a link has a joint state.
+    pub fn is_loose(&self, l: usize) -> bool {
+        matches!(self.links[l].pose, Pose::State(..))
     }
 
     /// Units beyond a closure, seen from its first end.

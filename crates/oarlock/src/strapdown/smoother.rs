@@ -25,8 +25,8 @@ impl StrapdownFilter {
         for (number, (a, b)) in to.loose.iter().zip(&from.loose).enumerate() {
             put(self.loose_state(number), Vec3(Turn::of(&a.times_transposed(b)).log()));
         }
-        for ((a, b), first) in to.points.iter().zip(&from.points).zip(self.points.iter().flatten().flatten()) {
-            put(*first, *a - *b);
+        for ((a, b), first) in to.constants.iter().zip(&from.constants).zip(self.constants()) {
+            put(first, *a - *b);
         }
         if let Some(i) = self.azimuth_state() {
             out[i] = to.azimuth - from.azimuth;

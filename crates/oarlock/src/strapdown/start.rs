@@ -56,8 +56,8 @@ impl StrapdownFilter {
             units.push(UnitState { rotation, velocity: zero, position: zero, gyro_bias: zero, accel_bias: zero });
         }
         let loose: Vec<Mat3<f64>> = self.skeleton.loose.iter().map(|l| self.against(*l, &turned)).collect();
-        let points = vec![zero; self.points.iter().flatten().flatten().count()];
-        let mut means = Means { units, loose, points, azimuth: 0.0 };
+        let constants = vec![zero; self.constants().count()];
+        let mut means = Means { units, loose, constants, azimuth: 0.0 };
         self.place(&mut means, &mut vec![false; tilts.len()]);
         let north = self.find_north(&mut means, &heard);
         self.find_place(&mut means, &heard);
@@ -78,7 +78,7 @@ impl StrapdownFilter {
     }
 
     /// Covariance at the start; standard deviations of each unit's tilt and heading, and of the field's azimuth, rad.
-    fn start_covariance(&self, means: &Means, tilts: &[f64], (headings, north): (&[f64], f64)) -> Square {
+    pub(super) fn start_covariance(&self, means: &Means, tilts: &[f64], (headings, north): (&[f64], f64)) -> Square {
         let links = &self.links;
         let mut covariance = Square::zeros(self.size);
         for (i, (unit, mean)) in self.skeleton.units.iter().zip(&means.units).enumerate() {
@@ -103,10 +103,24 @@ impl StrapdownFilter {
             let own = Vec3([links.point_std_m.powi(2); 3]);
             points.iter().zip(closure.spread_m2).for_each(|(first, spread)| put(*first, spread + own));
         }
+        for (l, axes) in self.axes.iter().enumerate() {
+            put(axes[0], self.axes_variance(self.skeleton.links[l].parent));
+            put(axes[1], self.axes_variance(Some(l)));
+        }
         if let Some(i) = self.azimuth_state() {
             *covariance.at_mut(i, i) = north * north;
         }
         covariance
+    }
+
+    /// Variances of a joint's axes in a link, rad2: those of its unit's mount if a calibration knows it.
+    fn axes_variance(&self, link: Option<usize>) -> Vec3<f64> {
+        let nominal = self.links.axis_std_rad.unwrap_or(0.0);
+        let known = match link.map(|l| self.skeleton.links[l].pose) {
+            Some(Pose::Unit(u)) => self.skeleton.units[u].mount_std_rad,
+            _ => [0.0; 3],
+        };
+        Vec3(known.map(|std| if std > 0.0 { std } else { nominal }.powi(2)))
     }
 
     /// Covariance of a unit's orientation at the start, in the room's axes; `tilt`: standard deviation of its tilt, rad.

@@ -81,8 +81,8 @@ fn put_state(to: &mut Writer, state: &State) {
     }
     to.count(state.means.loose.len());
     state.means.loose.iter().for_each(|m| to.matrix(m));
-    to.count(state.means.points.len());
-    state.means.points.iter().for_each(|v| to.three(*v));
+    to.count(state.means.constants.len());
+    state.means.constants.iter().for_each(|v| to.three(*v));
     to.count(state.readings.len());
     for readings in &state.readings {
         let (all, interval_s) = readings.parts();
@@ -128,7 +128,8 @@ fn state_of(from: &mut Source) -> Option<State> {
             accel_bias: from.three()?,
         })
     })?;
-    let mut means = Means { units, loose: from.many(Source::matrix)?, points: from.many(Source::three)?, azimuth: 0.0 };
+    let mut means =
+        Means { units, loose: from.many(Source::matrix)?, constants: from.many(Source::three)?, azimuth: 0.0 };
     let readings = from.many(|from| {
         let interval_s = from.number()?;
         let reading = |from: &mut Source| {
