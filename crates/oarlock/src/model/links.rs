@@ -57,6 +57,8 @@ pub struct Links {
     pub accel_step_share: f64,
     /// Scale of the gyroscope.
     pub gyro_scale: f64,
+    /// Rate of a unit that may rest, rad/s. Machines turn slowly and evenly for seconds, people do not.
+    pub rest_below_rad_s: f64,
     /// Gyroscope's bias at rest, rad/s: what a resting unit may turn.
     pub rest_rate_std_rad_s: f64,
     /// Speed at rest, m/s; `None`: rest says nothing of it.
@@ -76,7 +78,7 @@ pub struct Links {
 /// Standard deviation of a heading that nobody knows: that of a uniform angle, pi / sqrt(3), rad.
 const UNKNOWN_RAD: f64 = 1.8;
 
-const KEYS: [&str; 22] = [
+const KEYS: [&str; 23] = [
     "joints",
     "joint_std_m",
     "joint_time_s",
@@ -92,6 +94,7 @@ const KEYS: [&str; 22] = [
     "gyro_step_share",
     "accel_step_share",
     "gyro_scale",
+    "rest_below_rad_s",
     "rest_rate_std_rad_s",
     "rest_speed_std_m_s",
     "rest_time_s",
@@ -119,6 +122,7 @@ impl Links {
             gyro_step_share: 0.07,
             accel_step_share: 0.3,
             gyro_scale: 0.003,
+            rest_below_rad_s: 0.1,
             rest_rate_std_rad_s: 0.005,
             rest_speed_std_m_s: None,
             rest_time_s: 0.3,
@@ -127,7 +131,13 @@ impl Links {
             start_speed_std_m_s: 1.0,
             start_place_std_m: 0.1,
         };
-        let rig = Links { joint_std_m: 0.003, start_std_rad: UNKNOWN_RAD, ..bone };
+        let rig = Links {
+            joint_std_m: 0.003,
+            joint_time_s: 0.05,
+            rest_below_rad_s: 0.02,
+            start_std_rad: UNKNOWN_RAD,
+            ..bone
+        };
         match kind {
             JointsOf::Bone => bone,
             JointsOf::HandRig => Links { point_std_m: 0.01, hinge_std_rad: Some(0.1), axis_std_rad: Some(0.05), ..rig },
@@ -154,7 +164,7 @@ impl Links {
         links
     }
 
-    fn numbers(&mut self) -> [(&'static str, &mut f64, &'static str); 18] {
+    fn numbers(&mut self) -> [(&'static str, &mut f64, &'static str); 19] {
         [
             ("joint_std_m", &mut self.joint_std_m, "m"),
             ("joint_time_s", &mut self.joint_time_s, "s"),
@@ -168,6 +178,7 @@ impl Links {
             ("gyro_step_share", &mut self.gyro_step_share, ""),
             ("accel_step_share", &mut self.accel_step_share, ""),
             ("gyro_scale", &mut self.gyro_scale, ""),
+            ("rest_below_rad_s", &mut self.rest_below_rad_s, "rad/s"),
             ("rest_rate_std_rad_s", &mut self.rest_rate_std_rad_s, "rad/s"),
             ("rest_time_s", &mut self.rest_time_s, "s"),
             ("start_std_rad", &mut self.start_std_rad, "rad"),

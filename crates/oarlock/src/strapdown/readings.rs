@@ -8,11 +8,10 @@ use super::skeleton::{Axes, End, Pose};
 use crate::rotation::turn::{right_jacobian_inverse, Turn};
 use crate::rotation::{Mat3, Vec3};
 
-/// Rest: readings constant within these, rad/s and m/s2, for this time, s, at a rate below this, rad/s.
+/// Rest: readings constant within these, rad/s and m/s2, for this time, s.
 const REST_GYRO: f64 = 0.05;
 const REST_ACCEL: f64 = 0.25;
 const REST_S: f64 = 0.4;
-const REST_RATE: f64 = 0.1;
 /// Contact with the ground: rate below this, rad/s, and force within this of gravity, m/s2, for this time, s (after Skog et al. 2010).
 const CONTACT_RATE: f64 = 1.0;
 const CONTACT_FORCE: f64 = 1.5;
@@ -195,7 +194,7 @@ impl StrapdownFilter {
 
     /// A resting unit reads its gyroscope's bias, and, where the model says so, no speed.
     pub(super) fn read_rest(&mut self, state: &mut State, u: usize, step_s: f64) {
-        self.rests[u] = is_at_rest(&state.readings[u], state.time_s);
+        self.rests[u] = is_at_rest(&state.readings[u], state.time_s, self.links.rest_below_rad_s);
         if !self.rests[u] {
             return;
         }
@@ -229,7 +228,8 @@ impl StrapdownFilter {
     }
 }
 
-fn is_at_rest(readings: &Readings, time_s: f64) -> bool {
+/// Whether the unit has not moved for a while; a rate above `below_rad_s` is no bias.
+fn is_at_rest(readings: &Readings, time_s: f64, below_rad_s: f64) -> bool {
     let Some(window) = readings.window(time_s, REST_S) else { return false };
     let count = window.clone().count() as f64;
     if count < 3.0 {
@@ -241,5 +241,5 @@ fn is_at_rest(readings: &Readings, time_s: f64) -> bool {
         (square(mean).sqrt(), scatter.sqrt())
     };
     let (rate, turning) = moments(|r| r.gyro);
-    turning < REST_GYRO && rate < REST_RATE && moments(|r| r.accel).1 < REST_ACCEL
+    turning < REST_GYRO && rate < below_rad_s && moments(|r| r.accel).1 < REST_ACCEL
 }
