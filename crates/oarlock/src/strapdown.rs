@@ -18,4 +18,4 @@ mod readings;
 pub mod sensors;
 pub mod skeleton;
 pub mod smoother;
-pub mod start;
+mod start;

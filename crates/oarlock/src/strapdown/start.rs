@@ -10,8 +10,8 @@ use crate::rotation::turn::Turn;
 use crate::rotation::{Mat3, Vec3};
 use std::f64::consts::{PI, TAU};
 
-/// The start is levelled by the mean force over this time, s: in it a person's speed changes by about a metre per second.
-pub const LEVEL_S: f64 = 1.0;
+/// The start is levelled by the mean force over this time, s.
+const LEVEL_S: f64 = 0.4;
 /// Tilt from the mean force of a unit at rest, rad; and the share of the scatter of forces that their mean has.
 const LEVEL_RAD: f64 = 0.02;
 const FORCE_SHARE: f64 = 1.0;

@@ -26,9 +26,10 @@ use crate::strapdown::filter::{Means, Node, State, StrapdownFilter};
 use crate::strapdown::increment::{Increment, Reading, Readings, Signal};
 use crate::strapdown::sensors::{Heard, Measures, Place};
 use crate::strapdown::skeleton::{Mounts, Skeleton, Unit};
-use crate::strapdown::start::LEVEL_S;
 use std::collections::VecDeque;
 
+/// The first rows, which are smoothed, s: a wrong tilt at the start is found within them.
+const START_S: f64 = 1.0;
 /// Longest time for which headings are sought, s, and the factor from one try to the next.
 const LONGEST_START_S: f64 = 5.0;
 const LATER: f64 = 1.7;
@@ -199,7 +200,7 @@ impl Tracker {
         self.waiting.push(sample.clone());
         let since_s = sample.time_s - self.waiting[0].time_s;
         let due_s = self.strapdown.as_ref().map_or(0.0, |s| s.next_start_s);
-        if since_s < self.config.start_window_s.max(LEVEL_S).max(due_s) {
+        if since_s < self.config.start_window_s.max(START_S).max(due_s) {
             return Ok(Status::Starting);
         }
         self.begin_links(since_s >= LONGEST_START_S, sink)?;
@@ -256,7 +257,7 @@ impl Tracker {
             }
             None => {
                 self.waiting = waiting;
-                self.strapdown.iter_mut().for_each(|s| s.next_start_s = s.next_start_s.max(LEVEL_S) * LATER);
+                self.strapdown.iter_mut().for_each(|s| s.next_start_s = s.next_start_s.max(START_S) * LATER);
                 return Ok(());
             }
         }
