@@ -143,7 +143,9 @@ def test_a_unit_may_begin_to_speak_late(sliding, tracked, live):
 
 def streamed(tracker, recording):
     """Readings one by one as they arrive, each at its own instant."""
-    readings = sorted((time_s, stream.name, k) for stream in recording for k, time_s in enumerate(stream.time_s))
+    readings = sorted(
+        (time_s, stream.name, k) for stream in recording for k, time_s in enumerate(stream.time_s)
+    )
     for time_s, name, k in readings:
         stream = recording[name]
         yield from tracker.push(

@@ -10,6 +10,7 @@ mod attach;
 pub mod check;
 pub(crate) mod covariance;
 pub mod filter;
+mod hang;
 pub mod increment;
 mod joint;
 mod late;

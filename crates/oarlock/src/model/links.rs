@@ -118,10 +118,10 @@ impl Links {
             place_std_m: 1.0,
             place_time_s: 2.0,
             gyro_density: 0.002,
-            accel_density: 0.1,
-            gyro_step_share: 0.07,
+            accel_density: 0.03,
+            gyro_step_share: 0.05,
             accel_step_share: 0.3,
-            gyro_scale: 0.003,
+            gyro_scale: 0.002,
             rest_below_rad_s: 0.1,
             rest_rate_std_rad_s: 0.005,
             rest_speed_std_m_s: None,
@@ -136,6 +136,9 @@ impl Links {
             joint_time_s: 0.05,
             rest_below_rad_s: 0.02,
             start_std_rad: UNKNOWN_RAD,
+            accel_density: 0.1,
+            gyro_step_share: 0.07,
+            gyro_scale: 0.003,
             ..bone
         };
         match kind {

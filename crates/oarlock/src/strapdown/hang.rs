@@ -1,0 +1,151 @@
+//! How the links of a skeleton hang together: states of links without a unit, joints that close, and the way from a unit to a point.
+
+use super::joint::Turns;
+use super::skeleton::{Closure, End, Link, Pose, Skeleton, Way};
+use crate::rotation::Vec3;
+
+/// Joints that turn by less than this are stiff, rad.
+const STIFF_RAD: f64 = 0.4;
+
+impl Skeleton {
+    /// Gives each link without a unit a state against the neighbour on its way to the nearest unit.
+    pub(super) fn hang(&mut self) {
+        for (link, child, share) in self.between() {
+            self.links[link].pose = Pose::Between(child, share);
+        }
+        let mut todo: Vec<usize> = self.units.iter().map(|u| u.link).collect();
+        let is_known = |link: &Link| matches!(link.pose, Pose::Unit(_) | Pose::Between(..));
+        let mut known: Vec<bool> = self.links.iter().map(is_known).collect();
+        let mut next = 0;
+        while next < todo.len() {
+            let here = todo[next];
+            next += 1;
+            for l in self.neighbours(here) {
+                if !known[l] {
+                    known[l] = true;
+                    self.links[l].pose = Pose::State(self.loose.len(), here);
+                    self.loose.push(l);
+                    todo.push(l);
+                }
+            }
+        }
+    }
+
+    /// Links without a unit between two units by stiff joints: the link, its child, and the share of its own joint.
+    fn between(&self) -> Vec<(usize, usize, f64)> {
+        let has_unit = |l: usize| matches!(self.links[l].pose, Pose::Unit(_));
+        let stiff = |l: usize| self.links[l].turns.locked() == 0 && self.links[l].range_rad[0] <= STIFF_RAD;
+        let find = |l: usize| {
+            let parent = self.links[l].parent.filter(|p| has_unit(*p))?;
+            let neighbours = self.neighbours(l);
+            let child = neighbours.iter().copied().find(|c| *c != parent).filter(|c| has_unit(*c))?;
+            let is_it = !has_unit(l) && neighbours.len() == 2 && stiff(l) && stiff(child);
+            let [own, other] = [l, child].map(|l| self.links[l].range_rad[0].powi(2));
+            is_it.then(|| (l, child, own / (own + other)))
+        };
+        (0..self.links.len()).filter_map(find).collect()
+    }
+
+    /// Whether a joint locks a direction between two links whose orientations units tell.
+    pub fn is_hinged(&self, l: usize) -> bool {
+        self.links[l].turns.locked() > 0 && !self.is_loose(l) && !self.links[l].parent.is_some_and(|p| self.is_loose(p))
+    }
+
+    /// Whether a link has a joint state.
+    pub fn is_loose(&self, l: usize) -> bool {
+        matches!(self.links[l].pose, Pose::State(..))
+    }
+
+    /// Units beyond a closure, seen from its first end.
+    pub fn beyond(&self, closure: usize) -> Vec<usize> {
+        let mut found: Vec<usize> = self.closures[closure].to.unit().into_iter().collect();
+        let mut next = 0;
+        while next < found.len() {
+            let joints = self.closures.iter().enumerate().filter(|(_, other)| other.loop_std_m.is_none());
+            for (c, other) in joints.filter(|(c, _)| *c != closure) {
+                let ends = [other.from.unit(), other.to.unit()];
+                let here = ends.contains(&Some(found[next])) && c != closure;
+                let new = ends.into_iter().flatten().find(|u| here && !found.contains(u));
+                found.extend(new);
+            }
+            next += 1;
+        }
+        found
+    }
+
+    fn neighbours(&self, link: usize) -> Vec<usize> {
+        let children = (0..self.links.len()).filter(|l| self.links[*l].parent == Some(link));
+        self.links[link].parent.into_iter().chain(children).collect()
+    }
+
+    /// Joints that close: each meeting of two links whose chains of states begin at different units, and joints with the room.
+    pub(super) fn close(&mut self) {
+        let mut closures = Vec::new();
+        for (l, link) in self.links.iter().enumerate() {
+            let to = self.way(l, Vec3([0.0; 3]));
+            let from = match (link.parent, &link.turns) {
+                (_, Turns::Free(..)) => continue,
+                (None, _) if self.pushed => continue,
+                (None, _) => (End::Room(link.arm), Vec::new()),
+                (Some(parent), _) => self.way(parent, link.arm),
+            };
+            let same = |a: &End, b: &End| matches!((a, b), (End::Unit(a, _), End::Unit(b, _)) if a == b);
+            if same(&from.0, &to.0) {
+                continue;
+            }
+            closures.push(self.closure(l, from, to, None));
+        }
+        self.closures = closures;
+    }
+
+    /// The meeting of two points, each with its way from a unit.
+    pub(super) fn closure(&self, link: usize, from: Way, to: Way, loop_std_m: Option<f64>) -> Closure {
+        let back = to.1.iter().rev().map(|(l, v)| (*l, *v * -1.0));
+        let through = from.1.iter().copied().chain(back).flat_map(|(l, v)| self.carried(l, v)).collect();
+        Closure { link, from: from.0, through, to: to.0, spread_m2: [Vec3([0.0; 3]); 2], loop_std_m }
+    }
+
+    /// A vector of a link, carried by the links that its orientation comes from.
+    fn carried(&self, link: usize, vector: Vec3<f64>) -> Vec<(usize, Vec3<f64>)> {
+        match (self.links[link].pose, self.links[link].parent) {
+            (Pose::Between(child, share), Some(parent)) => vec![
+                (parent, self.links[link].rest.apply(vector) * (1.0 - share)),
+                (child, self.links[child].rest.apply_transposed(vector) * share),
+            ],
+            _ => vec![(link, vector)],
+        }
+    }
+
+    /// From a link's unit to a point of the link: the unit's end, and the vector through each link without a unit.
+    pub fn way(&self, link: usize, point: Vec3<f64>) -> Way {
+        let (mut l, mut at, mut through) = (link, point, Vec::new());
+        loop {
+            match self.links[l].pose {
+                Pose::Unit(u) => {
+                    let unit = &self.units[u];
+                    through.reverse();
+                    return (End::Unit(u, unit.mount.apply_transposed(at - unit.offset)), through);
+                }
+                Pose::State(_, anchor) => {
+                    let (own, there) = self.meeting(l, anchor);
+                    through.push((l, at - own));
+                    (l, at) = (anchor, there);
+                }
+                Pose::Between(..) => {
+                    through.push((l, at));
+                    let Some(parent) = self.links[l].parent else { return (End::Room(at), through) };
+                    (l, at) = (parent, self.links[l].arm);
+                }
+            }
+        }
+    }
+
+    /// The joint between two neighbours, in the axes of each, m.
+    pub fn meeting(&self, a: usize, b: usize) -> (Vec3<f64>, Vec3<f64>) {
+        if self.links[a].parent == Some(b) {
+            (Vec3([0.0; 3]), self.links[a].arm)
+        } else {
+            (self.links[b].arm, Vec3([0.0; 3]))
+        }
+    }
+}

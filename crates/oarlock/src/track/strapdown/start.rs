@@ -1,0 +1,216 @@
+//! The start of strapdown links in a tracker, and units that are admitted later.
+
+use super::super::hypothesis::Hypothesis;
+use super::super::{Sink, Status, Tracker};
+use super::{Lack, LinkState, RowMotion, INERTIAL};
+use crate::error::Result;
+use crate::estimate::belief::Belief;
+use crate::estimate::filter::Info;
+use crate::estimate::smoother::Backward;
+use crate::estimate::System;
+use crate::kernels::dense::Square;
+use crate::recording::{Recording, Sample};
+use crate::rotation::Mat3;
+use crate::strapdown::check::Check;
+use crate::strapdown::filter::{Means, Node, State};
+use crate::strapdown::increment::Readings;
+use crate::strapdown::sensors::Heard;
+use crate::strapdown::skeleton::Unit;
+use std::collections::VecDeque;
+
+/// The first rows, which are smoothed, s: a wrong tilt at the start is found within them.
+const START_S: f64 = 1.0;
+/// Longest time for which headings are sought, s, and the factor from one try to the next.
+const LONGEST_START_S: f64 = 5.0;
+const LATER: f64 = 1.7;
+
+impl Tracker {
+    pub(super) fn gather_links(&mut self, sample: &Sample, sink: Sink) -> Result<Status> {
+        let late = self.waiting.last().is_some_and(|w| sample.time_s <= w.time_s);
+        if late || !sample.time_s.is_finite() {
+            return Ok(Status::OutOfOrder);
+        }
+        self.waiting.push(sample.clone());
+        let since_s = sample.time_s - self.waiting[0].time_s;
+        let due_s = self.strapdown.as_ref().map_or(0.0, |s| s.next_start_s);
+        if since_s < self.config.start_window_s.max(START_S).max(due_s) {
+            return Ok(Status::Starting);
+        }
+        self.begin_links(since_s >= LONGEST_START_S, sink)?;
+        Ok(if self.hypothesis.is_some() { Status::Tracking } else { Status::Starting })
+    }
+
+    /// Makes the filter for the units that have readings, and takes in the samples that waited. Where headings are open and the readings do
+    /// not decide them, the samples go on waiting unless they `must` do.
+    pub(super) fn begin_links(&mut self, must: bool, sink: Sink) -> Result<()> {
+        let waiting = std::mem::take(&mut self.waiting);
+        let present = self.present(&waiting);
+        self.build_filter(&present)?;
+        let time_s = waiting[0].time_s;
+        let mut one = Hypothesis::new(self.blank_belief(time_s), self.subject.body.suite.sources.len());
+        let units = self.strapdown_filter().skeleton.units.len();
+        let state = State {
+            time_s,
+            means: Means::default(),
+            covariance: Square::zeros(0),
+            readings: vec![Readings::default(); units],
+            heard: vec![Heard::default(); self.strapdown_filter().skeleton.sensors.len()],
+            increments: Vec::new(),
+            row_s: time_s,
+            uneven: 0,
+        };
+        one.links = Some(Box::new(LinkState {
+            state,
+            present,
+            waiting: VecDeque::new(),
+            taken_s: f64::NEG_INFINITY,
+            spread_s: f64::NAN,
+            alone: Vec::new(),
+            checks: vec![Check::NEW; units],
+            off_axis: Vec::new(),
+        }));
+        waiting.iter().for_each(|sample| self.take_readings(&mut one, sample));
+        let Some(links) = &mut one.links else { return Ok(()) };
+        let taken = (std::mem::take(&mut links.state.readings), std::mem::take(&mut links.state.heard));
+        match self.start_state(time_s, taken, must) {
+            Some(state) => {
+                links.alone = self.strapdown.iter().flat_map(|s| &s.alone).flat_map(|a| a.start(&state)).collect();
+                links.state = state;
+            }
+            None => {
+                self.waiting = waiting;
+                self.strapdown.iter_mut().for_each(|s| s.next_start_s = s.next_start_s.max(START_S) * LATER);
+                return Ok(());
+            }
+        }
+        self.process_start(&mut one, sink);
+        self.hypothesis = Some(one);
+        Ok(())
+    }
+
+    /// Processes the samples of the start, which have all been taken in: their estimates are smoothed, because a wrong tilt at the start is
+    /// corrected within the first second, and no unit turns like that.
+    fn process_start(&mut self, one: &mut Hypothesis, sink: Sink) {
+        let mut rows: Vec<(Sample, Hypothesis, Info, RowMotion)> = Vec::new();
+        let mut updates: Vec<(Node, usize)> = Vec::new();
+        loop {
+            let first = rows.len();
+            let mut nodes = Vec::new();
+            let Some((sample, motion)) = self.process_one(one, false, &mut |node| nodes.push(node), true) else {
+                break;
+            };
+            updates.extend(nodes.into_iter().map(|node| (node, first)));
+            rows.extend(motion.map(|motion| (sample, one.clone(), self.info.clone(), motion)));
+        }
+        let (Some(strapdown), Some(links)) = (&self.strapdown, &one.links) else { return };
+        let filter = self.strapdown_filter();
+        let mut backward = Backward::new(filter.size);
+        let (mut smoothed, mut covariance) = (links.state.means.clone(), links.state.covariance.clone());
+        let mut end = updates.last().map_or(0, |(_, first)| *first);
+        for (k, (node, _)) in updates.iter().enumerate().rev() {
+            let Ok((before, spread)) = filter.back(&mut backward, node, &smoothed, &covariance) else { break };
+            let lack = Lack::of(filter, node, &before, &smoothed);
+            let first = k.checked_sub(1).map_or(0, |earlier| updates[earlier].1);
+            for (_, known, _, motion) in &mut rows[first..end] {
+                let belief = &mut known.belief;
+                let ends = (&before, &node.before);
+                let coordinates = strapdown.smoothed(&self.subject.body, ends, motion, Some(&lack), &belief.mean);
+                belief.covariance = coordinates.covariance(&spread);
+                if let Some(links) = &mut known.links {
+                    links.off_axis.clone_from(&coordinates.off_axis);
+                }
+                belief.mean = coordinates.mean;
+            }
+            (smoothed, covariance, end) = (before, spread, first);
+        }
+        rows.iter().for_each(|(sample, known, info, _)| sink(sample, known, info));
+    }
+
+    /// Makes the filter larger by units that speak, by source, and did not at the start.
+    pub(super) fn admit(&mut self, one: &mut Hypothesis, speaks: Vec<bool>) -> Result<()> {
+        let Some(links) = &mut one.links else { return Ok(()) };
+        if !links.present.iter().zip(&speaks).any(|(was, is)| *is && !was) {
+            return Ok(());
+        }
+        let old = self.strapdown_filter().clone();
+        links.present.iter_mut().zip(speaks).for_each(|(was, is)| *was |= is);
+        self.build_filter(&links.present)?;
+        let filter = self.strapdown_filter();
+        links.state = filter.admit(&old, &links.state);
+        let earlier = |unit: &Unit| old.skeleton.units.iter().position(|o| o.source == unit.source);
+        let units = || filter.skeleton.units.iter().map(earlier).enumerate();
+        let alone = |(u, o): (usize, Option<usize>)| match o {
+            Some(o) => links.alone[o].clone(),
+            None => links.state.of_unit(u),
+        };
+        links.alone = units().map(alone).collect();
+        links.checks = units().map(|(_, o)| o.map_or(Check::NEW, |o| links.checks[o])).collect();
+        Ok(())
+    }
+
+    /// By source: whether it has whole readings of gyroscope and accelerometer in some samples, or is known to have some later.
+    pub(super) fn present(&self, samples: &[Sample]) -> Vec<bool> {
+        let later = |s: usize| self.strapdown.as_ref().is_some_and(|links| links.speaks.get(s) == Some(&true));
+        let is_read = |(s, source): (usize, &crate::sensor::Source)| {
+            let inertial = || source.parts.iter().filter(|p| INERTIAL.contains(&p.quantity));
+            let whole = |sample: &Sample| inertial().all(|p| sample.z[p.rows.clone()].iter().all(|z| !z.is_nan()));
+            inertial().count() == 2 && (later(s) || samples.iter().any(whole))
+        };
+        self.subject.body.suite.sources.iter().enumerate().map(is_read).collect()
+    }
+
+    /// Reads from a recording which units speak at any time.
+    pub(in super::super) fn listen(&mut self, recording: &Recording) {
+        let sources = 0..self.subject.body.suite.sources.len();
+        if let Some(strapdown) = &mut self.strapdown {
+            strapdown.speaks = sources.map(|s| recording.has(s, &INERTIAL)).collect();
+        }
+    }
+
+    fn blank_belief(&self, time_s: f64) -> Belief {
+        let parts = self.subject.groups.parts.len();
+        let body = &self.subject.body;
+        Belief::new(time_s, self.unmoved(), Square::zeros(body.layout.dim()), (body.driven().len(), parts))
+    }
+
+    /// The start of the filter; `None` if headings are open, the readings do not decide them, and they need not.
+    fn start_state(&self, time_s: f64, readings: (Vec<Readings>, Vec<Heard>), must: bool) -> Option<State> {
+        let filter = self.strapdown_filter();
+        let (start, tilts) = filter.start(time_s, &self.rest_orientation(), readings);
+        if filter.seeks_headings(&start.means) {
+            return filter.with_headings(&start, &tilts, must);
+        }
+        Some(start)
+    }
+
+    /// Admits the units that a recording has and an earlier run, from which it continues, had not.
+    pub(in super::super) fn admit_known(&mut self, one: &mut Hypothesis) -> Result<()> {
+        self.admit(one, self.present(&[]))
+    }
+
+    /// The states of the layout before any estimate: rest, or the configured posture.
+    fn unmoved(&self) -> Vec<f64> {
+        let body = &self.subject.body;
+        let mut mean = vec![0.0; body.layout.dim()];
+        for (c, axis, slots) in body.moving() {
+            let asked = self.config.initial_q.as_ref().and_then(|q| q.get(c).copied());
+            mean[slots.q] = asked.unwrap_or(axis.rest);
+        }
+        for ((_, state), length) in body.layout.lengths.iter().zip(body.lengths()) {
+            mean[*state] = length;
+        }
+        mean
+    }
+
+    /// Orientation of every link in that posture, room from link.
+    fn rest_orientation(&self) -> Vec<Mat3<f64>> {
+        let (body, mean) = (&self.subject.body, self.unmoved());
+        let mut all: Vec<Mat3<f64>> = Vec::new();
+        for link in &self.strapdown_filter().skeleton.links {
+            let value = |c: Option<usize>| c.and_then(|c| body.layout.coordinates[c]).map_or(0.0, |s| mean[s.q]);
+            let own = link.turns.rotation(link.turns.coordinates().map(value));
+            all.push(link.parent.map_or(own, |p| all[p].times(&own)));
+        }
+        all
+    }
+}
