@@ -118,7 +118,7 @@ impl Links {
             place_std_m: 1.0,
             place_time_s: 2.0,
             gyro_density: 0.002,
-            accel_density: 0.03,
+            accel_density: 0.1,
             gyro_step_share: 0.05,
             accel_step_share: 0.3,
             gyro_scale: 0.002,
@@ -136,7 +136,6 @@ impl Links {
             joint_time_s: 0.05,
             rest_below_rad_s: 0.02,
             start_std_rad: UNKNOWN_RAD,
-            accel_density: 0.1,
             gyro_step_share: 0.07,
             gyro_scale: 0.003,
             ..bone
