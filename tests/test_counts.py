@@ -128,7 +128,7 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Told]:
         recording.save(folder / "trial")
         words = ("track", folder / "trial", "--model", model, "--no-suspects", "--smooth", "--out")
         terminal = run(*words, folder / "out").output
-        as_json = json.loads(run(*words, folder / "json", "--json").output)
+        as_json = json.loads(run(*words, folder / "json", "--json").stdout)
         page = (
             (folder / "out" / "report.html")
             .read_text(encoding="utf-8")

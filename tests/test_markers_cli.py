@@ -19,7 +19,7 @@ def test_show_tells_what_is_in_a_file():
     text = run("markers", "show", EXAMPLE / "reach.trc").output
     assert "3 filled, 1 left" in text
     assert "longer than 0.2 s" in text
-    found = json.loads(run("markers", "show", EXAMPLE / "reach.trc", "--json").output)
+    found = json.loads(run("markers", "show", EXAMPLE / "reach.trc", "--json").stdout)
     assert found["markers"] == 12
     assert [gap["marker"] for gap in found["gaps"] if not gap["filled"]] == ["FA3"]
 
@@ -34,7 +34,7 @@ def test_a_session_becomes_a_study_that_is_tracked_and_scored(tmp_path, monkeypa
     monkeypatch.chdir(tmp_path)
     show, simulate, track, truth, markers = console_of_the_page()
     assert "longer than 0.2 s" in run(*show).output
-    document = json.loads(run(*simulate, "--json").output)
+    document = json.loads(run(*simulate, "--json").stdout)
     for name, length in TRUE_LENGTHS_M.items():
         assert abs(document["body"]["parameters"][name] - length) < LENGTH_M
     assert sum(not gap["filled"] for gap in document["gaps"]) == 1
@@ -44,8 +44,8 @@ def test_a_session_becomes_a_study_that_is_tracked_and_scored(tmp_path, monkeypa
     page = Path("study/report.html").read_text(encoding="utf-8")
     assert all(name in page for name in ("FA3", "longer than 0.2 s", "shoulder_<wbr>abduction"))
     run(*track)
-    assert json.loads(run(*truth, "--json").output)["mean_rmse_deg"] < 0.2
-    points = json.loads(run(*markers, "--json").output)
+    assert json.loads(run(*truth, "--json").stdout)["mean_rmse_deg"] < 0.2
+    points = json.loads(run(*markers, "--json").stdout)
     assert abs(points["clock_offset_s"]) < 0.01
     assert points["mean_rmse_3d_m"] < 4e-3, "1.7 mm of it are the noise of the markers"
     text = run(

@@ -151,5 +151,5 @@ def test_import_reports_missing_packets(unit, tmp_path):
     mapping = unit(lost=(40, 100, 101))
     shown = run("import", "csv", mapping, "--out", tmp_path / "a").output
     assert "back: 3 packets missing in 2 places" in shown
-    document = json.loads(run("import", "csv", mapping, "--out", tmp_path / "b", "--json").output)
+    document = json.loads(run("import", "csv", mapping, "--out", tmp_path / "b", "--json").stdout)
     assert document["streams"][0]["missing_packets"] == 3

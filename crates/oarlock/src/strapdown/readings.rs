@@ -11,7 +11,7 @@ use crate::rotation::{Mat3, Vec3};
 /// Rest: readings constant within these, rad/s and m/s2, for this time, s.
 const REST_GYRO: f64 = 0.05;
 const REST_ACCEL: f64 = 0.25;
-const REST_S: f64 = 0.4;
+pub const REST_S: f64 = 0.4;
 /// Contact with the ground: rate below this, rad/s, and force within this of gravity, m/s2, for this time, s (after Skog et al. 2010).
 const CONTACT_RATE: f64 = 1.0;
 const CONTACT_FORCE: f64 = 1.5;
@@ -229,7 +229,7 @@ impl StrapdownFilter {
 }
 
 /// Whether the unit has not moved for a while; a rate above `below_rad_s` is no bias.
-fn is_at_rest(readings: &Readings, time_s: f64, below_rad_s: f64) -> bool {
+pub fn is_at_rest(readings: &Readings, time_s: f64, below_rad_s: f64) -> bool {
     let Some(window) = readings.window(time_s, REST_S) else { return false };
     let count = window.clone().count() as f64;
     if count < 3.0 {

@@ -3,15 +3,19 @@
 use super::covariance::UNIT;
 use super::filter::{dot, Means, State, StrapdownFilter, UnitState, LOOSE_WALK, SPRING_TIME_S};
 use super::increment::{skew, square, Increment, Readings};
+use super::readings::{is_at_rest, REST_S};
 use super::sensors::{Heard, UNKNOWN_AZIMUTH_RAD};
 use super::skeleton::{Closure, End, Pose, Unit};
 use crate::kernels::dense::Square;
+use crate::model::Links;
 use crate::rotation::turn::Turn;
 use crate::rotation::{Mat3, Vec3};
 use std::f64::consts::{PI, TAU};
 
 /// The start is levelled by the mean force over this time, s.
 const LEVEL_S: f64 = 0.4;
+/// A unit rests at the start if it does up to this time after it, s: units have their first readings at times of their own.
+const START_REST_S: f64 = REST_S + 0.05;
 /// Tilt from the mean force of a unit at rest, rad; and the share of the scatter of forces that their mean has.
 const LEVEL_RAD: f64 = 0.02;
 const FORCE_SHARE: f64 = 1.0;
@@ -39,18 +43,18 @@ struct Tried {
 }
 
 impl StrapdownFilter {
-    /// The state at the start. `orientation`: room from link, of every link; readings of the first moments, by unit.
+    /// The state at the start. `orientation`: room from link, of every link, and whether somebody stated it; readings of the first moments.
     pub fn start(
         &self,
         time_s: f64,
-        orientation: &[Mat3<f64>],
+        (orientation, is_stated): (&[Mat3<f64>], bool),
         (readings, heard): (Vec<Readings>, Vec<Heard>),
     ) -> (State, Vec<f64>) {
         let zero = Vec3([0.0; 3]);
         let mut turned: Vec<Mat3<f64>> = orientation.to_vec();
         let (mut units, mut tilts) = (Vec::new(), Vec::new());
         for (unit, readings) in self.skeleton.units.iter().zip(&readings) {
-            let (rotation, tilt) = self.levelled(turned[unit.link].times(&unit.mount), readings, time_s);
+            let (rotation, tilt) = self.levelled(turned[unit.link].times(&unit.mount), is_stated, readings, time_s);
             tilts.push(tilt);
             turned[unit.link] = rotation.times_transposed(&unit.mount);
             units.push(UnitState { rotation, velocity: zero, position: zero, gyro_bias: zero, accel_bias: zero });
@@ -134,8 +138,13 @@ impl StrapdownFilter {
 
     /// The orientation, turned the short way towards the one in which the mean force is vertical, by what both are worth; and the standard
     /// deviation of its tilt, rad.
-    fn levelled(&self, rotation: Mat3<f64>, readings: &Readings, time_s: f64) -> (Mat3<f64>, f64) {
-        let prior = self.links.start_tilt_std_rad;
+    fn levelled(&self, rotation: Mat3<f64>, is_stated: bool, readings: &Readings, time_s: f64) -> (Mat3<f64>, f64) {
+        let Links { start_tilt_std_rad, start_std_rad, .. } = self.links;
+        let prior = if is_stated { start_std_rad.min(start_tilt_std_rad) } else { start_tilt_std_rad };
+        // The force of a unit that moves says less than a posture that somebody stated.
+        if is_stated && !is_at_rest(readings, time_s + START_REST_S, self.links.rest_below_rad_s) {
+            return (rotation, prior);
+        }
         let Some((force, scatter)) = self.mean_force(readings, time_s) else { return (rotation, prior) };
         let force = rotation.apply(force);
         let axis = force.cross(self.skeleton.up);

@@ -176,7 +176,8 @@ impl Tracker {
     /// The start of the filter; `None` if headings are open, the readings do not decide them, and they need not.
     fn start_state(&self, time_s: f64, readings: (Vec<Readings>, Vec<Heard>), must: bool) -> Option<State> {
         let filter = self.strapdown_filter();
-        let (start, tilts) = filter.start(time_s, &self.rest_orientation(), readings);
+        let (start, tilts) =
+            filter.start(time_s, (&self.rest_orientation(), self.config.initial_q.is_some()), readings);
         if filter.seeks_headings(&start.means) {
             return filter.with_headings(&start, &tilts, must);
         }
