@@ -55,7 +55,7 @@ impl Attach<'_> {
                         true => (Some(Place::Input(joint.first)), joint.input_std),
                         false => (row, encoder.std),
                     };
-                    let measures = skeleton.hinge(joint.first).map(|(l, k)| Measures::Angle(l, k));
+                    let measures = skeleton.angle(joint.first);
                     all.extend(at.zip(measures).map(|(at, measures)| Sensor { at, std, measures }));
                 }
                 SensorKind::Position(position) => {
@@ -68,7 +68,7 @@ impl Attach<'_> {
         }
         for joint in model.joints.iter().filter(|j| j.input) {
             let at = Place::Input(joint.first);
-            let measures = skeleton.hinge(joint.first).map(|(l, k)| Measures::Angle(l, k));
+            let measures = skeleton.angle(joint.first);
             if !all.iter().any(|s: &Sensor| s.at == at) {
                 all.extend(measures.map(|measures| Sensor { at, std: joint.input_std, measures }));
             }
@@ -109,11 +109,11 @@ impl Attach<'_> {
 }
 
 impl Skeleton {
-    /// Link and number of the hinge with this coordinate.
-    fn hinge(&self, coordinate: usize) -> Option<(usize, usize)> {
+    /// The angle of the hinge with this coordinate.
+    fn angle(&self, coordinate: usize) -> Option<Measures> {
         self.links.iter().enumerate().find_map(|(l, link)| {
             let own = link.turns.coordinates().iter().position(|c| *c == Some(coordinate));
-            own.map(|k| (l, k))
+            own.map(|k| Measures::Angle(l, k))
         })
     }
 }
