@@ -196,3 +196,55 @@ def test_a_body_that_nothing_holds_is_named():
     _, recording = oarlock.simulate(model(), motion(), seed=1)
     with pytest.raises(oarlock.DataError, match="nothing tells how 'rod' moves"):
         oarlock.track(read(text), recording)
+
+
+FOREARM = """
+    { name = "forearm", kind = "imu", frame = "forearm", gyro_std_rad_s = 0.003, accel_std_m_s2 = 0.03 },"""
+
+
+def elbow_at(angle_rad, limits_rad, start_rad):
+    """An arm and forearm with units whose elbow sways about an angle; tracked from a start that says another one."""
+    text = BODY.replace("limits = [-2.6, 2.6]INPUT", f"limits = {limits_rad}")
+    text = text.replace("start_std_rad = 0.05", "start_std_rad = 0.25").replace('axis = "y"', 'axis = "z"')
+    for key, value in (("SENSOR", FOREARM), ("MAG", ""), ("FIELD", "")):
+        text = text.replace(key, value)
+    body = read(text.replace("translation = [0, 0, -0.3] }, joint", "translation = [0.01, 0, 0] }, joint"))
+    still = np.zeros((len(TIME_S), 3))
+    moves = {"trunk": np.column_stack([still, still]), "shoulder_r": still, "shoulder_l": still}
+    elbow = angle_rad + 0.02 * np.sin(2.0 * np.pi * 0.4 * TIME_S)
+    _, recording = oarlock.simulate(
+        body, oarlock.Motion.from_joints(TIME_S, {**moves, "elbow": elbow}), seed=4
+    )
+    start = np.zeros(len(body.coordinate_names))
+    start[body.coordinate_names.index("elbow")] = start_rad
+    track = oarlock.track(body, recording, config=oarlock.Config(initial_q=start.tolist()))
+    return track["elbow"].angle_rad
+
+
+def test_a_joint_far_beyond_its_limits_is_drawn_back():
+    """A heading 0.6 rad wrong, which only the elbow's limits contradict, and they differ by 0.18 rad between people."""
+    bounded, free = (elbow_at(0.0, limits, 0.6) for limits in ([-0.2, 0.2], [-2.6, 2.6]))
+    assert bounded[-1] < 0.2 + 0.18 + 0.05 and free[-1] > 0.55
+
+
+def test_a_joint_somewhat_beyond_its_limits_stays():
+    """A true elbow 9 deg beyond the file's limits stays there."""
+    bounded, free = (elbow_at(0.35, limits, 0.35) for limits in ([-0.2, 0.2], [-2.6, 2.6]))
+    assert np.degrees(np.abs(bounded - free)).max() < 0.5
+
+
+def test_a_heading_that_nothing_shows_stays_in_its_band():
+    """A still arm does not tell the heading of its forearm, and a bank of starts does not either."""
+    text = BODY.replace("start_std_rad = 0.05", "start_std_rad = 1.8").replace("INPUT", "")
+    for key, value in (("SENSOR", FOREARM), ("MAG", ""), ("FIELD", "")):
+        text = text.replace(key, value)
+    text = text.replace('axis = "y"', 'axis = "z"')
+    body = read(text)
+    still = np.zeros((len(TIME_S), 3))
+    moves = {"trunk": np.column_stack([still, still]), "shoulder_r": still, "shoulder_l": still}
+    _, recording = oarlock.simulate(
+        body, oarlock.Motion.from_joints(TIME_S, {**moves, "elbow": still[:, 0]}), seed=4
+    )
+    elbow = oarlock.track(body, recording)["elbow"]
+    # One that the bank alone believed had a band of 10 deg about any heading.
+    assert np.abs(elbow.angle_rad / elbow.std_rad).max() < 1.96 and np.degrees(elbow.std_rad[0]) > 15.0

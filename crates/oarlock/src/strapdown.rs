@@ -1,4 +1,5 @@
-//! Strapdown links: each inertial unit integrates its own gyroscope and accelerometer; joints, bounds, rest and contact are the readings.
+//! Strapdown links: each inertial unit integrates its own gyroscope and accelerometer; joints with their limits, bounds, rest and contact are the
+//! readings.
 //!
 //! A unit has 15 states: orientation R, velocity v, position p, and the biases of both sensors. A joint has the error of each of its two points.
 //! Errors are right-invariant (Barrau and Bonnabel 2017): with R = Exp(f) R^, v = Exp(f) v^ + xv, p = Exp(f) p^ + xp, a turn of everything about the
@@ -14,6 +15,7 @@ mod hang;
 pub mod increment;
 mod joint;
 mod late;
+mod limits;
 mod pieces;
 mod readings;
 pub mod sensors;

@@ -39,6 +39,8 @@ pub struct Links {
     pub hinge_std_rad: Option<f64>,
     /// Constant turn of a joint's axes against each of its links, rad, where no calibration tells it; `None`: there is none.
     pub axis_std_rad: Option<f64>,
+    /// By how much limits of joints differ between people, or between file and machine, rad.
+    pub limit_std_rad: f64,
     /// Speed of every unit, m/s, and its correlation time, s.
     pub speed_std_m_s: f64,
     /// See `speed_std_m_s`.
@@ -78,13 +80,14 @@ pub struct Links {
 /// Standard deviation of a heading that nobody knows: that of a uniform angle, pi / sqrt(3), rad.
 const UNKNOWN_RAD: f64 = 1.8;
 
-const KEYS: [&str; 23] = [
+const KEYS: [&str; 24] = [
     "joints",
     "joint_std_m",
     "joint_time_s",
     "point_std_m",
     "hinge_std_rad",
     "axis_std_rad",
+    "limit_std_rad",
     "speed_std_m_s",
     "speed_time_s",
     "place_std_m",
@@ -113,6 +116,7 @@ impl Links {
             point_std_m: 0.1,
             hinge_std_rad: None,
             axis_std_rad: None,
+            limit_std_rad: 0.18,
             speed_std_m_s: 1.5,
             speed_time_s: 1.0,
             place_std_m: 1.0,
@@ -166,11 +170,12 @@ impl Links {
         links
     }
 
-    fn numbers(&mut self) -> [(&'static str, &mut f64, &'static str); 19] {
+    fn numbers(&mut self) -> [(&'static str, &mut f64, &'static str); 20] {
         [
             ("joint_std_m", &mut self.joint_std_m, "m"),
             ("joint_time_s", &mut self.joint_time_s, "s"),
             ("point_std_m", &mut self.point_std_m, "m"),
+            ("limit_std_rad", &mut self.limit_std_rad, "rad"),
             ("speed_std_m_s", &mut self.speed_std_m_s, "m/s"),
             ("speed_time_s", &mut self.speed_time_s, "s"),
             ("place_std_m", &mut self.place_std_m, "m"),

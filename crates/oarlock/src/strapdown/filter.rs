@@ -386,6 +386,9 @@ impl StrapdownFilter {
             self.read_sensors(state, step_s);
         }
         (0..self.skeleton.links.len()).for_each(|l| self.read_spring(state, l, step_s));
+        if self.closures && self.only.is_none() {
+            (0..self.skeleton.links.len()).for_each(|l| self.read_limits(state, l, step_s));
+        }
         (0..self.skeleton.units.len()).for_each(|u| self.read_bounds(state, u, step_s));
         (0..self.skeleton.units.len()).for_each(|u| self.read_rest(state, u, step_s));
         (0..self.skeleton.units.len()).for_each(|u| self.read_contact(state, u, step_s));

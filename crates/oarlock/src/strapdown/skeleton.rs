@@ -8,7 +8,7 @@ use super::sensors::{Measures, Sensor};
 use crate::body::Body;
 use crate::error::{Error, Result};
 use crate::model::transform::evaluate_three;
-use crate::model::{JointKind, Model, SensorKind};
+use crate::model::{Joint, JointKind, Model, SensorKind};
 use crate::rotation::{Mat3, Vec3};
 use crate::sensor::{MountValue, Quantity};
 
@@ -29,6 +29,8 @@ pub struct Link {
     /// Rotation against the parent at rest, and how far it turns about its axes (standard deviations), rad.
     pub rest: Mat3<f64>,
     pub range_rad: [f64; 3],
+    /// Hinges or ball of its joint, with their limits.
+    pub joints: Vec<Joint>,
 }
 
 /// How a link's orientation is known.
@@ -289,6 +291,8 @@ impl Skeleton {
             }
             let (rest, range_rad) = rest_and_range(body, &turns);
             let frame_axes = pieces.homes[piece.frame].rotation;
+            let coordinates = turns.coordinates().into_iter().flatten();
+            let joints = coordinates.filter_map(|c| model.joints.iter().find(|j| j.first == c).cloned()).collect();
             self.links.push(Link {
                 parent,
                 turns,
@@ -296,6 +300,7 @@ impl Skeleton {
                 pose: Pose::State(usize::MAX, usize::MAX),
                 rest,
                 range_rad,
+                joints,
                 frame: piece.frame,
                 frame_axes,
             });

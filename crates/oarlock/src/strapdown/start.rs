@@ -37,9 +37,25 @@ fn is_open(closure: &Closure, stds: &[f64]) -> bool {
 
 /// What a closure made of a heading.
 struct Tried {
+    /// With what the posture says of the heading.
     log_likelihood: f64,
     heading: f64,
     std: f64,
+}
+
+impl Tried {
+    /// Angle from another heading, rad.
+    fn apart(&self, other: &Tried) -> f64 {
+        (self.heading - other.heading + PI).rem_euclid(TAU) - PI
+    }
+}
+
+/// Standard deviation of a heading about the best of those that were tried, rad: where readings do not decide, it is that of all.
+fn spread(tried: &[Tried]) -> f64 {
+    let best = &tried[0];
+    let weight = |t: &Tried| (t.log_likelihood - best.log_likelihood).exp();
+    let all: f64 = tried.iter().map(weight).sum();
+    (tried.iter().map(|t| weight(t) * (t.apart(best).powi(2) + t.std * t.std)).sum::<f64>() / all).sqrt()
 }
 
 impl StrapdownFilter {
@@ -190,19 +206,23 @@ impl StrapdownFilter {
             if beyond.len() == self.skeleton.units.len() || !is_open(&self.skeleton.closures[c], &known) {
                 continue;
             }
+            let ends = [self.skeleton.closures[c].from, self.skeleton.closures[c].to];
+            let variance: f64 = ends.iter().filter_map(End::unit).map(|u| known[u] * known[u]).sum();
             let mut tried: Vec<Tried> = (0..HEADINGS)
-                .map(|k| self.tried(start, tilts, (c, &beyond), k as f64 * TAU / HEADINGS as f64, end_s))
+                .map(|k| {
+                    let heading = (k as f64 * TAU / HEADINGS as f64 + PI).rem_euclid(TAU) - PI;
+                    self.tried(start, tilts, (c, &beyond), (heading, -0.5 * heading * heading / variance), end_s)
+                })
                 .collect();
             tried.sort_by(|a, b| b.log_likelihood.total_cmp(&a.log_likelihood));
             let best = &tried[0];
             // Neighbours of the best heading lead to the same one.
-            let apart = |t: &&Tried| (t.heading - best.heading + PI).rem_euclid(TAU) - PI;
-            let rival = tried.iter().find(|t| apart(t).abs() > TAU / HEADINGS as f64);
+            let rival = tried.iter().find(|t| t.apart(best).abs() > TAU / HEADINGS as f64);
             if !must && rival.is_some_and(|rival| best.log_likelihood - rival.log_likelihood < DECIDED) {
                 return None;
             }
             self.turn_all(&mut state.means, &beyond, best.heading);
-            widest = widest.max(best.std);
+            widest = widest.max(spread(&tried)).min(OPEN_RAD);
             let Closure { from, to, .. } = &self.skeleton.closures[c];
             beyond.iter().copied().chain(from.unit()).chain(to.unit()).for_each(|u| sought[u] = true);
         }
@@ -213,8 +233,15 @@ impl StrapdownFilter {
         Some(state)
     }
 
-    /// The readings of a closure from a heading of all that is beyond it.
-    fn tried(&self, start: &State, tilts: &[f64], (c, beyond): (usize, &[usize]), heading: f64, end_s: f64) -> Tried {
+    /// The readings of a closure from a heading of all that is beyond it; `prior`: log-likelihood of that heading by the posture.
+    fn tried(
+        &self,
+        start: &State,
+        tilts: &[f64],
+        (c, beyond): (usize, &[usize]),
+        (heading, prior): (f64, f64),
+        end_s: f64,
+    ) -> Tried {
         let mut closed = start.clone();
         self.turn_all(&mut closed.means, beyond, heading);
         let half = vec![0.5 * TAU / HEADINGS as f64; tilts.len()];
@@ -236,7 +263,7 @@ impl StrapdownFilter {
         let closure = &self.skeleton.closures[c];
         let heading = heading + turned(&closure.to) - turned(&closure.from);
         let std = self.heading_variance(&closed.covariance, closure).sqrt();
-        Tried { log_likelihood: filter.correction.log_likelihood, heading, std }
+        Tried { log_likelihood: filter.correction.log_likelihood + prior, heading, std }
     }
 
     /// Variance of the heading of a closure's second unit against its first.

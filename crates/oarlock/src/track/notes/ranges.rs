@@ -16,7 +16,18 @@ const FAR: f64 = 0.25 * std::f64::consts::PI;
 /// See `FAR`; a single wrong estimate, as after a dropout, is no reason for a note.
 const BRIEFLY_SHARE: f64 = 0.01;
 
-/// Reports observed joints that often exceed their soft limits. Limits do not affect observed joints, so the cause lies elsewhere.
+/// What strapdown links do about it.
+fn drawn_back(run: &Run) -> &'static str {
+    let has_links = run.last().is_some_and(|last| last.links.is_some());
+    if has_links {
+        ". Beyond by more than `limit_std_rad`, it turns the headings of its segments back"
+    } else {
+        ""
+    }
+}
+
+/// Reports observed joints that often exceed their soft limits. Limits do not affect observed joints of a tree, and strapdown links only far
+/// beyond, so the cause lies elsewhere.
 pub(super) fn contortions(run: &Run) -> Vec<String> {
     let body = run.tracker().body();
     let (n, coordinates, rows) = (body.layout.dim(), body.model.coordinate_count(), run.series.time_s.len());
@@ -38,12 +49,13 @@ pub(super) fn contortions(run: &Run) -> Vec<String> {
             let (by, unit) = if slides { (1.0, "m") } else { (1f64.to_degrees(), "deg") };
             format!(
                 "{}: beyond its soft limits ({} to {} {unit}) in {:.0} % of the samples, by up to {} {unit}; check for \
-                 a wrong mount, exchanged sensors or a start in a mirrored posture, or correct the limits in the model file",
+                 a wrong mount, exchanged sensors or a start in a mirrored posture, or correct the limits in the model file{}",
                 names[c],
                 tidy(by * low),
                 tidy(by * high),
                 100.0 * share,
-                tidy(by * most)
+                tidy(by * most),
+                drawn_back(run)
             )
         })
     };
@@ -54,7 +66,7 @@ pub(super) fn contortions(run: &Run) -> Vec<String> {
 pub(super) fn overturned(run: &Run) -> Vec<String> {
     let model = &run.tracker().body().model;
     let balls = model.joints.iter().enumerate().filter(|(_, j)| j.kind == JointKind::Ball);
-    balls.filter_map(|(j, ball)| overturned_note(model, j, &excesses(run, ball)?)).collect()
+    balls.filter_map(|(j, ball)| Some(overturned_note(model, j, &excesses(run, ball)?)? + drawn_back(run))).collect()
 }
 
 /// How far a ball is beyond its range where it is observed.
