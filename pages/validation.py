@@ -72,12 +72,19 @@ def _set(one: Mapping[str, Any], title: str | None) -> list[str]:
         return [f"**{one['title']}**: not run, {one['absent']}."]
     found = next(t for t in one["tables"] if title in (None, t["title"]))
     unit = f", {found['unit']}" if found["unit"] else ""
-    return [f"**{one['title']}: {found['title']}{unit}.** {made_text(one)}.", _compared(found["rows"])]
+    rows = found["rows"]
+    text = _whole(rows) if one["title"] == people.TITLE else _compared(rows)
+    return [f"**{one['title']}: {found['title']}{unit}.** {made_text(one)}.", text]
+
+
+def _whole(rows: Rows) -> str:
+    columns = _columns(rows)
+    return table(["", *columns], [[name, *(_cell(row[c]) for c in columns)] for name, row in rows.items()])
 
 
 def _compared(rows: Rows) -> str:
     """All lines of Oarlock, then the best of the other software in each column, live and offline."""
-    columns = [c for c in next(iter(rows.values())) if c not in FACTS]
+    columns = _columns(rows)
     lines = [[name, *(_cell(row[c]) for c in columns)] for name, row in rows.items() if row["ours"]]
     for helped in (False, True):
         for live in (True, False):
@@ -85,6 +92,10 @@ def _compared(rows: Rows) -> str:
             if any(best.values()):
                 lines.append(_line_of_best(rows, best, "live" if live else "offline"))
     return table(["", *columns], lines)
+
+
+def _columns(rows: Rows) -> list[str]:
+    return [c for c in next(iter(rows.values())) if c not in FACTS]
 
 
 def _line_of_best(rows: Rows, best: Mapping[str, str | None], when: str) -> list[str]:

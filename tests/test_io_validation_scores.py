@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from validation import page, qmt, singular
+from validation import chains, page, qmt, singular
 from validation.__main__ import main as run_validation
 from validation.chains import Link, world_from_links
 from validation.estimate import Estimate, Missing, NotRunError, attempt
@@ -27,9 +27,12 @@ from validation.stretches import worst_plot, worst_stretch
 
 from oarlock import ImuStream, Recording, load_model
 from oarlock.evaluation.reference import Reference
+from opensim_reader import opensim
 
 # Rotations go through quaternions of double precision a few times.
 ROUNDING_RAD = 1e-9
+# OpenSim stops at an accuracy of 1e-4 rad.
+SOLVED_DEG = 0.05
 
 RATE_HZ = 50.0
 TIME_S = np.arange(0.0, 20.0, 1.0 / RATE_HZ)
@@ -251,6 +254,23 @@ def test_chain_of_hinges():
     expected = Rotation.from_euler("YXZ", angles[0, :3])
     assert (rotation(found["a"])[0].inv() * expected).magnitude() < ROUNDING_RAD
     assert twist_rad(rotation(found["a"]).inv() * rotation(found["b"]), "y") == pytest.approx(-0.5)
+
+
+def test_links_that_hang_on_one_link():
+    tree = (Link("trunk", "z"), Link("left", "x"), Link("right", "y", parent="trunk"))
+    found = world_from_links(tree, np.array([[0.3, 0.4, -0.5]]))
+    expected = Rotation.from_euler("ZY", [0.3, -0.5])
+    assert (rotation(found["right"])[0].inv() * expected).magnitude() < ROUNDING_RAD
+
+
+def test_inverse_kinematics_on_joints_that_allow_every_orientation_returns_them():
+    opensim()
+    tree = (Link("a", "yxz"), Link("c", "zxy"), Link("b", "zxy", parent="a"))
+    quats = {name: quat_wxyz(turns(seed)) for seed, name in enumerate("abc")}
+    (posture,) = chains.opensim(Estimate("made", TIME_S, quats), tree)
+    for name, quat in quats.items():
+        error = rotation(posture.estimate.quats[name]).inv() * rotation(quat)
+        assert error.magnitude().max() < np.radians(SOLVED_DEG)
 
 
 def test_the_worst_stretch_is_that_of_oarlock():

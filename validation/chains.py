@@ -22,15 +22,17 @@ from .rotations import Floats, quat_wxyz, rotation
 
 @dataclass(frozen=True)
 class Link:
-    """A link of an open chain, hanging on the one before it.
+    """A link of an open chain, hanging on the one before it or on another one.
 
     Args:
         name: the body.
-        axes: the hinges between the link before and this one, in order: "x", or "yxz" for three in a row.
+        axes: the hinges between its parent and this link, in order: "x", or "yxz" for three in a row.
+        parent: the link that it hangs on; "" for the one before it, or the root.
     """
 
     name: str
     axes: str
+    parent: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,13 +52,15 @@ def world_from_links(
 ) -> dict[str, Floats]:
     """Link -> quat_wxyz (T, 4) of a chain with these hinge angles (T, n), on a root that stands still."""
     turn = Rotation.identity(len(angles_rad)) if world_from_root is None else world_from_root
-    found, column = {}, 0
+    found: dict[str, Rotation] = {}
+    column = 0
     for link in chain:
+        turn = found[link.parent] if link.parent else turn
         for axis in link.axes:
             turn = turn * Rotation.from_euler(axis, angles_rad[:, column : column + 1])
             column += 1
-        found[link.name] = quat_wxyz(turn)
-    return found
+        found[link.name] = turn
+    return {name: quat_wxyz(turn) for name, turn in found.items()}
 
 
 def biorbd(
@@ -105,7 +109,8 @@ def _biorbd_text(chain: Chain) -> str:
     parts, parent = ["version 4", "gravity 0 0 -9.81"], "base"
     for link in chain:
         parts.append(
-            f"segment {link.name}\n parent {parent}\n RTinMatrix 0\n RT 0 0 0 xyz 0 0 0\n rotations {link.axes}\n"
+            f"segment {link.name}\n parent {link.parent or parent}\n RTinMatrix 0\n RT 0 0 0 xyz 0 0 0\n"
+            f" rotations {link.axes}\n"
             " mass 1\n inertia\n 0.01 0 0\n 0 0.01 0\n 0 0 0.01\n com 0 0 0\nendsegment\n"
             f"imu {link.name}_unit\n parent {link.name}\n RTinMatrix 0\n RT 0 0 0 xyz 0 0 0\n"
             " technical 1\n anatomical 0\nendimu"
@@ -140,7 +145,7 @@ def opensim(source: Estimate, chain: Chain) -> Iterator[Posture]:
 
 
 def _opensim_model(chain: Chain):  # type: ignore[no-untyped-def]
-    """Pin joints in a row; those within a link have bodies of their own between them, next to weightless."""
+    """Pin joints in rows; those within a link have bodies of their own between them, next to weightless."""
     import opensim as osim
 
     # A pin turns about z of its two frames; these turns (body-fixed x, y, z) take z to the hinge's axis.
@@ -148,6 +153,7 @@ def _opensim_model(chain: Chain):  # type: ignore[no-untyped-def]
     model = osim.Model()
     parent = model.getGround()
     for link in chain:
+        parent = model.getBodySet().get(link.parent) if link.parent else parent
         for i, axis in enumerate(link.axes):
             last = i == len(link.axes) - 1
             body = osim.Body(
