@@ -354,3 +354,20 @@ pub fn put_block(covariance: &mut Square, first: usize, block: &[[f64; 9]; 9]) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bank(log_likelihood: impl Fn(usize) -> f64) -> Vec<Tried> {
+        let headings = (0..HEADINGS).map(|k| (k, k as f64 * TAU / HEADINGS as f64));
+        headings.map(|(k, heading)| Tried { log_likelihood: log_likelihood(k), heading, std: 0.1 }).collect()
+    }
+
+    #[test]
+    fn a_heading_that_readings_do_not_decide_is_as_uncertain_as_all_of_them() {
+        // Of a uniform angle: pi / sqrt(3).
+        assert!((spread(&bank(|_| 5.0)) - PI / 3f64.sqrt()).abs() < 0.05);
+        assert!((spread(&bank(|k| -50.0 * k as f64)) - 0.1).abs() < 1e-9);
+    }
+}
