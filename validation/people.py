@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 from scipy.ndimage import binary_dilation
+from scipy.optimize import minimize_scalar
 from scipy.signal import butter, sosfiltfilt
 from scipy.spatial.transform import Rotation, Slerp
 
@@ -283,7 +284,7 @@ def _heading(
         return _rms(_turn_deg(found, pair, wanted, heading_rad, rows))
 
     best = min(np.radians(np.arange(-180.0, 180.0, 2.0)), key=error)
-    return float(min(best + np.radians(np.arange(-2.0, 2.1, 0.5)), key=error))
+    return float(minimize_scalar(error, bounds=(best - 0.04, best + 0.04), method="bounded").x)
 
 
 def _band(found: Rotation, wanted: Rotation, std: Floats) -> tuple[int, float, float]:

@@ -24,6 +24,8 @@ pub enum JointsOf {
     HandRig,
     /// Machined.
     Machine,
+    /// Of a rower in a boat or on an ergometer: skin under units, mounts by eye, and loops that hold the arms.
+    Boat,
 }
 
 /// Statements about joints, units and the start. Standard deviations unless a name says otherwise.
@@ -41,6 +43,12 @@ pub struct Links {
     pub axis_std_rad: Option<f64>,
     /// By how much limits of joints differ between people, or between file and machine, rad.
     pub limit_std_rad: f64,
+    /// Constant turn of every unit on its bone, rad, where it is estimated; `None`: mounts are known.
+    pub mount_std_rad: Option<f64>,
+    /// Turn of every unit with its skin, rad, and its correlation time, s; `None`: there is none.
+    pub skin_std_rad: Option<f64>,
+    /// See `skin_std_rad`.
+    pub skin_time_s: f64,
     /// Speed of every unit, m/s, and its correlation time, s.
     pub speed_std_m_s: f64,
     /// See `speed_std_m_s`.
@@ -80,7 +88,7 @@ pub struct Links {
 /// Standard deviation of a heading that nobody knows: that of a uniform angle, pi / sqrt(3), rad.
 const UNKNOWN_RAD: f64 = 1.8;
 
-const KEYS: [&str; 24] = [
+const KEYS: [&str; 27] = [
     "joints",
     "joint_std_m",
     "joint_time_s",
@@ -88,6 +96,9 @@ const KEYS: [&str; 24] = [
     "hinge_std_rad",
     "axis_std_rad",
     "limit_std_rad",
+    "mount_std_rad",
+    "skin_std_rad",
+    "skin_time_s",
     "speed_std_m_s",
     "speed_time_s",
     "place_std_m",
@@ -117,6 +128,9 @@ impl Links {
             hinge_std_rad: None,
             axis_std_rad: None,
             limit_std_rad: 0.18,
+            mount_std_rad: None,
+            skin_std_rad: None,
+            skin_time_s: 0.4,
             speed_std_m_s: 1.5,
             speed_time_s: 1.0,
             place_std_m: 1.0,
@@ -150,6 +164,17 @@ impl Links {
             JointsOf::Machine => {
                 Links { point_std_m: 0.02, hinge_std_rad: Some(0.01), axis_std_rad: Some(0.02), ..rig }
             }
+            JointsOf::Boat => Links {
+                joint_std_m: 0.005,
+                joint_time_s: 0.02,
+                point_std_m: 0.01,
+                hinge_std_rad: Some(0.015),
+                mount_std_rad: Some(0.05),
+                skin_std_rad: Some(0.05),
+                gyro_density: 0.003,
+                start_std_rad: 0.15,
+                ..bone
+            },
         }
     }
 
@@ -157,7 +182,12 @@ impl Links {
         let Some(section) = whole.get("links").and_then(|slot| Section::of(slot, &KEYS)) else {
             return Links::of(JointsOf::Bone);
         };
-        let kinds = [("bone", JointsOf::Bone), ("hand_rig", JointsOf::HandRig), ("machine", JointsOf::Machine)];
+        let kinds = [
+            ("bone", JointsOf::Bone),
+            ("hand_rig", JointsOf::HandRig),
+            ("machine", JointsOf::Machine),
+            ("boat", JointsOf::Boat),
+        ];
         let kind = section.get("joints").and_then(|slot| slot.choice(&kinds)).unwrap_or(JointsOf::Bone);
         let mut links = Links::of(kind);
         let number = |key: &str, unit: &str| section.get(key).and_then(|slot| slot.positive(unit));
@@ -166,16 +196,19 @@ impl Links {
         }
         links.hinge_std_rad = number("hinge_std_rad", "rad").or(links.hinge_std_rad);
         links.axis_std_rad = number("axis_std_rad", "rad").or(links.axis_std_rad);
+        links.mount_std_rad = number("mount_std_rad", "rad").or(links.mount_std_rad);
+        links.skin_std_rad = number("skin_std_rad", "rad").or(links.skin_std_rad);
         links.rest_speed_std_m_s = number("rest_speed_std_m_s", "m/s").or(links.rest_speed_std_m_s);
         links
     }
 
-    fn numbers(&mut self) -> [(&'static str, &mut f64, &'static str); 20] {
+    fn numbers(&mut self) -> [(&'static str, &mut f64, &'static str); 21] {
         [
             ("joint_std_m", &mut self.joint_std_m, "m"),
             ("joint_time_s", &mut self.joint_time_s, "s"),
             ("point_std_m", &mut self.point_std_m, "m"),
             ("limit_std_rad", &mut self.limit_std_rad, "rad"),
+            ("skin_time_s", &mut self.skin_time_s, "s"),
             ("speed_std_m_s", &mut self.speed_std_m_s, "m/s"),
             ("speed_time_s", &mut self.speed_time_s, "s"),
             ("place_std_m", &mut self.place_std_m, "m"),

@@ -4,10 +4,16 @@ use super::covariance::{Rows, UNIT};
 use super::filter::{dot, Means, StrapdownFilter};
 use super::increment::{skew, square, sum, Signal, ZERO};
 use super::joint::Turns;
-use super::skeleton::{End, Pose};
+use super::sensors::Measures;
+use super::skeleton::{End, Link, Pose};
 use crate::body::Body;
 use crate::kernels::dense::{accumulate, Square};
+use crate::rotation::turn::Turn;
 use crate::rotation::{Mat3, Vec3};
+
+/// Interval between encoder readings from which a rate comes, s; and half of that for the rate of a link that they tell.
+const INPUT_STEP_S: f64 = 0.01;
+const RATE_STEP_S: f64 = 0.001;
 
 /// Derivatives of one coordinate's value by the errors.
 type Row = Vec<(usize, f64)>;
@@ -40,6 +46,11 @@ impl Coordinates {
             Coordinates { mean: near.to_vec(), off_axis: Vec::new(), rows: vec![Vec::new(); n], own: Square::zeros(n) };
         unknown.iter().enumerate().for_each(|(i, std)| *all.own.at_mut(i, i) = std * std);
         let motions = Motions::of(filter, means, signals);
+        for (k, push) in filter.skeleton.pushes.iter().enumerate() {
+            if let Some(slot) = body.layout.pushes.iter().find(|slot| slot.number == push.number) {
+                all.set(slot.state, means.pushes[k], vec![(filter.push_state(k), 1.0)], 0.0);
+            }
+        }
         for l in 0..filter.skeleton.links.len() {
             all.place_joint(filter, body, means, &motions, l);
         }
@@ -72,6 +83,9 @@ impl Coordinates {
     fn place_joint(&mut self, filter: &StrapdownFilter, body: &Body, means: &Means, motions: &Motions, l: usize) {
         let link = &filter.skeleton.links[l];
         let slots = link.turns.coordinates().map(|c| c.and_then(|c| body.layout.coordinates[c]));
+        if link.pose == Pose::Driven {
+            return self.place_driven(filter, body, means, l);
+        }
         let (relative, child) = filter.relative(means, l);
         let guess = slots.map(|s| s.map_or(0.0, |s| self.mean[s.q]));
         let angles = link.turns.angles(&relative, guess);
@@ -128,6 +142,26 @@ impl Coordinates {
         }
     }
 
+    /// Coordinates that encoders alone tell.
+    fn place_driven(&mut self, filter: &StrapdownFilter, body: &Body, means: &Means, l: usize) {
+        let slide = match filter.skeleton.links[l].turns {
+            Turns::Slide(c, ..) => Some(c),
+            _ => None,
+        };
+        let turns = filter.skeleton.links[l].turns.coordinates().into_iter().flatten();
+        for c in slide.into_iter().chain(turns) {
+            let Some(slots) = body.layout.coordinates[c] else { continue };
+            let std = filter.skeleton.sensors.iter().find(|s| matches!(s.measures, Measures::Input(own) if own == c));
+            let std = std.map_or(0.0, |sensor| sensor.std);
+            let [value, rate] = means.inputs[c];
+            self.set(slots.q, value, Vec::new(), std * std);
+            if let Some((velocity, _)) = slots.rates {
+                let noise = 2.0 * (std / INPUT_STEP_S).powi(2);
+                self.set(velocity, rate, Vec::new(), noise);
+            }
+        }
+    }
+
     /// How two stiff joints share a turn is known from their ranges only: what one has too much the other lacks.
     fn split(&mut self, filter: &StrapdownFilter, body: &Body, means: &Means, l: usize) {
         let skeleton = &filter.skeleton;
@@ -175,13 +209,14 @@ impl Coordinates {
         let (end, through) = filter.skeleton.way(l, Vec3([0.0; 3]));
         let End::Unit(u, point) = end else { return };
         let mean = &means.units[u];
-        let mut arm = mean.rotation.apply(point);
+        let mut arm = mean.rotation.apply(filter.point_of(means, u, point));
+        filter.push_skin(&mut rows, means, u, &sum(&ZERO, &back.times(&skew(arm)), -1.0));
         // p + R r: its error is xp + f x (p + R r).
         rows.push(UNIT * u, &sum(&ZERO, &back.times(&skew(mean.position + arm)), -1.0));
         rows.push(UNIT * u + 6, &back);
-        for (other, vector) in through {
-            let own = filter.orientation(means, other).apply(vector);
-            filter.push_turn(&mut rows, means, other, &sum(&ZERO, &back.times(&skew(own)), -1.0));
+        for leg in through {
+            let own = filter.leg(means, &leg);
+            filter.push_link(&mut rows, means, leg.link, &sum(&ZERO, &back.times(&skew(own)), -1.0));
             arm += own;
         }
         let place = back.apply(mean.position + arm - link.arm);
@@ -233,15 +268,15 @@ fn push_bias(rows: &mut Rows, filter: &StrapdownFilter, means: &Means, (link, si
             push_bias(rows, filter, means, (parent, sign * (1.0 - share)), child);
             push_bias(rows, filter, means, (other, sign * share), child);
         }
-        (Pose::Between(..), None) => {}
+        (Pose::Between(..), None) | (Pose::Driven, _) => {}
     }
 }
 
 /// Variance of the relative rotation by the mounts of both units, in the child's axes.
 fn mount_variance(filter: &StrapdownFilter, l: usize, relative: &Mat3<f64>) -> Mat3<f64> {
     let of = |link: usize| match filter.skeleton.links[link].pose {
-        Pose::Unit(u) => filter.skeleton.units[u].mount_std_rad.map(|s| s * s),
-        Pose::State(..) | Pose::Between(..) => [0.0; 3],
+        Pose::Unit(u) if filter.links.mount_std_rad.is_none() => filter.skeleton.units[u].mount_std_rad.map(|s| s * s),
+        Pose::Unit(_) | Pose::State(..) | Pose::Between(..) | Pose::Driven => [0.0; 3],
     };
     let mut out = ZERO;
     let own = of(l);
@@ -268,6 +303,16 @@ struct Motion {
     rate_hz: f64,
 }
 
+/// Angular velocity of a link that encoders alone tell against its parent, in its own axes, rad/s.
+fn driven_rate(link: &Link, means: &Means) -> Vec3<f64> {
+    let at = |after_s: f64| {
+        let q = link.turns.coordinates().map(|c| c.map_or(0.0, |c| means.inputs[c][0] + after_s * means.inputs[c][1]));
+        link.turns.rotation(q)
+    };
+    let turn = at(-RATE_STEP_S).transposed().times(&at(RATE_STEP_S));
+    Vec3(Turn::of(&turn).log()) * (0.5 / RATE_STEP_S)
+}
+
 struct Motions {
     units: Vec<Motion>,
     links: Vec<Motion>,
@@ -279,8 +324,9 @@ impl Motions {
         let units: Vec<Motion> =
             means.units.iter().zip(signals).map(|(mean, signal)| unit_motion(filter, mean, signal, up)).collect();
         let mut links: Vec<Option<Motion>> = vec![None; filter.skeleton.links.len()];
-        for (unit, motion) in filter.skeleton.units.iter().zip(&units) {
-            let (rate, slope) = (unit.mount.apply(motion.rate), unit.mount.apply(motion.slope));
+        for (u, (unit, motion)) in filter.skeleton.units.iter().zip(&units).enumerate() {
+            let mount = unit.mount.times_transposed(&filter.skin_of(means, u));
+            let (rate, slope) = (mount.apply(motion.rate), mount.apply(motion.slope));
             links[unit.link] = Some(Motion { rate, slope, ..*motion });
         }
         for (number, l) in filter.skeleton.loose.iter().enumerate() {
@@ -308,6 +354,9 @@ impl Motions {
             slope_noise: 0.0,
             rate_hz: 0.0,
         };
+        for (l, link) in filter.skeleton.links.iter().enumerate().filter(|(_, link)| link.pose == Pose::Driven) {
+            links[l] = Some(Motion { rate: driven_rate(link, means), ..still });
+        }
         Motions { units, links: links.into_iter().map(|m| m.unwrap_or(still)).collect() }
     }
 }

@@ -1,8 +1,9 @@
 //! Attaches a model's loops, and sensors that are no gyroscope or accelerometer, to its links. `skeleton` uses it.
 
+use super::joint::Turns;
 use super::pieces::Pieces;
 use super::sensors::{Measures, Place, Sensor};
-use super::skeleton::{Axes, End, Skeleton, Way};
+use super::skeleton::{Axes, End, Pose, Skeleton, Way};
 use crate::body::Body;
 use crate::error::{Error, Result};
 use crate::model::transform::evaluate_three;
@@ -112,8 +113,11 @@ impl Skeleton {
     /// The angle of the hinge with this coordinate.
     fn angle(&self, coordinate: usize) -> Option<Measures> {
         self.links.iter().enumerate().find_map(|(l, link)| {
+            if matches!(link.turns, Turns::Slide(c, ..) if c == coordinate) {
+                return Some(Measures::Input(coordinate));
+            }
             let own = link.turns.coordinates().iter().position(|c| *c == Some(coordinate));
-            own.map(|k| Measures::Angle(l, k))
+            own.map(|k| if link.pose == Pose::Driven { Measures::Input(coordinate) } else { Measures::Angle(l, k) })
         })
     }
 }

@@ -144,14 +144,34 @@ fn move_columns(step: &Step, x: &mut [f64]) {
     }
 }
 
+/// Transitions of all units; states that accelerate them all along an axis; and shares of states that decay.
+type Transition<'a> = (&'a [Step], &'a [(usize, Vec3<f64>)], &'a [(usize, f64)]);
+
 /// P <- F P F' for all units.
-pub fn predict(arch: Arch, covariance: &mut Square, steps: &[Step]) {
-    arch.run(Predicting { covariance, steps });
+pub fn predict(arch: Arch, covariance: &mut Square, transition: Transition) {
+    arch.run(Predicting { covariance, transition });
+}
+
+/// Adds what an acceleration of the room does to a unit: rows of its velocity and position, and of the acceleration.
+pub fn push_rows(step: &Step, axis: Vec3<f64>, rows: &mut [&mut [f64]; 7]) {
+    let [v0, v1, v2, p0, p1, p2, push] = rows;
+    let t = if step.forgets { 0.0 } else { step.duration_s };
+    for (row, by) in [v0, v1, v2].into_iter().zip(axis.0) {
+        row.iter_mut().zip(push.iter()).for_each(|(x, s)| *x -= t * by * s);
+    }
+    for (row, by) in [p0, p1, p2].into_iter().zip(axis.0) {
+        row.iter_mut().zip(push.iter()).for_each(|(x, s)| *x -= 0.5 * t * t * by * s);
+    }
+}
+
+/// Rows of a unit's velocity and position, and of an acceleration of the room.
+pub fn pushed_rows(unit: usize, push: usize) -> [usize; 7] {
+    std::array::from_fn(|r| if r < 6 { UNIT * unit + 3 + r } else { push })
 }
 
 struct Predicting<'a> {
     covariance: &'a mut Square,
-    steps: &'a [Step],
+    transition: Transition<'a>,
 }
 
 impl Kernel for Predicting<'_> {
@@ -159,15 +179,31 @@ impl Kernel for Predicting<'_> {
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let Predicting { covariance, steps } = self;
+        let Predicting { covariance, transition: (steps, pushed, decays) } = self;
         for (i, step) in steps.iter().enumerate() {
             let mut rows = covariance.rows_mut::<UNIT>(std::array::from_fn(|r| UNIT * i + r));
             move_rows::<FUSED>(step, &mut rows);
+            for (state, axis) in pushed {
+                push_rows(step, *axis, &mut covariance.rows_mut::<7>(pushed_rows(i, *state)));
+            }
+        }
+        for (state, share) in decays {
+            covariance.row_mut(*state).iter_mut().for_each(|x| *x *= share);
         }
         for r in 0..covariance.n() {
             let row = covariance.row_mut(r);
             for (i, step) in steps.iter().enumerate() {
                 move_columns(step, &mut row[UNIT * i..UNIT * (i + 1)]);
+                let t = if step.forgets { 0.0 } else { step.duration_s };
+                for (state, axis) in pushed {
+                    for q in 0..3 {
+                        row[UNIT * i + 3 + q] -= t * axis.0[q] * row[*state];
+                        row[UNIT * i + 6 + q] -= 0.5 * t * t * axis.0[q] * row[*state];
+                    }
+                }
+            }
+            for (state, share) in decays {
+                row[*state] *= share;
             }
         }
     }

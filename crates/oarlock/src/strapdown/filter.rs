@@ -1,9 +1,9 @@
 //! The filter of strapdown links: prediction by each unit's own readings, and readings of joints, bounds, rest and contact.
 
 use super::covariance::{even, predict, Correction, Rows, Step, UNIT};
-use super::increment::{sum, Increment, Reading, Readings, ZERO};
+use super::increment::{skew, sum, Increment, Reading, Readings, ZERO};
 use super::sensors::{Heard, Measures, Sensor};
-use super::skeleton::{End, Pose, Skeleton};
+use super::skeleton::{Closure, End, Leg, Pose, Skeleton};
 use super::start::{fresh_block, put_block};
 use crate::estimate::filter::Verdict;
 use crate::kernels::arch::Arch;
@@ -51,6 +51,10 @@ pub struct Means {
     pub constants: Vec<Vec3<f64>>,
     /// Of the magnetic field, rad from `forward`; the last state, if units have magnetometers.
     pub azimuth: f64,
+    /// Accelerations of the room, m/s2.
+    pub pushes: Vec<f64>,
+    /// By coordinate of the model: what encoders alone tell, rad or m, and its rate. No state.
+    pub inputs: Vec<[f64; 2]>,
 }
 
 /// Everything that the filter knows at one instant.
@@ -95,6 +99,8 @@ pub struct StrapdownFilter {
     pub points: Vec<[Option<usize>; 2]>,
     /// First state of the turn of a joint's axes, against the link that carries it and the link that it carries, by link; `None`: they have none.
     pub axes: Vec<[Option<usize>; 2]>,
+    /// First states of the constant turn of a unit's mount, and of its skin, by unit.
+    pub turned: Vec<[Option<usize>; 2]>,
     /// Number of states.
     pub size: usize,
     /// Least interval between updates, s.
@@ -119,6 +125,8 @@ pub struct StrapdownFilter {
     pub fields: Vec<Verdict>,
     /// By unit: whether its joints are let go, because it contradicts itself alone.
     pub let_go: Vec<bool>,
+    /// Of the last update, by coordinate: whether encoders that tell it alone are silent.
+    pub stale: Vec<bool>,
     /// Of the last update, by unit: by what it was turned, rad in the room's axes.
     pub moved_by: Vec<Vec3<f64>>,
 }
@@ -135,9 +143,12 @@ impl StrapdownFilter {
         let points = ends.map(|(is_joint, ends)| ends.map(|end| place(is_joint && end.unit().is_some()))).collect();
         let turns = |l: usize| closures && links.axis_std_rad.is_some() && skeleton.is_hinged(l);
         let axes = (0..skeleton.links.len()).map(|l| [turns(l); 2].map(&mut place)).collect();
-        size += usize::from(skeleton.has_fields());
+        let turned = vec![[links.mount_std_rad, links.skin_std_rad]; if closures { units } else { 0 }];
+        let turned = turned.into_iter().map(|stds| stds.map(|std| place(std.is_some()))).collect();
+        size += skeleton.pushes.len() + usize::from(skeleton.has_fields());
         let is_alone = |sensor: &Sensor| matches!(sensor.measures, Measures::Angle(l, _) if matches!(skeleton.links[l].pose, Pose::State(..)));
-        let update_s = if skeleton.sensors.iter().any(is_alone) { UPDATE_ENCODER_S } else { UPDATE_S };
+        let is_held = skeleton.closures.iter().any(|c| c.loop_std_m.is_some() && !c.through.is_empty());
+        let update_s = if is_held || skeleton.sensors.iter().any(is_alone) { UPDATE_ENCODER_S } else { UPDATE_S };
         StrapdownFilter {
             update_s,
             gravity: skeleton.up * -skeleton.gravity_m_s2,
@@ -150,6 +161,8 @@ impl StrapdownFilter {
             silent: vec![false; units],
             fields: vec![Verdict::Missing; units],
             let_go: vec![false; units],
+            stale: vec![false; skeleton.rest.len()],
+            turned,
             moved_by: vec![Vec3([0.0; 3]); units],
             skeleton,
             links,
@@ -167,6 +180,19 @@ impl StrapdownFilter {
         self.skeleton.links.iter().filter(|link| link.turns.locked() > 0)
     }
 
+    /// Whether a loop of the model is read.
+    pub fn is_loop_read(&self, number: usize) -> bool {
+        let closure = self.skeleton.closures.iter().filter(|c| c.loop_std_m.is_some()).nth(number);
+        self.closures && closure.is_some_and(|closure| self.can_read(closure))
+    }
+
+    /// Whether everything that a closure needs speaks, and no joint is let go.
+    pub(super) fn can_read(&self, closure: &Closure) -> bool {
+        let is_silent = |end: End| end.unit().is_some_and(|u| self.silent[u] || self.let_go[u]);
+        let is_stale = closure.through.iter().any(|leg| self.is_stale_leg(leg));
+        !is_silent(closure.from) && !is_silent(closure.to) && !is_stale
+    }
+
     /// First state of a link without a unit.
     pub fn loose_state(&self, number: usize) -> usize {
         UNIT * self.skeleton.units.len() + 3 * number
@@ -174,7 +200,68 @@ impl StrapdownFilter {
 
     /// First states of all constants, in order.
     pub fn constants(&self) -> impl Iterator<Item = usize> + '_ {
-        self.points.iter().chain(&self.axes).flatten().flatten().copied()
+        self.points.iter().chain(&self.axes).chain(&self.turned).flatten().flatten().copied()
+    }
+
+    /// First states of the skins of units.
+    pub(super) fn skins(&self) -> impl Iterator<Item = usize> + '_ {
+        self.turned.iter().filter_map(|[_, skin]| *skin)
+    }
+
+    /// State of an acceleration of the room.
+    pub fn push_state(&self, number: usize) -> usize {
+        self.size - usize::from(self.skeleton.has_fields()) - self.skeleton.pushes.len() + number
+    }
+
+    /// Gravity as it acts in the room, which may be accelerated, m/s2.
+    pub(super) fn gravity_in(&self, means: &Means) -> Vec3<f64> {
+        let pushes = self.skeleton.pushes.iter().zip(&means.pushes);
+        pushes.fold(self.gravity, |sum, (push, value)| sum + push.axis * -value)
+    }
+
+    /// How the accelerations of the room move every unit: their states and axes.
+    pub(super) fn pushed(&self) -> Vec<(usize, Vec3<f64>)> {
+        self.skeleton.pushes.iter().enumerate().map(|(k, push)| (self.push_state(k), push.axis)).collect()
+    }
+
+    /// What skins and accelerations of the room keep over a time: state, and share.
+    pub(super) fn decays(&self, step_s: f64) -> Vec<(usize, f64)> {
+        let skin = (-step_s / self.links.skin_time_s).exp();
+        let skins = self.skins().flat_map(|first| (first..first + 3).map(move |i| (i, skin)));
+        let pushes = self.skeleton.pushes.iter().enumerate();
+        let pushes = pushes.map(|(k, push)| (self.push_state(k), (-step_s / push.time_s).exp()));
+        skins.chain(pushes).collect()
+    }
+
+    /// Turn of a unit's bone against where its mount says, in the unit's axes.
+    pub(super) fn skin_of(&self, means: &Means, u: usize) -> Mat3<f64> {
+        let turns = self.turned.get(u).copied().unwrap_or_default();
+        let [mount, skin] = turns.map(|first| self.constant(means, first));
+        Mat3::about(mount).times(&Mat3::about(skin))
+    }
+
+    /// A point of a unit's bone, from the unit, m in its axes: with the error of a joint's point.
+    pub(super) fn point_of(&self, means: &Means, u: usize, point: Vec3<f64>) -> Vec3<f64> {
+        if self.turned.get(u).is_none_or(|turns| *turns == [None; 2]) {
+            return point;
+        }
+        self.skin_of(means, u).apply(point)
+    }
+
+    /// Derivatives of the turn of a unit's bone by its mount and skin, in the room's axes, times `m`.
+    pub(super) fn push_skin(&self, rows: &mut Rows, means: &Means, u: usize, m: &Mat3<f64>) {
+        let [mount, skin] = self.turned.get(u).copied().unwrap_or_default();
+        let rotation = &means.units[u].rotation;
+        // The left Jacobian of a small turn.
+        let by = |turn: Vec3<f64>| sum(&Mat3::identity(), &skew(turn), 0.5);
+        let own = self.constant(means, mount);
+        if let Some(first) = mount {
+            rows.push(first, &m.times(rotation).times(&by(own)));
+        }
+        if let Some(first) = skin {
+            let turn = self.constant(means, skin);
+            rows.push(first, &m.times(rotation).times(&Mat3::about(own)).times(&by(turn)));
+        }
     }
 
     /// Whether the body may go anywhere: it touches the ground, or something measures where it is.
@@ -187,7 +274,15 @@ impl StrapdownFilter {
     /// Orientation of a link, room from link.
     pub fn orientation(&self, means: &Means, link: usize) -> Mat3<f64> {
         match self.skeleton.links[link].pose {
-            Pose::Unit(u) => means.units[u].rotation.times_transposed(&self.skeleton.units[u].mount),
+            Pose::Unit(u) => {
+                let unit = means.units[u].rotation.times(&self.skin_of(means, u));
+                unit.times_transposed(&self.skeleton.units[u].mount)
+            }
+            Pose::Driven => {
+                let link = &self.skeleton.links[link];
+                let turn = link.turns.rotation(link.turns.coordinates().map(|c| c.map_or(0.0, |c| means.inputs[c][0])));
+                self.orientation_of(means, link.parent).times(&turn)
+            }
             Pose::State(number, anchor) => self.orientation(means, anchor).times(&means.loose[number]),
             Pose::Between(child, share) => {
                 let [first, turn] = self.between(means, link, child);
@@ -209,15 +304,40 @@ impl StrapdownFilter {
         [first, first.transposed().times(&second)]
     }
 
-    pub fn through(&self, means: &Means, closure: &super::skeleton::Closure) -> Vec3<f64> {
-        let vectors = closure.through.iter().map(|(l, v)| self.orientation(means, *l).apply(*v));
-        vectors.fold(Vec3([0.0; 3]), |sum, v| sum + v)
+    pub fn through(&self, means: &Means, closure: &Closure) -> Vec3<f64> {
+        closure.through.iter().fold(Vec3([0.0; 3]), |sum, leg| sum + self.leg(means, leg))
+    }
+
+    /// A leg in the room's axes, m.
+    pub(super) fn leg(&self, means: &Means, leg: &Leg) -> Vec3<f64> {
+        let length = leg.by.map_or(1.0, |c| means.inputs[c][0]);
+        self.orientation_of(means, leg.link).apply(leg.vector) * length
+    }
+
+    /// Whether encoders that a leg needs are silent.
+    pub(super) fn is_stale_leg(&self, leg: &Leg) -> bool {
+        let mut link = leg.link;
+        let mut all = leg.by.into_iter().collect::<Vec<usize>>();
+        while let Some(l) = link.filter(|l| self.skeleton.links[*l].pose == Pose::Driven) {
+            all.extend(self.skeleton.links[l].turns.coordinates().into_iter().flatten());
+            link = self.skeleton.links[l].parent;
+        }
+        all.iter().any(|c| self.stale[*c])
+    }
+
+    /// The same as `push_turn`; of the room, nothing.
+    pub(super) fn push_link(&self, rows: &mut Rows, means: &Means, link: Option<usize>, m: &Mat3<f64>) {
+        link.into_iter().for_each(|l| self.push_turn(rows, means, l, m));
     }
 
     /// Derivatives of a link's turn error, in the room's axes: of its unit, and of the joint states on the way, times `m`.
     pub fn push_turn(&self, rows: &mut Rows, means: &Means, link: usize, m: &Mat3<f64>) {
         match self.skeleton.links[link].pose {
-            Pose::Unit(u) => rows.push(UNIT * u, m),
+            Pose::Unit(u) => {
+                rows.push(UNIT * u, m);
+                self.push_skin(rows, means, u, m);
+            }
+            Pose::Driven => {}
             Pose::State(number, anchor) => {
                 rows.push(self.loose_state(number), &m.times(&self.orientation(means, anchor)));
                 self.push_turn(rows, means, anchor, m);
@@ -283,25 +403,24 @@ impl StrapdownFilter {
         state.readings[u].integrate(&mut state.increments[u], ends_s, biases, lift, &self.links);
     }
 
-    /// A unit's state after an increment from `mean`.
-    pub fn moved(&self, mean: &UnitState, i: &Increment) -> UnitState {
+    /// A unit's state after an increment from `mean` under gravity, m/s2.
+    pub fn moved(&self, mean: &UnitState, i: &Increment, gravity: Vec3<f64>) -> UnitState {
         let t = i.duration_s;
         UnitState {
             rotation: mean.rotation.times(&i.rotation),
-            velocity: mean.velocity + self.gravity * t + mean.rotation.apply(i.velocity),
-            position: mean.position
-                + mean.velocity * t
-                + self.gravity * (0.5 * t * t)
-                + mean.rotation.apply(i.position),
+            velocity: mean.velocity + gravity * t + mean.rotation.apply(i.velocity),
+            position: mean.position + mean.velocity * t + gravity * (0.5 * t * t) + mean.rotation.apply(i.position),
             ..*mean
         }
     }
 
     /// Means at `row_s`.
     pub fn present(&self, state: &State) -> Means {
-        let units = state.means.units.iter().zip(&state.increments).map(|(mean, i)| self.moved(mean, i));
-        let Means { loose, constants, azimuth, .. } = &state.means;
-        Means { units: units.collect(), loose: loose.clone(), constants: constants.clone(), azimuth: *azimuth }
+        let gravity = self.gravity_in(&state.means);
+        let units = state.means.units.iter().zip(&state.increments).map(|(mean, i)| self.moved(mean, i, gravity));
+        let inputs = self.inputs(&state.heard, state.row_s, &state.means.inputs);
+        let Means { loose, constants, azimuth, pushes, .. } = state.means.clone();
+        Means { units: units.collect(), loose, constants, azimuth, pushes, inputs }
     }
 
     fn predict(&mut self, state: &mut State) -> Vec<Step> {
@@ -309,10 +428,11 @@ impl StrapdownFilter {
         let mut noises = Vec::with_capacity(steps.capacity());
         self.silent = state.readings.iter().map(|r| state.row_s - r.last_s() > SILENT_S).collect();
         let before = state.means.units.clone();
+        let gravity = self.gravity_in(&state.means);
         for (mean, increment) in state.means.units.iter_mut().zip(&mut state.increments) {
             let before = mean.rotation;
-            *mean = self.moved(mean, increment);
-            let (step, noise) = Step::of(increment, &before, (mean.velocity, mean.position), self.gravity);
+            *mean = self.moved(mean, increment, gravity);
+            let (step, noise) = Step::of(increment, &before, (mean.velocity, mean.position), gravity);
             mean.rotation = orthonormal(&mean.rotation);
             steps.push(step);
             noises.push(noise);
@@ -325,8 +445,10 @@ impl StrapdownFilter {
             noises[u] = fresh_block(&turn, &state.means.units[u], stds);
             steps[u].forgets = true;
         }
-        predict(self.arch, &mut state.covariance, &steps);
         let step_s = state.row_s - state.time_s;
+        let decays = self.decays(step_s);
+        predict(self.arch, &mut state.covariance, (&steps, &self.pushed(), &decays));
+        self.wander(state, step_s);
         for (i, (noise, unit)) in noises.iter().zip(&self.skeleton.units).enumerate() {
             put_block(&mut state.covariance, UNIT * i, noise);
             for r in 0..6 {
@@ -367,7 +489,26 @@ impl StrapdownFilter {
         };
     }
 
+    /// Skins and accelerations of the room forget, and get their noise.
+    fn wander(&self, state: &mut State, step_s: f64) {
+        let skin = (-step_s / self.links.skin_time_s).exp();
+        let std = self.links.skin_std_rad.unwrap_or(0.0);
+        let begin = self.loose_state(self.skeleton.loose.len());
+        for first in self.skins() {
+            let mean = &mut state.means.constants[(first - begin) / 3];
+            *mean = *mean * skin;
+            (first..first + 3).for_each(|i| *state.covariance.at_mut(i, i) += std * std * (1.0 - skin * skin));
+        }
+        for (k, push) in self.skeleton.pushes.iter().enumerate() {
+            let i = self.push_state(k);
+            state.means.pushes[k] *= (-step_s / push.time_s).exp();
+            *state.covariance.at_mut(i, i) += push.density * push.density * step_s;
+        }
+    }
+
     fn update(&mut self, state: &mut State, step_s: f64) {
+        state.means.inputs = self.inputs(&state.heard, state.time_s, &state.means.inputs);
+        self.stale = self.is_stale(&state.heard, state.time_s);
         self.correction.shift.fill(0.0);
         self.closure_nis.fill(f64::NAN);
         if self.closures {
@@ -426,6 +567,7 @@ impl StrapdownFilter {
         if let Some(i) = self.azimuth_state() {
             means.azimuth += shift[i];
         }
+        means.pushes.iter_mut().enumerate().for_each(|(k, push)| *push += shift[self.push_state(k)]);
     }
 
     /// Rotation of a link against its parent, and room from link.

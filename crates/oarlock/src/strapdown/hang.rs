@@ -1,11 +1,17 @@
 //! How the links of a skeleton hang together: states of links without a unit, joints that close, and the way from a unit to a point.
 
 use super::joint::Turns;
-use super::skeleton::{Closure, End, Link, Pose, Skeleton, Way};
+use super::skeleton::{Closure, End, Leg, Link, Pose, Skeleton, Way};
 use crate::rotation::Vec3;
 
 /// Joints that turn by less than this are stiff, rad.
 const STIFF_RAD: f64 = 0.4;
+
+impl Leg {
+    pub fn of(link: usize, vector: Vec3<f64>) -> Leg {
+        Leg { link: Some(link), vector, by: None }
+    }
+}
 
 impl Skeleton {
     /// Gives each link without a unit a state against the neighbour on its way to the nearest unit.
@@ -14,7 +20,7 @@ impl Skeleton {
             self.links[link].pose = Pose::Between(child, share);
         }
         let mut todo: Vec<usize> = self.units.iter().map(|u| u.link).collect();
-        let is_known = |link: &Link| matches!(link.pose, Pose::Unit(_) | Pose::Between(..));
+        let is_known = |link: &Link| matches!(link.pose, Pose::Unit(_) | Pose::Between(..) | Pose::Driven);
         let mut known: Vec<bool> = self.links.iter().map(is_known).collect();
         let mut next = 0;
         while next < todo.len() {
@@ -48,7 +54,9 @@ impl Skeleton {
 
     /// Whether a joint locks a direction between two links whose orientations units tell.
     pub fn is_hinged(&self, l: usize) -> bool {
-        self.links[l].turns.locked() > 0 && !self.is_loose(l) && !self.links[l].parent.is_some_and(|p| self.is_loose(p))
+        let is_known = |l: usize| !self.is_loose(l);
+        let link = &self.links[l];
+        link.turns.locked() > 0 && link.pose != Pose::Driven && is_known(l) && link.parent.is_none_or(is_known)
     }
 
     /// Whether a link has a joint state.
@@ -89,8 +97,7 @@ impl Skeleton {
                 (None, _) => (End::Room(link.arm), Vec::new()),
                 (Some(parent), _) => self.way(parent, link.arm),
             };
-            let same = |a: &End, b: &End| matches!((a, b), (End::Unit(a, _), End::Unit(b, _)) if a == b);
-            if same(&from.0, &to.0) {
+            if from.0.unit() == to.0.unit() {
                 continue;
             }
             closures.push(self.closure(l, from, to, None));
@@ -100,19 +107,21 @@ impl Skeleton {
 
     /// The meeting of two points, each with its way from a unit.
     pub(super) fn closure(&self, link: usize, from: Way, to: Way, loop_std_m: Option<f64>) -> Closure {
-        let back = to.1.iter().rev().map(|(l, v)| (*l, *v * -1.0));
-        let through = from.1.iter().copied().chain(back).flat_map(|(l, v)| self.carried(l, v)).collect();
+        let back = to.1.iter().rev().map(|leg| Leg { vector: leg.vector * -1.0, ..*leg });
+        let through = from.1.iter().copied().chain(back).flat_map(|leg| self.carried(leg)).collect();
         Closure { link, from: from.0, through, to: to.0, spread_m2: [Vec3([0.0; 3]); 2], loop_std_m }
     }
 
     /// A vector of a link, carried by the links that its orientation comes from.
-    fn carried(&self, link: usize, vector: Vec3<f64>) -> Vec<(usize, Vec3<f64>)> {
+    fn carried(&self, leg: Leg) -> Vec<Leg> {
+        let Some(link) = leg.link else { return vec![leg] };
         match (self.links[link].pose, self.links[link].parent) {
-            (Pose::Between(child, share), Some(parent)) => vec![
-                (parent, self.links[link].rest.apply(vector) * (1.0 - share)),
-                (child, self.links[child].rest.apply_transposed(vector) * share),
-            ],
-            _ => vec![(link, vector)],
+            (Pose::Between(child, share), Some(parent)) => {
+                let first = self.links[link].rest.apply(leg.vector) * (1.0 - share);
+                let second = self.links[child].rest.apply_transposed(leg.vector) * share;
+                vec![Leg::of(parent, first), Leg::of(child, second)]
+            }
+            _ => vec![leg],
         }
     }
 
@@ -128,13 +137,17 @@ impl Skeleton {
                 }
                 Pose::State(_, anchor) => {
                     let (own, there) = self.meeting(l, anchor);
-                    through.push((l, at - own));
+                    through.push(Leg::of(l, at - own));
                     (l, at) = (anchor, there);
                 }
-                Pose::Between(..) => {
-                    through.push((l, at));
-                    let Some(parent) = self.links[l].parent else { return (End::Room(at), through) };
-                    (l, at) = (parent, self.links[l].arm);
+                Pose::Between(..) | Pose::Driven => {
+                    let Link { parent, arm, turns, .. } = &self.links[l];
+                    through.push(Leg::of(l, at));
+                    if let Turns::Slide(coordinate, _, axis) = turns {
+                        through.push(Leg { link: *parent, vector: *axis, by: Some(*coordinate) });
+                    }
+                    let Some(parent) = *parent else { return (End::Room(*arm), through) };
+                    (l, at) = (parent, *arm);
                 }
             }
         }

@@ -27,6 +27,8 @@ pub enum Turns {
     Ball(usize, Mat3<f64>),
     /// One to three hinges that meet in a point.
     Hinges(Vec<Hinge>),
+    /// A slide along an axis of the parent, by its coordinate: it turns nothing.
+    Slide(usize, Mat3<f64>, Vec3<f64>),
 }
 
 /// Angles of a joint at one relative rotation.
@@ -56,6 +58,7 @@ impl Turns {
             Turns::Free(first, _) => [3, 4, 5].map(|k| Some(first + k)),
             Turns::Ball(first, _) => [0, 1, 2].map(|k| Some(first + k)),
             Turns::Hinges(hinges) => [0, 1, 2].map(|k| hinges.get(k).map(|h| h.coordinate)),
+            Turns::Slide(..) => [None; 3],
         }
     }
 
@@ -71,6 +74,7 @@ impl Turns {
     pub fn rotation(&self, q: [f64; 3]) -> Mat3<f64> {
         match self {
             Turns::Free(_, entry) | Turns::Ball(_, entry) => entry.times(&Mat3::about(Vec3(q))),
+            Turns::Slide(_, entry, _) => *entry,
             Turns::Hinges(hinges) => hinges
                 .iter()
                 .zip(q)
@@ -85,6 +89,9 @@ impl Turns {
             Turns::Free(_, entry) | Turns::Ball(_, entry) => {
                 let q = Turn::of(&entry.transposed().times(rotation)).log();
                 Angles { count: 3, q, by_turn: Mat3::identity(), off_axis: zero, normals: [zero; 2] }
+            }
+            Turns::Slide(..) => {
+                Angles { count: 0, q: [0.0; 3], by_turn: Mat3::identity(), off_axis: zero, normals: [zero; 2] }
             }
             Turns::Hinges(hinges) if hinges.len() == 1 => one_hinge(&hinges[0], rotation, guess[0]),
             Turns::Hinges(hinges) => self.some_hinges(hinges, rotation, guess),

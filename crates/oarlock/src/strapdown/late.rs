@@ -8,6 +8,14 @@ use super::skeleton::Pose;
 use crate::kernels::dense::Square;
 use crate::rotation::{Mat3, Vec3};
 
+/// What a constant belongs to.
+#[derive(PartialEq)]
+enum Of {
+    Point,
+    Axes,
+    Unit,
+}
+
 impl StrapdownFilter {
     /// The estimate of `old`, which had fewer units, for this filter of the same body. A new unit begins where the old estimate puts its link, and
     /// is worth as little as one that speaks again.
@@ -23,7 +31,8 @@ impl StrapdownFilter {
         };
         let unit = |(u, o): (usize, &Option<usize>)| o.map_or_else(|| fresh(u), |o| state.means.units[o]);
         let units = earlier.iter().enumerate().map(unit).collect();
-        let mut means = Means { units, azimuth: state.means.azimuth, ..Means::default() };
+        let Means { azimuth, pushes, inputs, .. } = state.means.clone();
+        let mut means = Means { units, azimuth, pushes, inputs, ..Means::default() };
         means.loose = self.skeleton.loose.iter().map(|l| self.against(*l, &rotations)).collect();
         let mut source = vec![None; self.size];
         for (u, o) in earlier.iter().enumerate() {
@@ -42,6 +51,7 @@ impl StrapdownFilter {
         if let (Some(own), Some(there)) = (self.azimuth_state(), old.azimuth_state()) {
             source[own] = Some(there);
         }
+        (0..self.skeleton.pushes.len()).for_each(|k| source[self.push_state(k)] = Some(old.push_state(k)));
         let mut known: Vec<bool> = earlier.iter().map(Option::is_some).collect();
         self.place(&mut means, &mut known);
         let covariance = self.admitted_covariance(&state.covariance, &source, &means);
@@ -108,17 +118,21 @@ impl StrapdownFilter {
         there.map_or_else(Heard::default, |s| heard[s].clone())
     }
 
-    /// What every constant belongs to, in order: a point to its joint's frame and its unit's source, axes to their joint's frame and end.
-    fn constant_keys(&self) -> impl Iterator<Item = (bool, usize, usize)> + '_ {
+    /// What every constant belongs to, in order: a point to its joint's frame and its unit's source, axes to their joint's frame and end, the turns of
+    /// mount and skin to their unit's source.
+    fn constant_keys(&self) -> impl Iterator<Item = (Of, usize, usize)> + '_ {
         let skeleton = &self.skeleton;
         let points = skeleton.closures.iter().zip(&self.points).flat_map(move |(closure, points)| {
             let frame = skeleton.links[closure.link].frame;
             let ends = [closure.from.unit(), closure.to.unit()].into_iter().zip(points);
-            ends.filter_map(move |(unit, first)| first.and(unit).map(|u| (true, frame, skeleton.units[u].source)))
+            ends.filter_map(move |(unit, first)| first.and(unit).map(|u| (Of::Point, frame, skeleton.units[u].source)))
         });
         let axes = skeleton.links.iter().zip(&self.axes).flat_map(|(link, axes)| {
-            axes.iter().enumerate().filter_map(move |(end, first)| first.map(|_| (false, link.frame, end)))
+            axes.iter().enumerate().filter_map(move |(end, first)| first.map(|_| (Of::Axes, link.frame, end)))
         });
-        points.chain(axes)
+        let turned = skeleton.units.iter().zip(&self.turned).flat_map(|(unit, turned)| {
+            turned.iter().enumerate().filter_map(move |(k, first)| first.map(|_| (Of::Unit, unit.source, k)))
+        });
+        points.chain(axes).chain(turned)
     }
 }

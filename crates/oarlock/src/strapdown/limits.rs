@@ -27,7 +27,7 @@ impl StrapdownFilter {
         let is_unknown = |l: usize| match self.skeleton.links[l].pose {
             Pose::Unit(u) => self.silent[u] || self.let_go[u],
             Pose::State(..) => true,
-            Pose::Between(..) => false,
+            Pose::Between(..) | Pose::Driven => false,
         };
         if link.joints.is_empty() || is_unknown(l) || link.parent.is_some_and(is_unknown) {
             return;

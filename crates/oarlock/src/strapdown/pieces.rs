@@ -13,6 +13,15 @@ pub struct Piece {
     pub entry: Mat3<f64>,
 }
 
+impl Piece {
+    /// Whether the same joint moves another piece in the same way.
+    fn moves_as(&self, other: &Piece) -> bool {
+        let near = |a: &Vec3<f64>, b: &Vec3<f64>| a.0.iter().zip(b.0).all(|(a, b)| (a - b).abs() < 1e-9);
+        let rows = || self.entry.0.iter().zip(other.entry.0).all(|(a, b)| near(&Vec3(*a), &Vec3(b)));
+        self.parent == other.parent && self.joint == other.joint && near(&self.arm, &other.arm) && rows()
+    }
+}
+
 pub struct Home {
     pub piece: usize,
     pub rotation: Mat3<f64>,
@@ -26,6 +35,13 @@ pub struct Pieces {
 }
 
 impl Pieces {
+    /// A joint that moves several pieces.
+    pub fn shared_joint(&self) -> Option<usize> {
+        let mut joints: Vec<usize> = self.all.iter().skip(1).map(|p| p.joint.0).collect();
+        joints.sort_unstable();
+        joints.windows(2).find(|pair| pair[0] == pair[1]).map(|pair| pair[0])
+    }
+
     /// Of a body at its parameters.
     pub fn of(body: &Body) -> Self {
         let (here, zero) = (Mat3::identity(), Vec3([0.0; 3]));
@@ -55,8 +71,12 @@ impl Pieces {
                     arm: home.origin,
                     entry: home.rotation,
                 };
-                pieces.all.push(piece);
-                home = Home { piece: pieces.all.len() - 1, rotation: here, origin: zero };
+                let same = pieces.all.iter().skip(1).position(|p| p.moves_as(&piece)).map(|before| before + 1);
+                let number = same.unwrap_or_else(|| {
+                    pieces.all.push(piece);
+                    pieces.all.len() - 1
+                });
+                home = Home { piece: number, rotation: here, origin: zero };
             }
             let (rotation, origin) = step(&frame.after);
             home.origin += home.rotation.apply(origin);

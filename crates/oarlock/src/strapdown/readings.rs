@@ -28,7 +28,7 @@ pub(super) fn white(std: f64, time_s: f64, step_s: f64) -> f64 {
 
 impl StrapdownFilter {
     /// Mean of a constant by its first state; zero if it is no state.
-    fn constant(&self, means: &Means, first: Option<usize>) -> Vec3<f64> {
+    pub(super) fn constant(&self, means: &Means, first: Option<usize>) -> Vec3<f64> {
         let begin = self.loose_state(self.skeleton.loose.len());
         first.map_or(Vec3([0.0; 3]), |first| means.constants[(first - begin) / 3])
     }
@@ -36,8 +36,7 @@ impl StrapdownFilter {
     /// The two points of a joint coincide, in the axes of the unit `from`.
     pub(super) fn read_closure(&mut self, state: &mut State, c: usize, step_s: f64) {
         let closure = self.skeleton.closures[c].clone();
-        let is_silent = |end: End| matches!(end, End::Unit(u, _) if self.silent[u] || self.let_go[u]);
-        if is_silent(closure.from) || is_silent(closure.to) {
+        if !self.can_read(&closure) {
             return;
         }
         let means = &state.means;
@@ -56,20 +55,22 @@ impl StrapdownFilter {
                 End::Room(point) => gap += point * sign,
                 End::Unit(u, point) => {
                     let mean = &means.units[u];
-                    let arm = mean.rotation.apply(point + own(k));
+                    let arm = mean.rotation.apply(self.point_of(means, u, point + own(k)));
                     gap += (mean.position + arm) * sign;
+                    self.push_skin(&mut rows, means, u, &sum(&ZERO, &back.times(&skew(arm)), -sign));
                     rows.push(UNIT * u, &sum(&ZERO, &back.times(&skew(mean.position + arm)), -sign));
                     rows.push(UNIT * u + 6, &sum(&ZERO, &back, sign));
                     if let Some(first) = self.points[c][k] {
-                        rows.push(first, &sum(&ZERO, &back.times(&mean.rotation), sign));
+                        let turn = mean.rotation.times(&self.skin_of(means, u));
+                        rows.push(first, &sum(&ZERO, &back.times(&turn), sign));
                     }
                 }
             }
         }
-        for (l, vector) in &closure.through {
-            let arm = self.orientation(means, *l).apply(*vector);
+        for leg in &closure.through {
+            let arm = self.leg(means, leg);
             gap += arm * -1.0;
-            self.push_turn(&mut rows, means, *l, &back.times(&skew(arm)));
+            self.push_link(&mut rows, means, leg.link, &back.times(&skew(arm)));
         }
         // The gap's own axes turn with the first unit, so that a turn of everything about the vertical changes no reading.
         if let End::Unit(u, _) = closure.from {
@@ -141,11 +142,17 @@ impl StrapdownFilter {
         self.rows = rows;
     }
 
+    /// Whether a loop of the model holds a link without a unit, so that nothing else needs to.
+    fn is_held(&self, l: usize) -> bool {
+        let loops = self.skeleton.closures.iter().filter(|c| c.loop_std_m.is_some());
+        loops.flat_map(|c| &c.through).any(|leg| leg.link == Some(l))
+    }
+
     /// A joint without a unit on one side stays near its rest, as far as its limits say.
     pub(super) fn read_spring(&mut self, state: &mut State, l: usize, step_s: f64) {
         let link = &self.skeleton.links[l];
         let is_loose = self.skeleton.is_loose(l) || link.parent.is_some_and(|p| self.skeleton.is_loose(p));
-        if !is_loose || matches!(link.turns, Turns::Free(..)) {
+        if !is_loose || self.is_held(l) || matches!(link.turns, Turns::Free(..)) {
             return;
         }
         let (relative, child) = self.relative(&state.means, l);

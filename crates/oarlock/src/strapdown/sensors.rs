@@ -5,7 +5,7 @@ use super::covariance::UNIT;
 use super::filter::{dot, Means, State, StrapdownFilter};
 use super::increment::{skew, square, sum, ZERO};
 use super::readings::white;
-use super::skeleton::{End, Skeleton};
+use super::skeleton::{End, Leg, Skeleton};
 use crate::estimate::filter::Verdict;
 use crate::rotation::{Mat3, Vec3};
 use std::collections::VecDeque;
@@ -55,8 +55,10 @@ pub enum Place {
 pub enum Measures {
     /// The angle of a hinge, by link and number, rad.
     Angle(usize, usize),
-    /// A point of a link in the room, m: by its unit's end, and vectors through links without a unit.
-    Point(End, Vec<(usize, Vec3<f64>)>),
+    /// A coordinate of a link that encoders alone tell, rad or m.
+    Input(usize),
+    /// A point of a link in the room, m: by its unit's end, and through links without a unit.
+    Point(End, Vec<Leg>),
     /// The magnetic field in the axes of a unit, uT.
     Field(usize),
 }
@@ -64,7 +66,7 @@ pub enum Measures {
 impl Measures {
     /// Numbers of a reading.
     pub fn width(&self) -> usize {
-        if matches!(self, Measures::Angle(..)) {
+        if matches!(self, Measures::Angle(..) | Measures::Input(_)) {
             1
         } else {
             3
@@ -84,6 +86,15 @@ impl Heard {
     pub fn push(&mut self, time_s: f64, value: [f64; 3]) {
         if self.last_s() < time_s {
             self.all.push_back((time_s, value));
+        }
+    }
+
+    /// Rate of the first number between the readings around a time; zero after the last.
+    fn rate(&self, time_s: f64) -> f64 {
+        let next = self.all.partition_point(|r| r.0 <= time_s + 1e-9).clamp(1, self.all.len().saturating_sub(1).max(1));
+        match (self.all.get(next - 1), self.all.get(next)) {
+            (Some((a_s, a)), Some((b_s, b))) if b_s - a_s <= LONGEST_GAP_S => (b[0] - a[0]) / (b_s - a_s),
+            _ => 0.0,
         }
     }
 
@@ -122,6 +133,7 @@ impl StrapdownFilter {
             let Sensor { std, measures, .. } = self.skeleton.sensors[s].clone();
             let variance = std * std * shared;
             match measures {
+                Measures::Input(_) => {}
                 Measures::Angle(l, k) => self.read_angle(state, (l, k), value[0], variance),
                 Measures::Point(end, through) => self.read_point(state, (end, &through), Vec3(value), variance),
                 Measures::Field(u) => self.read_field(state, s, u, (Vec3(value), std), step_s),
@@ -139,25 +151,21 @@ impl StrapdownFilter {
         self.rows = rows;
     }
 
-    fn read_point(
-        &mut self,
-        state: &mut State,
-        (end, through): (End, &[(usize, Vec3<f64>)]),
-        place: Vec3<f64>,
-        variance: f64,
-    ) {
+    fn read_point(&mut self, state: &mut State, (end, through): (End, &[Leg]), place: Vec3<f64>, variance: f64) {
         let End::Unit(u, point) = end else { return };
         let means = &state.means;
         let mut rows = std::mem::take(&mut self.rows);
         rows.clear();
         let mean = &means.units[u];
-        let mut at = mean.position + mean.rotation.apply(point);
+        let arm = mean.rotation.apply(self.point_of(means, u, point));
+        let mut at = mean.position + arm;
+        self.push_skin(&mut rows, means, u, &sum(&ZERO, &skew(arm), -1.0));
         rows.push(UNIT * u, &sum(&ZERO, &skew(at), -1.0));
         rows.push(UNIT * u + 6, &Mat3::identity());
-        for (l, vector) in through {
-            let arm = self.orientation(means, *l).apply(*vector);
+        for leg in through {
+            let arm = self.leg(means, leg);
             at += arm;
-            self.push_turn(&mut rows, means, *l, &sum(&ZERO, &skew(arm), -1.0));
+            self.push_link(&mut rows, means, leg.link, &sum(&ZERO, &skew(arm), -1.0));
         }
         self.correction.read(&mut state.covariance, &rows, 3, (place - at).0, [variance; 3]);
         self.rows = rows;
@@ -220,6 +228,29 @@ impl StrapdownFilter {
         self.skeleton.has_fields().then(|| self.size - 1)
     }
 
+    /// What encoders say at a time of the links that they alone tell; those that are silent stay.
+    pub(super) fn inputs(&self, heard: &[Heard], time_s: f64, before: &[[f64; 2]]) -> Vec<[f64; 2]> {
+        let mut inputs = before.to_vec();
+        for (sensor, heard) in self.skeleton.sensors.iter().zip(heard) {
+            if let (Measures::Input(c), Some((value, _))) = (&sensor.measures, heard.at(time_s, 1.0)) {
+                inputs[*c] = [value[0], heard.rate(time_s)];
+            }
+        }
+        inputs
+    }
+
+    /// Whether encoders that tell a coordinate alone are silent now. An input that never spoke is at rest.
+    pub(super) fn is_stale(&self, heard: &[Heard], time_s: f64) -> Vec<bool> {
+        let mut stale = vec![false; self.skeleton.rest.len()];
+        for (sensor, heard) in self.skeleton.sensors.iter().zip(heard) {
+            if let Measures::Input(c) = sensor.measures {
+                let is_silent = heard.all.is_empty() && matches!(sensor.at, Place::Input(_));
+                stale[c] = !is_silent && heard.at(time_s, 1.0).is_none();
+            }
+        }
+        stale
+    }
+
     /// Moves all units so that the first position that was measured is right.
     pub(super) fn find_place(&self, means: &mut Means, heard: &[Heard]) {
         let first = self.skeleton.sensors.iter().zip(heard).find_map(|(sensor, heard)| match &sensor.measures {
@@ -227,9 +258,9 @@ impl StrapdownFilter {
             _ => None,
         });
         let Some((u, point, through, place)) = first else { return };
-        let mut at = means.units[u].position + means.units[u].rotation.apply(point);
-        for (l, vector) in through {
-            at += self.orientation(means, *l).apply(*vector);
+        let mut at = means.units[u].position + means.units[u].rotation.apply(self.point_of(means, u, point));
+        for leg in through {
+            at += self.leg(means, leg);
         }
         means.units.iter_mut().for_each(|unit| unit.position += Vec3(place) - at);
     }

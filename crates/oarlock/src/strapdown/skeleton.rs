@@ -8,7 +8,7 @@ use super::sensors::{Measures, Sensor};
 use crate::body::Body;
 use crate::error::{Error, Result};
 use crate::model::transform::evaluate_three;
-use crate::model::{Joint, JointKind, Model, SensorKind};
+use crate::model::{BaseAcceleration, Joint, JointKind, Model, SensorKind};
 use crate::rotation::{Mat3, Vec3};
 use crate::sensor::{MountValue, Quantity};
 
@@ -43,6 +43,8 @@ pub enum Pose {
     /// Between its parent and the child that its other joint carries: this share of their turn, from rest, belongs to its own joint. Two stiff
     /// joints in a row cannot be told apart by the units beyond them.
     Between(usize, f64),
+    /// From encoders of its joint, against the room or another such link.
+    Driven,
 }
 
 /// An inertial unit.
@@ -73,8 +75,8 @@ pub struct Closure {
     pub link: usize,
     /// The unit whose axes read it, and the joint's point in them, m.
     pub from: End,
-    /// Links without units between the two, and the vector through each in its axes, m.
-    pub through: Vec<(usize, Vec3<f64>)>,
+    /// From one to the other through links without units.
+    pub through: Vec<Leg>,
     pub to: End,
     /// By how much each of its points is off where the model's parameters are, in the axes of its unit: variances, m2.
     pub spread_m2: [Vec3<f64>; 2],
@@ -115,8 +117,28 @@ impl End {
     }
 }
 
-/// A unit's end, and the vectors from there to a point through links without a unit, each in its axes, m.
-pub type Way = (End, Vec<(usize, Vec3<f64>)>);
+/// A vector in the axes of a link (`None`: of the room), m; along a slide, for each metre of its coordinate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Leg {
+    pub link: Option<usize>,
+    pub vector: Vec3<f64>,
+    pub by: Option<usize>,
+}
+
+/// A unit's end, or the room's, and the legs from there to a point through links without a unit.
+pub type Way = (End, Vec<Leg>);
+
+/// An acceleration of the room that is estimated.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Push {
+    /// Its number in the model.
+    pub number: usize,
+    pub axis: Vec3<f64>,
+    /// m/s2 at the start and per sqrt(s), and the time in which it decays, s.
+    pub start_std: f64,
+    pub density: f64,
+    pub time_s: f64,
+}
 
 /// A joint between two hinges that meet, on the piece between them: the link that carries it, its position there, and the hinges so far.
 type Begun = (Option<usize>, Vec3<f64>, Vec<Hinge>);
@@ -152,12 +174,16 @@ pub struct Skeleton {
     pub azimuth_walk: f64,
     /// Whether the root is accelerated in all directions: its joints turn against the room and go with nothing.
     pub pushed: bool,
+    /// Accelerations of the room in some directions.
+    pub pushes: Vec<Push>,
+    /// Coordinates of all joints at rest, rad or m: those of encoders that say nothing.
+    pub rest: Vec<f64>,
 }
 
 impl Skeleton {
     /// The links of a body whose units have readings if `present`, by source.
     pub fn new(body: &Body, present: &[bool], mounts: &Mounts) -> Result<Self> {
-        refuse_unknown(&body.model)?;
+        refuse_unknown(body)?;
         let mut skeleton = Self::of(body, present, mounts)?;
         skeleton.spread_points(body, present, mounts)?;
         Ok(skeleton)
@@ -196,6 +222,8 @@ impl Skeleton {
             azimuth_rad: world.azimuth_fixed.then_some(world.magnetic_azimuth_rad),
             azimuth_walk: world.azimuth_walk,
             pushed: is_pushed(&body.model),
+            pushes: pushes(&body.model),
+            rest: body.axes.iter().map(|axis| axis.rest).collect(),
         };
         let sensors = body.model.sensors.iter().enumerate();
         let imus: Vec<(usize, usize)> = sensors
@@ -217,6 +245,7 @@ impl Skeleton {
         for ((sensor, source), frame) in imus.into_iter().zip(frames) {
             skeleton.place_unit(body, &pieces, &place, (sensor, source, frame), mounts)?;
         }
+        skeleton.drive(&body.model);
         skeleton.hang();
         if skeleton.units.is_empty() {
             return Err(Error::Data(format!(
@@ -224,6 +253,7 @@ impl Skeleton {
                 body.model.name
             )));
         }
+        skeleton.refuse_slides(body)?;
         skeleton.refuse_adrift(body)?;
         skeleton.close();
         let attach = Attach { body, pieces: &pieces, place: &place };
@@ -252,7 +282,8 @@ impl Skeleton {
     /// The same room without links, units and joints.
     pub fn without_joints(&self) -> Self {
         let (links, units, closures, loop_axes) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        Skeleton { links, units, closures, loop_axes, sensors: Vec::new(), loose: Vec::new(), ..*self }
+        let (sensors, loose, pushes, rest) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        Skeleton { links, units, closures, loop_axes, sensors, loose, pushes, rest, ..*self }
     }
 
     /// Links of the model's pieces: hinges that meet in a point make one joint. Returns the link of each piece.
@@ -270,6 +301,10 @@ impl Skeleton {
             let turns = match joint.kind {
                 JointKind::Free => Turns::Free(joint.first, piece.entry),
                 JointKind::Ball => Turns::Ball(joint.first, piece.entry),
+                JointKind::Slide => {
+                    let axis = piece.entry.apply(Vec3([0.0, 0.0, sign]));
+                    Turns::Slide(joint.first, piece.entry, axis)
+                }
                 _ => {
                     hinges.push(Hinge { coordinate: joint.first, sign, entry: piece.entry });
                     Turns::Hinges(hinges.clone())
@@ -381,28 +416,44 @@ fn rest_and_range(body: &Body, turns: &Turns) -> (Mat3<f64>, [f64; 3]) {
 /// Widest range of a joint without a unit, rad.
 const WIDEST_RAD: f64 = 0.7;
 
+/// Base accelerations in some directions.
+fn pushes(model: &Model) -> Vec<Push> {
+    if is_pushed(model) {
+        return Vec::new();
+    }
+    let push = |(number, base): (usize, &BaseAcceleration)| {
+        let BaseAcceleration { axis, start_std, density, time_s, .. } = *base;
+        Push { number, axis: Vec3(axis), start_std, density, time_s }
+    };
+    model.base_accelerations.iter().enumerate().map(push).collect()
+}
+
 /// Whether base accelerations have all three directions.
 fn is_pushed(model: &Model) -> bool {
     let axes: Vec<Vec3<f64>> = model.base_accelerations.iter().map(|b| Vec3(b.axis)).collect();
     axes.len() == 3 && dot(axes[0].cross(axes[1]), axes[2]).abs() > 0.5
 }
 
+/// Whether readings tell a coordinate.
+fn is_encoded(model: &Model, coordinate: usize) -> bool {
+    model.joints.iter().enumerate().any(|(j, joint)| {
+        let reads = |s: &crate::model::Sensor| matches!(&s.kind, SensorKind::Encoder(e) if e.joint == j);
+        joint.first == coordinate && (joint.input || model.sensors.iter().any(reads))
+    })
+}
+
 /// Refuses what strapdown links do not track yet.
-fn refuse_unknown(model: &Model) -> Result<()> {
+fn refuse_unknown(body: &Body) -> Result<()> {
+    let model = &body.model;
     let is_read = |kind: &SensorKind| !matches!(kind, SensorKind::Range(_) | SensorKind::Orientation(_));
     let sensors = model.sensors.iter().find(|s| !is_read(&s.kind));
-    let slides = model.joints.iter().find(|j| j.kind == JointKind::Slide);
+    let slides = model.joints.iter().find(|j| j.kind == JointKind::Slide && !is_encoded(model, j.first));
     let what = slides
-        .map(|j| format!("joint '{}' slides", j.name))
+        .map(|j| format!("joint '{}' slides and no encoder reads it", j.name))
         .or_else(|| sensors.map(|s| format!("sensor '{}' measures a distance or an orientation", s.name)))
         .or_else(|| {
-            let partly = model.base_accelerations.first().filter(|_| !is_pushed(model));
-            partly.map(|b| format!("its root is accelerated by '{}' in some directions only", b.name))
-        })
-        .or_else(|| {
-            let uses = |j: usize| model.frames.iter().filter(|f| f.joint.is_some_and(|(i, _)| i == j)).count();
-            let shared = model.joints.iter().enumerate().find(|(j, _)| uses(*j) > 1);
-            shared.map(|(_, j)| format!("joint '{}' moves several frames", j.name))
+            let shared = Pieces::of(body).shared_joint();
+            shared.map(|j| format!("joint '{}' moves several frames about different axes", model.joints[j].name))
         });
     match what {
         None => Ok(()),
@@ -411,5 +462,36 @@ fn refuse_unknown(model: &Model) -> Result<()> {
              connect. Use structure = \"tree\"",
             model.name
         ))),
+    }
+}
+
+impl Skeleton {
+    /// Links without a unit whose joints have encoders, from the room on.
+    fn drive(&mut self, model: &Model) {
+        for l in 0..self.links.len() {
+            let link = &self.links[l];
+            let is_known = |c: usize| is_encoded(model, c);
+            let told = match &link.turns {
+                Turns::Slide(c, ..) => is_known(*c),
+                Turns::Hinges(hinges) => hinges.iter().all(|h| is_known(h.coordinate)),
+                Turns::Free(..) | Turns::Ball(..) => false,
+            };
+            let has_unit = matches!(link.pose, Pose::Unit(_));
+            if told && !has_unit && link.parent.is_none_or(|p| self.links[p].pose == Pose::Driven) {
+                self.links[l].pose = Pose::Driven;
+            }
+        }
+    }
+
+    /// A slide on what moves, or whose parts carry units and no encoder, is refused.
+    fn refuse_slides(&self, body: &Body) -> Result<()> {
+        let is_odd = |link: &&Link| matches!(link.turns, Turns::Slide(..)) && link.pose != Pose::Driven;
+        self.links.iter().find(is_odd).map_or(Ok(()), |link| {
+            Err(Error::Model(format!(
+                "model '{}': '{}' slides on a part that moves, or carries an inertial unit; structure \"strapdown\" tracks slides of the \
+                 room that an encoder reads. Use structure = \"tree\"",
+                body.model.name, body.model.frames[link.frame].name
+            )))
+        })
     }
 }

@@ -1,6 +1,6 @@
 //! Rauch-Tung-Striebel smoothing (1965) of strapdown links, one update back at a time, on the filter's own errors. `track` uses it.
 
-use super::covariance::{move_rows, UNIT};
+use super::covariance::{move_rows, push_rows, pushed_rows, UNIT};
 use super::filter::{Means, Node, StrapdownFilter};
 use super::increment::Increment;
 use crate::error::{Error, Result};
@@ -31,6 +31,9 @@ impl StrapdownFilter {
         if let Some(i) = self.azimuth_state() {
             out[i] = to.azimuth - from.azimuth;
         }
+        for (k, (a, b)) in to.pushes.iter().zip(&from.pushes).enumerate() {
+            out[self.push_state(k)] = a - b;
+        }
     }
 
     /// Smoothed means and covariance before the node's prediction, given those after it.
@@ -44,11 +47,20 @@ impl StrapdownFilter {
         let mut step = vec![0.0; self.size];
         self.difference(next, &node.predicted, &mut step);
         let mut covariance = node.covariance.clone();
+        let (pushed, decays) = (self.pushed(), self.decays(node.steps.first().map_or(0.0, |step| step.duration_s)));
         let moved = |panel: &mut crate::kernels::tiles::Panel, column: usize| {
             for (i, step) in node.steps.iter().enumerate() {
                 let rows: [usize; UNIT] = std::array::from_fn(|r| UNIT * i + r);
                 let mut rows = panel.rows_of(rows).map(|row| &mut row[column..column + self.size]);
                 move_rows::<false>(step, &mut rows);
+                for (state, axis) in &pushed {
+                    let rows = panel.rows_of(pushed_rows(i, *state));
+                    push_rows(step, *axis, &mut rows.map(|row| &mut row[column..column + self.size]));
+                }
+            }
+            for (state, share) in &decays {
+                let [row] = panel.rows_of([*state]);
+                row[column..column + self.size].iter_mut().for_each(|x| *x *= share);
             }
         };
         let shift = backward
@@ -65,9 +77,10 @@ impl StrapdownFilter {
     /// Smoothed means carried on by increments that were integrated with the biases of `filtered`.
     pub fn carried(&self, smoothed: &Means, filtered: &Means, increments: &[Increment]) -> Means {
         let mut means = smoothed.clone();
+        let gravity = self.gravity_in(smoothed);
         for ((mean, before), increment) in means.units.iter_mut().zip(&filtered.units).zip(increments) {
             let biases = (mean.gyro_bias - before.gyro_bias, mean.accel_bias - before.accel_bias);
-            *mean = self.moved(mean, &increment.corrected(biases.0, biases.1));
+            *mean = self.moved(mean, &increment.corrected(biases.0, biases.1), gravity);
         }
         means
     }

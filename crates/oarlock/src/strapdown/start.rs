@@ -77,7 +77,9 @@ impl StrapdownFilter {
         }
         let loose: Vec<Mat3<f64>> = self.skeleton.loose.iter().map(|l| self.against(*l, &turned)).collect();
         let constants = vec![zero; self.constants().count()];
-        let mut means = Means { units, loose, constants, azimuth: 0.0 };
+        let pushes = vec![0.0; self.skeleton.pushes.len()];
+        let inputs = self.inputs(&heard, time_s, &self.skeleton.rest.iter().map(|q| [*q, 0.0]).collect::<Vec<_>>());
+        let mut means = Means { units, loose, constants, azimuth: 0.0, pushes, inputs };
         self.place(&mut means, &mut vec![false; tilts.len()]);
         let north = self.find_north(&mut means, &heard);
         self.find_place(&mut means, &heard);
@@ -126,6 +128,14 @@ impl StrapdownFilter {
         for (l, axes) in self.axes.iter().enumerate() {
             put(axes[0], self.axes_variance(self.skeleton.links[l].parent));
             put(axes[1], self.axes_variance(Some(l)));
+        }
+        for [mount, skin] in &self.turned {
+            put(*mount, Vec3([links.mount_std_rad.unwrap_or(0.0).powi(2); 3]));
+            put(*skin, Vec3([links.skin_std_rad.unwrap_or(0.0).powi(2); 3]));
+        }
+        for (k, push) in self.skeleton.pushes.iter().enumerate() {
+            let i = self.push_state(k);
+            *covariance.at_mut(i, i) = push.start_std.powi(2);
         }
         if let Some(i) = self.azimuth_state() {
             *covariance.at_mut(i, i) = north * north;
@@ -292,7 +302,7 @@ impl StrapdownFilter {
     pub(super) fn against(&self, link: usize, turned: &[Mat3<f64>]) -> Mat3<f64> {
         match self.skeleton.links[link].pose {
             Pose::State(_, anchor) => turned[anchor].transposed().times(&turned[link]),
-            Pose::Unit(_) | Pose::Between(..) => Mat3::identity(),
+            Pose::Unit(_) | Pose::Between(..) | Pose::Driven => Mat3::identity(),
         }
     }
 
@@ -304,7 +314,7 @@ impl StrapdownFilter {
                 let through = self.through(means, closure);
                 let ends = [closure.from, closure.to].map(|end| match end {
                     End::Room(point) => (None, point),
-                    End::Unit(u, point) => (Some(u), means.units[u].rotation.apply(point)),
+                    End::Unit(u, point) => (Some(u), means.units[u].rotation.apply(self.point_of(means, u, point))),
                 });
                 match (ends[0].0, ends[1].0) {
                     (None, Some(b)) if !known[b] => {

@@ -102,7 +102,7 @@ impl Tracker {
     }
 
     /// State estimate at the first sample, before its update.
-    fn fit_start(&mut self, samples: &[Sample]) -> Result<Hypothesis> {
+    pub(super) fn fit_start(&mut self, samples: &[Sample]) -> Result<Hypothesis> {
         let see = |sample: &Sample| {
             self.prepare(sample);
             let z = self.readings.without(&self.subject, &self.magnetic.excluded);

@@ -98,6 +98,8 @@ pub(super) struct RowMotion {
     pub time_s: f64,
     pub increments: Vec<Increment>,
     pub signals: Vec<Signal>,
+    /// See `Means::inputs`.
+    pub inputs: Vec<[f64; 2]>,
 }
 
 /// What smoothed means, carried on by the increments of an update, lack to the smoothed ones after it; from when, s, and over how long, s.
@@ -151,6 +153,7 @@ impl Strapdown {
     ) -> Coordinates {
         let filter = self.filter.as_ref().expect("made at the start");
         let mut means = filter.carried(smoothed, filtered, &motion.increments);
+        means.inputs.clone_from(&motion.inputs);
         if let Some(Lack { error, from_s, duration_s }) = lack {
             let share = ((motion.time_s - from_s) / duration_s).clamp(0.0, 1.0);
             filter.shift(&mut means, &error.iter().map(|x| x * share).collect::<Vec<_>>());
@@ -323,7 +326,9 @@ impl Tracker {
             one.belief.covariance = coordinates.covariance(&links.state.covariance);
             links.spread_s = links.state.time_s;
         }
-        let motion = for_smoother.then(|| RowMotion { time_s, increments: links.state.increments.clone(), signals });
+        let increments = || links.state.increments.clone();
+        let motion =
+            for_smoother.then(|| RowMotion { time_s, increments: increments(), signals, inputs: means.inputs.clone() });
         links.off_axis = coordinates.off_axis;
         one.belief.mean = coordinates.mean;
         one.belief.time_s = time_s;
@@ -339,11 +344,13 @@ impl Tracker {
         info.rejected.fill(false);
         info.lost = false;
         info.log_likelihood = 0.0;
+        let first_loop = info.sources.len() - subject.body.model.closures.len();
         for (p, quantity) in subject.quantities.iter().enumerate() {
             let unit = filter.skeleton.units.iter().position(|u| u.source == subject.source_of_part[p]);
             let virtually = match quantity {
                 Quantity::Rest => unit.is_some_and(|u| is_updated && filter.rests[u]),
                 Quantity::Contact => unit.is_some_and(|u| is_updated && filter.stands[u]),
+                Quantity::Closure => filter.is_loop_read(subject.source_of_part[p] - first_loop),
                 Quantity::Mag if info.parts[p] == Verdict::Accepted => {
                     let judged = unit.map_or(Verdict::Missing, |u| filter.fields[u]);
                     info.parts[p] = if judged == Verdict::Missing { Verdict::Accepted } else { judged };

@@ -158,7 +158,8 @@ fn first_row(one: &Hypothesis) -> Option<RowMotion> {
     let state = &one.links.as_ref()?.state;
     let time_s = one.belief.time_s;
     let signals = state.readings.iter().map(|r| r.at(time_s)).collect();
-    Some(RowMotion { time_s, increments: state.increments.clone(), signals })
+    let inputs = state.means.inputs.clone();
+    Some(RowMotion { time_s, increments: state.increments.clone(), signals, inputs })
 }
 
 #[cfg(test)]

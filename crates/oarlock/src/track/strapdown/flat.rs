@@ -96,6 +96,8 @@ fn put_state(to: &mut Writer, state: &State) {
         }
     }
     to.0.push(state.means.azimuth);
+    to.list(&state.means.pushes);
+    to.list(state.means.inputs.as_flattened());
     to.count(state.heard.len());
     for Heard { all, usual } in &state.heard {
         to.list(&usual.iter().flatten().copied().collect::<Vec<_>>());
@@ -128,8 +130,8 @@ fn state_of(from: &mut Source) -> Option<State> {
             accel_bias: from.three()?,
         })
     })?;
-    let mut means =
-        Means { units, loose: from.many(Source::matrix)?, constants: from.many(Source::three)?, azimuth: 0.0 };
+    let (loose, constants) = (from.many(Source::matrix)?, from.many(Source::three)?);
+    let mut means = Means { units, loose, constants, ..Means::default() };
     let readings = from.many(|from| {
         let interval_s = from.number()?;
         let reading = |from: &mut Source| {
@@ -138,6 +140,8 @@ fn state_of(from: &mut Source) -> Option<State> {
         Some(Readings::of_parts(from.many(reading)?, interval_s))
     })?;
     means.azimuth = from.number()?;
+    means.pushes = from.list()?;
+    means.inputs = from.list()?.as_chunks::<2>().0.to_vec();
     let heard = from.many(|from| {
         let usual = from.list()?.try_into().ok();
         let reading = |from: &mut Source| Some((from.number()?, from.array()?));

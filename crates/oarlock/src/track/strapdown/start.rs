@@ -15,7 +15,7 @@ use crate::strapdown::check::Check;
 use crate::strapdown::filter::{Means, Node, State};
 use crate::strapdown::increment::Readings;
 use crate::strapdown::sensors::Heard;
-use crate::strapdown::skeleton::Unit;
+use crate::strapdown::skeleton::{Pose, Unit};
 use std::collections::VecDeque;
 
 /// The first rows, which are smoothed, s: a wrong tilt at the start is found within them.
@@ -23,6 +23,9 @@ const START_S: f64 = 1.0;
 /// Longest time for which headings are sought, s, and the factor from one try to the next.
 const LONGEST_START_S: f64 = 5.0;
 const LATER: f64 = 1.7;
+
+/// States of the layout at a start, if readings tell them.
+type Posture = Option<Vec<f64>>;
 
 impl Tracker {
     pub(super) fn gather_links(&mut self, sample: &Sample, sink: Sink) -> Result<Status> {
@@ -69,10 +72,11 @@ impl Tracker {
             checks: vec![Check::NEW; units],
             off_axis: Vec::new(),
         }));
+        let posture = self.start_posture(&waiting)?;
         waiting.iter().for_each(|sample| self.take_readings(&mut one, sample));
         let Some(links) = &mut one.links else { return Ok(()) };
         let taken = (std::mem::take(&mut links.state.readings), std::mem::take(&mut links.state.heard));
-        match self.start_state(time_s, taken, must) {
+        match self.start_state(time_s, taken, (&posture, must)) {
             Some(state) => {
                 links.alone = self.strapdown.iter().flat_map(|s| &s.alone).flat_map(|a| a.start(&state)).collect();
                 links.state = state;
@@ -174,10 +178,16 @@ impl Tracker {
     }
 
     /// The start of the filter; `None` if headings are open, the readings do not decide them, and they need not.
-    fn start_state(&self, time_s: f64, readings: (Vec<Readings>, Vec<Heard>), must: bool) -> Option<State> {
+    fn start_state(
+        &self,
+        time_s: f64,
+        readings: (Vec<Readings>, Vec<Heard>),
+        (posture, must): (&Posture, bool),
+    ) -> Option<State> {
         let filter = self.strapdown_filter();
-        let (start, tilts) =
-            filter.start(time_s, (&self.rest_orientation(), self.config.initial_q.is_some()), readings);
+        let is_stated = posture.is_some() || self.config.initial_q.is_some();
+        let mean = posture.clone().unwrap_or_else(|| self.unmoved());
+        let (start, tilts) = filter.start(time_s, (&self.orientations(&mean), is_stated), readings);
         if filter.seeks_headings(&start.means) {
             return filter.with_headings(&start, &tilts, must);
         }
@@ -203,9 +213,18 @@ impl Tracker {
         mean
     }
 
-    /// Orientation of every link in that posture, room from link.
-    fn rest_orientation(&self) -> Vec<Mat3<f64>> {
-        let (body, mean) = (&self.subject.body, self.unmoved());
+    /// The posture that the first readings fit where links that encoders tell hold the body; `None`: the rest posture.
+    fn start_posture(&mut self, samples: &[Sample]) -> Result<Posture> {
+        let links = &self.strapdown_filter().skeleton.links;
+        if self.config.initial_q.is_some() || !links.iter().any(|link| link.pose == Pose::Driven) {
+            return Ok(None);
+        }
+        Ok(Some(self.fit_start(samples)?.belief.mean))
+    }
+
+    /// Orientation of every link in a posture, room from link.
+    fn orientations(&self, mean: &[f64]) -> Vec<Mat3<f64>> {
+        let body = &self.subject.body;
         let mut all: Vec<Mat3<f64>> = Vec::new();
         for link in &self.strapdown_filter().skeleton.links {
             let value = |c: Option<usize>| c.and_then(|c| body.layout.coordinates[c]).map_or(0.0, |s| mean[s.q]);
