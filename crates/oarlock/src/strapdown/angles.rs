@@ -151,8 +151,9 @@ impl Coordinates {
         let turns = filter.skeleton.links[l].turns.coordinates().into_iter().flatten();
         for c in slide.into_iter().chain(turns) {
             let Some(slots) = body.layout.coordinates[c] else { continue };
-            let std = filter.skeleton.sensors.iter().find(|s| matches!(s.measures, Measures::Input(own) if own == c));
-            let std = std.map_or(0.0, |sensor| sensor.std);
+            let mut sensors = filter.skeleton.sensors.iter();
+            let sensor = sensors.find(|s| matches!(s.measures, Measures::Input(own) if own == c));
+            let Some(std) = sensor.filter(|_| !filter.stale[c]).map(|sensor| sensor.std) else { continue };
             let [value, rate] = means.inputs[c];
             self.set(slots.q, value, Vec::new(), std * std);
             if let Some((velocity, _)) = slots.rates {

@@ -15,6 +15,8 @@ use std::f64::consts::{PI, TAU};
 const LONGEST_GAP_S: f64 = 0.2;
 /// A reading holds for this long after its time, s.
 const HOLD_S: f64 = 0.01;
+/// No angle, rad, place, m, or field, uT, is as large.
+const ABSURD: f64 = 1e6;
 /// Readings are stored for this long, s.
 const MEMORY_S: f64 = 0.6;
 /// What iron in buildings does to the heading of the field: standard deviation, rad, and correlation time, s.
@@ -82,9 +84,9 @@ pub struct Heard {
 }
 
 impl Heard {
-    /// Adds a reading; not if it is late.
+    /// Adds a reading; not if it is late, or no number that a body has.
     pub fn push(&mut self, time_s: f64, value: [f64; 3]) {
-        if self.last_s() < time_s {
+        if self.last_s() < time_s && value.iter().all(|x| x.abs() < ABSURD) {
             self.all.push_back((time_s, value));
         }
     }

@@ -109,17 +109,7 @@ impl Start<'_> {
         let body = &self.subject.body;
         let rest: Vec<f64> = body.axes.iter().map(|axis| axis.rest).collect();
         let count = rest.len();
-        let asked = match self.initial_q {
-            Some(q) if q.len() == count && q.iter().all(|x| x.is_finite()) => Some(q.to_vec()),
-            Some(q) => {
-                return Err(Error::Data(format!(
-                    "config: initial_q holds {} numbers; expected {count} finite ones, a value (rad or m) per coordinate of '{}'",
-                    q.len(),
-                    body.model.name
-                )))
-            }
-            None => None,
-        };
+        let asked = asked_posture(self.initial_q, body)?;
         let middle = body.axes.iter().map(|a| if a.turns { 0.0 } else { 0.5 * (a.limits[0] + a.limits[1]) }).collect();
         let mut postures: Vec<Vec<f64>> = asked.into_iter().chain([rest, vec![0.0; count], middle]).collect();
         postures.dedup();
@@ -188,6 +178,20 @@ impl Start<'_> {
                 }
             }
         }
+    }
+}
+
+/// The start posture of the configuration.
+pub(super) fn asked_posture(initial_q: Option<&[f64]>, body: &Body) -> Result<Option<Vec<f64>>> {
+    let count = body.axes.len();
+    match initial_q {
+        Some(q) if q.len() == count && q.iter().all(|x| x.is_finite()) => Ok(Some(q.to_vec())),
+        Some(q) => Err(Error::Data(format!(
+            "config: initial_q holds {} numbers; expected {count} finite ones, a value (rad or m) per coordinate of '{}'",
+            q.len(),
+            body.model.name
+        ))),
+        None => Ok(None),
     }
 }
 

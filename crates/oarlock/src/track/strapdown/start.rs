@@ -1,5 +1,6 @@
 //! The start of strapdown links in a tracker, and units that are admitted later.
 
+use super::super::begin::asked_posture;
 use super::super::hypothesis::Hypothesis;
 use super::super::{Sink, Status, Tracker};
 use super::{Lack, LinkState, RowMotion, INERTIAL};
@@ -215,8 +216,9 @@ impl Tracker {
 
     /// The posture that the first readings fit where links that encoders tell hold the body; `None`: the rest posture.
     fn start_posture(&mut self, samples: &[Sample]) -> Result<Posture> {
+        let is_asked = asked_posture(self.config.initial_q.as_deref(), &self.subject.body)?.is_some();
         let links = &self.strapdown_filter().skeleton.links;
-        if self.config.initial_q.is_some() || !links.iter().any(|link| link.pose == Pose::Driven) {
+        if is_asked || !links.iter().any(|link| link.pose == Pose::Driven) {
             return Ok(None);
         }
         Ok(Some(self.fit_start(samples)?.belief.mean))
