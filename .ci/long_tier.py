@@ -166,6 +166,9 @@ def main() -> int:
         "--turn", type=int, default=int(time.time() // 3600), help="repeats the choice of a run"
     )
     given = asked.parse_args()
+    if given.seconds <= 0.0:
+        print("long tier: no time is left, nothing is run", flush=True)
+        return 0
     circle = parts()
     # Coprime to most numbers of parts, so that runs an hour apart begin far from each other.
     first = 7 * given.turn % len(circle)
