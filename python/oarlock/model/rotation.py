@@ -51,9 +51,14 @@ def rotvec_from_quat(quat_wxyz: ArrayLike) -> Floats:
 def quat_product(a_from_b: ArrayLike, b_from_c: ArrayLike) -> Floats:
     """Hamilton's product: a_from_c, (..., 4)."""
     p, q = np.asarray(a_from_b, dtype=np.float64), np.asarray(b_from_c, dtype=np.float64)
-    w = p[..., :1] * q[..., :1] - np.sum(p[..., 1:] * q[..., 1:], axis=-1, keepdims=True)
-    v = p[..., :1] * q[..., 1:] + q[..., :1] * p[..., 1:] + np.cross(p[..., 1:], q[..., 1:])
-    return np.concatenate([w, v], axis=-1)
+    # by component: `np.cross` takes longer than all the rest for the few rows that most callers have
+    pw, px, py, pz = p[..., 0], p[..., 1], p[..., 2], p[..., 3]
+    qw, qx, qy, qz = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
+    w = pw * qw - (px * qx + py * qy + pz * qz)
+    x = pw * qx + qw * px + (py * qz - pz * qy)
+    y = pw * qy + qw * py + (pz * qx - px * qz)
+    z = pw * qz + qw * pz + (px * qy - py * qx)
+    return np.stack([w, x, y, z], axis=-1)
 
 
 def quat_inverse(quat_wxyz: ArrayLike) -> Floats:

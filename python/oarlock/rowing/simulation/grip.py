@@ -73,11 +73,11 @@ class Hands:
         """Second derivative (K, 2, 7, 7) of the residual's product with ``multipliers`` (K, 2, 5)."""
         force = multipliers[..., :3]
         torque = np.einsum("ksa,ksad->ksd", multipliers[..., 3:], self.across)
-        moved = np.cross(self.axes, self.arms)
-        turned = np.cross(self.axes, self.hand_z[..., None, :])
+        moved = _cross(self.axes, self.arms)
+        turned = _cross(self.axes, self.hand_z[..., None, :])
         # d2p/dqi dqj = zi x (zj x p) for i before j, hence (force x zi) . (zj x p).
-        lower = np.einsum("ksid,ksjd->ksij", np.cross(force[..., None, :], self.axes), moved)
-        lower += np.einsum("ksid,ksjd->ksij", np.cross(torque[..., None, :], self.axes), turned)
+        lower = np.einsum("ksid,ksjd->ksij", _cross(force[..., None, :], self.axes), moved)
+        lower += np.einsum("ksid,ksjd->ksij", _cross(torque[..., None, :], self.axes), turned)
         upper = np.triu(lower)
         return np.asarray(upper + np.swapaxes(np.triu(lower, 1), -1, -2), dtype=np.float64)
 
@@ -175,8 +175,8 @@ class GripSolver:
         residual = np.concatenate(
             [hand[..., :3, 3] - target[..., :3, 3], np.einsum("ksad,ksd->ksa", across, hand_z)], axis=-1
         )
-        turned = np.einsum("ksad,ksjd->ksaj", across, np.cross(axes, hand_z[..., None, :]))
-        moved = np.swapaxes(np.cross(axes, arms), -1, -2)
+        turned = np.einsum("ksad,ksjd->ksaj", across, _cross(axes, hand_z[..., None, :]))
+        moved = np.swapaxes(_cross(axes, arms), -1, -2)
         return Hands(residual, np.concatenate([moved, turned], axis=-2), axes, arms, hand_z, across)
 
     def _step(self, hands: Hands, offset: Array, multipliers: Array) -> tuple[Array, Array]:
@@ -193,6 +193,13 @@ class GripSolver:
 def _across(unit: Array) -> Array:
     """Two unit vectors (..., 2, 3) across ``unit`` (..., 3); smooth unless it stands upright."""
     upright = np.array([0.0, 1.0, 0.0])
-    first = np.cross(upright, unit)
+    first = _cross(upright, unit)
     first = first / np.linalg.norm(first, axis=-1, keepdims=True)
-    return np.stack([first, np.cross(unit, first)], axis=-2)
+    return np.stack([first, _cross(unit, first)], axis=-2)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """The cross product of vectors (..., 3), to the bit that of `np.cross`, which takes several times as long."""
+    ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
+    bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)

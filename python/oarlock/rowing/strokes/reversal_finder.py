@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, field
+from itertools import chain
 
 import numpy as np
 
@@ -142,7 +143,8 @@ class ReversalFinder:
         return 0.27 * self.least
 
     def _arrays(self) -> tuple[Floats, Floats]:
-        times, values = np.array(self._readings).T
+        flat = np.fromiter(chain.from_iterable(self._readings), np.float64, 2 * len(self._readings))
+        times, values = flat.reshape(-1, 2).T
         return times, values
 
     def _fit(self, extreme: tuple[float, float]) -> Reversal | None:
