@@ -46,7 +46,7 @@ def measured_once() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def measured() -> dict:
-    return json.loads(run("bench", "--json", "--seconds", "0.2").stdout)
+    return json.loads(run("bench", "--json", "--seconds", "0.05").stdout)
 
 
 def test_json_has_its_keys(measured):
@@ -90,7 +90,7 @@ def test_other_software_is_measured_or_named_as_missing(measured):
 
 
 def test_text_names_the_filters_and_the_paper():
-    shown = run("bench", "--seconds", "0.2")
+    shown = run("bench", "--seconds", "0.05")
     for word in ("ukf", "ekf", "textbook", "p99.9", "the paper", "two threads", "times faster than"):
         assert word in shown.stdout
 

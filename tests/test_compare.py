@@ -36,7 +36,7 @@ def compared(sculler: oarlock.Model, rowed: tuple[oarlock.Track, Recording]) -> 
     return oarlock.compare(sculler, rowed[1], rowed[0], BUILT_IN)
 
 
-@pytest.mark.parametrize("seed", [41, 42])
+@pytest.mark.parametrize("seed", [41, pytest.param(42, marks=pytest.mark.long)])
 def test_the_tree_is_ahead_of_limbs_and_single_units(sculler, seed):
     """Boat surging and biased sensors; seeds that nothing was tuned to."""
     truth, recording = simulate_sculling(sculler, "B-B", duration_s=8.0, rate_spm=(20.0, 34.0), seed=seed)

@@ -42,7 +42,8 @@ def misspelt(command):
 
 @pytest.mark.parametrize("page", sorted({page for page, _ in COMMANDS}))
 def test_commands_of_a_page_have_verbs_and_options_that_exist(page):
-    assert {one: misspelt(one) for name, one in COMMANDS if name == page and misspelt(one)} == {}
+    found = {one: misspelt(one) for name, one in COMMANDS if name == page}
+    assert {one: word for one, word in found.items() if word} == {}
 
 
 def test_a_misspelt_option_is_found():

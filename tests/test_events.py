@@ -128,6 +128,7 @@ def test_one_unit_that_is_jolted_is_no_lost_belief(unit: str) -> None:
 # --- silence --------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.data
 @pytest.mark.parametrize(("condition", "seed"), [("B-B", 3)])
 def test_losses_of_an_upper_arm_cost_little(condition: str, seed: int) -> None:

@@ -398,8 +398,8 @@ def test_a_folder_that_was_prepared_moves_nothing_out_of_itself(tmp_path: Path) 
 
 def test_a_small_file_of_equal_rows_is_refused_before_it_is_decoded(tmp_path: Path) -> None:
     recording(1.0).save(tmp_path)
-    many = 300_000_000
-    ones = pa.DictionaryArray.from_arrays(pa.array(np.zeros(1_000_000, np.int8)), pa.array([1.0]))
+    many = 200_000_000
+    ones = pa.DictionaryArray.from_arrays(pa.array(np.zeros(1_000_000, np.int32)), pa.array([1.0]))
     schema = pa.schema([(name, ones.type) for name in ("time_s", "value")])
     with pq.ParquetWriter(tmp_path / "seat.parquet", schema) as writer:
         for _ in range(many // 1_000_000):

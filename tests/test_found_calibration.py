@@ -69,7 +69,7 @@ def test_a_robots_mounts_found_serve_as_well_as_nominal_ones(run):
     assert_found_serves(run, ours.track_openaxes(recording), ours.track_openaxes_found(recording), errors)
 
 
-@pytest.mark.parametrize("run", ["circle-250", *long("circle-100", "triangle-150", "triangle-250")])
+@pytest.mark.parametrize("run", long("circle-250", "circle-100", "triangle-150", "triangle-250"))
 def test_a_quarter_of_a_robots_run_never_makes_it_worse(run):
     data = local_folder("data/openaxes_ur5")
     whole, reference = read_openaxes(data, run), read_openaxes_reference(data, run)

@@ -89,10 +89,11 @@ def test_openaxes():
             np.testing.assert_allclose(pull, [0.0, 0.0, 9.45], atol=UNCALIBRATED_BOUND_M_S2)
 
 
-def test_broad():
+@pytest.mark.parametrize("every", [6, pytest.param(1, marks=pytest.mark.long)], ids=["a few", "all"])
+def test_broad(every):
     files = sorted(local_folder("data/broad").glob("[0-9]*.mat"))
     assert files
-    for file in files:
+    for file in files[::every]:
         recording, reference = read_broad(file), read_broad_reference(file)
         assert recording["imu"].rate_hz == pytest.approx(285.714, abs=0.01)
         assert len(recording["imu"]) == len(reference.time_s)

@@ -34,7 +34,7 @@ def test_a_rig_is_recorded_and_the_recording_written_again(sculler, tmp_path):
 
 def test_the_demo_tracks_emulated_sensors(tmp_path):
     out = tmp_path / "demo"
-    said = run("live", "demo", "--no-page", "--seconds", "8", "--out", out).stdout
+    said = run("live", "demo", "--no-page", "--seconds", "4", "--out", out).stdout
     recording = oarlock.load_recording(out / "recording")
     assert {"back", "seat", "r_oar_phi"} <= set(recording.names)
     assert np.isfinite(recording.sensor("back").gyro_rad_s).all()

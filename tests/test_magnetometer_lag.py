@@ -71,8 +71,10 @@ def test_a_punctual_magnetometer_is_used_as_it_is():
 @pytest.mark.data
 @pytest.mark.parametrize(
     ("trial", "live_deg", "smoothed_deg"),
-    [("28_disturbed_stationary_magnet_A", 1.0, 1.02), ("35_disturbed_attached_magnet_4cm", 1.21, 0.8)],
-    ids=["beside", "attached"],
+    [
+        pytest.param("28_disturbed_stationary_magnet_A", 1.0, 1.02, id="beside", marks=pytest.mark.long),
+        pytest.param("35_disturbed_attached_magnet_4cm", 1.21, 0.8, id="attached"),
+    ],
 )
 def test_a_heading_beside_magnets(trial, live_deg, smoothed_deg):
     """VQF with its magnetometer has 3.3 deg beside a magnet, offline 2.0."""

@@ -203,6 +203,7 @@ def test_a_signal_that_rests_at_its_largest_value_is_not_clipped() -> None:
     assert clipped_texts(ImuStream("back", unit().time_s, gyro_rad_s=steps)) == []
 
 
+@pytest.mark.long
 def test_an_encoder_that_does_not_follow_is_stuck() -> None:
     streams = [
         ScalarStream(s.name, s.time_s, 0 * s.value + 0.4) if s.name == "r_oar_phi" else s for s in second(41)

@@ -152,6 +152,7 @@ def test_what_moves_otherwise_is_refused(motion):
     assert_refused(lambda: align(other, body_motion(motion.track), near_s=900.0), "in common")
 
 
+@pytest.mark.long
 def test_clocks_that_drift_are_fitted():
     motion = Motion(60.0, (20.0, 32.0), seed=5)
     track_s = np.arange(0.0, 240.0, 0.02)
