@@ -8,6 +8,7 @@ from __future__ import annotations
 from oarlock.cli.stopped import stopped_in_words
 
 with stopped_in_words():  # half of the time before a verb starts
+    from functools import cache
     from importlib import import_module
     from typing import Annotated, Any
 
@@ -65,8 +66,9 @@ class LazyVerbs(TyperGroup):
         return name, command and load_verb(command.name or ""), rest
 
 
+@cache
 def load_verb(name: str) -> Any:
-    """Import the module of a verb and build its command."""
+    """Import the module of a verb and build its command, once: typer takes a fifth of a second for those of seasons."""
     verbs = typer.Typer(rich_markup_mode=None)
     import_module(f"oarlock.cli.{MODULES.get(name, name)}").add_to(verbs)
     return get_group(verbs).commands[name]
