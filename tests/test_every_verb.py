@@ -121,14 +121,15 @@ def marks_of(file: str) -> list[pytest.Mark]:
     return [mark.mark for mark in (marks if isinstance(marks, list) else [marks])]
 
 
-def test_demo(tmp_path):
+def test_demo(tmp_path, monkeypatch):
+    monkeypatch.setattr("oarlock.cli.demo.DURATION_S", 12.0)
     out = tmp_path / "demo"
     assert json.loads(run("demo", "--out", out, "--json").stdout)
     assert list(out.rglob("report.html"))
 
 
 def test_calibrate_motion(tmp_path):
-    at_rate(load_excerpt().recording, 20.0).save(tmp_path / "rec")
+    at_rate(load_excerpt().recording, 12.5).save(tmp_path / "rec")
     out = tmp_path / "cal.toml"
     shown = run("calibrate", "motion", tmp_path / "rec", "--model", "sculler", "--out", out)
     assert "oarlock track" in shown.stdout
