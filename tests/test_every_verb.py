@@ -129,7 +129,7 @@ def test_demo(tmp_path, monkeypatch):
 
 
 def test_calibrate_motion(tmp_path):
-    at_rate(load_excerpt().recording, 12.5).save(tmp_path / "rec")
+    at_rate(load_excerpt().recording, 20.0).save(tmp_path / "rec")
     out = tmp_path / "cal.toml"
     shown = run("calibrate", "motion", tmp_path / "rec", "--model", "sculler", "--out", out)
     assert "oarlock track" in shown.stdout

@@ -247,7 +247,9 @@ def outcomes(of):
     return shared
 
 
-@pytest.mark.parametrize("name", MATLAB)
+@pytest.mark.parametrize(
+    "name", ["pair.mat", *(pytest.param(n, marks=pytest.mark.long) for n in ("broad.mat", "body.mat"))]
+)
 def test_matlab_files(name, tmp_path, monkeypatch):
     monkeypatch.setattr(mat, "arrays_of", outcomes(mat.arrays_of))
     matlab_files(tmp_path)

@@ -77,7 +77,7 @@ class Watched:
     "pair",
     [
         ("r_forearm", "l_forearm"),
-        ("back", "r_upperarm"),
+        pytest.param(("back", "r_upperarm"), marks=pytest.mark.long),
         pytest.param(("l_upperarm", "l_forearm"), marks=pytest.mark.long),
     ],
 )
