@@ -71,7 +71,6 @@ def made() -> dict[str, Part]:
     return {part.key: part for part in parts}
 
 
-@pytest.mark.long
 def test_positions_are_the_same_bits_on_two_processes(made):
     keys = ("table6", "fig4", "fig5")
     for part in reproduce(keys, (UNSEEN,), duration_s=SHORT_S, jobs=2):
