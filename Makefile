@@ -29,7 +29,7 @@ demo: $(VENV)/.package ## build, then track a simulated sculler and a real pendu
 
 # Seeded, so that a change alone can make it fail; `make test-all` and `make fuzz` draw anew.
 test: export PROPTEST_RNG_SEED := 1
-test: $(VENV)/.package $(VENV)/.dev ## run the tests that every change must pass: at most 5 minutes on two cores
+test: $(VENV)/.package $(VENV)/.dev ## run the tests that every change must pass: about 10 minutes on two cores
 	cargo test --locked --quiet --package oarlock
 	$(BIN)/python -m pytest -m "not long" --numprocesses auto --dist loadfile
 
