@@ -18,7 +18,7 @@ KNOWN = ", mount_std_rad = 1e-4, skin_std_rad = 1e-4, point_std_m = 1e-4"
 
 @cache
 def links(more: str = "") -> oarlock.Model:
-    text = f'format = 1\nstructure = "strapdown"\nlinks = {{ joints = "boat"{more} }}\n'
+    text = f'format = 1\nstructure = "strapdown"\nlinks = {{ joints = "bone_in_rig"{more} }}\n'
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "sculler_links.toml"
         file.write_text(sculler().text.replace("format = 1\n", text, 1))

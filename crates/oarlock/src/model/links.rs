@@ -24,8 +24,8 @@ pub enum JointsOf {
     HandRig,
     /// Machined.
     Machine,
-    /// Of a rower in a boat or on an ergometer: skin under units, mounts by eye, and loops that hold the arms.
-    Boat,
+    /// Of a person whose seat and hands a rig with encoders holds: skin under units, mounts by eye.
+    BoneInRig,
 }
 
 /// Statements about joints, units and the start. Standard deviations unless a name says otherwise.
@@ -164,7 +164,7 @@ impl Links {
             JointsOf::Machine => {
                 Links { point_std_m: 0.02, hinge_std_rad: Some(0.01), axis_std_rad: Some(0.02), ..rig }
             }
-            JointsOf::Boat => Links {
+            JointsOf::BoneInRig => Links {
                 joint_std_m: 0.005,
                 joint_time_s: 0.02,
                 point_std_m: 0.01,
@@ -186,7 +186,7 @@ impl Links {
             ("bone", JointsOf::Bone),
             ("hand_rig", JointsOf::HandRig),
             ("machine", JointsOf::Machine),
-            ("boat", JointsOf::Boat),
+            ("bone_in_rig", JointsOf::BoneInRig),
         ];
         let kind = section.get("joints").and_then(|slot| slot.choice(&kinds)).unwrap_or(JointsOf::Bone);
         let mut links = Links::of(kind);

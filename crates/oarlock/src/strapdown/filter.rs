@@ -1,9 +1,9 @@
 //! The filter of strapdown links: prediction by each unit's own readings, and readings of joints, bounds, rest and contact.
 
 use super::covariance::{even, predict, Correction, Rows, Step, UNIT};
-use super::increment::{skew, sum, Increment, Reading, Readings, ZERO};
+use super::increment::{sum, Increment, Reading, Readings, ZERO};
 use super::sensors::{Heard, Measures, Sensor};
-use super::skeleton::{Closure, End, Leg, Pose, Skeleton};
+use super::skeleton::{Closure, End, Pose, Skeleton};
 use super::start::{fresh_block, put_block};
 use crate::estimate::filter::Verdict;
 use crate::kernels::arch::Arch;
@@ -180,19 +180,6 @@ impl StrapdownFilter {
         self.skeleton.links.iter().filter(|link| link.turns.locked() > 0)
     }
 
-    /// Whether a loop of the model is read.
-    pub fn is_loop_read(&self, number: usize) -> bool {
-        let closure = self.skeleton.closures.iter().filter(|c| c.loop_std_m.is_some()).nth(number);
-        self.closures && closure.is_some_and(|closure| self.can_read(closure))
-    }
-
-    /// Whether everything that a closure needs speaks, and no joint is let go.
-    pub(super) fn can_read(&self, closure: &Closure) -> bool {
-        let is_silent = |end: End| end.unit().is_some_and(|u| self.silent[u] || self.let_go[u]);
-        let is_stale = closure.through.iter().any(|leg| self.is_stale_leg(leg));
-        !is_silent(closure.from) && !is_silent(closure.to) && !is_stale
-    }
-
     /// First state of a link without a unit.
     pub fn loose_state(&self, number: usize) -> usize {
         UNIT * self.skeleton.units.len() + 3 * number
@@ -201,67 +188,6 @@ impl StrapdownFilter {
     /// First states of all constants, in order.
     pub fn constants(&self) -> impl Iterator<Item = usize> + '_ {
         self.points.iter().chain(&self.axes).chain(&self.turned).flatten().flatten().copied()
-    }
-
-    /// First states of the skins of units.
-    pub(super) fn skins(&self) -> impl Iterator<Item = usize> + '_ {
-        self.turned.iter().filter_map(|[_, skin]| *skin)
-    }
-
-    /// State of an acceleration of the room.
-    pub fn push_state(&self, number: usize) -> usize {
-        self.size - usize::from(self.skeleton.has_fields()) - self.skeleton.pushes.len() + number
-    }
-
-    /// Gravity as it acts in the room, which may be accelerated, m/s2.
-    pub(super) fn gravity_in(&self, means: &Means) -> Vec3<f64> {
-        let pushes = self.skeleton.pushes.iter().zip(&means.pushes);
-        pushes.fold(self.gravity, |sum, (push, value)| sum + push.axis * -value)
-    }
-
-    /// How the accelerations of the room move every unit: their states and axes.
-    pub(super) fn pushed(&self) -> Vec<(usize, Vec3<f64>)> {
-        self.skeleton.pushes.iter().enumerate().map(|(k, push)| (self.push_state(k), push.axis)).collect()
-    }
-
-    /// What skins and accelerations of the room keep over a time: state, and share.
-    pub(super) fn decays(&self, step_s: f64) -> Vec<(usize, f64)> {
-        let skin = (-step_s / self.links.skin_time_s).exp();
-        let skins = self.skins().flat_map(|first| (first..first + 3).map(move |i| (i, skin)));
-        let pushes = self.skeleton.pushes.iter().enumerate();
-        let pushes = pushes.map(|(k, push)| (self.push_state(k), (-step_s / push.time_s).exp()));
-        skins.chain(pushes).collect()
-    }
-
-    /// Turn of a unit's bone against where its mount says, in the unit's axes.
-    pub(super) fn skin_of(&self, means: &Means, u: usize) -> Mat3<f64> {
-        let turns = self.turned.get(u).copied().unwrap_or_default();
-        let [mount, skin] = turns.map(|first| self.constant(means, first));
-        Mat3::about(mount).times(&Mat3::about(skin))
-    }
-
-    /// A point of a unit's bone, from the unit, m in its axes: with the error of a joint's point.
-    pub(super) fn point_of(&self, means: &Means, u: usize, point: Vec3<f64>) -> Vec3<f64> {
-        if self.turned.get(u).is_none_or(|turns| *turns == [None; 2]) {
-            return point;
-        }
-        self.skin_of(means, u).apply(point)
-    }
-
-    /// Derivatives of the turn of a unit's bone by its mount and skin, in the room's axes, times `m`.
-    pub(super) fn push_skin(&self, rows: &mut Rows, means: &Means, u: usize, m: &Mat3<f64>) {
-        let [mount, skin] = self.turned.get(u).copied().unwrap_or_default();
-        let rotation = &means.units[u].rotation;
-        // The left Jacobian of a small turn.
-        let by = |turn: Vec3<f64>| sum(&Mat3::identity(), &skew(turn), 0.5);
-        let own = self.constant(means, mount);
-        if let Some(first) = mount {
-            rows.push(first, &m.times(rotation).times(&by(own)));
-        }
-        if let Some(first) = skin {
-            let turn = self.constant(means, skin);
-            rows.push(first, &m.times(rotation).times(&Mat3::about(own)).times(&by(turn)));
-        }
     }
 
     /// Whether the body may go anywhere: it touches the ground, or something measures where it is.
@@ -306,23 +232,6 @@ impl StrapdownFilter {
 
     pub fn through(&self, means: &Means, closure: &Closure) -> Vec3<f64> {
         closure.through.iter().fold(Vec3([0.0; 3]), |sum, leg| sum + self.leg(means, leg))
-    }
-
-    /// A leg in the room's axes, m.
-    pub(super) fn leg(&self, means: &Means, leg: &Leg) -> Vec3<f64> {
-        let length = leg.by.map_or(1.0, |c| means.inputs[c][0]);
-        self.orientation_of(means, leg.link).apply(leg.vector) * length
-    }
-
-    /// Whether encoders that a leg needs are silent.
-    pub(super) fn is_stale_leg(&self, leg: &Leg) -> bool {
-        let mut link = leg.link;
-        let mut all = leg.by.into_iter().collect::<Vec<usize>>();
-        while let Some(l) = link.filter(|l| self.skeleton.links[*l].pose == Pose::Driven) {
-            all.extend(self.skeleton.links[l].turns.coordinates().into_iter().flatten());
-            link = self.skeleton.links[l].parent;
-        }
-        all.iter().any(|c| self.stale[*c])
     }
 
     /// The same as `push_turn`; of the room, nothing.
@@ -487,23 +396,6 @@ impl StrapdownFilter {
                 }
             }
         };
-    }
-
-    /// Skins and accelerations of the room forget, and get their noise.
-    fn wander(&self, state: &mut State, step_s: f64) {
-        let skin = (-step_s / self.links.skin_time_s).exp();
-        let std = self.links.skin_std_rad.unwrap_or(0.0);
-        let begin = self.loose_state(self.skeleton.loose.len());
-        for first in self.skins() {
-            let mean = &mut state.means.constants[(first - begin) / 3];
-            *mean = *mean * skin;
-            (first..first + 3).for_each(|i| *state.covariance.at_mut(i, i) += std * std * (1.0 - skin * skin));
-        }
-        for (k, push) in self.skeleton.pushes.iter().enumerate() {
-            let i = self.push_state(k);
-            state.means.pushes[k] *= (-step_s / push.time_s).exp();
-            *state.covariance.at_mut(i, i) += push.density * push.density * step_s;
-        }
     }
 
     fn update(&mut self, state: &mut State, step_s: f64) {

@@ -92,7 +92,7 @@ impl Heard {
     }
 
     /// Rate of the first number between the readings around a time; zero after the last.
-    fn rate(&self, time_s: f64) -> f64 {
+    pub(super) fn rate(&self, time_s: f64) -> f64 {
         let next = self.all.partition_point(|r| r.0 <= time_s + 1e-9).clamp(1, self.all.len().saturating_sub(1).max(1));
         match (self.all.get(next - 1), self.all.get(next)) {
             (Some((a_s, a)), Some((b_s, b))) if b_s - a_s <= LONGEST_GAP_S => (b[0] - a[0]) / (b_s - a_s),
@@ -111,7 +111,7 @@ impl Heard {
     }
 
     /// The value at a time, and how many updates of `step_s` share one reading.
-    fn at(&self, time_s: f64, step_s: f64) -> Option<([f64; 3], f64)> {
+    pub(super) fn at(&self, time_s: f64, step_s: f64) -> Option<([f64; 3], f64)> {
         let next = self.all.partition_point(|r| r.0 <= time_s + 1e-9);
         let (a_s, a) = self.all.get(next.checked_sub(1)?)?;
         let since_s = time_s - a_s;
@@ -228,29 +228,6 @@ impl StrapdownFilter {
     /// State of the field's azimuth, if units have magnetometers.
     pub fn azimuth_state(&self) -> Option<usize> {
         self.skeleton.has_fields().then(|| self.size - 1)
-    }
-
-    /// What encoders say at a time of the links that they alone tell; those that are silent stay.
-    pub(super) fn inputs(&self, heard: &[Heard], time_s: f64, before: &[[f64; 2]]) -> Vec<[f64; 2]> {
-        let mut inputs = before.to_vec();
-        for (sensor, heard) in self.skeleton.sensors.iter().zip(heard) {
-            if let (Measures::Input(c), Some((value, _))) = (&sensor.measures, heard.at(time_s, 1.0)) {
-                inputs[*c] = [value[0], heard.rate(time_s)];
-            }
-        }
-        inputs
-    }
-
-    /// Whether encoders that tell a coordinate alone are silent now. An input that never spoke is at rest.
-    pub(super) fn is_stale(&self, heard: &[Heard], time_s: f64) -> Vec<bool> {
-        let mut stale = vec![false; self.skeleton.rest.len()];
-        for (sensor, heard) in self.skeleton.sensors.iter().zip(heard) {
-            if let Measures::Input(c) = sensor.measures {
-                let is_silent = heard.all.is_empty() && matches!(sensor.at, Place::Input(_));
-                stale[c] = !is_silent && heard.at(time_s, 1.0).is_none();
-            }
-        }
-        stale
     }
 
     /// Moves all units so that the first position that was measured is right.

@@ -1,0 +1,61 @@
+//! Links that encoders alone tell, legs through them, and loops that need them. `filter` and `readings` use it.
+
+use super::filter::{Means, StrapdownFilter};
+use super::sensors::{Heard, Measures, Place};
+use super::skeleton::{Closure, End, Leg, Pose};
+use crate::rotation::Vec3;
+
+impl StrapdownFilter {
+    /// What encoders say at a time of the links that they alone tell; those that are silent stay.
+    pub(super) fn inputs(&self, heard: &[Heard], time_s: f64, before: &[[f64; 2]]) -> Vec<[f64; 2]> {
+        let mut inputs = before.to_vec();
+        for (sensor, heard) in self.skeleton.sensors.iter().zip(heard) {
+            if let (Measures::Input(c), Some((value, _))) = (&sensor.measures, heard.at(time_s, 1.0)) {
+                inputs[*c] = [value[0], heard.rate(time_s)];
+            }
+        }
+        inputs
+    }
+
+    /// Whether encoders that tell a coordinate alone are silent now. An input that never spoke is at rest.
+    pub(super) fn is_stale(&self, heard: &[Heard], time_s: f64) -> Vec<bool> {
+        let mut stale = vec![false; self.skeleton.rest.len()];
+        for (sensor, heard) in self.skeleton.sensors.iter().zip(heard) {
+            if let Measures::Input(c) = sensor.measures {
+                let is_silent = heard.all.is_empty() && matches!(sensor.at, Place::Input(_));
+                stale[c] = !is_silent && heard.at(time_s, 1.0).is_none();
+            }
+        }
+        stale
+    }
+
+    /// A leg in the room's axes, m.
+    pub(super) fn leg(&self, means: &Means, leg: &Leg) -> Vec3<f64> {
+        let length = leg.by.map_or(1.0, |c| means.inputs[c][0]);
+        self.orientation_of(means, leg.link).apply(leg.vector) * length
+    }
+
+    /// Whether encoders that a leg needs are silent.
+    pub(super) fn is_stale_leg(&self, leg: &Leg) -> bool {
+        let mut link = leg.link;
+        let mut all = leg.by.into_iter().collect::<Vec<usize>>();
+        while let Some(l) = link.filter(|l| self.skeleton.links[*l].pose == Pose::Driven) {
+            all.extend(self.skeleton.links[l].turns.coordinates().into_iter().flatten());
+            link = self.skeleton.links[l].parent;
+        }
+        all.iter().any(|c| self.stale[*c])
+    }
+
+    /// Whether a loop of the model is read.
+    pub fn is_loop_read(&self, number: usize) -> bool {
+        let closure = self.skeleton.closures.iter().filter(|c| c.loop_std_m.is_some()).nth(number);
+        self.closures && closure.is_some_and(|closure| self.can_read(closure))
+    }
+
+    /// Whether everything that a closure needs speaks, and no joint is let go.
+    pub(super) fn can_read(&self, closure: &Closure) -> bool {
+        let is_silent = |end: End| end.unit().is_some_and(|u| self.silent[u] || self.let_go[u]);
+        let is_stale = closure.through.iter().any(|leg| self.is_stale_leg(leg));
+        !is_silent(closure.from) && !is_silent(closure.to) && !is_stale
+    }
+}

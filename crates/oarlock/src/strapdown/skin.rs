@@ -1,0 +1,86 @@
+//! What moves every unit beside its own readings: its constant mount and its skin, and accelerations of the room. `filter` uses it.
+
+use super::covariance::Rows;
+use super::filter::{Means, State, StrapdownFilter};
+use super::increment::{skew, sum};
+use crate::rotation::{Mat3, Vec3};
+
+impl StrapdownFilter {
+    /// First states of the skins of units.
+    pub(super) fn skins(&self) -> impl Iterator<Item = usize> + '_ {
+        self.turned.iter().filter_map(|[_, skin]| *skin)
+    }
+
+    /// State of an acceleration of the room.
+    pub fn push_state(&self, number: usize) -> usize {
+        self.size - usize::from(self.skeleton.has_fields()) - self.skeleton.pushes.len() + number
+    }
+
+    /// Gravity as it acts in the room, which may be accelerated, m/s2.
+    pub(super) fn gravity_in(&self, means: &Means) -> Vec3<f64> {
+        let pushes = self.skeleton.pushes.iter().zip(&means.pushes);
+        pushes.fold(self.gravity, |sum, (push, value)| sum + push.axis * -value)
+    }
+
+    /// How the accelerations of the room move every unit: their states and axes.
+    pub(super) fn pushed(&self) -> Vec<(usize, Vec3<f64>)> {
+        self.skeleton.pushes.iter().enumerate().map(|(k, push)| (self.push_state(k), push.axis)).collect()
+    }
+
+    /// What skins and accelerations of the room keep over a time: state, and share.
+    pub(super) fn decays(&self, step_s: f64) -> Vec<(usize, f64)> {
+        let skin = (-step_s / self.links.skin_time_s).exp();
+        let skins = self.skins().flat_map(|first| (first..first + 3).map(move |i| (i, skin)));
+        let pushes = self.skeleton.pushes.iter().enumerate();
+        let pushes = pushes.map(|(k, push)| (self.push_state(k), (-step_s / push.time_s).exp()));
+        skins.chain(pushes).collect()
+    }
+
+    /// Turn of a unit's bone against where its mount says, in the unit's axes.
+    pub(super) fn skin_of(&self, means: &Means, u: usize) -> Mat3<f64> {
+        let turns = self.turned.get(u).copied().unwrap_or_default();
+        let [mount, skin] = turns.map(|first| self.constant(means, first));
+        Mat3::about(mount).times(&Mat3::about(skin))
+    }
+
+    /// A point of a unit's bone, from the unit, m in its axes: with the error of a joint's point.
+    pub(super) fn point_of(&self, means: &Means, u: usize, point: Vec3<f64>) -> Vec3<f64> {
+        if self.turned.get(u).is_none_or(|turns| *turns == [None; 2]) {
+            return point;
+        }
+        self.skin_of(means, u).apply(point)
+    }
+
+    /// Derivatives of the turn of a unit's bone by its mount and skin, in the room's axes, times `m`.
+    pub(super) fn push_skin(&self, rows: &mut Rows, means: &Means, u: usize, m: &Mat3<f64>) {
+        let [mount, skin] = self.turned.get(u).copied().unwrap_or_default();
+        let rotation = &means.units[u].rotation;
+        // The left Jacobian of a small turn.
+        let by = |turn: Vec3<f64>| sum(&Mat3::identity(), &skew(turn), 0.5);
+        let own = self.constant(means, mount);
+        if let Some(first) = mount {
+            rows.push(first, &m.times(rotation).times(&by(own)));
+        }
+        if let Some(first) = skin {
+            let turn = self.constant(means, skin);
+            rows.push(first, &m.times(rotation).times(&Mat3::about(own)).times(&by(turn)));
+        }
+    }
+
+    /// Skins and accelerations of the room forget, and get their noise.
+    pub(super) fn wander(&self, state: &mut State, step_s: f64) {
+        let skin = (-step_s / self.links.skin_time_s).exp();
+        let std = self.links.skin_std_rad.unwrap_or(0.0);
+        let begin = self.loose_state(self.skeleton.loose.len());
+        for first in self.skins() {
+            let mean = &mut state.means.constants[(first - begin) / 3];
+            *mean = *mean * skin;
+            (first..first + 3).for_each(|i| *state.covariance.at_mut(i, i) += std * std * (1.0 - skin * skin));
+        }
+        for (k, push) in self.skeleton.pushes.iter().enumerate() {
+            let i = self.push_state(k);
+            state.means.pushes[k] *= (-step_s / push.time_s).exp();
+            *state.covariance.at_mut(i, i) += push.density * push.density * step_s;
+        }
+    }
+}
