@@ -25,6 +25,8 @@ const LONGEST_S: f64 = 0.1;
 /// Joint state of a link without a unit: random walk, rad per sqrt(s), and correlation time of the spring to its rest, s.
 pub const LOOSE_WALK: f64 = 2.0;
 pub const SPRING_TIME_S: f64 = 0.1;
+/// Updates from one reading of limits to the next; a divisor of `EVEN_EVERY`.
+const LIMITS_EVERY: u32 = 10;
 /// Steps after which the covariance is made symmetric again.
 const EVEN_EVERY: u32 = 50;
 
@@ -200,10 +202,7 @@ impl StrapdownFilter {
     /// Orientation of a link, room from link.
     pub fn orientation(&self, means: &Means, link: usize) -> Mat3<f64> {
         match self.skeleton.links[link].pose {
-            Pose::Unit(u) => {
-                let unit = means.units[u].rotation.times(&self.skin_of(means, u));
-                unit.times_transposed(&self.skeleton.units[u].mount)
-            }
+            Pose::Unit(u) => self.bone_of(means, u).times_transposed(&self.skeleton.units[u].mount),
             Pose::Driven => {
                 let link = &self.skeleton.links[link];
                 let turn = link.turns.rotation(link.turns.coordinates().map(|c| c.map_or(0.0, |c| means.inputs[c][0])));
@@ -419,7 +418,9 @@ impl StrapdownFilter {
             self.read_sensors(state, step_s);
         }
         (0..self.skeleton.links.len()).for_each(|l| self.read_spring(state, l, step_s));
-        if self.closures && self.only.is_none() {
+        // Limits act over seconds, and angles of joints cost time.
+        if self.closures && self.only.is_none() && state.uneven.is_multiple_of(LIMITS_EVERY) {
+            let step_s = step_s * f64::from(LIMITS_EVERY);
             (0..self.skeleton.links.len()).for_each(|l| self.read_limits(state, l, step_s));
         }
         (0..self.skeleton.units.len()).for_each(|u| self.read_bounds(state, u, step_s));

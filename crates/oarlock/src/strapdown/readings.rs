@@ -61,7 +61,7 @@ impl StrapdownFilter {
                     rows.push(UNIT * u, &sum(&ZERO, &back.times(&skew(mean.position + arm)), -sign));
                     rows.push(UNIT * u + 6, &sum(&ZERO, &back, sign));
                     if let Some(first) = self.points[c][k] {
-                        let turn = mean.rotation.times(&self.skin_of(means, u));
+                        let turn = self.bone_of(means, u);
                         rows.push(first, &sum(&ZERO, &back.times(&turn), sign));
                     }
                 }

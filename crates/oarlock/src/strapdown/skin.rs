@@ -36,24 +36,45 @@ impl StrapdownFilter {
         skins.chain(pushes).collect()
     }
 
+    /// Whether a unit's bone may be turned against where its mount says.
+    fn is_turned(&self, u: usize) -> bool {
+        self.turned.get(u).is_some_and(|turns| *turns != [None; 2])
+    }
+
     /// Turn of a unit's bone against where its mount says, in the unit's axes.
     pub(super) fn skin_of(&self, means: &Means, u: usize) -> Mat3<f64> {
-        let turns = self.turned.get(u).copied().unwrap_or_default();
-        let [mount, skin] = turns.map(|first| self.constant(means, first));
+        if !self.is_turned(u) {
+            return Mat3::identity();
+        }
+        let [mount, skin] = self.turned[u].map(|first| self.constant(means, first));
         Mat3::about(mount).times(&Mat3::about(skin))
+    }
+
+    /// The axes of a unit where its bone is as its mount says, room from them.
+    pub(super) fn bone_of(&self, means: &Means, u: usize) -> Mat3<f64> {
+        let rotation = means.units[u].rotation;
+        if self.is_turned(u) {
+            rotation.times(&self.skin_of(means, u))
+        } else {
+            rotation
+        }
     }
 
     /// A point of a unit's bone, from the unit, m in its axes: with the error of a joint's point.
     pub(super) fn point_of(&self, means: &Means, u: usize, point: Vec3<f64>) -> Vec3<f64> {
-        if self.turned.get(u).is_none_or(|turns| *turns == [None; 2]) {
-            return point;
+        if self.is_turned(u) {
+            self.skin_of(means, u).apply(point)
+        } else {
+            point
         }
-        self.skin_of(means, u).apply(point)
     }
 
     /// Derivatives of the turn of a unit's bone by its mount and skin, in the room's axes, times `m`.
     pub(super) fn push_skin(&self, rows: &mut Rows, means: &Means, u: usize, m: &Mat3<f64>) {
-        let [mount, skin] = self.turned.get(u).copied().unwrap_or_default();
+        if !self.is_turned(u) {
+            return;
+        }
+        let [mount, skin] = self.turned[u];
         let rotation = &means.units[u].rotation;
         // The left Jacobian of a small turn.
         let by = |turn: Vec3<f64>| sum(&Mat3::identity(), &skew(turn), 0.5);
