@@ -172,15 +172,6 @@ def test_a_pickled_estimate_goes_on(sliding, tracked):
         build(*parts[:-1], np.array([1.0, 2.0]))
 
 
-def test_what_it_cannot_track_is_refused():
-    with pytest.raises(oarlock.ModelError, match=r"slides.*structure = \"tree\""):
-        oarlock.track(
-            oarlock.load_model("sculler"),
-            oarlock.Recording([oarlock.ImuStream("back", [0.0, 0.01], gyro_rad_s=np.zeros((2, 3)))]),
-            config=oarlock.Config(structure="strapdown"),
-        )
-
-
 @pytest.mark.parametrize("link", LINKS)
 def test_the_orientation_of_a_link_has_a_band(tracked, link):
     stds = tracked.frame_rotation_stds(link)
