@@ -55,14 +55,16 @@ def test_a_slide_without_an_encoder_is_refused_by_name() -> None:
         file = Path(folder) / "no_seat.toml"
         file.write_text(text.replace("format = 1\n", 'format = 1\nstructure = "strapdown"\n', 1))
         model = oarlock.load_model(file)
-    with pytest.raises(oarlock.ModelError, match=r"joint 'seat' slides and no encoder reads it"):
+    with pytest.raises(
+        oarlock.ModelError, match=r"joint 'seat' slides and no encoder reads it.*structure = \"tree\""
+    ):
         oarlock.track(model, load_excerpt().recording)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["wild_0", "wild_7", "misfit_0"])
 def test_mounts_and_skin_are_worth_more_than_a_rigid_tree(name: str) -> None:
-    """Nominal lengths and mounts: live, the tree is 15 to 40 % worse."""
+    """Nominal lengths and mounts: live, the tree is 10 to 55 % worse (wild_7 and misfit_0)."""
     body = read_exact(local_folder("recordings") / f"{name}.npz", name)
     by_links, by_tree = (
         sculling.angles(oarlock.track(model, body.recording, body.nominal), body.truth).mean_rmse_deg(ELEVEN)

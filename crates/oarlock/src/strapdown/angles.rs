@@ -11,8 +11,9 @@ use crate::kernels::dense::{accumulate, Square};
 use crate::rotation::turn::Turn;
 use crate::rotation::{Mat3, Vec3};
 
-/// Interval between encoder readings from which a rate comes, s; and half of that for the rate of a link that they tell.
+/// Interval between encoder readings that the uncertainty of their rates assumes, s.
 const INPUT_STEP_S: f64 = 0.01;
+/// Half of the interval for the derivative of a link's rotation by its coordinates, s.
 const RATE_STEP_S: f64 = 0.001;
 
 /// Derivatives of one coordinate's value by the errors.
@@ -46,8 +47,8 @@ impl Coordinates {
             Coordinates { mean: near.to_vec(), off_axis: Vec::new(), rows: vec![Vec::new(); n], own: Square::zeros(n) };
         unknown.iter().enumerate().for_each(|(i, std)| *all.own.at_mut(i, i) = std * std);
         let motions = Motions::of(filter, means, signals);
-        for (k, push) in filter.skeleton.pushes.iter().enumerate() {
-            if let Some(slot) = body.layout.pushes.iter().find(|slot| slot.number == push.number) {
+        for k in 0..filter.skeleton.pushes.len() {
+            if let Some(slot) = body.layout.pushes.iter().find(|slot| slot.number == k) {
                 all.set(slot.state, means.pushes[k], vec![(filter.push_state(k), 1.0)], 0.0);
             }
         }
@@ -142,7 +143,7 @@ impl Coordinates {
         }
     }
 
-    /// Coordinates that encoders alone tell.
+    /// Coordinates that only encoders measure.
     fn place_driven(&mut self, filter: &StrapdownFilter, body: &Body, means: &Means, l: usize) {
         let slide = match filter.skeleton.links[l].turns {
             Turns::Slide(c, ..) => Some(c),
@@ -210,7 +211,7 @@ impl Coordinates {
         let (end, through) = filter.skeleton.way(l, Vec3([0.0; 3]));
         let End::Unit(u, point) = end else { return };
         let mean = &means.units[u];
-        let mut arm = mean.rotation.apply(filter.point_of(means, u, point));
+        let mut arm = filter.bone_of(means, u).apply(point);
         filter.push_skin(&mut rows, means, u, &sum(&ZERO, &back.times(&skew(arm)), -1.0));
         // p + R r: its error is xp + f x (p + R r).
         rows.push(UNIT * u, &sum(&ZERO, &back.times(&skew(mean.position + arm)), -1.0));
@@ -304,7 +305,7 @@ struct Motion {
     rate_hz: f64,
 }
 
-/// Angular velocity of a link that encoders alone tell against its parent, in its own axes, rad/s.
+/// Angular velocity of a link that only encoders measure against its parent, in its own axes, rad/s.
 fn driven_rate(link: &Link, means: &Means) -> Vec3<f64> {
     let at = |after_s: f64| {
         let q = link.turns.coordinates().map(|c| c.map_or(0.0, |c| means.inputs[c][0] + after_s * means.inputs[c][1]));

@@ -1,4 +1,4 @@
-//! Links that encoders alone tell, legs through them, and loops that need them. `filter` and `readings` use it.
+//! Links that only encoders measure, legs through them, and loops that need them. `filter` and `readings` use it.
 
 use super::filter::{Means, StrapdownFilter};
 use super::sensors::{Heard, Measures, Place};
@@ -6,7 +6,7 @@ use super::skeleton::{Closure, End, Leg, Pose};
 use crate::rotation::Vec3;
 
 impl StrapdownFilter {
-    /// What encoders say at a time of the links that they alone tell; those that are silent stay.
+    /// What encoders say at a time of the links that only they measure; those that are silent stay.
     pub(super) fn inputs(&self, heard: &[Heard], time_s: f64, before: &[[f64; 2]]) -> Vec<[f64; 2]> {
         let mut inputs = before.to_vec();
         for (sensor, heard) in self.skeleton.sensors.iter().zip(heard) {
@@ -17,13 +17,13 @@ impl StrapdownFilter {
         inputs
     }
 
-    /// Whether encoders that tell a coordinate alone are silent now. An input that never spoke is at rest.
+    /// Whether the only encoders of a coordinate are silent now. An input that never spoke is at rest.
     pub(super) fn is_stale(&self, heard: &[Heard], time_s: f64) -> Vec<bool> {
         let mut stale = vec![false; self.skeleton.rest.len()];
         for (sensor, heard) in self.skeleton.sensors.iter().zip(heard) {
             if let Measures::Input(c) = sensor.measures {
-                let is_silent = heard.all.is_empty() && matches!(sensor.at, Place::Input(_));
-                stale[c] = !is_silent && heard.at(time_s, 1.0).is_none();
+                let is_at_rest = heard.all.is_empty() && matches!(sensor.at, Place::Input(_));
+                stale[c] = !is_at_rest && heard.at(time_s, 1.0).is_none();
             }
         }
         stale

@@ -55,7 +55,7 @@ pub struct Means {
     pub azimuth: f64,
     /// Accelerations of the room, m/s2.
     pub pushes: Vec<f64>,
-    /// By coordinate of the model: what encoders alone tell, rad or m, and its rate. No state.
+    /// By coordinate of the model: what only encoders measure, rad or m, and its rate. No state.
     pub inputs: Vec<[f64; 2]>,
 }
 
@@ -127,7 +127,7 @@ pub struct StrapdownFilter {
     pub fields: Vec<Verdict>,
     /// By unit: whether its joints are let go, because it contradicts itself alone.
     pub let_go: Vec<bool>,
-    /// Of the last update, by coordinate: whether encoders that tell it alone are silent.
+    /// Of the last update, by coordinate: whether the only encoders that measure it are silent.
     pub stale: Vec<bool>,
     /// Of the last update, by unit: by what it was turned, rad in the room's axes.
     pub moved_by: Vec<Vec3<f64>>,
@@ -327,8 +327,9 @@ impl StrapdownFilter {
         let gravity = self.gravity_in(&state.means);
         let units = state.means.units.iter().zip(&state.increments).map(|(mean, i)| self.moved(mean, i, gravity));
         let inputs = self.inputs(&state.heard, state.row_s, &state.means.inputs);
-        let Means { loose, constants, azimuth, pushes, .. } = state.means.clone();
-        Means { units: units.collect(), loose, constants, azimuth, pushes, inputs }
+        let Means { loose, constants, azimuth, pushes, .. } = &state.means;
+        let (loose, constants, pushes) = (loose.clone(), constants.clone(), pushes.clone());
+        Means { units: units.collect(), loose, constants, azimuth: *azimuth, pushes, inputs }
     }
 
     fn predict(&mut self, state: &mut State) -> Vec<Step> {

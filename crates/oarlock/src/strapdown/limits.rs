@@ -1,4 +1,4 @@
-//! Limits of joints as evidence: one-sided, with a soft edge. `filter` reads them at every update.
+//! Limits of joints as evidence: one-sided, with a soft edge. `filter` reads them at every tenth update.
 
 use super::filter::{dot, State, StrapdownFilter};
 use super::joint::Turns;

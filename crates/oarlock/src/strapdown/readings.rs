@@ -55,14 +55,14 @@ impl StrapdownFilter {
                 End::Room(point) => gap += point * sign,
                 End::Unit(u, point) => {
                     let mean = &means.units[u];
-                    let arm = mean.rotation.apply(self.point_of(means, u, point + own(k)));
+                    let bone = self.bone_of(means, u);
+                    let arm = bone.apply(point + own(k));
                     gap += (mean.position + arm) * sign;
                     self.push_skin(&mut rows, means, u, &sum(&ZERO, &back.times(&skew(arm)), -sign));
                     rows.push(UNIT * u, &sum(&ZERO, &back.times(&skew(mean.position + arm)), -sign));
                     rows.push(UNIT * u + 6, &sum(&ZERO, &back, sign));
                     if let Some(first) = self.points[c][k] {
-                        let turn = self.bone_of(means, u);
-                        rows.push(first, &sum(&ZERO, &back.times(&turn), sign));
+                        rows.push(first, &sum(&ZERO, &back.times(&bone), sign));
                     }
                 }
             }

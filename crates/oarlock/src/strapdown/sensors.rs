@@ -57,7 +57,7 @@ pub enum Place {
 pub enum Measures {
     /// The angle of a hinge, by link and number, rad.
     Angle(usize, usize),
-    /// A coordinate of a link that encoders alone tell, rad or m.
+    /// A coordinate of a link that only encoders measure, rad or m.
     Input(usize),
     /// A point of a link in the room, m: by its unit's end, and through links without a unit.
     Point(End, Vec<Leg>),
@@ -159,7 +159,7 @@ impl StrapdownFilter {
         let mut rows = std::mem::take(&mut self.rows);
         rows.clear();
         let mean = &means.units[u];
-        let arm = mean.rotation.apply(self.point_of(means, u, point));
+        let arm = self.bone_of(means, u).apply(point);
         let mut at = mean.position + arm;
         self.push_skin(&mut rows, means, u, &sum(&ZERO, &skew(arm), -1.0));
         rows.push(UNIT * u, &sum(&ZERO, &skew(at), -1.0));
@@ -237,7 +237,7 @@ impl StrapdownFilter {
             _ => None,
         });
         let Some((u, point, through, place)) = first else { return };
-        let mut at = means.units[u].position + means.units[u].rotation.apply(self.point_of(means, u, point));
+        let mut at = means.units[u].position + self.bone_of(means, u).apply(point);
         for leg in through {
             at += self.leg(means, leg);
         }

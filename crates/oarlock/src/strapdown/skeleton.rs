@@ -128,18 +128,6 @@ pub struct Leg {
 /// A unit's end, or the room's, and the legs from there to a point through links without a unit.
 pub type Way = (End, Vec<Leg>);
 
-/// An acceleration of the room that is estimated.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Push {
-    /// Its number in the model.
-    pub number: usize,
-    pub axis: Vec3<f64>,
-    /// m/s2 at the start and per sqrt(s), and the time in which it decays, s.
-    pub start_std: f64,
-    pub density: f64,
-    pub time_s: f64,
-}
-
 /// A joint between two hinges that meet, on the piece between them: the link that carries it, its position there, and the hinges so far.
 type Begun = (Option<usize>, Vec3<f64>, Vec<Hinge>);
 
@@ -174,8 +162,8 @@ pub struct Skeleton {
     pub azimuth_walk: f64,
     /// Whether the root is accelerated in all directions: its joints turn against the room and go with nothing.
     pub pushed: bool,
-    /// Accelerations of the room in some directions.
-    pub pushes: Vec<Push>,
+    /// Else: accelerations of the room in some directions, all of the model's.
+    pub pushes: Vec<BaseAcceleration>,
     /// Coordinates of all joints at rest, rad or m: those of encoders that say nothing.
     pub rest: Vec<f64>,
 }
@@ -222,7 +210,7 @@ impl Skeleton {
             azimuth_rad: world.azimuth_fixed.then_some(world.magnetic_azimuth_rad),
             azimuth_walk: world.azimuth_walk,
             pushed: is_pushed(&body.model),
-            pushes: pushes(&body.model),
+            pushes: if is_pushed(&body.model) { Vec::new() } else { body.model.base_accelerations.clone() },
             rest: body.axes.iter().map(|axis| axis.rest).collect(),
         };
         let sensors = body.model.sensors.iter().enumerate();
@@ -416,18 +404,6 @@ fn rest_and_range(body: &Body, turns: &Turns) -> (Mat3<f64>, [f64; 3]) {
 /// Widest range of a joint without a unit, rad.
 const WIDEST_RAD: f64 = 0.7;
 
-/// Base accelerations in some directions.
-fn pushes(model: &Model) -> Vec<Push> {
-    if is_pushed(model) {
-        return Vec::new();
-    }
-    let push = |(number, base): (usize, &BaseAcceleration)| {
-        let BaseAcceleration { axis, start_std, density, time_s, .. } = *base;
-        Push { number, axis: Vec3(axis), start_std, density, time_s }
-    };
-    model.base_accelerations.iter().enumerate().map(push).collect()
-}
-
 /// Whether base accelerations have all three directions.
 fn is_pushed(model: &Model) -> bool {
     let axes: Vec<Vec3<f64>> = model.base_accelerations.iter().map(|b| Vec3(b.axis)).collect();
@@ -471,13 +447,13 @@ impl Skeleton {
         for l in 0..self.links.len() {
             let link = &self.links[l];
             let is_known = |c: usize| is_encoded(model, c);
-            let told = match &link.turns {
+            let has_encoders = match &link.turns {
                 Turns::Slide(c, ..) => is_known(*c),
                 Turns::Hinges(hinges) => hinges.iter().all(|h| is_known(h.coordinate)),
                 Turns::Free(..) | Turns::Ball(..) => false,
             };
             let has_unit = matches!(link.pose, Pose::Unit(_));
-            if told && !has_unit && link.parent.is_none_or(|p| self.links[p].pose == Pose::Driven) {
+            if has_encoders && !has_unit && link.parent.is_none_or(|p| self.links[p].pose == Pose::Driven) {
                 self.links[l].pose = Pose::Driven;
             }
         }

@@ -19,12 +19,12 @@ impl StrapdownFilter {
     /// Gravity as it acts in the room, which may be accelerated, m/s2.
     pub(super) fn gravity_in(&self, means: &Means) -> Vec3<f64> {
         let pushes = self.skeleton.pushes.iter().zip(&means.pushes);
-        pushes.fold(self.gravity, |sum, (push, value)| sum + push.axis * -value)
+        pushes.fold(self.gravity, |sum, (push, value)| sum + Vec3(push.axis) * -value)
     }
 
     /// How the accelerations of the room move every unit: their states and axes.
     pub(super) fn pushed(&self) -> Vec<(usize, Vec3<f64>)> {
-        self.skeleton.pushes.iter().enumerate().map(|(k, push)| (self.push_state(k), push.axis)).collect()
+        self.skeleton.pushes.iter().enumerate().map(|(k, push)| (self.push_state(k), Vec3(push.axis))).collect()
     }
 
     /// What skins and accelerations of the room keep over a time: state, and share.
@@ -57,15 +57,6 @@ impl StrapdownFilter {
             rotation.times(&self.skin_of(means, u))
         } else {
             rotation
-        }
-    }
-
-    /// A point of a unit's bone, from the unit, m in its axes: with the error of a joint's point.
-    pub(super) fn point_of(&self, means: &Means, u: usize, point: Vec3<f64>) -> Vec3<f64> {
-        if self.is_turned(u) {
-            self.skin_of(means, u).apply(point)
-        } else {
-            point
         }
     }
 

@@ -314,7 +314,7 @@ impl StrapdownFilter {
                 let through = self.through(means, closure);
                 let ends = [closure.from, closure.to].map(|end| match end {
                     End::Room(point) => (None, point),
-                    End::Unit(u, point) => (Some(u), means.units[u].rotation.apply(self.point_of(means, u, point))),
+                    End::Unit(u, point) => (Some(u), self.bone_of(means, u).apply(point)),
                 });
                 match (ends[0].0, ends[1].0) {
                     (None, Some(b)) if !known[b] => {

@@ -16,8 +16,8 @@ const FAR: f64 = 0.25 * std::f64::consts::PI;
 /// See `FAR`; a single wrong estimate, as after a dropout, is no reason for a note.
 const BRIEFLY_SHARE: f64 = 0.01;
 
-/// What strapdown links do about it.
-fn drawn_back(run: &Run) -> &'static str {
+/// What limits do to strapdown links; a tree is not affected.
+fn effect_of_limits(run: &Run) -> &'static str {
     let has_links = run.last().is_some_and(|last| last.links.is_some());
     if has_links {
         ". Beyond by more than `limit_std_rad`, it turns the headings of its segments back"
@@ -55,7 +55,7 @@ pub(super) fn contortions(run: &Run) -> Vec<String> {
                 tidy(by * high),
                 100.0 * share,
                 tidy(by * most),
-                drawn_back(run)
+                effect_of_limits(run)
             )
         })
     };
@@ -66,7 +66,9 @@ pub(super) fn contortions(run: &Run) -> Vec<String> {
 pub(super) fn overturned(run: &Run) -> Vec<String> {
     let model = &run.tracker().body().model;
     let balls = model.joints.iter().enumerate().filter(|(_, j)| j.kind == JointKind::Ball);
-    balls.filter_map(|(j, ball)| Some(overturned_note(model, j, &excesses(run, ball)?)? + drawn_back(run))).collect()
+    balls
+        .filter_map(|(j, ball)| Some(overturned_note(model, j, &excesses(run, ball)?)? + effect_of_limits(run)))
+        .collect()
 }
 
 /// How far a ball is beyond its range where it is observed.
