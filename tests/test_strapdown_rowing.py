@@ -1,5 +1,6 @@
 """A sculler as strapdown links: seat and oars from encoders, hands on handles, surge, mounts and skin as states."""
 
+import pickle
 import tempfile
 from functools import cache
 from pathlib import Path
@@ -9,8 +10,10 @@ import pytest
 from pages import sculling
 
 import oarlock
-from exact_recording import ELEVEN, load_excerpt, read_exact, sculler
+from exact_recording import ELEVEN, load_excerpt, read_exact, sculler, silenced
+from field_trial import trial
 from local_data import local_folder
+from oarlock.rowing import FieldEffects
 
 KNOWN = ", mount_std_rad = 1e-4, skin_std_rad = 1e-4, point_std_m = 1e-4"
 """Of a body that is as the model says."""
@@ -44,7 +47,7 @@ def test_the_seat_is_where_its_encoder_says_and_the_boat_surges() -> None:
     surge = np.interp(track.time_s, exact.truth.time_s, exact.surge_m_s2)
     late = (track.time_s > 2.0) & (track.time_s < 9.5)
     apart = (smoothed.slow["surge"].value - surge)[late]
-    assert np.sqrt(np.mean(apart**2)) < 0.2 and np.std(surge) > 1.5
+    assert np.sqrt(np.mean(apart**2)) < 0.25 and np.std(surge) > 1.5
     assert np.mean(np.abs(apart) < 1.96 * smoothed.slow["surge"].std[late]) > 0.9
 
 
@@ -61,13 +64,64 @@ def test_a_slide_without_an_encoder_is_refused_by_name() -> None:
         oarlock.track(model, load_excerpt().recording)
 
 
+def test_a_unit_that_was_silent_comes_back_where_it_is() -> None:
+    """Its orientation is worth 1 rad then, and must not be put down to its mount: 16 deg were, for good."""
+    exact = load_excerpt()
+    gap = silenced(exact.recording, "r_upperarm", 4.0, 1.2)
+    tracks = [oarlock.track(links(), recording, exact.nominal) for recording in (exact.recording, gap)]
+    late = tracks[0].time_s > 6.0
+    for joint in ("r_shoulder_flexion", "r_shoulder_rotation", "r_elbow_flexion"):
+        apart = np.degrees(tracks[1][joint].angle_rad - tracks[0][joint].angle_rad)[late]
+        assert np.sqrt(np.mean(apart**2)) < 1.5, joint
+
+
+def test_an_estimate_from_before_the_decision_goes_on() -> None:
+    """All that is still possible goes with it."""
+    exact = load_excerpt()
+    before, after = exact.recording.slice(end_s=5.0), exact.recording.slice(start_s=5.0)
+    belief = pickle.loads(pickle.dumps(oarlock.track(links(), before, exact.nominal).last_belief))
+    whole, rest = (
+        oarlock.track(links(), exact.recording, exact.nominal),
+        oarlock.track(links(), after, exact.nominal, start=belief),
+    )
+    last = [track["r_elbow_flexion"].angle_rad[-1] for track in (whole, rest)]
+    assert np.degrees(abs(last[0] - last[1])) < 0.2  # a few samples at the seam are read otherwise
+
+
+@pytest.mark.long
+def test_units_that_do_not_move_on_their_bones_are_told_from_such_that_do() -> None:
+    """Skin is there unless the first 20 s of movement say otherwise; then mounts may be off, or not even these."""
+    effects = [FieldEffects.misfit(), FieldEffects()]
+    misfit, careful = (trial(effect, "B-B", duration_s=30.0, rate_spm=24.0, seed=7) for effect in effects)
+    notes = [oarlock.track(links(), one.recording).notes for one in (misfit, careful)]
+    says = [[note for note in some if "between units and bones" in note] for some in notes]
+    assert ["lengths are estimated" in note for note in says[0]] == [True] and says[1] == []
+    exact = read_exact(local_folder("recordings") / "exact_B-B_0.npz", "exact")
+    track = oarlock.track(links(), exact.recording, exact.nominal)
+    assert any("as the model says" in note for note in track.notes)
+    for one, bar_deg in ((track, 0.1), (oarlock.smooth(track), 0.06)):  # 0.07 and 0.04
+        assert sculling.angles(one, exact.truth).mean_rmse_deg(ELEVEN) < bar_deg
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [11, 12])
+def test_a_body_that_is_not_as_modelled(seed: int) -> None:
+    """Three seeds of the field simulator had 2.29 deg where the tree has 3.03, and bands of 95 % held 100 %."""
+    one = trial(FieldEffects(), "B-B", duration_s=30.0, rate_spm=24.0, seed=seed)
+    by_links, by_tree = (
+        sculling.angles(oarlock.track(model, one.recording), one.truth) for model in (links(), sculler())
+    )
+    assert by_links.mean_rmse_deg(ELEVEN) < by_tree.mean_rmse_deg(ELEVEN)
+    assert by_links.mean_coverage(ELEVEN) > 0.92
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["wild_0", "wild_7", "misfit_0"])
 def test_mounts_and_skin_are_worth_more_than_a_rigid_tree(name: str) -> None:
-    """Nominal lengths and mounts: live, the tree is 10 to 55 % worse (wild_7 and misfit_0)."""
+    """Nominal lengths and mounts: live, links have 2.34, 2.45 and 0.99 deg, the tree 3.34, 3.00 and 2.57."""
     body = read_exact(local_folder("recordings") / f"{name}.npz", name)
     by_links, by_tree = (
         sculling.angles(oarlock.track(model, body.recording, body.nominal), body.truth).mean_rmse_deg(ELEVEN)
         for model in (links(), sculler())
     )
-    assert by_links < 0.92 * by_tree
+    assert by_links < 0.85 * by_tree

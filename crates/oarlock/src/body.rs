@@ -68,7 +68,7 @@ impl Field {
     }
 
     /// Its derivative, uT/rad.
-    fn magnetic_slope(&self, azimuth: f64) -> Vec3<f64> {
+    pub(crate) fn magnetic_slope(&self, azimuth: f64) -> Vec3<f64> {
         let (sin, cos) = azimuth.sin_cos();
         Vec3(self.side) * cos - Vec3(self.north) * sin
     }

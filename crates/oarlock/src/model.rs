@@ -24,7 +24,7 @@ pub use crate::sensor::{Mount, SensorKind};
 pub use build::read_model;
 use cone::{Beyond, Cone};
 pub use expr::Expr;
-pub use links::{Links, Structure};
+pub use links::{Fixing, Links, Structure};
 pub use point::Point;
 use std::f64::consts::{PI, TAU};
 pub use transform::{RotationExpr, Transform};

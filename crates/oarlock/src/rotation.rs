@@ -6,7 +6,7 @@ use crate::kernels::lane::Real;
 use std::ops::{Add, AddAssign, Mul, Sub};
 
 /// Three numbers.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Vec3<T>(pub [T; 3]);
 
 /// A row-major 3 x 3 matrix.

@@ -28,6 +28,31 @@ pub enum JointsOf {
     BoneInRig,
 }
 
+/// How units sit on their links.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Fixing {
+    /// With skin between, as the model states it.
+    Skin,
+    /// With little skin. It is not tracked: it says whether there is any.
+    ThinSkin,
+    /// Without skin, on mounts that are off.
+    Mount,
+    /// Without skin, on mounts, points and lengths as the model has them.
+    Exact,
+}
+
+impl Fixing {
+    /// All, by number.
+    pub const ALL: [Fixing; 4] = [Fixing::Skin, Fixing::ThinSkin, Fixing::Mount, Fixing::Exact];
+}
+
+/// Share of the statements about joints that those of a machine keep.
+const RIGID_SHARE: f64 = 0.2;
+/// Skin of `ThinSkin`, rad.
+const THIN_RAD: f64 = 0.009;
+/// A rotation, rad, or distance, m, that is none.
+const NONE: f64 = 1e-4;
+
 /// Statements about joints, units and the start. Standard deviations unless a name says otherwise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Links {
@@ -49,6 +74,20 @@ pub struct Links {
     pub skin_std_rad: Option<f64>,
     /// See `skin_std_rad`.
     pub skin_time_s: f64,
+    /// Turn of the room, with what is fixed in it, about each axis, rad, and its correlation time, s; `None`: it does not turn.
+    pub room_std_rad: Option<f64>,
+    /// See `room_std_rad`.
+    pub room_time_s: f64,
+    /// How far apart points, m, and axes, rad, of the model's loops are at least, whatever each loop states.
+    pub loop_std_m: f64,
+    /// See `loop_std_m`.
+    pub loop_axis_std_rad: f64,
+    /// Share of their stated uncertainty that loops of the model, and that its parameters, have.
+    pub loop_share: f64,
+    /// See `loop_share`.
+    pub length_share: f64,
+    /// Magnetic field in the axes of a unit against the world's, uT, where all of it is used; `None`: only its heading is, weakly.
+    pub field_std_ut: Option<f64>,
     /// Speed of every unit, m/s, and its correlation time, s.
     pub speed_std_m_s: f64,
     /// See `speed_std_m_s`.
@@ -88,7 +127,7 @@ pub struct Links {
 /// Standard deviation of a heading that nobody knows: that of a uniform angle, pi / sqrt(3), rad.
 const UNKNOWN_RAD: f64 = 1.8;
 
-const KEYS: [&str; 27] = [
+const KEYS: [&str; 32] = [
     "joints",
     "joint_std_m",
     "joint_time_s",
@@ -99,6 +138,11 @@ const KEYS: [&str; 27] = [
     "mount_std_rad",
     "skin_std_rad",
     "skin_time_s",
+    "room_std_rad",
+    "room_time_s",
+    "loop_std_m",
+    "loop_axis_std_rad",
+    "field_std_ut",
     "speed_std_m_s",
     "speed_time_s",
     "place_std_m",
@@ -118,37 +162,46 @@ const KEYS: [&str; 27] = [
     "start_place_std_m",
 ];
 
+/// Of a person.
+const BONE: Links = Links {
+    joint_std_m: 0.03,
+    joint_time_s: 0.2,
+    point_std_m: 0.1,
+    hinge_std_rad: None,
+    axis_std_rad: None,
+    limit_std_rad: 0.18,
+    mount_std_rad: None,
+    skin_std_rad: None,
+    skin_time_s: 0.4,
+    room_std_rad: None,
+    room_time_s: 1.0,
+    loop_std_m: NONE,
+    loop_axis_std_rad: NONE,
+    loop_share: 1.0,
+    length_share: 1.0,
+    field_std_ut: None,
+    speed_std_m_s: 1.5,
+    speed_time_s: 1.0,
+    place_std_m: 1.0,
+    place_time_s: 2.0,
+    gyro_density: 0.002,
+    accel_density: 0.1,
+    gyro_step_share: 0.05,
+    accel_step_share: 0.3,
+    gyro_scale: 0.002,
+    rest_below_rad_s: 0.1,
+    rest_rate_std_rad_s: 0.005,
+    rest_speed_std_m_s: None,
+    rest_time_s: 0.3,
+    start_std_rad: 0.05,
+    start_tilt_std_rad: 0.1,
+    start_speed_std_m_s: 1.0,
+    start_place_std_m: 0.1,
+};
+
 impl Links {
     /// The statements of a kind.
     pub fn of(kind: JointsOf) -> Links {
-        let bone = Links {
-            joint_std_m: 0.03,
-            joint_time_s: 0.2,
-            point_std_m: 0.1,
-            hinge_std_rad: None,
-            axis_std_rad: None,
-            limit_std_rad: 0.18,
-            mount_std_rad: None,
-            skin_std_rad: None,
-            skin_time_s: 0.4,
-            speed_std_m_s: 1.5,
-            speed_time_s: 1.0,
-            place_std_m: 1.0,
-            place_time_s: 2.0,
-            gyro_density: 0.002,
-            accel_density: 0.1,
-            gyro_step_share: 0.05,
-            accel_step_share: 0.3,
-            gyro_scale: 0.002,
-            rest_below_rad_s: 0.1,
-            rest_rate_std_rad_s: 0.005,
-            rest_speed_std_m_s: None,
-            rest_time_s: 0.3,
-            start_std_rad: 0.05,
-            start_tilt_std_rad: 0.1,
-            start_speed_std_m_s: 1.0,
-            start_place_std_m: 0.1,
-        };
         let rig = Links {
             joint_std_m: 0.003,
             joint_time_s: 0.05,
@@ -156,10 +209,10 @@ impl Links {
             start_std_rad: UNKNOWN_RAD,
             gyro_step_share: 0.07,
             gyro_scale: 0.003,
-            ..bone
+            ..BONE
         };
         match kind {
-            JointsOf::Bone => bone,
+            JointsOf::Bone => BONE,
             JointsOf::HandRig => Links { point_std_m: 0.01, hinge_std_rad: Some(0.1), axis_std_rad: Some(0.05), ..rig },
             JointsOf::Machine => {
                 Links { point_std_m: 0.02, hinge_std_rad: Some(0.01), axis_std_rad: Some(0.02), ..rig }
@@ -170,10 +223,35 @@ impl Links {
                 point_std_m: 0.01,
                 hinge_std_rad: Some(0.015),
                 mount_std_rad: Some(0.05),
-                skin_std_rad: Some(0.05),
+                skin_std_rad: Some(0.065),
+                room_std_rad: Some(0.02),
+                loop_std_m: 0.008,
+                loop_axis_std_rad: 0.07,
+                field_std_ut: Some(3.0),
                 gyro_density: 0.003,
                 start_std_rad: 0.15,
-                ..bone
+                ..BONE
+            },
+        }
+    }
+
+    /// The same where units sit like this; and whether that is decided, so that what is exact has the joints of a machine.
+    pub fn with(&self, fixing: Fixing, is_decided: bool) -> Links {
+        let skin = |rad: f64| Links { skin_std_rad: self.skin_std_rad.map(|_| rad), ..*self };
+        let none = skin(NONE);
+        let share = if is_decided { RIGID_SHARE } else { 1.0 };
+        match fixing {
+            Fixing::Skin => *self,
+            Fixing::ThinSkin => skin(THIN_RAD),
+            Fixing::Mount => none,
+            Fixing::Exact => Links {
+                mount_std_rad: self.mount_std_rad.map(|_| NONE),
+                point_std_m: NONE,
+                length_share: 0.01,
+                joint_std_m: share * self.joint_std_m,
+                hinge_std_rad: self.hinge_std_rad.map(|std| share * std),
+                loop_share: share,
+                ..none
             },
         }
     }
@@ -198,17 +276,22 @@ impl Links {
         links.axis_std_rad = number("axis_std_rad", "rad").or(links.axis_std_rad);
         links.mount_std_rad = number("mount_std_rad", "rad").or(links.mount_std_rad);
         links.skin_std_rad = number("skin_std_rad", "rad").or(links.skin_std_rad);
+        links.room_std_rad = number("room_std_rad", "rad").or(links.room_std_rad);
+        links.field_std_ut = number("field_std_ut", "uT").or(links.field_std_ut);
         links.rest_speed_std_m_s = number("rest_speed_std_m_s", "m/s").or(links.rest_speed_std_m_s);
         links
     }
 
-    fn numbers(&mut self) -> [(&'static str, &mut f64, &'static str); 21] {
+    fn numbers(&mut self) -> [(&'static str, &mut f64, &'static str); 24] {
         [
             ("joint_std_m", &mut self.joint_std_m, "m"),
             ("joint_time_s", &mut self.joint_time_s, "s"),
             ("point_std_m", &mut self.point_std_m, "m"),
             ("limit_std_rad", &mut self.limit_std_rad, "rad"),
             ("skin_time_s", &mut self.skin_time_s, "s"),
+            ("room_time_s", &mut self.room_time_s, "s"),
+            ("loop_std_m", &mut self.loop_std_m, "m"),
+            ("loop_axis_std_rad", &mut self.loop_axis_std_rad, "rad"),
             ("speed_std_m_s", &mut self.speed_std_m_s, "m/s"),
             ("speed_time_s", &mut self.speed_time_s, "s"),
             ("place_std_m", &mut self.place_std_m, "m"),

@@ -95,9 +95,7 @@ impl Coordinates {
         }
         let mut turn = Rows::default();
         filter.push_turn(&mut turn, means, l, &child.transposed());
-        if let Some(parent) = link.parent {
-            filter.push_turn(&mut turn, means, parent, &sum(&ZERO, &child.transposed(), -1.0));
-        }
+        filter.push_link(&mut turn, means, link.parent, &sum(&ZERO, &child.transposed(), -1.0));
         let along = |direction: [f64; 3], rows: &Rows| -> Row {
             let of = |h: &[f64; 3]| direction[0] * h[0] + direction[1] * h[1] + direction[2] * h[2];
             rows.states.iter().zip(&rows.slopes).map(|(i, h)| (*i, of(h))).collect()

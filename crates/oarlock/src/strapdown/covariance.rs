@@ -223,6 +223,12 @@ impl Rows {
         self.slopes.clear();
     }
 
+    /// One state with its derivatives.
+    pub fn push_one(&mut self, state: usize, slope: [f64; 3]) {
+        self.states.push(state);
+        self.slopes.push(slope);
+    }
+
     /// Three states from `first` on with a 3 x 3 derivative.
     pub fn push(&mut self, first: usize, m: &Mat3<f64>) {
         for q in 0..3 {

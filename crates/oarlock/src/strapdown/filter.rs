@@ -1,9 +1,10 @@
 //! The filter of strapdown links: prediction by each unit's own readings, and readings of joints, bounds, rest and contact.
 
 use super::covariance::{even, predict, Correction, Rows, Step, UNIT};
-use super::increment::{sum, Increment, Reading, Readings, ZERO};
+use super::increment::{square, sum, Increment, Reading, Readings, ZERO};
 use super::sensors::{Heard, Measures, Sensor};
 use super::skeleton::{Closure, End, Pose, Skeleton};
+use super::skin::small_turn;
 use super::start::{fresh_block, put_block};
 use crate::estimate::filter::Verdict;
 use crate::kernels::arch::Arch;
@@ -16,10 +17,17 @@ use crate::rotation::{Mat3, Vec3};
 /// link moves in between.
 const UPDATE_S: f64 = 0.02;
 const UPDATE_ENCODER_S: f64 = 0.008;
+/// And where loops of the model hold the links.
+const UPDATE_LOOP_S: f64 = 0.03;
 /// A unit without readings for longer is silent, s: it goes with its neighbour, and its joints are not read. What its orientation is worth when it
 /// speaks again, rad.
 const SILENT_S: f64 = 0.3;
 pub const SILENT_RAD: f64 = 1.0;
+/// Above this standard deviation of a unit's turn, rad, an update is read again from where it led, at most so often, until it turns no unit by
+/// more than this, rad.
+const OPEN_RAD: f64 = 0.3;
+const MOST_AGAIN: usize = 5;
+const NEAR_RAD: f64 = 0.05;
 /// Longest prediction without a reading of joints, s.
 const LONGEST_S: f64 = 0.1;
 /// Joint state of a link without a unit: random walk, rad per sqrt(s), and correlation time of the spring to its rest, s.
@@ -55,6 +63,10 @@ pub struct Means {
     pub azimuth: f64,
     /// Accelerations of the room, m/s2.
     pub pushes: Vec<f64>,
+    /// Turn of the room, rad: rotation vector.
+    pub room: Vec3<f64>,
+    /// Of the skeleton's lengths, in standard deviations from their values.
+    pub lengths: Vec<f64>,
     /// By coordinate of the model: what only encoders measure, rad or m, and its rate. No state.
     pub inputs: Vec<[f64; 2]>,
 }
@@ -136,6 +148,7 @@ pub struct StrapdownFilter {
 impl StrapdownFilter {
     pub fn new(skeleton: Skeleton, links: Links, (closures, contacts): (bool, bool)) -> Self {
         let units = skeleton.units.len();
+        let links = Self::with_room(&links, closures);
         let mut size = UNIT * units + 3 * skeleton.loose.len();
         let mut place = |is_there: bool| {
             size += if is_there { 3 } else { 0 };
@@ -147,10 +160,14 @@ impl StrapdownFilter {
         let axes = (0..skeleton.links.len()).map(|l| [turns(l); 2].map(&mut place)).collect();
         let turned = vec![[links.mount_std_rad, links.skin_std_rad]; if closures { units } else { 0 }];
         let turned = turned.into_iter().map(|stds| stds.map(|std| place(std.is_some()))).collect();
-        size += skeleton.pushes.len() + usize::from(skeleton.has_fields());
+        size += if links.room_std_rad.is_some() { 3 } else { 0 };
+        size += skeleton.lengths.len() + skeleton.pushes.len() + usize::from(skeleton.has_fields());
         let is_alone = |sensor: &Sensor| matches!(sensor.measures, Measures::Angle(l, _) if matches!(skeleton.links[l].pose, Pose::State(..)));
-        let is_held = skeleton.closures.iter().any(|c| c.loop_std_m.is_some() && !c.through.is_empty());
-        let update_s = if is_held || skeleton.sensors.iter().any(is_alone) { UPDATE_ENCODER_S } else { UPDATE_S };
+        let update_s = match skeleton.is_held() {
+            true => UPDATE_LOOP_S,
+            false if skeleton.sensors.iter().any(is_alone) => UPDATE_ENCODER_S,
+            false => UPDATE_S,
+        };
         StrapdownFilter {
             update_s,
             gravity: skeleton.up * -skeleton.gravity_m_s2,
@@ -175,6 +192,16 @@ impl StrapdownFilter {
             only: None,
             contacts,
         }
+    }
+
+    /// Without closures nothing is in the room.
+    fn with_room(links: &Links, closures: bool) -> Links {
+        Links { room_std_rad: links.room_std_rad.filter(|_| closures), ..*links }
+    }
+
+    /// Statements for this filter.
+    pub fn stated(&self, links: &Links) -> Links {
+        Self::with_room(links, self.closures)
     }
 
     /// Links whose hinges lock a direction.
@@ -216,26 +243,46 @@ impl StrapdownFilter {
         }
     }
 
-    /// The same; of the room, no turn.
+    /// The same; or of the room.
     pub fn orientation_of(&self, means: &Means, link: Option<usize>) -> Mat3<f64> {
-        link.map_or(Mat3::identity(), |l| self.orientation(means, l))
+        match (link, self.room_state()) {
+            (Some(l), _) => self.orientation(means, l),
+            (None, Some(_)) => Mat3::about(means.room),
+            (None, None) => Mat3::identity(),
+        }
     }
 
     /// A link that lies between its parent and a child: as the parent carries it at rest, and the turn from there to how the child does.
     fn between(&self, means: &Means, link: usize, child: usize) -> [Mat3<f64>; 2] {
-        let parent = self.skeleton.links[link].parent.map_or(Mat3::identity(), |p| self.orientation(means, p));
+        let parent = self.orientation_of(means, self.skeleton.links[link].parent);
         let first = parent.times(&self.skeleton.links[link].rest);
         let second = self.orientation(means, child).times_transposed(&self.skeleton.links[child].rest);
         [first, first.transposed().times(&second)]
     }
 
-    pub fn through(&self, means: &Means, closure: &Closure) -> Vec3<f64> {
-        closure.through.iter().fold(Vec3([0.0; 3]), |sum, leg| sum + self.leg(means, leg))
+    /// A closure as the lengths that are estimated put it.
+    pub(super) fn stretched(&self, means: &Means, c: usize) -> Closure {
+        let own = &self.skeleton.closures[c];
+        let mut closure = Closure { through: own.through.clone(), lengths: Vec::new(), ..*own };
+        for by in &own.lengths {
+            let by_how_much = means.lengths[by.number];
+            for (end, change) in [&mut closure.from, &mut closure.to].into_iter().zip(by.ends) {
+                *end.point_mut() += change * by_how_much;
+            }
+            for (leg, change) in closure.through.iter_mut().zip(&by.legs) {
+                leg.vector += *change * by_how_much;
+            }
+        }
+        closure
     }
 
-    /// The same as `push_turn`; of the room, nothing.
+    /// The same as `push_turn`; or of the room.
     pub(super) fn push_link(&self, rows: &mut Rows, means: &Means, link: Option<usize>, m: &Mat3<f64>) {
-        link.into_iter().for_each(|l| self.push_turn(rows, means, l, m));
+        match (link, self.room_state()) {
+            (Some(l), _) => self.push_turn(rows, means, l, m),
+            (None, Some(first)) => rows.push(first, &m.times(&small_turn(means.room))),
+            (None, None) => {}
+        }
     }
 
     /// Derivatives of a link's turn error, in the room's axes: of its unit, and of the joint states on the way, times `m`.
@@ -245,15 +292,13 @@ impl StrapdownFilter {
                 rows.push(UNIT * u, m);
                 self.push_skin(rows, means, u, m);
             }
-            Pose::Driven => {}
+            Pose::Driven => self.push_link(rows, means, self.skeleton.links[link].parent, m),
             Pose::State(number, anchor) => {
                 rows.push(self.loose_state(number), &m.times(&self.orientation(means, anchor)));
                 self.push_turn(rows, means, anchor, m);
             }
             Pose::Between(child, share) => {
-                if let Some(parent) = self.skeleton.links[link].parent {
-                    self.push_turn(rows, means, parent, &sum(&ZERO, m, 1.0 - share));
-                }
+                self.push_link(rows, means, self.skeleton.links[link].parent, &sum(&ZERO, m, 1.0 - share));
                 self.push_turn(rows, means, child, &sum(&ZERO, m, share));
             }
         }
@@ -327,9 +372,11 @@ impl StrapdownFilter {
         let gravity = self.gravity_in(&state.means);
         let units = state.means.units.iter().zip(&state.increments).map(|(mean, i)| self.moved(mean, i, gravity));
         let inputs = self.inputs(&state.heard, state.row_s, &state.means.inputs);
-        let Means { loose, constants, azimuth, pushes, .. } = &state.means;
-        let (loose, constants, pushes) = (loose.clone(), constants.clone(), pushes.clone());
-        Means { units: units.collect(), loose, constants, azimuth: *azimuth, pushes, inputs }
+        let Means { loose, constants, azimuth, pushes, lengths, .. } = &state.means;
+        let (loose, constants) = (loose.clone(), constants.clone());
+        let (pushes, lengths) = (pushes.clone(), lengths.clone());
+        let (units, room) = (units.collect(), state.means.room);
+        Means { units, loose, constants, azimuth: *azimuth, pushes, room, lengths, inputs }
     }
 
     fn predict(&mut self, state: &mut State) -> Vec<Step> {
@@ -402,6 +449,56 @@ impl StrapdownFilter {
         state.means.inputs = self.inputs(&state.heard, state.time_s, &state.means.inputs);
         self.stale = self.is_stale(&state.heard, state.time_s);
         self.correction.shift.fill(0.0);
+        let before = self.is_open(&state.covariance).then(|| (state.means.clone(), state.covariance.clone()));
+        self.read_all(state, step_s);
+        self.take_shift(state);
+        if let Some((means, covariance)) = before {
+            self.read_again(state, (&means, &covariance), step_s);
+        }
+        state.uneven += 1;
+        if state.uneven >= EVEN_EVERY {
+            state.uneven = 0;
+            even(&mut state.covariance);
+        }
+    }
+
+    /// Whether the orientation of a unit is so uncertain that a reading is not linear in it.
+    fn is_open(&self, covariance: &Square) -> bool {
+        let turns = (0..self.skeleton.units.len()).flat_map(|u| (UNIT * u..UNIT * u + 3).map(|i| covariance.at(i, i)));
+        { turns }.any(|variance| variance > OPEN_RAD * OPEN_RAD)
+    }
+
+    /// Reads an update again from where it led, until it leads nowhere else (Bell and Cathey 1993).
+    fn read_again(&mut self, state: &mut State, (means, covariance): (&Means, &Square), step_s: f64) {
+        let likelihood = self.correction.log_likelihood;
+        for _ in 0..MOST_AGAIN {
+            if self.moved_by.iter().all(|turn| square(*turn) < NEAR_RAD * NEAR_RAD) {
+                break;
+            }
+            let mut shift = std::mem::take(&mut self.correction.shift);
+            self.difference(means, &state.means, &mut shift);
+            self.correction.shift = shift;
+            state.covariance.clone_from(covariance);
+            self.read_all(state, step_s);
+            self.take_shift(state);
+        }
+        self.correction.log_likelihood = likelihood;
+        let moved = state.means.units.iter().zip(&means.units);
+        let moved = moved.map(|(to, from)| Vec3(Turn::of(&to.rotation.times_transposed(&from.rotation)).log()));
+        self.moved_by = moved.collect();
+    }
+
+    /// Moves the means by what the readings say.
+    fn take_shift(&mut self, state: &mut State) {
+        let shift = std::mem::take(&mut self.correction.shift);
+        for (u, moved) in self.moved_by.iter_mut().enumerate() {
+            moved.0.copy_from_slice(&shift[UNIT * u..UNIT * u + 3]);
+        }
+        self.shift(&mut state.means, &shift);
+        self.correction.shift = shift;
+    }
+
+    fn read_all(&mut self, state: &mut State, step_s: f64) {
         self.closure_nis.fill(f64::NAN);
         if self.closures {
             let read = self.only.map_or(0..self.skeleton.closures.len(), |c| c..c + 1);
@@ -415,8 +512,11 @@ impl StrapdownFilter {
                 (0..self.skeleton.loop_axes.len()).for_each(|number| self.read_axes(state, number, step_s));
             }
         }
+        // Fields are used or not by where the estimate is, so they cannot judge it.
+        let likelihood = self.correction.log_likelihood;
         if self.only.is_none() {
             self.read_sensors(state, step_s);
+            self.correction.log_likelihood = likelihood;
         }
         (0..self.skeleton.links.len()).for_each(|l| self.read_spring(state, l, step_s));
         // Limits act over seconds, and angles of joints cost time.
@@ -424,20 +524,12 @@ impl StrapdownFilter {
             let step_s = step_s * f64::from(LIMITS_EVERY);
             (0..self.skeleton.links.len()).for_each(|l| self.read_limits(state, l, step_s));
         }
-        (0..self.skeleton.units.len()).for_each(|u| self.read_bounds(state, u, step_s));
+        // Loops of the model say more of where units are.
+        if !self.skeleton.is_held() {
+            (0..self.skeleton.units.len()).for_each(|u| self.read_bounds(state, u, step_s));
+        }
         (0..self.skeleton.units.len()).for_each(|u| self.read_rest(state, u, step_s));
         (0..self.skeleton.units.len()).for_each(|u| self.read_contact(state, u, step_s));
-        let shift = std::mem::take(&mut self.correction.shift);
-        for (u, moved) in self.moved_by.iter_mut().enumerate() {
-            moved.0.copy_from_slice(&shift[UNIT * u..UNIT * u + 3]);
-        }
-        self.shift(&mut state.means, &shift);
-        self.correction.shift = shift;
-        state.uneven += 1;
-        if state.uneven >= EVEN_EVERY {
-            state.uneven = 0;
-            even(&mut state.covariance);
-        }
     }
 
     /// Moves the means by an error: R <- Exp(f) R, v <- Exp(f) v + ..., p <- Exp(f) p + ...
@@ -462,12 +554,14 @@ impl StrapdownFilter {
             means.azimuth += shift[i];
         }
         means.pushes.iter_mut().enumerate().for_each(|(k, push)| *push += shift[self.push_state(k)]);
+        means.room += self.room_state().map_or(Vec3([0.0; 3]), three);
+        means.lengths.iter_mut().enumerate().for_each(|(k, length)| *length += shift[self.length_state(k)]);
     }
 
     /// Rotation of a link against its parent, and room from link.
     pub fn relative(&self, means: &Means, l: usize) -> (Mat3<f64>, Mat3<f64>) {
         let child = self.orientation(means, l);
-        let parent = self.skeleton.links[l].parent.map_or(Mat3::identity(), |p| self.orientation(means, p));
+        let parent = self.orientation_of(means, self.skeleton.links[l].parent);
         (parent.transposed().times(&child), child)
     }
 }

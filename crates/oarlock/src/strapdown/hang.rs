@@ -109,7 +109,15 @@ impl Skeleton {
     pub(super) fn closure(&self, link: usize, from: Way, to: Way, loop_std_m: Option<f64>) -> Closure {
         let back = to.1.iter().rev().map(|leg| Leg { vector: leg.vector * -1.0, ..*leg });
         let through = from.1.iter().copied().chain(back).flat_map(|leg| self.carried(leg)).collect();
-        Closure { link, from: from.0, through, to: to.0, spread_m2: [Vec3([0.0; 3]); 2], loop_std_m }
+        Closure {
+            link,
+            from: from.0,
+            through,
+            to: to.0,
+            spread_m2: [Vec3([0.0; 3]); 2],
+            lengths: Vec::new(),
+            loop_std_m,
+        }
     }
 
     /// A vector of a link, carried by the links that its orientation comes from.

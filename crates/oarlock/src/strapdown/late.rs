@@ -31,8 +31,11 @@ impl StrapdownFilter {
         };
         let unit = |(u, o): (usize, &Option<usize>)| o.map_or_else(|| fresh(u), |o| state.means.units[o]);
         let units = earlier.iter().enumerate().map(unit).collect();
-        let Means { azimuth, pushes, inputs, .. } = state.means.clone();
-        let mut means = Means { units, azimuth, pushes, inputs, ..Means::default() };
+        let Means { azimuth, pushes, room, inputs, .. } = state.means.clone();
+        let there = |i: &usize| old.skeleton.lengths.iter().position(|o| o == i);
+        let known_lengths: Vec<Option<usize>> = self.skeleton.lengths.iter().map(there).collect();
+        let lengths = known_lengths.iter().map(|k| k.map_or(0.0, |k| state.means.lengths[k])).collect();
+        let mut means = Means { units, azimuth, pushes, room, lengths, inputs, ..Means::default() };
         means.loose = self.skeleton.loose.iter().map(|l| self.against(*l, &rotations)).collect();
         let mut source = vec![None; self.size];
         for (u, o) in earlier.iter().enumerate() {
@@ -50,6 +53,12 @@ impl StrapdownFilter {
         }
         if let (Some(own), Some(there)) = (self.azimuth_state(), old.azimuth_state()) {
             source[own] = Some(there);
+        }
+        if let (Some(own), Some(there)) = (self.room_state(), old.room_state()) {
+            (0..3).for_each(|i| source[own + i] = Some(there + i));
+        }
+        for (k, there) in known_lengths.iter().enumerate() {
+            source[self.length_state(k)] = there.map(|there| old.length_state(there));
         }
         (0..self.skeleton.pushes.len()).for_each(|k| source[self.push_state(k)] = Some(old.push_state(k)));
         let mut known: Vec<bool> = earlier.iter().map(Option::is_some).collect();

@@ -4,7 +4,7 @@ use super::covariance::{Rows, UNIT};
 use super::filter::{dot, Means, State, StrapdownFilter, SPRING_TIME_S};
 use super::increment::{skew, square, sum, Reading, Readings, ZERO};
 use super::joint::Turns;
-use super::skeleton::{Axes, End, Pose};
+use super::skeleton::{Axes, Closure, End, Pose};
 use crate::rotation::turn::{right_jacobian_inverse, Turn};
 use crate::rotation::{Mat3, Vec3};
 
@@ -35,7 +35,7 @@ impl StrapdownFilter {
 
     /// The two points of a joint coincide, in the axes of the unit `from`.
     pub(super) fn read_closure(&mut self, state: &mut State, c: usize, step_s: f64) {
-        let closure = self.skeleton.closures[c].clone();
+        let closure = self.stretched(&state.means, c);
         if !self.can_read(&closure) {
             return;
         }
@@ -46,13 +46,17 @@ impl StrapdownFilter {
         // Everything is read in the axes of the first unit; of the room if that is fixed.
         let axes = match closure.from {
             End::Unit(u, _) => means.units[u].rotation,
-            End::Room(_) => Mat3::identity(),
+            End::Room(_) => self.orientation_of(means, None),
         };
         let back = axes.transposed();
         let mut gap = Vec3([0.0; 3]);
         for (k, (end, sign)) in [(closure.from, -1.0), (closure.to, 1.0)].into_iter().enumerate() {
             match end {
-                End::Room(point) => gap += point * sign,
+                End::Room(point) => {
+                    let arm = self.orientation_of(means, None).apply(point);
+                    gap += arm * sign;
+                    self.push_link(&mut rows, means, None, &sum(&ZERO, &back.times(&skew(arm)), -sign));
+                }
                 End::Unit(u, point) => {
                     let mean = &means.units[u];
                     let bone = self.bone_of(means, u);
@@ -72,15 +76,40 @@ impl StrapdownFilter {
             gap += arm * -1.0;
             self.push_link(&mut rows, means, leg.link, &back.times(&skew(arm)));
         }
+        self.push_lengths(&mut rows, means, (c, &closure), &back);
         // The gap's own axes turn with the first unit, so that a turn of everything about the vertical changes no reading.
-        if let End::Unit(u, _) = closure.from {
-            rows.push(UNIT * u, &back.times(&skew(gap)));
+        match closure.from {
+            End::Unit(u, _) => rows.push(UNIT * u, &back.times(&skew(gap))),
+            End::Room(_) => self.push_link(&mut rows, means, None, &back.times(&skew(gap))),
         }
-        let std_m = closure.loop_std_m.unwrap_or(self.links.joint_std_m);
+        let std_m = match closure.loop_std_m {
+            Some(std_m) => std_m.max(self.links.loop_std_m) * self.links.loop_share,
+            None => self.links.joint_std_m,
+        };
         let variance = white(std_m, self.links.joint_time_s, step_s);
         let innovation = back.apply(gap).0.map(|x| -x);
         self.closure_nis[c] = self.correction.read(&mut state.covariance, &rows, 3, innovation, [variance; 3]);
         self.rows = rows;
+    }
+
+    /// Derivatives of the gap of a closure by the lengths that are states.
+    fn push_lengths(&self, rows: &mut Rows, means: &Means, (c, closure): (usize, &Closure), back: &Mat3<f64>) {
+        let lengths = &self.skeleton.closures[c].lengths;
+        if lengths.is_empty() {
+            return;
+        }
+        let [from, to] = [closure.from, closure.to].map(|end| match end {
+            End::Unit(u, _) => self.bone_of(means, u),
+            End::Room(_) => self.orientation_of(means, None),
+        });
+        let legs: Vec<Mat3<f64>> = closure.through.iter().map(|leg| self.orientation_of(means, leg.link)).collect();
+        for by in lengths {
+            let mut change = to.apply(by.ends[1]) - from.apply(by.ends[0]);
+            for ((leg, axes), vector) in closure.through.iter().zip(&legs).zip(&by.legs) {
+                change += axes.apply(*vector) * -leg.by.map_or(1.0, |c| means.inputs[c][0]);
+            }
+            rows.push_one(self.length_state(by.number), back.apply(change).0);
+        }
     }
 
     /// Axes of two links that a loop keeps together.
@@ -95,13 +124,10 @@ impl StrapdownFilter {
         for ((link, axis), sign) in ends.into_iter().zip([1.0, -1.0]) {
             let own = self.orientation_of(means, link).apply(axis);
             gap += own * sign;
-            if let Some(l) = link {
-                self.push_turn(&mut rows, means, l, &sum(&ZERO, &back.times(&skew(own)), -sign));
-            }
+            self.push_link(&mut rows, means, link, &sum(&ZERO, &back.times(&skew(own)), -sign));
         }
-        if let Some(l) = ends[0].0 {
-            self.push_turn(&mut rows, means, l, &back.times(&skew(gap)));
-        }
+        self.push_link(&mut rows, means, ends[0].0, &back.times(&skew(gap)));
+        let std = std.max(self.links.loop_axis_std_rad) * self.links.loop_share;
         let variance = white(std, self.links.joint_time_s, step_s);
         let innovation = back.apply(gap).0.map(|x| -x);
         self.correction.read(&mut state.covariance, &rows, 3, innovation, [variance; 3]);
@@ -171,9 +197,7 @@ impl StrapdownFilter {
         let mut rows = std::mem::take(&mut self.rows);
         rows.clear();
         self.push_turn(&mut rows, means, l, m);
-        if let Some(parent) = self.skeleton.links[l].parent {
-            self.push_turn(&mut rows, means, parent, &sum(&ZERO, m, -1.0));
-        }
+        self.push_link(&mut rows, means, self.skeleton.links[l].parent, &sum(&ZERO, m, -1.0));
         rows
     }
 

@@ -22,6 +22,10 @@ const MEMORY_S: f64 = 0.6;
 /// What iron in buildings does to the heading of the field: standard deviation, rad, and correlation time, s.
 const IRON_RAD: f64 = 0.15;
 const IRON_TIME_S: f64 = 5.0;
+/// Correlation time of what a whole field is off, s.
+const FIELD_TIME_S: f64 = 1.0;
+/// Updates from one reading of it to the next; a divisor of `filter::EVEN_EVERY`.
+const FIELDS_EVERY: u32 = 5;
 /// A field counts if its norm is within this share, and its dip within this angle, rad, of the usual ones (Laidig and Seel 2023, section 3.5).
 const NORM_TOLERANCE: f64 = 0.15;
 const DIP_TOLERANCE_RAD: f64 = 0.175;
@@ -196,6 +200,18 @@ impl StrapdownFilter {
         if !is_usual {
             return;
         }
+        let fits = |this: f64, world: f64, by: f64| (this - world).abs() <= by;
+        let Skeleton { field: world, .. } = &self.skeleton;
+        let is_of_world =
+            fits(usual[0] / world.norm_ut, 1.0, NORM_TOLERANCE) && fits(usual[1], world.dip_rad, DIP_TOLERANCE_RAD);
+        if let Some(field_std_ut) = self.links.field_std_ut.filter(|_| is_of_world) {
+            if !state.uneven.is_multiple_of(FIELDS_EVERY) {
+                return;
+            }
+            let step_s = step_s * f64::from(FIELDS_EVERY);
+            let variance = white(std.hypot(field_std_ut), FIELD_TIME_S, step_s);
+            return self.read_whole_field(state, (u, first), field, variance);
+        }
         let innovation = self.north_of(level) - state.means.azimuth;
         let innovation = (innovation + PI).rem_euclid(TAU) - PI;
         // The heading turns with the unit; a wrong tilt lets the vertical part of the field in.
@@ -203,12 +219,25 @@ impl StrapdownFilter {
         let mut rows = std::mem::take(&mut self.rows);
         rows.clear();
         rows.push(UNIT * u, &Mat3([by_turn.0.map(|x| -x), [0.0; 3], [0.0; 3]]));
-        rows.states.push(first);
-        rows.slopes.push([1.0, 0.0, 0.0]);
+        rows.push_one(first, [1.0, 0.0, 0.0]);
         let own = (std / across).powi(2) + white(IRON_RAD, IRON_TIME_S, step_s);
         let expected = IRON_RAD * IRON_RAD + self.spread_of(&state.covariance, &rows);
         let variance = own * (innovation * innovation / (HUBER * HUBER * expected)).max(1.0);
         self.correction.read(&mut state.covariance, &rows, 1, [innovation, 0.0, 0.0], [variance; 3]);
+        self.rows = rows;
+    }
+
+    /// All of a field that is the world's, uT, where nothing but a unit's own iron turns it.
+    fn read_whole_field(&mut self, state: &mut State, (u, azimuth): (usize, usize), field: Vec3<f64>, variance: f64) {
+        let world = self.skeleton.field;
+        let back = state.means.units[u].rotation.transposed();
+        let expected: Vec3<f64> = world.magnetic(state.means.azimuth);
+        let mut rows = std::mem::take(&mut self.rows);
+        rows.clear();
+        rows.push(UNIT * u, &back.times(&skew(expected)));
+        rows.push_one(azimuth, back.apply(world.magnetic_slope(state.means.azimuth)).0);
+        let innovation = field - back.apply(expected);
+        self.correction.read(&mut state.covariance, &rows, 3, innovation.0, [variance; 3]);
         self.rows = rows;
     }
 

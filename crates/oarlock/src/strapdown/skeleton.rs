@@ -5,7 +5,7 @@ use super::filter::dot;
 use super::joint::{Hinge, Turns};
 use super::pieces::Pieces;
 use super::sensors::{Measures, Sensor};
-use crate::body::Body;
+use crate::body::{Body, Field};
 use crate::error::{Error, Result};
 use crate::model::transform::evaluate_three;
 use crate::model::{BaseAcceleration, Joint, JointKind, Model, SensorKind};
@@ -78,10 +78,22 @@ pub struct Closure {
     /// From one to the other through links without units.
     pub through: Vec<Leg>,
     pub to: End,
-    /// By how much each of its points is off where the model's parameters are, in the axes of its unit: variances, m2.
+    /// By how much each of its points is off where the model's parameters are, in the axes of its unit: variances, m2. Without those
+    /// parameters that are states.
     pub spread_m2: [Vec3<f64>; 2],
+    /// What the parameters that are states do to it.
+    pub lengths: Vec<ByLength>,
     /// Of a loop of the model, how far its points are apart, standard deviation, m; `None`: a joint.
     pub loop_std_m: Option<f64>,
+}
+
+/// What one standard deviation of a parameter does to a closure, m: to its points in the axes of each end, and to its legs.
+#[derive(Debug, Clone)]
+pub struct ByLength {
+    /// Number among the skeleton's lengths.
+    pub number: usize,
+    pub ends: [Vec3<f64>; 2],
+    pub legs: Vec<Vec3<f64>>,
 }
 
 /// Axes of two links (`None`: of the room) that a loop of the model keeps together, and the standard deviation of their difference.
@@ -109,8 +121,14 @@ impl End {
         }
     }
 
+    pub fn point_mut(&mut self) -> &mut Vec3<f64> {
+        match self {
+            End::Unit(_, point) | End::Room(point) => point,
+        }
+    }
+
     /// Its point, m.
-    fn point(&self) -> Vec3<f64> {
+    pub fn point(&self) -> Vec3<f64> {
         match self {
             End::Unit(_, point) | End::Room(point) => *point,
         }
@@ -158,12 +176,15 @@ pub struct Skeleton {
     pub gravity_m_s2: f64,
     /// Horizontal vector from which azimuths count, the field's azimuth if it is known, rad, and its random walk, rad per sqrt(s).
     pub forward: Vec3<f64>,
+    pub field: Field,
     pub azimuth_rad: Option<f64>,
     pub azimuth_walk: f64,
     /// Whether the root is accelerated in all directions: its joints turn against the room and go with nothing.
     pub pushed: bool,
     /// Else: accelerations of the room in some directions, all of the model's.
     pub pushes: Vec<BaseAcceleration>,
+    /// Parameters of the model that are states, in standard deviations from their values: where loops of the model hold the links.
+    pub lengths: Vec<usize>,
     /// Coordinates of all joints at rest, rad or m: those of encoders that say nothing.
     pub rest: Vec<f64>,
 }
@@ -177,19 +198,34 @@ impl Skeleton {
         Ok(skeleton)
     }
 
-    /// Moves each parameter by its standard deviation, and sees how far the points of joints go.
+    /// Whether loops of the model hold links without a unit.
+    pub fn is_held(&self) -> bool {
+        self.closures.iter().any(|closure| closure.loop_std_m.is_some() && !closure.through.is_empty())
+    }
+
+    /// Moves each parameter by its standard deviation, and sees how far points and legs of closures go.
     fn spread_points(&mut self, body: &Body, present: &[bool], mounts: &Mounts) -> Result<()> {
         let mut moved = body.clone();
+        let are_states = self.is_held();
         for (i, parameter) in body.model.parameters.iter().enumerate() {
             let Some(std) = parameter.std else { continue };
             moved.parameters[i] = body.parameters[i] + std;
             let other = Self::of(&moved, present, mounts)?;
             moved.parameters[i] = body.parameters[i];
+            let number = self.lengths.len();
             for (own, other) in self.closures.iter_mut().zip(&other.closures) {
-                let ends = [(own.from, other.from), (own.to, other.to)];
-                for (spread, (here, there)) in own.spread_m2.iter_mut().zip(ends) {
-                    *spread += Vec3((there.point() - here.point()).0.map(|x| x * x));
+                let ends =
+                    [(own.from, other.from), (own.to, other.to)].map(|(here, there)| there.point() - here.point());
+                let legs = own.through.iter().zip(&other.through).map(|(here, there)| there.vector - here.vector);
+                let by = ByLength { number, ends, legs: legs.collect() };
+                if !are_states {
+                    own.spread_m2.iter_mut().zip(ends).for_each(|(spread, end)| *spread += Vec3(end.0.map(|x| x * x)));
+                } else if by.ends.iter().chain(&by.legs).any(|v| v.0 != [0.0; 3]) {
+                    own.lengths.push(by);
                 }
+            }
+            if self.closures.iter().any(|c| c.lengths.last().is_some_and(|by| by.number == number)) {
+                self.lengths.push(i);
             }
         }
         Ok(())
@@ -207,10 +243,12 @@ impl Skeleton {
             up: Vec3(world.up),
             gravity_m_s2: world.gravity_m_s2,
             forward: Vec3(world.forward),
+            field: Field::new(world, &body.parameters),
             azimuth_rad: world.azimuth_fixed.then_some(world.magnetic_azimuth_rad),
             azimuth_walk: world.azimuth_walk,
             pushed: is_pushed(&body.model),
-            pushes: if is_pushed(&body.model) { Vec::new() } else { body.model.base_accelerations.clone() },
+            pushes: if is_pushed(&body.model) { Vec::new() } else { bounded(&body.model.base_accelerations) },
+            lengths: Vec::new(),
             rest: body.axes.iter().map(|axis| axis.rest).collect(),
         };
         let sensors = body.model.sensors.iter().enumerate();
@@ -270,8 +308,9 @@ impl Skeleton {
     /// The same room without links, units and joints.
     pub fn without_joints(&self) -> Self {
         let (links, units, closures, loop_axes) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        let (sensors, loose, pushes, rest) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        Skeleton { links, units, closures, loop_axes, sensors, loose, pushes, rest, ..*self }
+        let (sensors, loose, pushes) = (Vec::new(), Vec::new(), Vec::new());
+        let (lengths, rest) = (Vec::new(), Vec::new());
+        Skeleton { links, units, closures, loop_axes, sensors, loose, pushes, lengths, rest, ..*self }
     }
 
     /// Links of the model's pieces: hinges that meet in a point make one joint. Returns the link of each piece.
@@ -403,6 +442,22 @@ fn rest_and_range(body: &Body, turns: &Turns) -> (Mat3<f64>, [f64; 3]) {
 
 /// Widest range of a joint without a unit, rad.
 const WIDEST_RAD: f64 = 0.7;
+
+/// Correlation time of an acceleration of the room whose model states none, s.
+const PUSH_TIME_S: f64 = 0.3;
+
+/// Accelerations that wander for ever would take the vertical with them: none lasts longer than the room keeps its speed.
+fn bounded(pushes: &[BaseAcceleration]) -> Vec<BaseAcceleration> {
+    let bound = |push: &BaseAcceleration| match push.time_s.is_finite() {
+        true => push.clone(),
+        false => BaseAcceleration {
+            time_s: PUSH_TIME_S,
+            density: push.start_std * (2.0 / PUSH_TIME_S).sqrt(),
+            ..push.clone()
+        },
+    };
+    pushes.iter().map(bound).collect()
+}
 
 /// Whether base accelerations have all three directions.
 fn is_pushed(model: &Model) -> bool {

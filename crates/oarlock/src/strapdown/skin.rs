@@ -5,6 +5,11 @@ use super::filter::{Means, State, StrapdownFilter};
 use super::increment::{skew, sum};
 use crate::rotation::{Mat3, Vec3};
 
+/// What a change of a small rotation vector turns: the left Jacobian, to the first order.
+pub(super) fn small_turn(turn: Vec3<f64>) -> Mat3<f64> {
+    sum(&Mat3::identity(), &skew(turn), 0.5)
+}
+
 impl StrapdownFilter {
     /// First states of the skins of units.
     pub(super) fn skins(&self) -> impl Iterator<Item = usize> + '_ {
@@ -14,6 +19,16 @@ impl StrapdownFilter {
     /// State of an acceleration of the room.
     pub fn push_state(&self, number: usize) -> usize {
         self.size - usize::from(self.skeleton.has_fields()) - self.skeleton.pushes.len() + number
+    }
+
+    /// State of a length.
+    pub fn length_state(&self, number: usize) -> usize {
+        self.push_state(0) - 3 * usize::from(self.links.room_std_rad.is_some()) - self.skeleton.lengths.len() + number
+    }
+
+    /// First state of the turn of the room, if it turns.
+    pub fn room_state(&self) -> Option<usize> {
+        self.links.room_std_rad.map(|_| self.push_state(0) - 3)
     }
 
     /// Gravity as it acts in the room, which may be accelerated, m/s2.
@@ -33,7 +48,9 @@ impl StrapdownFilter {
         let skins = self.skins().flat_map(|first| (first..first + 3).map(move |i| (i, skin)));
         let pushes = self.skeleton.pushes.iter().enumerate();
         let pushes = pushes.map(|(k, push)| (self.push_state(k), (-step_s / push.time_s).exp()));
-        skins.chain(pushes).collect()
+        let room = (-step_s / self.links.room_time_s).exp();
+        let rooms = self.room_state().into_iter().flat_map(|first| (first..first + 3).map(move |i| (i, room)));
+        skins.chain(pushes).chain(rooms).collect()
     }
 
     /// Whether a unit's bone may be turned against where its mount says.
@@ -67,15 +84,13 @@ impl StrapdownFilter {
         }
         let [mount, skin] = self.turned[u];
         let rotation = &means.units[u].rotation;
-        // The left Jacobian of a small turn.
-        let by = |turn: Vec3<f64>| sum(&Mat3::identity(), &skew(turn), 0.5);
         let own = self.constant(means, mount);
         if let Some(first) = mount {
-            rows.push(first, &m.times(rotation).times(&by(own)));
+            rows.push(first, &m.times(rotation).times(&small_turn(own)));
         }
         if let Some(first) = skin {
             let turn = self.constant(means, skin);
-            rows.push(first, &m.times(rotation).times(&Mat3::about(own)).times(&by(turn)));
+            rows.push(first, &m.times(rotation).times(&Mat3::about(own)).times(&small_turn(turn)));
         }
     }
 
@@ -88,6 +103,11 @@ impl StrapdownFilter {
             let mean = &mut state.means.constants[(first - begin) / 3];
             *mean = *mean * skin;
             (first..first + 3).for_each(|i| *state.covariance.at_mut(i, i) += std * std * (1.0 - skin * skin));
+        }
+        if let (Some(first), Some(std)) = (self.room_state(), self.links.room_std_rad) {
+            let share = (-step_s / self.links.room_time_s).exp();
+            state.means.room = state.means.room * share;
+            (first..first + 3).for_each(|i| *state.covariance.at_mut(i, i) += std * std * (1.0 - share * share));
         }
         for (k, push) in self.skeleton.pushes.iter().enumerate() {
             let i = self.push_state(k);

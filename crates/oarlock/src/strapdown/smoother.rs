@@ -11,7 +11,7 @@ use crate::rotation::Vec3;
 
 impl StrapdownFilter {
     /// The error that moves `from` to `to`; see `shift`.
-    fn difference(&self, to: &Means, from: &Means, out: &mut [f64]) {
+    pub(super) fn difference(&self, to: &Means, from: &Means, out: &mut [f64]) {
         let mut put = |first: usize, v: Vec3<f64>| out[first..first + 3].copy_from_slice(&v.0);
         for (i, (a, b)) in to.units.iter().zip(&from.units).enumerate() {
             let first = UNIT * i;
@@ -33,6 +33,12 @@ impl StrapdownFilter {
         }
         for (k, (a, b)) in to.pushes.iter().zip(&from.pushes).enumerate() {
             out[self.push_state(k)] = a - b;
+        }
+        if let Some(first) = self.room_state() {
+            out[first..first + 3].copy_from_slice(&(to.room - from.room).0);
+        }
+        for (k, (a, b)) in to.lengths.iter().zip(&from.lengths).enumerate() {
+            out[self.length_state(k)] = a - b;
         }
     }
 

@@ -79,7 +79,8 @@ impl StrapdownFilter {
         let constants = vec![zero; self.constants().count()];
         let pushes = vec![0.0; self.skeleton.pushes.len()];
         let inputs = self.inputs(&heard, time_s, &self.skeleton.rest.iter().map(|q| [*q, 0.0]).collect::<Vec<_>>());
-        let mut means = Means { units, loose, constants, azimuth: 0.0, pushes, inputs };
+        let lengths = vec![0.0; self.skeleton.lengths.len()];
+        let mut means = Means { units, loose, constants, azimuth: 0.0, pushes, room: zero, lengths, inputs };
         self.place(&mut means, &mut vec![false; tilts.len()]);
         let north = self.find_north(&mut means, &heard);
         self.find_place(&mut means, &heard);
@@ -116,10 +117,31 @@ impl StrapdownFilter {
             let first = self.loose_state(number);
             (first..first + 3).for_each(|i| *covariance.at_mut(i, i) = LOOSE_WALK * LOOSE_WALK * SPRING_TIME_S);
         }
+        self.restate(&mut covariance);
+        for (k, push) in self.skeleton.pushes.iter().enumerate() {
+            let i = self.push_state(k);
+            *covariance.at_mut(i, i) = push.start_std.powi(2);
+        }
+        if let Some(i) = self.azimuth_state() {
+            *covariance.at_mut(i, i) = north * north;
+        }
+        covariance
+    }
+
+    /// Gives the constants of a start the variances of this filter's statements.
+    pub fn restate(&self, covariance: &mut Square) {
+        let (links, all) = (&self.links, self.constant_variances());
+        let lengths = (0..self.skeleton.lengths.len()).map(|k| (self.length_state(k), links.length_share.powi(2)));
+        for (i, variance) in all.into_iter().chain(lengths) {
+            *covariance.at_mut(i, i) = variance;
+        }
+    }
+
+    /// Of every constant state, and of skins and the room at their start.
+    fn constant_variances(&self) -> Vec<(usize, f64)> {
+        let (links, mut all) = (&self.links, Vec::new());
         let mut put = |first: Option<usize>, variance: Vec3<f64>| {
-            for (i, variance) in first.into_iter().flat_map(|first| first..first + 3).zip(variance.0) {
-                *covariance.at_mut(i, i) = variance;
-            }
+            all.extend(first.into_iter().flat_map(|first| first..first + 3).zip(variance.0));
         };
         for (points, closure) in self.points.iter().zip(&self.skeleton.closures) {
             let own = Vec3([links.point_std_m.powi(2); 3]);
@@ -129,18 +151,12 @@ impl StrapdownFilter {
             put(axes[0], self.axes_variance(self.skeleton.links[l].parent));
             put(axes[1], self.axes_variance(Some(l)));
         }
+        put(self.room_state(), Vec3([links.room_std_rad.unwrap_or(0.0).powi(2); 3]));
         for [mount, skin] in &self.turned {
             put(*mount, Vec3([links.mount_std_rad.unwrap_or(0.0).powi(2); 3]));
             put(*skin, Vec3([links.skin_std_rad.unwrap_or(0.0).powi(2); 3]));
         }
-        for (k, push) in self.skeleton.pushes.iter().enumerate() {
-            let i = self.push_state(k);
-            *covariance.at_mut(i, i) = push.start_std.powi(2);
-        }
-        if let Some(i) = self.azimuth_state() {
-            *covariance.at_mut(i, i) = north * north;
-        }
-        covariance
+        all
     }
 
     /// Variances of a joint's axes in a link, rad2: those of its unit's mount if a calibration knows it.
@@ -310,10 +326,11 @@ impl StrapdownFilter {
     pub(super) fn place(&self, means: &mut Means, known: &mut [bool]) {
         loop {
             let mut moved = false;
-            for closure in &self.skeleton.closures {
-                let through = self.through(means, closure);
+            for c in 0..self.skeleton.closures.len() {
+                let closure = self.stretched(means, c);
+                let through = closure.through.iter().fold(Vec3([0.0; 3]), |sum, leg| sum + self.leg(means, leg));
                 let ends = [closure.from, closure.to].map(|end| match end {
-                    End::Room(point) => (None, point),
+                    End::Room(point) => (None, self.orientation_of(means, None).apply(point)),
                     End::Unit(u, point) => (Some(u), self.bone_of(means, u).apply(point)),
                 });
                 match (ends[0].0, ends[1].0) {

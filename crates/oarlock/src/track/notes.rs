@@ -8,7 +8,7 @@ use super::loops::dependence;
 use super::magnetic::Field;
 use super::run::{Run, StreamCount};
 use crate::config::{Config, Magnetometer};
-use crate::model::{JointKind, Model};
+use crate::model::{Fixing, JointKind, Model};
 use crate::recording::input_joint;
 use crate::state::{LENGTHS, MOUNTS};
 use crate::strapdown::check::Check;
@@ -27,6 +27,7 @@ pub fn notes(run: &Run) -> Vec<String> {
     notes.extend(silent_loops(run));
     let (counts, field) = (run.counts(), expected_field(run));
     notes.extend(no_magnetometers(run, &counts));
+    notes.extend(fixing(run));
     notes.extend(not_for_links(run));
     notes.extend(rejections(&counts, &field));
     notes.extend(disturbances(&counts, &field));
@@ -248,6 +249,16 @@ fn no_magnetometers(run: &Run, counts: &[StreamCount]) -> Option<String> {
     } else {
         "no unit has a magnetometer: headings are relative".into()
     })
+}
+
+/// What the readings say of how units sit, if it is not what the model states.
+fn fixing(run: &Run) -> Option<String> {
+    let says = match run.last()?.links.as_ref()?.fixing {
+        Fixing::Skin | Fixing::ThinSkin => return None,
+        Fixing::Mount => "nothing moves between units and bones; mounts and lengths are estimated",
+        Fixing::Exact => "nothing moves between units and bones, and mounts and lengths are as the model says",
+    };
+    Some(format!("by the first 20 s of movement {says}"))
 }
 
 /// What strapdown links do not use.

@@ -102,8 +102,9 @@ pub fn track(
     let inputs = body.model.joints.iter().filter(|j| j.input).map(|j| j.first).collect();
     let recording = Recording::new(&body.model, &body.suite, streams, clocks, Gathering::of(config))?;
     tracker.listen(&recording);
-    if let Some(start) = start {
-        tracker.resume(start)?;
+    match start {
+        Some(start) => tracker.resume(start)?,
+        None => tracker.read_fixing(&recording)?,
     }
     let mut run = Run {
         recording: Arc::new(recording),

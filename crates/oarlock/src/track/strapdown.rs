@@ -3,9 +3,11 @@
 //! A sample is processed once all units that still speak have later readings, so that each is integrated on its own clock: with units
 //! that tick apart, by one of their intervals later than it came.
 
+pub(super) mod fixing;
 mod flat;
 mod start;
 
+use self::fixing::Rival;
 use super::begin::start_std;
 use super::hypothesis::Hypothesis;
 use super::{Calibration, Sink, Status, Tracker};
@@ -13,7 +15,7 @@ use crate::body::Body;
 use crate::config::Magnetometer;
 use crate::error::Result;
 use crate::estimate::filter::{SourceInfo, Verdict};
-use crate::model::Structure;
+use crate::model::{Fixing, Structure};
 use crate::recording::Sample;
 use crate::rotation::Vec3;
 use crate::sensor::{MountValue, Quantity};
@@ -58,6 +60,11 @@ pub(crate) struct LinkState {
     pub(super) checks: Vec<Check>,
     /// Turns off the axes of hinges; see `Coordinates::off_axis`.
     pub(super) off_axis: Vec<[f64; 3]>,
+    /// How units sit, how likely that is, what else is possible, and how long the body moved, s.
+    pub(super) fixing: Fixing,
+    log_likelihood: f64,
+    rivals: Vec<Rival>,
+    moved_s: f64,
 }
 
 impl LinkState {
@@ -86,6 +93,8 @@ pub(super) struct Strapdown {
     alone: Option<Alone>,
     /// By source: whether the whole recording has readings of it, so that it counts from the start on; empty: unknown.
     speaks: Vec<bool>,
+    /// How units sit, if it is decided before the start.
+    fixing: Option<Fixing>,
     /// Standard deviations of states that strapdown links do not estimate.
     unknown: Vec<f64>,
     /// Time after the first sample at which a start is tried again, s.
@@ -134,7 +143,15 @@ impl Strapdown {
         // All units, so that a model that cannot be tracked is refused at once.
         Skeleton::new(body, &vec![true; body.suite.sources.len()], &mounts)?;
         let unknown = start_std(body, 1.0);
-        Ok(Some(Strapdown { mounts, filter: None, alone: None, speaks: Vec::new(), unknown, next_start_s: 0.0 }))
+        Ok(Some(Strapdown {
+            mounts,
+            filter: None,
+            alone: None,
+            speaks: Vec::new(),
+            fixing: None,
+            unknown,
+            next_start_s: 0.0,
+        }))
     }
 
     /// Frames of links whose hinges lock a direction.
@@ -256,11 +273,14 @@ impl Tracker {
             };
             let reading = Reading { time_s, gyro: three(unit.gyro), accel: force, excess };
             strapdown.iter().flat_map(|s| &s.alone).for_each(|alone| alone.take(&mut links.alone, u, reading));
+            for rival in &mut links.rivals {
+                filter.take(&mut rival.state, u, reading);
+            }
             if filter.take(&mut links.state, u, reading) {
                 one.sources[unit.source].seen_s = time_s;
             }
         }
-        for (sensor, heard) in filter.skeleton.sensors.iter().zip(&mut links.state.heard) {
+        for (s, sensor) in filter.skeleton.sensors.iter().enumerate() {
             let mut value = [0.0; 3];
             let (own, offset_s) = match sensor.at {
                 Place::Input(coordinate) => (&sample.inputs[coordinate..=coordinate], 0.0),
@@ -276,7 +296,10 @@ impl Tracker {
                 continue;
             }
             value[..own.len()].copy_from_slice(own);
-            heard.push(sample.time_s + offset_s, value);
+            let rivals = links.rivals.iter_mut().map(|rival| &mut rival.state);
+            for state in std::iter::once(&mut links.state).chain(rivals) {
+                state.heard[s].push(sample.time_s + offset_s, value);
+            }
         }
         links.taken_s = sample.time_s;
         links.waiting.push_back(Waiting { sample: sample.clone(), parts });
@@ -309,13 +332,31 @@ impl Tracker {
         let Waiting { sample, parts } = links.waiting.pop_front()?;
         let before_s = links.state.time_s;
         filter.let_go.iter_mut().zip(&links.checks).for_each(|(let_go, check)| *let_go = check.is_contradicted);
+        let stated = self.subject.body.model.links;
+        let is_moving = !links.rivals.is_empty() && links.is_moving(time_s);
+        for rival in &mut links.rivals {
+            filter.links = filter.stated(&stated.with(rival.fixing, false));
+            filter.correction.log_likelihood = 0.0;
+            filter.advance(&mut rival.state, time_s, &mut |_| {}, false);
+            rival.log_likelihood += if is_moving { filter.correction.log_likelihood } else { 0.0 };
+        }
+        filter.links = filter.stated(&stated.with(links.fixing, links.rivals.is_empty()));
+        filter.correction.log_likelihood = 0.0;
         filter.advance(&mut links.state, time_s, node, for_smoother);
+        if is_moving {
+            links.log_likelihood += filter.correction.log_likelihood;
+            links.moved_s += links.state.time_s - before_s;
+        }
         let is_updated = links.state.time_s == time_s;
         if let Some(alone) = strapdown.alone.as_mut().filter(|_| filter.closures) {
             alone.advance(&mut links.alone, time_s);
             if is_updated && time_s > before_s {
                 filter.check(&links.state, &links.alone, &mut links.checks, time_s - before_s);
             }
+        }
+        if !for_smoother {
+            links.choose();
+            filter.links = filter.stated(&stated.with(links.fixing, links.rivals.is_empty()));
         }
         let means = filter.present(&links.state);
         let signals: Vec<Signal> = links.state.readings.iter().map(|r| r.at(time_s)).collect();

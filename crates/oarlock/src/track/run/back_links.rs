@@ -7,6 +7,7 @@ use super::{Progress, Run};
 use crate::error::{Error, Result};
 use crate::estimate::smoother::Backward;
 use crate::kernels::dense::Square;
+use crate::model::Fixing;
 use crate::strapdown::filter::{Means, Node};
 
 /// Rows between two updates: their numbers in the output and what moved them.
@@ -32,8 +33,9 @@ impl Run {
         let mut backward = Backward::new(size);
         let (all, mut near) = (self.checkpoints.len(), last.belief.mean.clone());
         let mut next: Option<(Means, Square)> = None;
+        let fixing = last.links.as_ref().map_or(Fixing::Skin, |links| links.fixing);
         for k in (0..all).rev() {
-            let stretch = Stretch::refilter(&self, &mut tracker, k);
+            let stretch = Stretch::refilter(&self, &mut tracker, (k, fixing));
             let (mut smoothed, mut covariance) = match (next.take(), stretch.end) {
                 (Some(next), _) | (None, Some(next)) => next,
                 (None, None) => continue,
@@ -106,10 +108,11 @@ impl Run {
 
 impl Stretch {
     /// Filters again from a checkpoint to the next one, or to the end.
-    fn refilter(run: &Run, tracker: &mut Tracker, checkpoint: usize) -> Stretch {
+    fn refilter(run: &Run, tracker: &mut Tracker, (checkpoint, fixing): (usize, Fixing)) -> Stretch {
         let (from, to) = (&run.checkpoints[checkpoint], run.checkpoints.get(checkpoint + 1));
         let stop_s = to.map_or(f64::INFINITY, |c| c.known.time_s());
         let mut one = from.known.whole();
+        one.links.iter_mut().for_each(|links| links.settle(fixing));
         let (mut cursor, mut sample) = (from.cursor.clone(), tracker.empty_sample());
         let mut stretch = Stretch::default();
         let mut row = from.row;

@@ -1,8 +1,10 @@
 //! Flat form of the state of strapdown links, in pickled state estimates.
 
+use super::fixing::Rival;
 use super::{LinkState, Waiting};
 use crate::estimate::filter::Verdict;
 use crate::kernels::dense::Square;
+use crate::model::Fixing;
 use crate::recording::Sample;
 use crate::rotation::{Mat3, Vec3};
 use crate::strapdown::check::Check;
@@ -71,6 +73,14 @@ impl Source<'_> {
     }
 }
 
+fn number_of(fixing: Fixing) -> usize {
+    Fixing::ALL.iter().position(|one| *one == fixing).unwrap_or(0)
+}
+
+fn fixing_of(from: &mut Source) -> Option<Fixing> {
+    Fixing::ALL.get(from.number()? as usize).copied()
+}
+
 fn put_state(to: &mut Writer, state: &State) {
     to.0.extend([state.time_s, state.row_s, f64::from(state.uneven)]);
     to.list(state.covariance.as_slice());
@@ -97,6 +107,8 @@ fn put_state(to: &mut Writer, state: &State) {
     }
     to.0.push(state.means.azimuth);
     to.list(&state.means.pushes);
+    to.list(&state.means.lengths);
+    to.three(state.means.room);
     to.list(state.means.inputs.as_flattened());
     to.count(state.heard.len());
     for Heard { all, usual } in &state.heard {
@@ -141,6 +153,8 @@ fn state_of(from: &mut Source) -> Option<State> {
     })?;
     means.azimuth = from.number()?;
     means.pushes = from.list()?;
+    means.lengths = from.list()?;
+    means.room = from.three()?;
     means.inputs = from.list()?.as_chunks::<2>().0.to_vec();
     let heard = from.many(|from| {
         let usual = from.list()?.try_into().ok();
@@ -174,8 +188,15 @@ fn increment_of(from: &mut Source) -> Option<Increment> {
 impl LinkState {
     /// All numbers.
     pub fn to_flat(&self) -> Vec<f64> {
-        let LinkState { state, present, waiting, taken_s, spread_s, alone, checks, off_axis } = self;
-        let mut to = Writer(vec![*taken_s, *spread_s]);
+        let LinkState { state, present, waiting, taken_s, spread_s, alone, checks, off_axis, .. } = self;
+        let mut to = Writer(vec![*taken_s, *spread_s, self.log_likelihood, self.moved_s]);
+        to.count(number_of(self.fixing));
+        to.count(self.rivals.len());
+        for Rival { fixing, state, log_likelihood } in &self.rivals {
+            to.count(number_of(*fixing));
+            to.0.push(*log_likelihood);
+            put_state(&mut to, state);
+        }
         to.list(&present.iter().map(|p| f64::from(u8::from(*p))).collect::<Vec<_>>());
         put_state(&mut to, state);
         to.count(alone.len());
@@ -201,7 +222,12 @@ impl LinkState {
     /// Reads the result of `to_flat`; `None` if it is none.
     pub fn from_flat(flat: &[f64]) -> Option<Self> {
         let mut from = Source(flat.iter());
-        let [taken_s, spread_s] = from.array()?;
+        let [taken_s, spread_s, log_likelihood, moved_s] = from.array()?;
+        let fixing = fixing_of(&mut from)?;
+        let rivals = from.many(|from| {
+            let (fixing, log_likelihood) = (fixing_of(from)?, from.number()?);
+            Some(Rival { fixing, log_likelihood, state: state_of(from)? })
+        })?;
         let present = from.list()?.iter().map(|p| *p != 0.0).collect();
         let state = state_of(&mut from)?;
         let alone = from.many(state_of)?;
@@ -219,6 +245,19 @@ impl LinkState {
         })?;
         let is_whole = from.0.next().is_none();
         let waiting = waiting.into();
-        is_whole.then_some(LinkState { state, present, waiting, taken_s, spread_s, alone, checks, off_axis })
+        is_whole.then_some(LinkState {
+            state,
+            present,
+            waiting,
+            taken_s,
+            spread_s,
+            alone,
+            checks,
+            off_axis,
+            fixing,
+            log_likelihood,
+            rivals,
+            moved_s,
+        })
     }
 }

@@ -3,6 +3,7 @@
 use super::super::begin::asked_posture;
 use super::super::hypothesis::Hypothesis;
 use super::super::{Sink, Status, Tracker};
+use super::fixing::Rival;
 use super::{Lack, LinkState, RowMotion, INERTIAL};
 use crate::error::Result;
 use crate::estimate::belief::Belief;
@@ -10,6 +11,7 @@ use crate::estimate::filter::Info;
 use crate::estimate::smoother::Backward;
 use crate::estimate::System;
 use crate::kernels::dense::Square;
+use crate::model::Fixing;
 use crate::recording::{Recording, Sample};
 use crate::rotation::Mat3;
 use crate::strapdown::check::Check;
@@ -72,15 +74,25 @@ impl Tracker {
             alone: Vec::new(),
             checks: vec![Check::NEW; units],
             off_axis: Vec::new(),
+            fixing: Fixing::Skin,
+            log_likelihood: 0.0,
+            rivals: Vec::new(),
+            moved_s: 0.0,
         }));
         let posture = self.start_posture(&waiting)?;
         waiting.iter().for_each(|sample| self.take_readings(&mut one, sample));
         let Some(links) = &mut one.links else { return Ok(()) };
         let taken = (std::mem::take(&mut links.state.readings), std::mem::take(&mut links.state.heard));
-        match self.start_state(time_s, taken, (&posture, must)) {
+        let start = self.start_state(time_s, taken, (&posture, must));
+        let rivals = start.as_ref().map_or_else(Vec::new, |state| self.rivals(state));
+        match start {
             Some(state) => {
+                links.rivals = rivals;
                 links.alone = self.strapdown.iter().flat_map(|s| &s.alone).flat_map(|a| a.start(&state)).collect();
                 links.state = state;
+                if let Some(fixing) = self.strapdown.as_ref().and_then(|s| s.fixing) {
+                    links.settle(fixing);
+                }
             }
             None => {
                 self.waiting = waiting;
@@ -91,6 +103,24 @@ impl Tracker {
         self.process_start(&mut one, sink);
         self.hypothesis = Some(one);
         Ok(())
+    }
+
+    /// The start if units sit otherwise than the model states.
+    fn rivals(&mut self, state: &State) -> Vec<Rival> {
+        let stated = self.subject.body.model.links;
+        let Some(filter) = self.strapdown.as_mut().and_then(|s| s.filter.as_mut()) else { return Vec::new() };
+        if !filter.closures || stated.skin_std_rad.is_none() {
+            return Vec::new();
+        }
+        let rival = |fixing: &Fixing| {
+            filter.links = filter.stated(&stated.with(*fixing, false));
+            let mut state = state.clone();
+            filter.restate(&mut state.covariance);
+            Rival { fixing: *fixing, state, log_likelihood: 0.0 }
+        };
+        let rivals = Fixing::ALL[1..].iter().map(rival).collect();
+        filter.links = filter.stated(&stated);
+        rivals
     }
 
     /// Processes the samples of the start, which have all been taken in: their estimates are smoothed, because a wrong tilt at the start is
@@ -142,6 +172,7 @@ impl Tracker {
         self.build_filter(&links.present)?;
         let filter = self.strapdown_filter();
         links.state = filter.admit(&old, &links.state);
+        links.rivals.iter_mut().for_each(|rival| rival.state = filter.admit(&old, &rival.state));
         let earlier = |unit: &Unit| old.skeleton.units.iter().position(|o| o.source == unit.source);
         let units = || filter.skeleton.units.iter().map(earlier).enumerate();
         let alone = |(u, o): (usize, Option<usize>)| match o {
