@@ -7,12 +7,13 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
-from . import coverage, emulated, record, robustness, status, validation
+from . import coverage, emulated, record, robustness, status, structures, validation
 from .sections import into_page
 from .site import tutorials
 
 SECTIONS: Mapping[str, Callable[[record.Record], Mapping[str, Mapping[str, str]]]] = {
     "status": status.sections,
+    "structures": structures.sections,
     "coverage": coverage.sections,
     "validation": validation.sections,
     "robustness_quick": robustness.sections,
@@ -49,6 +50,8 @@ def _measured(name: str, asked: argparse.Namespace) -> Iterator[record.Record]:
         yield from validation.measured(asked.sets or (), record.load(name) if asked.sets else None)
     elif name == "status":
         yield record.stamped(status.measured())
+    elif name == "structures":
+        yield record.stamped(structures.measured())
     elif name == "coverage":
         seeds = coverage.SEEDS if asked.seeds is None else coverage.SEEDS[: asked.seeds]
         yield record.stamped(coverage.measured(seeds))

@@ -77,10 +77,12 @@ class Row:
 def rows(folder: Path | None) -> Iterator[Row]:
     """All lines; without the folder of recordings only those that need none."""
     if folder is not None:
-        exact = partial(_read, folder / "exact_B-B_0.npz")
+        exact = partial(read_trial, folder / "exact_B-B_0.npz")
         yield Row("exact", "exactly as modelled, with boat surge and biases", [exact])
         yield Row("exact_50_hz", "the same at 50 Hz", [partial(_slower, exact)])
-        misfit, wild, other = (partial(_read, folder / f"{n}.npz") for n in ("misfit_0", "wild_0", "wild_7"))
+        misfit, wild, other = (
+            partial(read_trial, folder / f"{n}.npz") for n in ("misfit_0", "wild_0", "wild_7")
+        )
         yield Row("misfit_0", "mounts 5 deg off, lengths 5 % off, boat rolling", [misfit])
         yield Row(
             "misfit_0_calibrated",
@@ -129,7 +131,8 @@ def _run(trial: Trial, how: str) -> dict[str, float]:
     return {**asdict(found), "noise_coverage": angles(alone, trial.truth).mean_coverage(ELEVEN)}
 
 
-def _read(file: Path) -> Trial:
+def read_trial(file: Path) -> Trial:
+    """A recording of the other generator."""
     read = read_simulated(file, file.stem, oarlock.load_model("sculler"))
     return Trial(read.recording, read.nominal, read.truth, read.truth.time_s, read.positions_m)
 

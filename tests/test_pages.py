@@ -79,7 +79,9 @@ def wrong_lengths(folder: Path) -> Path:
 
 def test_figures_are_those_of_the_nominal_lengths(tmp_path):
     """The recording is the same: only what the file gives a user differs."""
-    true, wrong = (status._run(status._read(file), "filtered") for file in (EXCERPT, wrong_lengths(tmp_path)))
+    true, wrong = (
+        status._run(status.read_trial(file), "filtered") for file in (EXCERPT, wrong_lengths(tmp_path))
+    )
     assert true["mean_deg"] < 0.05 and true["places_mm"] < 2.0
     assert wrong["mean_deg"] > 10 * true["mean_deg"] and wrong["places_mm"] > 10 * true["places_mm"]
 
@@ -104,7 +106,7 @@ def test_a_file_gives_lengths_pins_and_mounts_of_the_model():
 @pytest.mark.data
 @pytest.mark.parametrize("name", ["misfit_0", "wild_0", "wild_7"])
 def test_bodies_with_other_lengths_are_tracked_with_what_a_user_knows(name):
-    read = status._read(local_folder("recordings") / f"{name}.npz")
+    read = status.read_trial(local_folder("recordings") / f"{name}.npz")
     own = sculler().parameters
     differ = [n for n, value in read.nominal.parameters.items() if abs(value - own[n]) > 0.002]
     assert len(differ) >= 8, "the generator's lengths are the model's: a user has others"

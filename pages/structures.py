@@ -1,0 +1,112 @@
+"""The table of docs/bands.md that compares both structures on rowers: errors and bands, live and smoothed."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import oarlock
+from oarlock import Config
+from oarlock.report.text import percent
+from oarlock.rowing import FieldEffects
+
+from .record import Record, made_text
+from .sculling import ELEVEN, HANDS, SETTLED_S, angles
+from .sections import table
+from .status import RECORDINGS, Make, Trial, field_trial, read_trial
+
+STRUCTURES = ("tree", "strapdown")
+SEEDS = (1, 2, 3)
+
+
+def rows(folder: Path) -> Mapping[str, Sequence[Make]]:
+    """Trials of each line; recordings that are absent are left out."""
+    files = {name: folder / f"{name}.npz" for name in ("exact_B-B_0", "misfit_0", "wild_0", "wild_7")}
+    read = {name: [partial(read_trial, file)] for name, file in files.items() if file.is_file()}
+    presets = {"misfit": FieldEffects.misfit(), "careful": FieldEffects(), "wild": FieldEffects.wild()}
+    drawn = {
+        f"field simulator, `{name}`, seeds 1 to 3": [partial(field_trial, effects, seed) for seed in SEEDS]
+        for name, effects in presets.items()
+    }
+    return {**read, **drawn}
+
+
+def measured() -> dict[str, Any]:
+    """Tracks all recordings in both structures and scores them."""
+    folder = Path(os.environ.get("OARLOCK_DATA") or "absent") / RECORDINGS
+    found: dict[str, Any] = {}
+    for label, trials in rows(folder).items():
+        for structure in STRUCTURES:
+            scores = [_scores(make(), structure) for make in trials]
+            line = {key: [score[key] for score in scores] for key in scores[0]}
+            found[f"{label}: {structure}"] = {"label": label, "structure": structure, **line}
+            print(f"{label}, {structure}: {line}", flush=True)
+    return {"rows": found}
+
+
+def _scores(trial: Trial, structure: str) -> dict[str, float]:
+    config = Config(structure=structure)
+    live = oarlock.track(oarlock.load_model("sculler"), trial.recording, trial.nominal, config)
+    found = {}
+    for when, track in (("live", live), ("smoothed", oarlock.smooth(live))):
+        scores = angles(track, trial.truth)
+        found |= {
+            f"{when}_deg": scores.mean_rmse_deg(ELEVEN),
+            f"{when}_hands_deg": scores.mean_rmse_deg(HANDS),
+            f"{when}_coverage": scores.mean_coverage(ELEVEN),
+            f"{when}_least_coverage": min(scores.mean_coverage([joint]) for joint in ELEVEN),
+            f"{when}_hands_coverage": scores.mean_coverage(HANDS),
+            f"{when}_e2_over_var": _e2_over_var(track, trial.truth),
+        }
+    return found
+
+
+def _e2_over_var(track: oarlock.Track, truth: oarlock.Track) -> float:
+    """Mean of the squared errors over their variances; 1 if bands are honest."""
+    late = track.time_s >= track.time_s[0] + SETTLED_S
+    ratios = []
+    for joint in ELEVEN:
+        true = np.interp(track.time_s[late], truth.time_s, truth[joint].angle_rad)
+        error = np.remainder(track[joint].angle_rad[late] - true + np.pi, 2 * np.pi) - np.pi
+        ratios.append(np.mean((error / track[joint].std_rad[late]) ** 2))
+    return float(np.mean(ratios))
+
+
+COLUMNS = (
+    "recording",
+    "structure",
+    "11 angles, deg",
+    "hands, deg",
+    "in band",
+    "least joint",
+    "hands in band",
+    "e²/var",
+)
+
+
+def sections(record: Record) -> Mapping[str, Mapping[str, str]]:
+    """The section of docs/bands.md; each cell is live / smoothed."""
+    lines = [_line(row) for row in record["rows"].values()]
+    made = f"{made_text(record)}; `make pages PAGES=structures` measures it anew."
+    return {"docs/bands.md": {"structures": f"{table(COLUMNS, lines)}\n\n{made}"}}
+
+
+def _line(row: Mapping[str, Any]) -> list[str]:
+    def pair(key: str, write: Any, of: Any = np.mean) -> str:
+        return " / ".join(write(float(of(row[f"{when}_{key}"]))) for when in ("live", "smoothed"))
+
+    return [
+        row["label"],
+        row["structure"],
+        pair("deg", "{:.2f}".format),
+        pair("hands_deg", "{:.1f}".format),
+        pair("coverage", percent),
+        pair("least_coverage", percent, min),
+        pair("hands_coverage", percent),
+        pair("e2_over_var", "{:.2f}".format),
+    ]
