@@ -10,7 +10,7 @@ import pytest
 from pages import sculling
 
 import oarlock
-from exact_recording import ELEVEN, load_excerpt, read_exact, sculler, silenced
+from exact_recording import ELEVEN, Exact, load_excerpt, read_exact, sculler, silenced
 from field_trial import trial
 from local_data import local_folder
 from oarlock.rowing import FieldEffects
@@ -21,10 +21,11 @@ KNOWN = ", mount_std_rad = 1e-4, skin_std_rad = 1e-4, point_std_m = 1e-4"
 
 @cache
 def links(more: str = "") -> oarlock.Model:
-    text = f'format = 1\nstructure = "strapdown"\nlinks = {{ joints = "bone_in_rig"{more} }}\n'
+    stated = 'links = { joints = "bone_in_rig" }'
+    text = f'structure = "strapdown"\nlinks = {{ joints = "bone_in_rig"{more} }}'
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "sculler_links.toml"
-        file.write_text(sculler().text.replace("format = 1\n", text, 1))
+        file.write_text(sculler().text.replace(stated, text, 1))
         return oarlock.load_model(file)
 
 
@@ -73,6 +74,36 @@ def test_a_unit_that_was_silent_comes_back_where_it_is() -> None:
     for joint in ("r_shoulder_flexion", "r_shoulder_rotation", "r_elbow_flexion"):
         apart = np.degrees(tracks[1][joint].angle_rad - tracks[0][joint].angle_rad)[late]
         assert np.sqrt(np.mean(apart**2)) < 1.5, joint
+
+
+def late_deg(track: oarlock.Track, exact: Exact, from_s: float) -> float:
+    late = track.time_s > from_s
+    apart = [
+        track[j].angle_rad[late] - np.interp(track.time_s[late], exact.truth.time_s, exact.truth[j].angle_rad)
+        for j in ELEVEN
+    ]
+    return float(np.degrees(np.sqrt(np.mean(np.square(apart)))))
+
+
+def test_a_body_is_found_again_after_everything_was_silent() -> None:
+    """Encoders and handles show where it is; an estimate that only went on was off by whole turns."""
+    exact = load_excerpt()
+    gap = exact.recording
+    for name in exact.recording.names:
+        gap = silenced(gap, name, 4.0, 1.2)
+    live = oarlock.track(links(), gap, exact.nominal)
+    for track in (live, oarlock.smooth(live)):
+        assert late_deg(track, exact, 5.7) < 0.6  # 0.2; without the gap 0.2
+        assert np.all(np.isfinite(track.q)) and np.all(track.q_std > 0.0)
+
+
+def test_a_start_posture_of_a_rower_is_a_guess() -> None:
+    """Encoders and handles decide: 30 deg off everywhere ends where no guess ends."""
+    exact = load_excerpt()
+    guess = exact.truth.q[0].copy()
+    guess[1:14] += 0.5 * np.random.default_rng(0).standard_normal(13)
+    track = oarlock.track(links(), exact.recording, exact.nominal, oarlock.Config(initial_q=tuple(guess)))
+    assert late_deg(track, exact, 0.5) < 0.6
 
 
 def test_an_estimate_from_before_the_decision_goes_on() -> None:

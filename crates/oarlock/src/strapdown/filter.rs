@@ -21,7 +21,7 @@ const UPDATE_ENCODER_S: f64 = 0.008;
 const UPDATE_LOOP_S: f64 = 0.03;
 /// A unit without readings for longer is silent, s: it goes with its neighbour, and its joints are not read. What its orientation is worth when it
 /// speaks again, rad.
-const SILENT_S: f64 = 0.3;
+pub const SILENT_S: f64 = 0.3;
 pub const SILENT_RAD: f64 = 1.0;
 /// Above this standard deviation of a unit's turn, rad, an update is read again from where it led, at most so often, until it turns no unit by
 /// more than this, rad.

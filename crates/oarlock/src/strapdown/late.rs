@@ -1,7 +1,7 @@
-//! The state estimate of strapdown links when units begin to speak that had no readings at the start. `track` calls it.
+//! The state estimate of strapdown links when units begin to speak that had no readings at the start, and when all speak again. `track` calls it.
 
-use super::covariance::UNIT;
-use super::filter::{Means, State, StrapdownFilter, UnitState, SILENT_RAD};
+use super::covariance::{Step, UNIT};
+use super::filter::{Means, Node, State, StrapdownFilter, UnitState, SILENT_RAD};
 use super::increment::{Increment, Readings};
 use super::sensors::{Heard, Sensor, UNKNOWN_AZIMUTH_RAD};
 use super::skeleton::Pose;
@@ -77,6 +77,59 @@ impl StrapdownFilter {
             self.extend_unit(&mut admitted, u, (state.time_s, state.row_s));
         }
         admitted
+    }
+
+    /// The estimate after everything was silent: orientations from a posture (room from link), constants as before.
+    pub fn start_again(&self, old: &State, time_s: f64, orientation: &[Mat3<f64>]) -> State {
+        let readings = (old.readings.clone(), old.heard.clone());
+        let (mut state, tilts) = self.start(time_s, (orientation, true), readings);
+        let means = &mut state.means;
+        let skins: Vec<usize> = self.skins().collect();
+        let constants = means.constants.iter_mut().zip(&old.means.constants).zip(self.constants());
+        let lasts = |first: &usize| !skins.contains(first);
+        constants.filter(|(_, first)| lasts(first)).for_each(|((new, old), _)| *new = *old);
+        means.lengths.clone_from(&old.means.lengths);
+        means.azimuth = old.means.azimuth;
+        for u in 0..means.units.len() {
+            let turned = self.skin_of(means, u);
+            let (new, old) = (&mut means.units[u], &old.means.units[u]);
+            new.rotation = new.rotation.times_transposed(&turned);
+            (new.gyro_bias, new.accel_bias) = (old.gyro_bias, old.accel_bias);
+        }
+        self.place(means, &mut vec![false; tilts.len()]);
+        let headings = self.heading_stds(&state.means);
+        state.covariance = self.start_covariance(&state.means, &tilts, (&headings, UNKNOWN_AZIMUTH_RAD));
+        let mut stays = vec![false; self.size];
+        let biases = (0..tilts.len()).flat_map(|u| UNIT * u + 9..UNIT * (u + 1));
+        let constants = self.constants().filter(lasts).flat_map(|first| first..first + 3);
+        let lengths = (0..self.skeleton.lengths.len()).map(|k| self.length_state(k));
+        let all = biases.chain(constants).chain(lengths).chain(self.azimuth_state());
+        all.for_each(|i| stays[i] = true);
+        for (r, c) in (0..self.size).flat_map(|r| (0..self.size).map(move |c| (r, c))) {
+            match (stays[r], stays[c]) {
+                (true, true) => *state.covariance.at_mut(r, c) = old.covariance.at(r, c),
+                (false, false) => {}
+                _ => *state.covariance.at_mut(r, c) = 0.0,
+            }
+        }
+        state
+    }
+
+    /// What the smoother needs of a new start: only constants go on.
+    pub fn cut(&self, old: &State, new: &State) -> Node {
+        let step = |mean: &UnitState| {
+            let (step, _) = Step::of(&Increment::none(), &mean.rotation, (mean.velocity, mean.position), self.gravity);
+            Step { duration_s: new.time_s - old.time_s, forgets: true, ..step }
+        };
+        Node {
+            before: old.means.clone(),
+            before_s: old.time_s,
+            covariance: old.covariance.clone(),
+            steps: old.means.units.iter().map(step).collect(),
+            increments: vec![Increment::none(); old.means.units.len()],
+            predicted: new.means.clone(),
+            predicted_covariance: new.covariance.clone(),
+        }
     }
 
     /// The covariance by the old state of each new one; states without an old one are as at a start.

@@ -91,7 +91,7 @@ impl StrapdownFilter {
     }
 
     /// Standard deviation of each unit's heading before any reading, rad: of the posture, and of a calibrated mount about its vertical.
-    fn heading_stds(&self, means: &Means) -> Vec<f64> {
+    pub(super) fn heading_stds(&self, means: &Means) -> Vec<f64> {
         let std = |(unit, mean): (&Unit, &UnitState)| {
             let up = unit.mount.apply(mean.rotation.apply_transposed(self.skeleton.up));
             let mount = unit.mount_std_rad.iter().zip(up.0).map(|(std, u)| (std * u).powi(2)).sum::<f64>();

@@ -21,7 +21,7 @@ use crate::rotation::Vec3;
 use crate::sensor::{MountValue, Quantity};
 use crate::strapdown::angles::Coordinates;
 use crate::strapdown::check::{Alone, Check};
-use crate::strapdown::filter::{Means, Node, State, StrapdownFilter};
+use crate::strapdown::filter::{Means, Node, State, StrapdownFilter, SILENT_S};
 use crate::strapdown::increment::{Increment, Reading, Signal};
 use crate::strapdown::sensors::{Measures, Place};
 use crate::strapdown::skeleton::{Mounts, Skeleton};
@@ -29,6 +29,8 @@ use std::collections::VecDeque;
 
 /// Units silent for longer are not waited for, s.
 const PATIENCE_S: f64 = 0.15;
+/// After everything was silent, a body that encoders and closures hold is sought anew in the readings of this time, s.
+const AGAIN_S: f64 = 0.4;
 /// Standard deviations of clipped readings, rad/s and m/s2: they are only a bound.
 const CLIPPED: [f64; 2] = [5.0, 50.0];
 /// What a unit of strapdown links measures.
@@ -122,6 +124,9 @@ impl Lack {
     pub fn of(filter: &StrapdownFilter, node: &Node, before: &Means, after: &Means) -> Self {
         let arrived = filter.carried(before, &node.before, &node.increments);
         let duration_s = node.increments[0].duration_s;
+        if node.steps.iter().all(|step| step.forgets) {
+            return Lack { error: vec![0.0; filter.size], from_s: node.before_s, duration_s: 1.0 };
+        }
         Lack { error: filter.lack(after, &arrived), from_s: node.before_s, duration_s }
     }
 }
@@ -329,24 +334,21 @@ impl Tracker {
         if !is_end && filter.complete_s(&links.state, PATIENCE_S) < time_s - 1e-9 {
             return None;
         }
+        if filter.skeleton.is_held() && time_s - links.state.row_s > SILENT_S {
+            let last_s = links.waiting.back().map_or(time_s, |w| w.sample.time_s);
+            if !is_end && last_s < time_s + AGAIN_S {
+                return None;
+            }
+            self.start_again(one, time_s, node);
+        }
+        let strapdown = self.strapdown.as_mut()?;
+        let filter = strapdown.filter.as_mut()?;
+        let links = one.links.as_mut()?;
         let Waiting { sample, parts } = links.waiting.pop_front()?;
         let before_s = links.state.time_s;
         filter.let_go.iter_mut().zip(&links.checks).for_each(|(let_go, check)| *let_go = check.is_contradicted);
         let stated = self.subject.body.model.links;
-        let is_moving = !links.rivals.is_empty() && links.is_moving(time_s);
-        for rival in &mut links.rivals {
-            filter.links = filter.stated(&stated.with(rival.fixing, false));
-            filter.correction.log_likelihood = 0.0;
-            filter.advance(&mut rival.state, time_s, &mut |_| {}, false);
-            rival.log_likelihood += if is_moving { filter.correction.log_likelihood } else { 0.0 };
-        }
-        filter.links = filter.stated(&stated.with(links.fixing, links.rivals.is_empty()));
-        filter.correction.log_likelihood = 0.0;
-        filter.advance(&mut links.state, time_s, node, for_smoother);
-        if is_moving {
-            links.log_likelihood += filter.correction.log_likelihood;
-            links.moved_s += links.state.time_s - before_s;
-        }
+        links.advance(filter, &stated, time_s, (node, for_smoother));
         let is_updated = links.state.time_s == time_s;
         if let Some(alone) = strapdown.alone.as_mut().filter(|_| filter.closures) {
             alone.advance(&mut links.alone, time_s);

@@ -3,9 +3,9 @@
 use super::super::Tracker;
 use super::LinkState;
 use crate::error::Result;
-use crate::model::Fixing;
+use crate::model::{Fixing, Links};
 use crate::recording::Recording;
-use crate::strapdown::filter::State;
+use crate::strapdown::filter::{Node, State, StrapdownFilter};
 use crate::strapdown::increment::{square, Readings};
 
 /// Times of movement after which skin may be decided, and after which everything is, s.
@@ -52,6 +52,31 @@ impl LinkState {
     pub(super) fn is_moving(&self, time_s: f64) -> bool {
         let rate = |readings: &Readings| square(readings.at(time_s).gyro);
         self.state.readings.iter().map(rate).any(|rate: f64| rate > MOVING_RAD_S * MOVING_RAD_S)
+    }
+
+    /// Moves everything that is followed to a time; `node` receives the updates of what leads.
+    pub(super) fn advance(
+        &mut self,
+        filter: &mut StrapdownFilter,
+        stated: &Links,
+        time_s: f64,
+        (node, for_smoother): (&mut dyn FnMut(Node), bool),
+    ) {
+        let before_s = self.state.time_s;
+        let is_moving = !self.rivals.is_empty() && self.is_moving(time_s);
+        for rival in &mut self.rivals {
+            filter.links = filter.stated(&stated.with(rival.fixing, false));
+            filter.correction.log_likelihood = 0.0;
+            filter.advance(&mut rival.state, time_s, &mut |_| {}, false);
+            rival.log_likelihood += if is_moving { filter.correction.log_likelihood } else { 0.0 };
+        }
+        filter.links = filter.stated(&stated.with(self.fixing, self.rivals.is_empty()));
+        filter.correction.log_likelihood = 0.0;
+        filter.advance(&mut self.state, time_s, node, for_smoother);
+        if is_moving {
+            self.log_likelihood += filter.correction.log_likelihood;
+            self.moved_s += self.state.time_s - before_s;
+        }
     }
 
     /// Decides once the body has moved for long enough.

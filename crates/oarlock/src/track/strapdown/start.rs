@@ -4,7 +4,7 @@ use super::super::begin::asked_posture;
 use super::super::hypothesis::Hypothesis;
 use super::super::{Sink, Status, Tracker};
 use super::fixing::Rival;
-use super::{Lack, LinkState, RowMotion, INERTIAL};
+use super::{Lack, LinkState, RowMotion, AGAIN_S, INERTIAL};
 use crate::error::Result;
 use crate::estimate::belief::Belief;
 use crate::estimate::filter::Info;
@@ -161,6 +161,29 @@ impl Tracker {
         rows.iter().for_each(|(sample, known, info, _)| sink(sample, known, info));
     }
 
+    /// Finds the posture again after everything was silent, with the constants of before. Where readings fit none, the estimate goes on.
+    pub(super) fn start_again(&mut self, one: &mut Hypothesis, time_s: f64, node: &mut dyn FnMut(Node)) {
+        let Some(links) = &mut one.links else { return };
+        let window = links.waiting.iter().map(|w| &w.sample).take_while(|sample| sample.time_s <= time_s + AGAIN_S);
+        let window: Vec<Sample> = window.cloned().collect();
+        let Ok(posture) = self.fit_start(&window) else { return };
+        let orientations = self.orientations(&posture.belief.mean);
+        let stated = self.subject.body.model.links;
+        let Some(strapdown) = &mut self.strapdown else { return };
+        let Some(filter) = &mut strapdown.filter else { return };
+        let is_decided = links.rivals.is_empty();
+        for rival in &mut links.rivals {
+            filter.links = filter.stated(&stated.with(rival.fixing, false));
+            rival.state = filter.start_again(&rival.state, time_s, &orientations);
+        }
+        filter.links = filter.stated(&stated.with(links.fixing, is_decided));
+        let state = filter.start_again(&links.state, time_s, &orientations);
+        node(filter.cut(&links.state, &state));
+        links.alone = strapdown.alone.iter().flat_map(|alone| alone.start(&state)).collect();
+        links.state = state;
+        links.spread_s = f64::NAN;
+    }
+
     /// Makes the filter larger by units that speak, by source, and did not at the start.
     pub(super) fn admit(&mut self, one: &mut Hypothesis, speaks: Vec<bool>) -> Result<()> {
         let Some(links) = &mut one.links else { return Ok(()) };
@@ -247,9 +270,10 @@ impl Tracker {
 
     /// The posture that the first readings fit where links that encoders tell hold the body; `None`: the rest posture.
     fn start_posture(&mut self, samples: &[Sample]) -> Result<Posture> {
-        let is_asked = asked_posture(self.config.initial_q.as_deref(), &self.subject.body)?.is_some();
+        // A posture that does not fit the body is refused, also where it is only a guess.
+        asked_posture(self.config.initial_q.as_deref(), &self.subject.body)?;
         let links = &self.strapdown_filter().skeleton.links;
-        if is_asked || !links.iter().any(|link| link.pose == Pose::Driven) {
+        if !links.iter().any(|link| link.pose == Pose::Driven) {
             return Ok(None);
         }
         Ok(Some(self.fit_start(samples)?.belief.mean))
