@@ -97,6 +97,14 @@ def test_a_body_is_found_again_after_everything_was_silent() -> None:
         assert np.all(np.isfinite(track.q)) and np.all(track.q_std > 0.0)
 
 
+def test_a_hand_is_not_tied_to_an_oar_that_nothing_measures() -> None:
+    """An oar without its streams is not taken to be at rest: the elbow would turn by 14 deg, with a band of 2."""
+    exact = load_excerpt()
+    names = [name for name in exact.recording.names if name not in ("r_oar_phi", "r_oar_alpha")]
+    track = oarlock.track(links(), exact.recording.only(names), exact.nominal)
+    assert late_deg(track, exact, 2.0) < 1.0  # 0.3
+
+
 def test_a_start_posture_of_a_rower_is_a_guess() -> None:
     """Encoders and handles decide: 30 deg off everywhere ends where no guess ends."""
     exact = load_excerpt()

@@ -1,7 +1,7 @@
 //! Links that only encoders measure, legs through them, and loops that need them. `filter` and `readings` use it.
 
 use super::filter::{Means, StrapdownFilter};
-use super::sensors::{Heard, Measures, Place};
+use super::sensors::{Heard, Measures};
 use super::skeleton::{Closure, End, Leg, Pose};
 use crate::rotation::Vec3;
 
@@ -17,12 +17,12 @@ impl StrapdownFilter {
         inputs
     }
 
-    /// Whether the only encoders of a coordinate are silent now. An input that never spoke is at rest.
+    /// Whether the only encoders of a coordinate are silent now. An input for which the model has no encoder, and that never spoke, is at rest.
     pub(super) fn is_stale(&self, heard: &[Heard], time_s: f64) -> Vec<bool> {
         let mut stale = vec![false; self.skeleton.rest.len()];
         for (sensor, heard) in self.skeleton.sensors.iter().zip(heard) {
             if let Measures::Input(c) = sensor.measures {
-                let is_at_rest = heard.all.is_empty() && matches!(sensor.at, Place::Input(_));
+                let is_at_rest = heard.all.is_empty() && !self.skeleton.encoded[c];
                 stale[c] = !is_at_rest && heard.at(time_s, 1.0).is_none();
             }
         }

@@ -4,7 +4,7 @@ use super::covariance::{Rows, UNIT};
 use super::filter::{dot, Means, State, StrapdownFilter, SPRING_TIME_S};
 use super::increment::{skew, square, sum, Reading, Readings, ZERO};
 use super::joint::Turns;
-use super::skeleton::{Axes, Closure, End, Pose};
+use super::skeleton::{Axes, Closure, End, Leg, Pose};
 use crate::rotation::turn::{right_jacobian_inverse, Turn};
 use crate::rotation::{Mat3, Vec3};
 
@@ -115,6 +115,9 @@ impl StrapdownFilter {
     /// Axes of two links that a loop keeps together.
     pub(super) fn read_axes(&mut self, state: &mut State, number: usize, step_s: f64) {
         let Axes { ends, std } = self.skeleton.loop_axes[number];
+        if ends.iter().filter_map(|(link, axis)| link.map(|l| Leg::of(l, *axis))).any(|leg| self.is_stale_leg(&leg)) {
+            return;
+        }
         let means = &state.means;
         let mut rows = std::mem::take(&mut self.rows);
         rows.clear();
@@ -168,9 +171,9 @@ impl StrapdownFilter {
         self.rows = rows;
     }
 
-    /// Whether a loop of the model holds a link without a unit, so that nothing else needs to.
+    /// Whether a loop of the model that is read holds a link without a unit, so that nothing else needs to.
     fn is_held(&self, l: usize) -> bool {
-        let loops = self.skeleton.closures.iter().filter(|c| c.loop_std_m.is_some());
+        let loops = self.skeleton.closures.iter().filter(|c| c.loop_std_m.is_some() && self.can_read(c));
         loops.flat_map(|c| &c.through).any(|leg| leg.link == Some(l))
     }
 

@@ -187,6 +187,8 @@ pub struct Skeleton {
     pub lengths: Vec<usize>,
     /// Coordinates of all joints at rest, rad or m: those of encoders that say nothing.
     pub rest: Vec<f64>,
+    /// Whether the model has an encoder of it, by coordinate.
+    pub encoded: Vec<bool>,
 }
 
 impl Skeleton {
@@ -250,6 +252,7 @@ impl Skeleton {
             pushes: if is_pushed(&body.model) { Vec::new() } else { bounded(&body.model.base_accelerations) },
             lengths: Vec::new(),
             rest: body.axes.iter().map(|axis| axis.rest).collect(),
+            encoded: (0..body.axes.len()).map(|c| has_encoder(&body.model, c)).collect(),
         };
         let sensors = body.model.sensors.iter().enumerate();
         let imus: Vec<(usize, usize)> = sensors
@@ -309,8 +312,8 @@ impl Skeleton {
     pub fn without_joints(&self) -> Self {
         let (links, units, closures, loop_axes) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let (sensors, loose, pushes) = (Vec::new(), Vec::new(), Vec::new());
-        let (lengths, rest) = (Vec::new(), Vec::new());
-        Skeleton { links, units, closures, loop_axes, sensors, loose, pushes, lengths, rest, ..*self }
+        let (lengths, rest, encoded) = (Vec::new(), Vec::new(), Vec::new());
+        Skeleton { links, units, closures, loop_axes, sensors, loose, pushes, lengths, rest, encoded, ..*self }
     }
 
     /// Links of the model's pieces: hinges that meet in a point make one joint. Returns the link of each piece.
@@ -467,10 +470,16 @@ fn is_pushed(model: &Model) -> bool {
 
 /// Whether readings tell a coordinate.
 fn is_encoded(model: &Model, coordinate: usize) -> bool {
-    model.joints.iter().enumerate().any(|(j, joint)| {
-        let reads = |s: &crate::model::Sensor| matches!(&s.kind, SensorKind::Encoder(e) if e.joint == j);
-        joint.first == coordinate && (joint.input || model.sensors.iter().any(reads))
-    })
+    has_encoder(model, coordinate) || model.joints.iter().any(|joint| joint.input && joint.first == coordinate)
+}
+
+/// Whether the model has an encoder of a coordinate.
+fn has_encoder(model: &Model, coordinate: usize) -> bool {
+    let of = |kind: &SensorKind| match kind {
+        SensorKind::Encoder(encoder) => Some(model.joints[encoder.joint].first),
+        _ => None,
+    };
+    model.sensors.iter().any(|sensor| of(&sensor.kind) == Some(coordinate))
 }
 
 /// Refuses what strapdown links do not track yet.
