@@ -25,7 +25,7 @@ pub const SILENT_S: f64 = 0.3;
 pub const SILENT_RAD: f64 = 1.0;
 /// Above this standard deviation of a unit's turn, rad, an update is read again from where it led, at most so often, until it turns no unit by
 /// more than this, rad.
-const OPEN_RAD: f64 = 0.3;
+const NONLINEAR_RAD: f64 = 0.3;
 const MOST_AGAIN: usize = 5;
 const NEAR_RAD: f64 = 0.05;
 /// Longest prediction without a reading of joints, s.
@@ -465,7 +465,7 @@ impl StrapdownFilter {
     /// Whether the orientation of a unit is so uncertain that a reading is not linear in it.
     fn is_open(&self, covariance: &Square) -> bool {
         let turns = (0..self.skeleton.units.len()).flat_map(|u| (UNIT * u..UNIT * u + 3).map(|i| covariance.at(i, i)));
-        { turns }.any(|variance| variance > OPEN_RAD * OPEN_RAD)
+        { turns }.any(|variance| variance > NONLINEAR_RAD * NONLINEAR_RAD)
     }
 
     /// Reads an update again from where it led, until it leads nowhere else (Bell and Cathey 1993).

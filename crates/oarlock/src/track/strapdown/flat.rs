@@ -78,7 +78,7 @@ fn number_of(fixing: Fixing) -> usize {
 }
 
 fn fixing_of(from: &mut Source) -> Option<Fixing> {
-    Fixing::ALL.get(from.number()? as usize).copied()
+    Fixing::ALL.get(from.count()?).copied()
 }
 
 fn put_state(to: &mut Writer, state: &State) {
