@@ -27,12 +27,14 @@ pub const SILENT_RAD: f64 = 1.0;
 /// more than this, rad.
 const NONLINEAR_RAD: f64 = 0.3;
 const MOST_AGAIN: usize = 5;
-const NEAR_RAD: f64 = 0.05;
+const NEAR_RAD: f64 = 0.02;
 /// Longest prediction without a reading of joints, s.
 const LONGEST_S: f64 = 0.1;
-/// Joint state of a link without a unit: random walk, rad per sqrt(s), and correlation time of the spring to its rest, s.
+/// Joint state of a link without a unit: random walk, rad per sqrt(s), and correlation time of the spring to its rest, s. Where loops hold the
+/// links they tell its turns from each other, and for how long a posture stays away from rest counts: mounts and lengths would take that up.
 pub const LOOSE_WALK: f64 = 2.0;
 pub const SPRING_TIME_S: f64 = 0.1;
+pub const SPRING_LOOP_TIME_S: f64 = 2.0;
 /// Updates from one reading of limits to the next; a divisor of `EVEN_EVERY`.
 const LIMITS_EVERY: u32 = 10;
 /// Steps after which the covariance is made symmetric again.
@@ -141,7 +143,7 @@ pub struct StrapdownFilter {
     pub let_go: Vec<bool>,
     /// Of the last update, by coordinate: whether the only encoders that measure it are silent.
     pub stale: Vec<bool>,
-    /// Of the last update, by unit: by what it was turned, rad in the room's axes.
+    /// Of the last update, by unit: by what it was turned, rad in the room's axes; then by link without a unit, in the axes of its anchor.
     pub moved_by: Vec<Vec3<f64>>,
 }
 
@@ -182,7 +184,7 @@ impl StrapdownFilter {
             let_go: vec![false; units],
             stale: vec![false; skeleton.rest.len()],
             turned,
-            moved_by: vec![Vec3([0.0; 3]); units],
+            moved_by: vec![Vec3([0.0; 3]); units + skeleton.loose.len()],
             skeleton,
             links,
             points,
@@ -449,11 +451,13 @@ impl StrapdownFilter {
         state.means.inputs = self.inputs(&state.heard, state.time_s, &state.means.inputs);
         self.stale = self.is_stale(&state.heard, state.time_s);
         self.correction.shift.fill(0.0);
-        let before = self.is_open(&state.covariance).then(|| (state.means.clone(), state.covariance.clone()));
+        let is_open = self.is_open(&state.covariance);
+        let may_turn = is_open || !self.skeleton.loose.is_empty();
+        let before = may_turn.then(|| (state.means.clone(), state.covariance.clone()));
         self.read_all(state, step_s);
         self.take_shift(state);
         if let Some((means, covariance)) = before {
-            self.read_again(state, (&means, &covariance), step_s);
+            self.read_again(state, (&means, &covariance), is_open, step_s);
         }
         state.uneven += 1;
         if state.uneven >= EVEN_EVERY {
@@ -468,11 +472,13 @@ impl StrapdownFilter {
         { turns }.any(|variance| variance > NONLINEAR_RAD * NONLINEAR_RAD)
     }
 
-    /// Reads an update again from where it led, until it leads nowhere else (Bell and Cathey 1993).
-    fn read_again(&mut self, state: &mut State, (means, covariance): (&Means, &Square), step_s: f64) {
+    /// Reads an update again from where it led, until it leads nowhere else (Bell and Cathey 1993). Of a link without a unit nothing says how it
+    /// turned since the last update, so that its readings are not linear in that.
+    fn read_again(&mut self, state: &mut State, (means, covariance): (&Means, &Square), is_open: bool, step_s: f64) {
         let likelihood = self.correction.log_likelihood;
+        let first = if is_open { 0 } else { self.skeleton.units.len() };
         for _ in 0..MOST_AGAIN {
-            if self.moved_by.iter().all(|turn| square(*turn) < NEAR_RAD * NEAR_RAD) {
+            if self.moved_by[first..].iter().all(|turn| square(*turn) < NEAR_RAD * NEAR_RAD) {
                 break;
             }
             let mut shift = std::mem::take(&mut self.correction.shift);
@@ -483,16 +489,19 @@ impl StrapdownFilter {
             self.take_shift(state);
         }
         self.correction.log_likelihood = likelihood;
-        let moved = state.means.units.iter().zip(&means.units);
-        let moved = moved.map(|(to, from)| Vec3(Turn::of(&to.rotation.times_transposed(&from.rotation)).log()));
-        self.moved_by = moved.collect();
+        let turn = |to: &Mat3<f64>, from: &Mat3<f64>| Vec3(Turn::of(&to.times_transposed(from)).log());
+        let units = state.means.units.iter().zip(&means.units).map(|(to, from)| turn(&to.rotation, &from.rotation));
+        let loose = state.means.loose.iter().zip(&means.loose).map(|(to, from)| turn(to, from));
+        self.moved_by = units.chain(loose).collect();
     }
 
     /// Moves the means by what the readings say.
     fn take_shift(&mut self, state: &mut State) {
         let shift = std::mem::take(&mut self.correction.shift);
-        for (u, moved) in self.moved_by.iter_mut().enumerate() {
-            moved.0.copy_from_slice(&shift[UNIT * u..UNIT * u + 3]);
+        let loose = (0..self.skeleton.loose.len()).map(|number| self.loose_state(number));
+        let first: Vec<usize> = (0..self.skeleton.units.len()).map(|u| UNIT * u).chain(loose).collect();
+        for (moved, i) in self.moved_by.iter_mut().zip(first) {
+            moved.0.copy_from_slice(&shift[i..i + 3]);
         }
         self.shift(&mut state.means, &shift);
         self.correction.shift = shift;

@@ -1,7 +1,7 @@
 //! Readings of strapdown links: joints, hinges, bounds, rest and contact. `filter` reads them at every update.
 
 use super::covariance::{Rows, UNIT};
-use super::filter::{dot, Means, State, StrapdownFilter, SPRING_TIME_S};
+use super::filter::{dot, Means, State, StrapdownFilter, SPRING_LOOP_TIME_S, SPRING_TIME_S};
 use super::increment::{skew, square, sum, Reading, Readings, ZERO};
 use super::joint::Turns;
 use super::skeleton::{Axes, Closure, End, Leg, Pose};
@@ -171,24 +171,19 @@ impl StrapdownFilter {
         self.rows = rows;
     }
 
-    /// Whether a loop of the model that is read holds a link without a unit, so that nothing else needs to.
-    fn is_held(&self, l: usize) -> bool {
-        let loops = self.skeleton.closures.iter().filter(|c| c.loop_std_m.is_some() && self.can_read(c));
-        loops.flat_map(|c| &c.through).any(|leg| leg.link == Some(l))
-    }
-
     /// A joint without a unit on one side stays near its rest, as far as its limits say.
     pub(super) fn read_spring(&mut self, state: &mut State, l: usize, step_s: f64) {
         let link = &self.skeleton.links[l];
         let is_loose = self.skeleton.is_loose(l) || link.parent.is_some_and(|p| self.skeleton.is_loose(p));
-        if !is_loose || self.is_held(l) || matches!(link.turns, Turns::Free(..)) {
+        if !is_loose || matches!(link.turns, Turns::Free(..)) {
             return;
         }
         let (relative, child) = self.relative(&state.means, l);
         let beyond = link.rest.transposed().times(&relative);
         let turn = Turn::of(&beyond).log();
         let m = child.transposed();
-        let variance = link.range_rad.map(|range| white(range, SPRING_TIME_S, step_s));
+        let time_s = if self.skeleton.is_held() { SPRING_LOOP_TIME_S } else { SPRING_TIME_S };
+        let variance = link.range_rad.map(|range| white(range, time_s, step_s));
         let towards = right_jacobian_inverse(turn).times(&m);
         let rows = self.turn_rows(&state.means, l, &towards);
         self.correction.read(&mut state.covariance, &rows, 3, turn.map(|x| -x), variance);
