@@ -19,6 +19,8 @@ Floats = NDArray[np.float64]
 Exact = recordings.Simulated
 UNITS, ENCODERS = recordings.UNITS, recordings.ENCODERS
 kept, at_rate = recordings.kept, recordings.at_rate
+TREE = oarlock.Config(structure="tree")
+STRUCTURES = ("tree", "strapdown")
 SHOULDER, ARM, ELEVEN = sculling.SHOULDER, sculling.ARM, sculling.ELEVEN
 RADIAL, PALMAR, HANDS, SETTLED_S = sculling.RADIAL, sculling.PALMAR, sculling.HANDS, sculling.SETTLED_S
 
@@ -33,8 +35,8 @@ def sculler() -> oarlock.Model:
 
 
 def oars_as_states(folder: Path) -> oarlock.Model:
-    """The shipped sculler whose oars are states that their encoders measure, written as a file and read from it."""
-    text, line = sculler().text, "\ninput = true\n"
+    """The shipped sculler whose oars are states of the tree that their encoders measure, read from a file."""
+    text, line = sculler().text.replace('"strapdown"', '"tree"'), "\ninput = true\n"
     assert text.count(line) == 6
     file = folder / "oars_as_states.toml"
     file.write_text(text.replace(line, "\n"), encoding="utf-8")
@@ -54,9 +56,9 @@ def load_excerpt() -> Exact:
 
 
 @cache
-def excerpt_track() -> oarlock.Track:
-    """The excerpt, tracked by default."""
-    return oarlock.track(sculler(), load_excerpt().recording)
+def excerpt_track(structure: str | None = None) -> oarlock.Track:
+    """The excerpt, tracked by default or in another structure."""
+    return oarlock.track(sculler(), load_excerpt().recording, config=oarlock.Config(structure=structure))
 
 
 def read_exact(file: Path, name: str) -> Exact:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import oarlock
-from exact_recording import ELEVEN, SETTLED_S, load_excerpt, sculler
+from exact_recording import ELEVEN, SETTLED_S, STRUCTURES, load_excerpt, sculler
 from oarlock.model.rotation import quat_from_matrix, rotvec_between, rotvec_from_quat
 
 SHOULDER = ("abduction", "rotation", "flexion")
@@ -14,8 +14,10 @@ FRAMES = ("r_elbow", "r_wrist", "r_hand", "l_elbow", "l_wrist", "l_hand", "r_han
 EQUAL = 1e-9
 
 # RMSE. On this excerpt both models have 0.02 to 0.03 deg in trunk and elbows. The shoulder's error is the angle of its
-# rotation, which adds up three axes: 0.02 to 0.035 deg. Half as much again for other arithmetic.
-MEAN_DEG, SHOULDER_DEG = 0.045, 0.05
+# rotation, which adds up three axes: 0.02 to 0.035 deg. Strapdown links, whose units sit on skin, have 0.25 to 0.38 and
+# 0.33 to 0.41 deg, with hinges as with balls. Half as much again for other arithmetic.
+MEAN_DEG = {"tree": 0.045, "strapdown": 0.57}
+SHOULDER_DEG = {"tree": 0.05, "strapdown": 0.6}
 
 
 @pytest.fixture(scope="module")
@@ -102,18 +104,19 @@ def test_ball_shoulders_have_the_hinges_readings(ball):
     np.testing.assert_allclose(ours, theirs, rtol=0, atol=EQUAL)
 
 
-def test_ball_shoulders_are_tracked_as_well_as_hinges(ball):
+@pytest.mark.parametrize("structure", STRUCTURES)
+def test_ball_shoulders_are_tracked_as_well_as_hinges(ball, structure):
     exact = load_excerpt()
-    track = oarlock.track(ball, exact.recording)
+    track = oarlock.track(ball, exact.recording, config=oarlock.Config(structure=structure))
     settled = track.time_s >= SETTLED_S
     rows = np.searchsorted(exact.truth.time_s, track.time_s - 1e-6)
     for name in ELEVEN:
         if "shoulder" not in name:
             theirs = exact.truth.q[rows, exact.truth.joint_names.index(name)]
             error = np.degrees(track.q[:, track.coordinate_names.index(name)] - theirs)[settled]
-            assert np.sqrt(np.mean(error**2)) <= MEAN_DEG, name
+            assert np.sqrt(np.mean(error**2)) <= MEAN_DEG[structure], name
     for side in "rl":
         pair = f"{side}_elbow", f"{side}_shoulder"
         turn = rotvec_between(track.frame_quat_wxyz(*pair), exact.truth.frame_quat_wxyz(*pair)[rows])
         error = np.degrees(np.linalg.norm(turn, axis=1))[settled]
-        assert np.sqrt(np.mean(error**2)) <= SHOULDER_DEG, side
+        assert np.sqrt(np.mean(error**2)) <= SHOULDER_DEG[structure], side

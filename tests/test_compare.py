@@ -82,7 +82,8 @@ def test_the_page_names_all_of_them():
 
 
 def test_an_estimator_of_ones_own(sculler, rowed):
-    own = replace(estimator("ekf"), name="mine", config=Config(filter="ekf", estimate=("gyro_bias",)))
+    config = Config(structure="tree", filter="ekf", estimate=("gyro_bias",))
+    own = replace(estimator("ekf"), name="mine", config=config)
     found = oarlock.compare(sculler, rowed[1], rowed[0], [own, "ekf"])
     assert found["mine"].mean_rmse_deg > found["ekf"].mean_rmse_deg
 
@@ -103,6 +104,7 @@ def test_the_engine_says_which_trees_there_are():
     for name in tree_filters():
         assert Config(filter=name).filter == name
         assert estimator(name + "_open").config.closures is False
+        assert estimator(name + "_open").config.structure == "tree"
         assert estimator(name + "_plain").config.estimate == []
         assert estimator(name).live
 

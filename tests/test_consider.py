@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import oarlock
-from exact_recording import ELEVEN, SETTLED_S, UNITS, excerpt_track, load_excerpt, sculler
+from exact_recording import ELEVEN, SETTLED_S, UNITS, load_excerpt, sculler
 from oarlock.rowing import FieldEffects, FieldTrial, simulate_field
 from refusals import assert_refused
 
@@ -26,6 +26,10 @@ HOLDS = (0.85, 0.99)
 SEEDS = (51, 52, 53, 54, 55, 56)
 
 
+def of_tree(**keys: Any) -> oarlock.Config:
+    return oarlock.Config(structure="tree", **keys)
+
+
 def turned(unit: str, axis: int) -> oarlock.Calibration:
     (sensor,) = (s for s in sculler().describe().sensors if s.name == unit)
     turn = np.eye(3)
@@ -37,7 +41,7 @@ def turned(unit: str, axis: int) -> oarlock.Calibration:
 
 
 def last_belief(calibration: oarlock.Calibration | None, **keys: object) -> oarlock.Belief:
-    track = oarlock.track(sculler(), load_excerpt().recording, calibration, oarlock.Config(**keys))
+    track = oarlock.track(sculler(), load_excerpt().recording, calibration, of_tree(**keys))
     assert track.last_belief is not None
     return track.last_belief
 
@@ -59,8 +63,10 @@ def test_slopes_are_those_of_the_filter_itself() -> None:
 
 def test_a_model_that_is_right_is_not_doubted() -> None:
     recording = load_excerpt().recording
-    learnt = excerpt_track()
-    off = oarlock.track(sculler(), recording, None, oarlock.Config(consider="off"))
+    learnt, off = (
+        oarlock.track(sculler(), recording, config=of_tree(consider=consider))
+        for consider in ("learnt", "off")
+    )
     assert learnt.last_belief is not None and learnt.last_belief.doubt[1] == 0.0
     np.testing.assert_array_equal(learnt.q, off.q)
     np.testing.assert_array_equal(learnt.q_std, off.q_std)
@@ -87,7 +93,7 @@ def test_bands_hold_the_truth_where_nothing_is_as_modelled() -> None:
     shares = []
     for seed in SEEDS:
         trial = wild(seed)
-        track = oarlock.track(sculler(), trial.recording)
+        track = oarlock.track(sculler(), trial.recording, config=of_tree())
         for each in (track, oarlock.smooth(track)):
             scores = oarlock.evaluate(each, trial.truth).joints
             shares.append(np.mean([score.coverage for score in scores if score.name in ELEVEN]))
@@ -97,11 +103,9 @@ def test_bands_hold_the_truth_where_nothing_is_as_modelled() -> None:
 
 def test_what_is_off_changes_no_estimate() -> None:
     recording = cut(wild(SEEDS[0]).recording, 0.0, 12.0)
-    off = oarlock.track(sculler(), recording, None, oarlock.Config(consider="off", learning_memory_s=None))
-    learnt = oarlock.track(sculler(), recording, None, oarlock.Config(learning_memory_s=None))
-    always = oarlock.track(
-        sculler(), recording, None, oarlock.Config(consider="always", learning_memory_s=None)
-    )
+    off = oarlock.track(sculler(), recording, None, of_tree(consider="off", learning_memory_s=None))
+    learnt = oarlock.track(sculler(), recording, None, of_tree(learning_memory_s=None))
+    always = oarlock.track(sculler(), recording, None, of_tree(consider="always", learning_memory_s=None))
     np.testing.assert_array_equal(learnt.q, off.q)
     np.testing.assert_array_equal(always.q, off.q)
     settled = learnt.time_s > SETTLED_S
@@ -117,7 +121,7 @@ def test_without_a_closed_loop_the_advice_is_a_calibration_that_needs_none() -> 
     open_text = re.sub(r"(?ms)^\[\[closure\]\].*?(?=^\[|\Z)", "", sculler().text)
     body = oarlock.Model.from_toml(open_text, "open.toml", {})
     assert not body.describe().closures
-    track = oarlock.track(body, wild(SEEDS[0]).recording, None, oarlock.Config(consider="always"))
+    track = oarlock.track(body, wild(SEEDS[0]).recording, None, of_tree(consider="always"))
     (note,) = (note for note in track.notes if "uncertainty was increased" in note)
     assert note.endswith("run `oarlock calibrate joints`")
 
@@ -125,10 +129,11 @@ def test_without_a_closed_loop_the_advice_is_a_calibration_that_needs_none() -> 
 NOTHING_KNOWN_RAD = 2.0
 
 
-def test_no_band_is_wider_than_the_range_of_its_joint() -> None:
+@pytest.mark.parametrize("structure", ["tree", "strapdown"])
+def test_no_band_is_wider_than_the_range_of_its_joint(structure: str) -> None:
     units = {unit: np.full(3, NOTHING_KNOWN_RAD) for unit in UNITS}
     known = oarlock.Calibration(mount_stds_rad=units)
-    live = oarlock.track(sculler(), load_excerpt().recording, known)
+    live = oarlock.track(sculler(), load_excerpt().recording, known, oarlock.Config(structure=structure))
     ranges = {joint.name: np.ptp(joint.limits) for joint in sculler().describe().joints if joint.limits}
     for track in (live, oarlock.smooth(live)):
         settled = track.time_s > SETTLED_S
@@ -136,11 +141,15 @@ def test_no_band_is_wider_than_the_range_of_its_joint() -> None:
             series, prior = track[name], ranges[name] / 4
             assert series.std.max() <= 2 * prior * (1 + 1e-12), name
             assert not series.observed[settled & (series.std >= prior * (1 - 1e-12))].any(), name
+        if structure == "strapdown":  # its mounts are states, and lever arms tell the trunk's
+            continue
         assert not track["trunk"].observed[settled].any()
         assert any(note.startswith("trunk: not observed") for note in track.notes)
         assert not oarlock.evaluate(track, load_excerpt().truth)["trunk"].observed
     belief = live.last_belief
     assert belief is not None
+    if structure == "strapdown":
+        return
     assert belief.std[belief.state_names.index("trunk")] == pytest.approx(ranges["trunk"] / 2, rel=1e-12)
 
 
@@ -169,7 +178,7 @@ def test_what_a_calibration_tells_of_itself_is_in_the_bands() -> None:
             mount_offset_stds_m={unit: np.full(3, KNOWN_M) for unit in mounts},
             parameter_stds=dict.fromkeys(sculler().length_names, KNOWN_M),
         )
-        track = oarlock.track(sculler(), exact.recording, known)
+        track = oarlock.track(sculler(), exact.recording, known, of_tree())
         scores = oarlock.evaluate(track, exact.truth, start_s=SETTLED_S).joints
         shares.append(np.mean([score.coverage for score in scores if score.name in ELEVEN]))
     assert TOLD_HOLDS[0] < np.mean(shares) < TOLD_HOLDS[1], shares
@@ -189,13 +198,15 @@ def test_deviations_of_what_is_not_there_are_refused(told: dict[str, Any], words
     )
 
 
-def test_a_run_cut_in_two_doubts_alike() -> None:
-    recording = wild(SEEDS[1]).recording
-    whole = oarlock.track(sculler(), recording)
+@pytest.mark.parametrize("structure", ["tree", "strapdown"])
+def test_a_run_cut_in_two_doubts_alike(structure: str) -> None:
+    config, recording = oarlock.Config(structure=structure), wild(SEEDS[1]).recording
+    whole = oarlock.track(sculler(), recording, config=config)
     half_s = 7.0
-    first = oarlock.track(sculler(), cut(recording, 0.0, half_s))
+    first = oarlock.track(sculler(), cut(recording, 0.0, half_s), config=config)
     assert first.last_belief is not None
-    second = oarlock.track(sculler(), cut(recording, half_s, 1e9), start=first.last_belief)
+    rest = cut(recording, half_s, 1e9)
+    second = oarlock.track(sculler(), rest, config=config, start=first.last_belief)
     np.testing.assert_array_equal(second.q_std, whole.q_std[whole.time_s > half_s])
 
 

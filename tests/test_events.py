@@ -13,6 +13,7 @@ import pytest
 import oarlock
 from exact_recording import (
     ELEVEN,
+    STRUCTURES,
     UNITS,
     Floats,
     excerpt_track,
@@ -25,10 +26,13 @@ from exact_recording import (
 )
 from oarlock.report import write_report
 
-# With nothing wrong the excerpt has 0.03 deg. Two seconds on four of five units and the loops may cost some times
-# that; a filter that believed the fault has degrees.
-SPARED_DEG = 0.3
+# With nothing wrong the excerpt has 0.03 deg (strapdown links, on skin: 0.29 deg; 1.0 with a forearm's gyroscope
+# stuck). Two seconds on four of five units and the loops may cost some times that; a filter that believed the fault
+# has degrees.
+SPARED_DEG = {"tree": 0.3, "strapdown": 1.5}
 CONVERGED_DEG = 1.0
+# Strapdown links have bands of 10 to 30 deg then: the elbow may turn about the line from shoulder to hand.
+BARE_DEG = {"tree": 1.0, "strapdown": 5.0}
 WITHIN_S = 3.0
 START_SEEDS = range(5)
 # of the RMSE without losses
@@ -83,12 +87,15 @@ def test_a_mirror_image_of_a_posture_is_left() -> None:
 
 @pytest.mark.parametrize("start_s", [0.0, 3.4, 5.1, 6.0])
 @pytest.mark.parametrize("unit", ["r_upperarm", "l_upperarm"])
-def test_an_arm_without_a_unit_on_its_upper_link_finds_its_posture(unit: str, start_s: float) -> None:
+@pytest.mark.parametrize("structure", STRUCTURES)
+def test_an_arm_without_a_unit_on_its_upper_link_finds_its_posture(
+    unit: str, start_s: float, structure: str
+) -> None:
     """Its first samples allow a second posture, with the elbow tens of degrees higher."""
     exact = load_excerpt()
     piece = exact.recording.slice(start_s=start_s, end_s=start_s + WITHIN_S + 1.0)
-    worn = oarlock.Recording([stream for stream in piece.streams if stream.name != unit])
-    assert mean_deg(oarlock.track(sculler(), worn), exact.truth) < CONVERGED_DEG
+    track = oarlock.track(sculler(), piece.without(unit), config=oarlock.Config(structure=structure))
+    assert mean_deg(track, exact.truth) < BARE_DEG[structure]
 
 
 def test_a_joint_where_bodies_seldom_go_is_named() -> None:
@@ -96,10 +103,11 @@ def test_a_joint_where_bodies_seldom_go_is_named() -> None:
     assert not any("soft limits" in note for note in excerpt_track().notes)
     elbow = 'name = "l_elbow_flexion"'
     head, tail = sculler().text.split(elbow)
-    stiff = re.sub(r"limits = .*", "limits = [0.0, 0.1]", tail, count=1)
+    # A range within the joint's band of 10 deg would be as good as its estimate.
+    stiff = re.sub(r"limits = .*", "limits = [0.0, 0.5]", tail, count=1)
     model = oarlock.Model.from_toml(head + elbow + stiff, "stiff.toml", {})
     (note,) = (note for note in oarlock.track(model, recording).notes if "soft limits" in note)
-    assert note.startswith("l_elbow_flexion: beyond its soft limits (0 to 5.73 deg)")
+    assert note.startswith("l_elbow_flexion: beyond its soft limits (0 to 29 deg)")
 
 
 # --- lost -----------------------------------------------------------------------------------------------
@@ -158,14 +166,16 @@ def frozen(recording: oarlock.Recording, unit: str, fields: tuple[str, ...]) -> 
 
 
 @cache
-def stuck_track(unit: str, fields: tuple[str, ...]) -> oarlock.Track:
-    return oarlock.track(sculler(), frozen(load_excerpt().recording, unit, fields))
+def stuck_track(unit: str, fields: tuple[str, ...], structure: str) -> oarlock.Track:
+    config = oarlock.Config(structure=structure)
+    return oarlock.track(sculler(), frozen(load_excerpt().recording, unit, fields), config=config)
 
 
 @pytest.mark.parametrize("unit", ["r_forearm", "back"])
 @pytest.mark.parametrize("fields", [FIELDS, FIELDS[:1], FIELDS[1:2]], ids=["unit", "gyro", "accel"])
-def test_a_stuck_sensor_is_named_and_not_used(unit: str, fields: tuple[str, ...]) -> None:
-    track = stuck_track(unit, fields)
+@pytest.mark.parametrize("structure", STRUCTURES)
+def test_a_stuck_sensor_is_named_and_not_used(unit: str, fields: tuple[str, ...], structure: str) -> None:
+    track = stuck_track(unit, fields, structure)
     assert track.info is not None
     told = track.time_s[track.info.faulty("stuck")[:, track.info.sensor_names.index(unit)]]
     assert STUCK_S[0] < told[0] <= STUCK_S[0] + TOLD_WITHIN_S
@@ -175,11 +185,11 @@ def test_a_stuck_sensor_is_named_and_not_used(unit: str, fields: tuple[str, ...]
     assert note.startswith(f"{unit}: readings stuck (identical to the bit) in ")
     share = 100 * len(told) / len(track.time_s)
     assert f" in {share:.1f} % of the samples" in note
-    assert mean_deg(track, load_excerpt().truth) < SPARED_DEG
+    assert mean_deg(track, load_excerpt().truth) < SPARED_DEG[structure]
 
 
 def test_a_fault_is_told_on_disk_and_on_paper(tmp_path: Path) -> None:
-    track = stuck_track("r_forearm", FIELDS)
+    track = stuck_track("r_forearm", FIELDS, "strapdown")
     track.save(tmp_path / "track")
     loaded = oarlock.load_track(tmp_path / "track")
     assert track.info is not None and loaded.info is not None
@@ -190,7 +200,8 @@ def test_a_fault_is_told_on_disk_and_on_paper(tmp_path: Path) -> None:
     assert "stuck 1" in page
 
 
-def test_a_slow_chip_and_coarse_readings_are_not_stuck() -> None:
+@pytest.mark.parametrize("structure", STRUCTURES)
+def test_a_slow_chip_and_coarse_readings_are_not_stuck(structure: str) -> None:
     """Magnetometers at a sixth of the unit's rate; a still body read with coarse steps."""
 
     def slow(s: Any) -> Mapping[str, Floats]:
@@ -201,11 +212,12 @@ def test_a_slow_chip_and_coarse_readings_are_not_stuck() -> None:
         coarse = {f: np.where(still, 0.1, np.round(s.values[f] / 0.1) * 0.1) for f in FIELDS[:2]}
         return {"mag_ut": s.mag_ut[first], **coarse}
 
-    exact = load_excerpt()
-    track = oarlock.track(sculler(), with_values(exact.recording.slice(end_s=7.0), slow))
+    recording = with_values(load_excerpt().recording.slice(end_s=7.0), slow)
+    track = oarlock.track(sculler(), recording, config=oarlock.Config(structure=structure))
     assert track.info is not None and not track.info.faulty().any()
-    held = track.info.field[:, track.info.sensor_names.index("back")] == 0
-    assert held.mean() == pytest.approx(5 / 6, abs=0.01)
+    if structure == "tree":  # strapdown links read a field every 0.15 s, whether it is new or not
+        held = track.info.field[:, track.info.sensor_names.index("back")] == 0
+        assert held.mean() == pytest.approx(5 / 6, abs=0.01)
 
 
 # --- range ----------------------------------------------------------------------------------------------
@@ -251,6 +263,6 @@ def test_a_stream_with_faults_is_the_batch() -> None:
     for sample in tracker.samples(recording):
         belief, info = tracker.step(sample)
         if info.sensors["back"]["fault"] == "stuck":
-            # its magnetometer is not yet: a slow chip may be silent for so long
-            assert info.sensors["back"]["rejected"] == 6
+            # its magnetometer is not at first: a slow chip may be silent for so long
+            assert info.sensors["back"]["rejected"] in (6, 9)
     assert np.array_equal(belief.mean, track.last_belief.mean)

@@ -1,4 +1,6 @@
-"""Simulated sculling whose truth is known: errors, bands and innovations stay inside their bounds.
+"""Simulated sculling whose truth is known: errors, bands and innovations of the tree stay inside their bounds.
+
+Bands must hold for strapdown links too, which are less exact: their units sit on skin.
 
 Run with `-s` to see the measured figures.
 """
@@ -12,6 +14,8 @@ import pytest
 import oarlock
 from exact_recording import (
     ELEVEN,
+    STRUCTURES,
+    TREE,
     UNITS,
     Exact,
     Figures,
@@ -49,6 +53,8 @@ SLOW_HZ = 50.0
 SHORT = 1.5
 # It holds the gentlest strokes and eight beliefs only: the lower bound on NEES gives way where little else bounds it.
 SHORT_NEES = (0.35, 1.5)
+# Until movement decides that there is no skin, bands of strapdown links are wider than errors of an exact body.
+WIDE_NEES, WIDE_COVERAGE = (0.0, 1.5), (0.93, 1.0)
 
 
 def of_forty_seconds(test: Callable[..., None]) -> Callable[..., None]:
@@ -57,18 +63,26 @@ def of_forty_seconds(test: Callable[..., None]) -> Callable[..., None]:
 
 @cache
 def tracked(condition: str, **config: object) -> oarlock.Track:
-    return oarlock.track(sculler(), load_exact(condition).recording, config=oarlock.Config(**config))
+    settings = oarlock.Config(structure="tree", **config)
+    return oarlock.track(sculler(), load_exact(condition).recording, config=settings)
 
 
 def within(value: float, bounds: tuple[float, float]) -> bool:
     return bounds[0] <= value <= bounds[1]
 
 
-def assert_consistent(found: Figures, *, nis: bool = True, nees: tuple[float, float] = NEES) -> None:
+def assert_consistent(
+    found: Figures,
+    *,
+    nis: bool = True,
+    nees: tuple[float, float] = NEES,
+    coverage: tuple[float, float] = COVERAGE,
+    hands: float = HAND_COVERAGE,
+) -> None:
     assert within(found.nees, nees), f"NEES per state {found.nees:.3f}"
     assert within(found.whole_nees, nees), f"NEES of the whole state {found.whole_nees:.3f}"
-    assert within(found.coverage, COVERAGE), f"95 % bands hold {found.coverage:.2%}"
-    assert found.hand_coverage >= HAND_COVERAGE, f"the hands' 95 % bands hold {found.hand_coverage:.2%}"
+    assert within(found.coverage, coverage), f"95 % bands hold {found.coverage:.2%}"
+    assert found.hand_coverage >= hands, f"the hands' 95 % bands hold {found.hand_coverage:.2%}"
     assert not nis or within(found.nis, NIS), f"NIS per inertial reading {found.nis:.3f}"
 
 
@@ -139,7 +153,7 @@ def test_oars_as_states(tmp_path):
 @pytest.mark.parametrize("unit", UNITS)
 def test_bands_hold_while_readings_are_missing(condition, unit, whole):
     exact = load_exact(condition)
-    track = oarlock.track(sculler(), spoilt(exact, unit, whole))
+    track = oarlock.track(sculler(), spoilt(exact, unit, whole), config=TREE)
     label = f"{condition} {'samples' if whole else 'rows'} lost, {unit} silent"
     assert_consistent(figures(track, exact, label), nis=False)
 
@@ -150,7 +164,9 @@ def test_slower_sensors_need_no_other_tuning(condition):
     exact = load_exact(condition)
     recording = at_rate(exact.recording, SLOW_HZ)
     assert recording.streams[0].rate_hz == pytest.approx(SLOW_HZ, rel=0.3)
-    assert_consistent(figures(oarlock.track(sculler(), recording), exact, f"{condition} at {SLOW_HZ:.0f} Hz"))
+    assert_consistent(
+        figures(oarlock.track(sculler(), recording, config=TREE), exact, f"{condition} at {SLOW_HZ:.0f} Hz")
+    )
 
 
 @pytest.mark.data
@@ -171,36 +187,41 @@ def test_excerpt_places_the_joints_as_the_model_does():
 
 
 def test_excerpt_errors_and_consistency():
-    found = figures(excerpt_track(), load_excerpt(), "excerpt")
+    found = figures(excerpt_track("tree"), load_excerpt(), "excerpt")
     assert_small(found, SHORT)
     assert_hands_small(found, SHORT)
     assert_consistent(found)
 
 
 def test_excerpt_smoothed():
-    found = figures(oarlock.smooth(excerpt_track()), load_excerpt(), "excerpt smoothed")
+    found = figures(oarlock.smooth(excerpt_track("tree")), load_excerpt(), "excerpt smoothed")
     assert found.mean_deg <= SHORT * SMOOTH_MEAN_DEG
     assert_consistent(found, nis=False)
 
 
 def test_excerpt_without_closure():
     exact = load_excerpt()
-    track = oarlock.track(sculler(), exact.recording, config=oarlock.Config(closures=False))
+    track = oarlock.track(sculler(), exact.recording, config=oarlock.Config(structure="tree", closures=False))
     scores = oarlock.evaluate(track, exact.truth)
     print(f"excerpt without closure: mean {scores.mean_rmse_deg(ELEVEN):.4f} deg")
     assert scores.mean_rmse_deg(ELEVEN) <= SHORT * OPEN_MEAN_DEG
 
 
+@pytest.mark.parametrize("structure", STRUCTURES)
 @pytest.mark.parametrize("unit", UNITS)
-def test_excerpt_bands_hold_while_readings_are_missing(unit):
-    exact = load_excerpt()
-    found = figures(oarlock.track(sculler(), spoilt(exact, unit, False)), exact, f"excerpt {unit} silent")
-    assert_consistent(found, nis=False, nees=SHORT_NEES)
+def test_excerpt_bands_hold_while_readings_are_missing(unit, structure):
+    exact, config = load_excerpt(), oarlock.Config(structure=structure)
+    track = oarlock.track(sculler(), spoilt(exact, unit, False), config=config)
+    nees, coverage = (SHORT_NEES, COVERAGE) if structure == "tree" else (WIDE_NEES, WIDE_COVERAGE)
+    found = figures(track, exact, f"excerpt {unit} silent, {structure}")
+    # While a forearm is silent its hand, which has no unit, is off by up to 56 deg for a second: 91 % measured.
+    hands = 0.88 if structure == "strapdown" and "forearm" in unit else HAND_COVERAGE
+    assert_consistent(found, nis=False, nees=nees, coverage=coverage, hands=hands)
 
 
 def test_excerpt_at_half_the_rate():
     exact = load_excerpt()
-    track = oarlock.track(sculler(), at_rate(exact.recording, SLOW_HZ))
+    track = oarlock.track(sculler(), at_rate(exact.recording, SLOW_HZ), config=TREE)
     assert_consistent(figures(track, exact, "excerpt at 50 Hz"))
 
 

@@ -1,5 +1,6 @@
 """OpenSim reads what is exported, and its bodies are where ours are."""
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from scipy.spatial.transform import Rotation
 import oarlock
 from oarlock.model.shipped_files import model_names
 from oarlock.rowing import ergometer_piece, sculling, sweeping
+from oarlock.tracking.places import OFF_AXIS
 from oarlock.tracking.track import track_without_filter
 from opensim_reader import OpensimReader, opensim
 from random_tree import load_tree, random_tree
@@ -116,6 +118,9 @@ def test_an_estimate_of_a_real_filter(tmp_path):
     model = oarlock.load_model("sculler")
     _, recording = oarlock.simulate(model, sculling(model, 4.0, (24.0, 30.0), seed=5), seed=6)
     track = oarlock.smooth(oarlock.track(model, recording))
+    # OpenSim's joints are hinges: turns off their axes have no coordinate there.
+    hinges = {name: slow for name, slow in track.slow.items() if OFF_AXIS not in name}
+    track = dataclasses.replace(track, slow=hinges)
     assert apart_m(track, tmp_path, every=3) <= ROUNDING_M
 
 

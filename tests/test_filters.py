@@ -1,4 +1,4 @@
-"""The filters: chosen by `Config.filter`, written down with the track, and as good as each other on a stroke."""
+"""The filters of a tree: chosen by `Config.filter`, saved with the track, and as good as each other on a stroke."""
 
 import numpy as np
 import pytest
@@ -9,6 +9,12 @@ from oarlock import rowing
 from oarlock.storage.manifest import MANIFEST
 
 FILTERS = ("ukf", "ekf", "factorised")
+
+
+def of_tree(name: str) -> oarlock.Config:
+    return oarlock.Config(structure="tree", filter=name)
+
+
 # What a straight line may cost where readings are nearly straight.
 NEARLY = 1.05
 
@@ -23,7 +29,7 @@ def rowed(sculler: oarlock.Model) -> tuple[oarlock.Track, oarlock.Recording]:
 def tracks(
     sculler: oarlock.Model, rowed: tuple[oarlock.Track, oarlock.Recording]
 ) -> dict[str, oarlock.Track]:
-    return {name: oarlock.track(sculler, rowed[1], config=oarlock.Config(filter=name)) for name in FILTERS}
+    return {name: oarlock.track(sculler, rowed[1], config=of_tree(name)) for name in FILTERS}
 
 
 def rms_deg(track: oarlock.Track, truth: oarlock.Track) -> float:
@@ -82,9 +88,7 @@ MOST_NEES = 1.44
 def test_limb_by_limb_keeps_the_targets_on_the_shipped_recording(sculler):
     excerpt = load_excerpt()
     found = {
-        name: figures(
-            oarlock.track(sculler, excerpt.recording, config=oarlock.Config(filter=name)), excerpt, name
-        )
+        name: figures(oarlock.track(sculler, excerpt.recording, config=of_tree(name)), excerpt, name)
         for name in ("ukf", "factorised")
     }
     limbs = found["factorised"]

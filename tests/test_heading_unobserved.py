@@ -3,6 +3,7 @@
 import numpy as np
 
 import oarlock
+from exact_recording import TREE
 
 BALL = """
 format = 1
@@ -51,7 +52,7 @@ def test_movement_shows_no_heading(tmp_path):
         angles[:, column] = middle + size * np.sin(rate_rad_s * time_s + phase)
     motion = oarlock.Motion(tuple(model.coordinate_names), time_s, angles)
     truth, measured = oarlock.simulate(model, motion, rate_hz=100.0, seed=0)
-    track = oarlock.track(model, measured)
+    track = oarlock.track(model, measured, config=TREE)
 
     azimuth = list(track.beliefs.state_names).index("azimuth")
     std_rad = np.sqrt(track.beliefs.covariance[:, azimuth, azimuth])

@@ -88,7 +88,7 @@ def test_limbs_are_tracked_each_by_itself(sculler, rowed):
     truth, recording = rowed
     track = oarlock.track_limbs(sculler, recording)
     shared = by_name(cut_into_limbs(sculler))[SHARED].model
-    alone = oarlock.track(shared, recording.only(shared.sensor_names))
+    alone = oarlock.track(shared, recording.only(shared.sensor_names), config=Config(structure="tree"))
     # what is shared knows nothing of the arms
     assert np.array_equal(track["trunk"].angle_rad, alone["trunk"].angle_rad)
     scores = oarlock.evaluate(track, truth)

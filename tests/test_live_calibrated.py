@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import oarlock
 from exact_recording import ENCODERS, UNITS, load_excerpt, sculler
-from test_live import assert_same_belief, assert_step_is_row, readings_at
+from test_live import STARTED, assert_same_belief, assert_step_is_row, readings_at
 
 SPAN_S = 3.0
 LOGGER = ("back", "r_upperarm", "r_forearm")
@@ -134,7 +134,9 @@ def test_the_end_of_a_range_is_where_the_sensor_has_it(true, reading, fault):
     text = sculler().text.replace("gyro_std_rad_s", "accel_range_m_s2 = 12.0\ngyro_std_rad_s")
     known = oarlock.Calibration(accel_scales={"back": [1.05, 1.05, 1.05]})
     tracker = oarlock.Tracker(oarlock.Model.from_toml(text, "sculler.toml", {}), known)
-    for sample in tracker.samples(true.slice(end_s=0.2)):
+    for sample in tracker.samples(true)[:STARTED]:
         tracker.step(sample)
-    _, info = tracker.step(0.21, {"back": {"accel_m_s2": [reading, 0.0, 0.0]}})
+    readings = readings_at(true, STARTED)
+    readings["back"]["accel_m_s2"] = [reading, 0.0, 0.0]
+    _, info = tracker.step(true["back"].time_s[STARTED], readings)
     assert info.sensors["back"]["fault"] == fault

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import oarlock
-from exact_recording import ELEVEN
+from exact_recording import ELEVEN, TREE
 from oarlock.rowing import on_unknown_rail
 from oarlock.rowing.simulation.experiment import simulate_sculling
 from oarlock.storage.errors import DataError
@@ -56,7 +56,7 @@ def test_a_slope_costs_when_nobody_knows_it_and_is_found() -> None:
     truth, recording = simulate_sculling(sloping, "B-B", 12.0, (20.0, 34.0), 31)
     errors = {}
     for key, model in {"unknown": flat, "told": sloping, "found": on_unknown_rail(flat)}.items():
-        track = oarlock.track(model, recording)
+        track = oarlock.track(model, recording, config=None if key == "found" else TREE)
         errors[key] = oarlock.evaluate(track, truth).mean_rmse_deg(ELEVEN)
     assert errors["told"] < REACHED_DEG
     assert errors["found"] < REACHED_DEG

@@ -221,7 +221,7 @@ def test_nobody_can_write_to_a_recording():
 def test_the_engine_reads_any_layout_alike(layout):
     """It reads a recording's own arrays where they lie and copies all others."""
     model = oarlock.load_model("sculler")
-    _, recording = simulate_sculling(model, "B-B", 0.5, seed=1)
+    _, recording = simulate_sculling(model, "B-B", 1.5, seed=1)
     foreign = [SimpleNamespace(**vars(s)) for s in recording]
     for stream in foreign:
         for name in set(vars(stream)) & {"time_s", "value", "gyro_rad_s", "accel_m_s2", "mag_ut"}:

@@ -399,7 +399,8 @@ def typed_season(tmp_path: Path) -> Path:
 
 def test_typed(typed_season: Path, tmp_path: Path) -> None:
     settings = tmp_path / "settings.toml"
-    settings.write_text('filter = "ekf"\n')
+    text = 'filter = "ekf"\nstructure = "tree"\n'
+    settings.write_text(text)
     said = typed("season", "setup", typed_season, "--model", "sculler", "--settings", settings).stdout
     assert "oarlock season run" in said
     waits = json.loads(typed("season", "run", typed_season, "--dry-run", "--json").stdout)
@@ -413,7 +414,7 @@ def test_typed(typed_season: Path, tmp_path: Path) -> None:
     health = max((record.health for record in records), key=len)
     assert 0.2 < health["back.nis"] < 2.0
     assert (health["back.missing"], health["back.rejected"]) == (0.0, pytest.approx(0.0, abs=0.05))
-    assert season.load_setup(season.setup[""]).settings == b'filter = "ekf"\n'
+    assert season.load_setup(season.setup[""]).settings == text.encode()
 
 
 def test_typed_mistakes_say_what_to_do(season: Season, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Smoothing: iterations, and that smoothed estimates are no worse than live ones on recordings with a reference."""
+"""Smoothing: iterations of a tree, and that smoothed estimates are no worse than live ones against references."""
 
 from pathlib import Path
 
@@ -10,6 +10,7 @@ from validation import openaxes, ours, qmt, scores
 from validation.limits import limits, punctual
 
 import oarlock
+from exact_recording import STRUCTURES
 from local_data import local_folder
 from oarlock import ImuStream
 from oarlock.formats.datasets.broad import BODY, read_broad, read_broad_reference
@@ -26,6 +27,8 @@ MEAN_SHARE = 0.8
 TRIALS = ("1D_01", "2D_01", "3D_01", "3D_03", "3D_05")
 SIMULATED = ("exact_S-NB_0", "misfit_0", "wild_0", "wild_7")
 START_S = 10.0
+TREE = oarlock.Config(structure="tree")
+"""Strapdown links are smoothed once, however many iterations are asked for."""
 
 
 def two_links() -> tuple[oarlock.Model, oarlock.Recording]:
@@ -41,7 +44,7 @@ def two_links() -> tuple[oarlock.Model, oarlock.Recording]:
 
 @pytest.fixture(scope="module")
 def live() -> oarlock.Track:
-    return oarlock.track(*two_links())
+    return oarlock.track(*two_links(), config=TREE)
 
 
 def test_one_iteration_is_the_plain_smoother(live):
@@ -78,10 +81,21 @@ def jumping(recording: oarlock.Recording, jump_m_s2: float) -> oarlock.Recording
     return oarlock.Recording([jumped, recording["body2"]])
 
 
+@pytest.mark.parametrize("structure", STRUCTURES)
+def test_how_far_an_accelerometer_jumps_has_no_effect(structure):
+    model, recording = two_links()
+    config = oarlock.Config(structure=structure)
+    track, further = (
+        oarlock.track(model, jumping(recording, jump), config=config) for jump in (500.0, 700.0)
+    )
+    assert track.info.rejected.sum() > 0
+    assert np.array_equal(track.q, further.q, equal_nan=True)
+
+
 def test_iterations_use_the_readings_that_the_first_pass_accepted():
     """An accelerometer that jumps is rejected, so how far it jumps has no effect on any pass."""
     model, recording = two_links()
-    track, further = (oarlock.track(model, jumping(recording, jump)) for jump in (500.0, 700.0))
+    track, further = (oarlock.track(model, jumping(recording, jump), config=TREE) for jump in (500.0, 700.0))
     twice = oarlock.smooth(track, iterations=2)
     assert np.array_equal(twice.q, oarlock.smooth(further, iterations=2).q)
     assert track.info.rejected.sum() > 0
@@ -125,10 +139,11 @@ def test_smoothed_two_bodies_are_no_worse_than_live(trial):
 
 
 def removed_errors_deg(file: Path) -> list[float]:
-    """As `dfjimu_errors_deg`, smoothed once and twice, with delays and limits of the reference removed."""
+    """As `dfjimu_errors_deg`, smoothed once and twice as a tree, with delays and limits of the reference removed."""
     recording, plain = read_dfjimu(file), read_dfjimu_reference(file)
     reference, kept = limits(recording, plain).removed_from(plain), plain.time_s > START_S
-    (_, track), (once, _) = ours.dfjimu_tracks(recording)
+    config = oarlock.Config(structure="tree", estimate=ours.WITH_LENGTHS.estimate)
+    (_, track), (once, _) = ours.dfjimu_tracks(recording, config)
     twice = ours.estimate_of("twice", oarlock.smooth(track, iterations=2), BODIES, online=False)
     compared = (punctual(recording, estimate) for estimate in (once, twice))
     return [scores.rmse_deg(scores.relative_error_rad(e, reference, BODIES), kept) for e in compared]

@@ -1,9 +1,7 @@
 """A sculler as strapdown links: seat and oars from encoders, hands on handles, surge, mounts and skin as states."""
 
 import pickle
-import tempfile
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,24 +13,22 @@ from field_trial import trial
 from local_data import local_folder
 from oarlock.rowing import FieldEffects
 
-KNOWN = ", mount_std_rad = 1e-4, skin_std_rad = 1e-4, point_std_m = 1e-4"
-"""Of a body that is as the model says."""
+TREE = oarlock.Config(structure="tree")
 
 
 @cache
-def links(more: str = "") -> oarlock.Model:
-    stated = 'links = { joints = "bone_in_rig" }'
-    text = f'structure = "strapdown"\nlinks = {{ joints = "bone_in_rig"{more} }}'
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "sculler_links.toml"
-        file.write_text(sculler().text.replace(stated, text, 1))
-        return oarlock.load_model(file)
+def known_body() -> oarlock.Model:
+    """A body that is as the model says, and a model that knows so."""
+    links = 'links = { joints = "bone_in_rig"'
+    assert links in sculler().text
+    known = f"{links}, mount_std_rad = 1e-4, skin_std_rad = 1e-4, point_std_m = 1e-4"
+    return oarlock.Model.from_toml(sculler().text.replace(links, known), "sculler.toml", {})
 
 
 def test_a_sculler_that_is_as_the_model_says() -> None:
     """The generator's body is exact: a few tenths of a degree remain of the start, and bands hold them."""
     exact = load_excerpt()
-    live = oarlock.track(links(KNOWN), exact.recording, exact.nominal)
+    live = oarlock.track(known_body(), exact.recording, exact.nominal)
     for track in (live, oarlock.smooth(live)):
         scores = sculling.angles(track, exact.truth)
         assert scores.mean_rmse_deg(ELEVEN) < 0.5 and scores.mean_coverage(ELEVEN) > 0.95
@@ -41,7 +37,7 @@ def test_a_sculler_that_is_as_the_model_says() -> None:
 
 def test_the_seat_is_where_its_encoder_says_and_the_boat_surges() -> None:
     exact = load_excerpt()
-    track = oarlock.track(links(KNOWN), exact.recording, exact.nominal)
+    track = oarlock.track(known_body(), exact.recording, exact.nominal)
     seat = np.interp(track.time_s, exact.truth.time_s, exact.truth["seat"].position_m)
     assert np.abs(track["seat"].position_m - seat)[10:-10].max() < 0.005  # its noise is 1 mm
     smoothed = oarlock.smooth(track)
@@ -55,10 +51,7 @@ def test_the_seat_is_where_its_encoder_says_and_the_boat_surges() -> None:
 def test_a_slide_without_an_encoder_is_refused_by_name() -> None:
     begin = sculler().text.index('[[sensor]]\nname = "seat"')
     text = sculler().text[:begin] + sculler().text[sculler().text.index("[[sensor]]", begin + 1) :]
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "no_seat.toml"
-        file.write_text(text.replace("format = 1\n", 'format = 1\nstructure = "strapdown"\n', 1))
-        model = oarlock.load_model(file)
+    model = oarlock.Model.from_toml(text, "no_seat.toml", {})
     with pytest.raises(
         oarlock.ModelError, match=r"joint 'seat' slides and no encoder reads it.*structure = \"tree\""
     ):
@@ -69,7 +62,7 @@ def test_a_unit_that_was_silent_comes_back_where_it_is() -> None:
     """Its orientation is worth 1 rad then, and must not be put down to its mount: 16 deg were, for good."""
     exact = load_excerpt()
     gap = silenced(exact.recording, "r_upperarm", 4.0, 1.2)
-    tracks = [oarlock.track(links(), recording, exact.nominal) for recording in (exact.recording, gap)]
+    tracks = [oarlock.track(sculler(), recording, exact.nominal) for recording in (exact.recording, gap)]
     late = tracks[0].time_s > 6.0
     for joint in ("r_shoulder_flexion", "r_shoulder_rotation", "r_elbow_flexion"):
         apart = np.degrees(tracks[1][joint].angle_rad - tracks[0][joint].angle_rad)[late]
@@ -91,7 +84,7 @@ def test_a_body_is_found_again_after_everything_was_silent() -> None:
     gap = exact.recording
     for name in exact.recording.names:
         gap = silenced(gap, name, 4.0, 1.2)
-    live = oarlock.track(links(), gap, exact.nominal)
+    live = oarlock.track(sculler(), gap, exact.nominal)
     for track in (live, oarlock.smooth(live)):
         assert late_deg(track, exact, 5.7) < 0.6  # 0.2; without the gap 0.2
         assert np.all(np.isfinite(track.q)) and np.all(track.q_std > 0.0)
@@ -101,7 +94,7 @@ def test_a_hand_is_not_tied_to_an_oar_that_nothing_measures() -> None:
     """An oar without its streams is not taken to be at rest: the elbow would turn by 14 deg, with a band of 2."""
     exact = load_excerpt()
     names = [name for name in exact.recording.names if name not in ("r_oar_phi", "r_oar_alpha")]
-    track = oarlock.track(links(), exact.recording.only(names), exact.nominal)
+    track = oarlock.track(sculler(), exact.recording.only(names), exact.nominal)
     assert late_deg(track, exact, 2.0) < 1.0  # 0.3
 
 
@@ -110,7 +103,7 @@ def test_a_start_posture_of_a_rower_is_a_guess() -> None:
     exact = load_excerpt()
     guess = exact.truth.q[0].copy()
     guess[1:14] += 0.5 * np.random.default_rng(0).standard_normal(13)
-    track = oarlock.track(links(), exact.recording, exact.nominal, oarlock.Config(initial_q=tuple(guess)))
+    track = oarlock.track(sculler(), exact.recording, exact.nominal, oarlock.Config(initial_q=tuple(guess)))
     assert late_deg(track, exact, 0.5) < 0.6
 
 
@@ -118,10 +111,10 @@ def test_an_estimate_from_before_the_decision_goes_on() -> None:
     """All that is still possible goes with it."""
     exact = load_excerpt()
     before, after = exact.recording.slice(end_s=5.0), exact.recording.slice(start_s=5.0)
-    belief = pickle.loads(pickle.dumps(oarlock.track(links(), before, exact.nominal).last_belief))
+    belief = pickle.loads(pickle.dumps(oarlock.track(sculler(), before, exact.nominal).last_belief))
     whole, rest = (
-        oarlock.track(links(), exact.recording, exact.nominal),
-        oarlock.track(links(), after, exact.nominal, start=belief),
+        oarlock.track(sculler(), exact.recording, exact.nominal),
+        oarlock.track(sculler(), after, exact.nominal, start=belief),
     )
     last = [track["r_elbow_flexion"].angle_rad[-1] for track in (whole, rest)]
     assert np.degrees(abs(last[0] - last[1])) < 0.2  # a few samples at the seam are read otherwise
@@ -132,11 +125,11 @@ def test_units_that_do_not_move_on_their_bones_are_told_from_such_that_do() -> N
     """Skin is there unless the first 20 s of movement say otherwise; then mounts may be off, or not even these."""
     effects = [FieldEffects.misfit(), FieldEffects()]
     misfit, careful = (trial(effect, "B-B", duration_s=30.0, rate_spm=24.0, seed=7) for effect in effects)
-    notes = [oarlock.track(links(), one.recording).notes for one in (misfit, careful)]
+    notes = [oarlock.track(sculler(), one.recording).notes for one in (misfit, careful)]
     says = [[note for note in some if "between units and bones" in note] for some in notes]
     assert ["lengths are estimated" in note for note in says[0]] == [True] and says[1] == []
     exact = read_exact(local_folder("recordings") / "exact_B-B_0.npz", "exact")
-    track = oarlock.track(links(), exact.recording, exact.nominal)
+    track = oarlock.track(sculler(), exact.recording, exact.nominal)
     assert any("as the model says" in note for note in track.notes)
     for one, bar_deg in ((track, 0.1), (oarlock.smooth(track), 0.06)):  # 0.07 and 0.04
         assert sculling.angles(one, exact.truth).mean_rmse_deg(ELEVEN) < bar_deg
@@ -148,7 +141,8 @@ def test_a_body_that_is_not_as_modelled(seed: int) -> None:
     """Three seeds of the field simulator had 2.29 deg where the tree has 3.03, and bands of 95 % held 100 %."""
     one = trial(FieldEffects(), "B-B", duration_s=30.0, rate_spm=24.0, seed=seed)
     by_links, by_tree = (
-        sculling.angles(oarlock.track(model, one.recording), one.truth) for model in (links(), sculler())
+        sculling.angles(oarlock.track(sculler(), one.recording, config=config), one.truth)
+        for config in (None, TREE)
     )
     assert by_links.mean_rmse_deg(ELEVEN) < by_tree.mean_rmse_deg(ELEVEN)
     assert by_links.mean_coverage(ELEVEN) > 0.92
@@ -160,7 +154,9 @@ def test_mounts_and_skin_are_worth_more_than_a_rigid_tree(name: str) -> None:
     """Nominal lengths and mounts: live, links have 2.34, 2.46 and 0.99 deg, the tree 3.34, 3.00 and 2.57."""
     body = read_exact(local_folder("recordings") / f"{name}.npz", name)
     by_links, by_tree = (
-        sculling.angles(oarlock.track(model, body.recording, body.nominal), body.truth).mean_rmse_deg(ELEVEN)
-        for model in (links(), sculler())
+        sculling.angles(
+            oarlock.track(sculler(), body.recording, body.nominal, config), body.truth
+        ).mean_rmse_deg(ELEVEN)
+        for config in (None, TREE)
     )
     assert by_links < 0.85 * by_tree

@@ -34,8 +34,8 @@ def assert_same(one: oarlock.Track, other: oarlock.Track) -> None:
     assert list(one.slow) == list(other.slow)
     for name, slow in one.slow.items():
         assert slow.unit == other.slow[name].unit
-        assert np.array_equal(slow.value, other.slow[name].value), name
-        assert np.array_equal(slow.std, other.slow[name].std), name
+        assert np.array_equal(slow.value, other.slow[name].value, equal_nan=True), name
+        assert np.array_equal(slow.std, other.slow[name].std, equal_nan=True), name
 
 
 def test_filtered_and_smoothed_tracks_come_back(track, tmp_path):

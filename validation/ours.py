@@ -42,9 +42,6 @@ WINDOW_S: Mapping[str, float] = {"rigid": 0.2, "foam": 0.4}
 SCREWED_ON_STD_M = 0.01
 """As of `dfjimu`'s model file. A fit knows its lever to a millimetre, and a joint is no point."""
 
-PLAY_STD_RAD = float(np.radians(3.0))
-"""Of a hinge that turns across its axis, as docs/mounts.md advises: nobody measured it."""
-
 ARM = ("upper_arm", "forearm")
 
 WITH_LENGTHS = Config(estimate=("gyro_bias", "accel_bias", "lengths"))
@@ -102,18 +99,15 @@ def track_dfjimu_found(recording: Recording) -> Iterator[Estimate]:
 
 
 def track_diodem_found(recording: Recording, mounted: str) -> Iterator[Estimate]:
-    """Places and lengths from `calibrate_joint_centers`, play from `calibrate_hinge_axes`; mounts stay nominal.
+    """Places and lengths from `calibrate_joint_centers`; mounts stay nominal.
 
-    What is screwed on stays where it was found, to a centimetre, so what turns across a hinge is play; on foam it
-    moves, as the model file has it.
+    What is screwed on stays where it was found, to a centimetre; on foam it moves, as the model file has it.
     """
     model = oarlock.load_model("diodem_arm")
     known = _known(recording, model)
     found = oarlock.calibrate_joint_centers(model, known, window_s=WINDOW_S[mounted])
     if mounted == "rigid":
         found = replace(found, parameter_stds=dict.fromkeys(found.parameters, SCREWED_ON_STD_M))
-        loose = cast(list[str], oarlock.calibrate_hinge_axes(model, known).noted["play"])
-        model = oarlock.with_play(model, dict.fromkeys(loose, PLAY_STD_RAD))
     return _named_found(_tracked(model, recording, SEGMENTS, found, WITH_LENGTHS))
 
 

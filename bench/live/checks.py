@@ -78,24 +78,31 @@ def repeated(folder: Path) -> Digest:
     return digest
 
 
-def tracked(folder: Path, from_s: float) -> oarlock.Track:
-    """The track of the recording from where the session began to track."""
+def tracked(folder: Path, from_s: float) -> oarlock.Belief | None:
+    """The last estimate of the recording, reading by reading from where the session began to track.
+
+    `oarlock.track` decides before its first row how units sit; a live tracker decides it on the way.
+    """
     place = LiveFolder.load(folder)
     model = oarlock.load_model(place.rig().model)
     recording = oarlock.load_recording(folder / RECORDING)
     config = place.session(model).config
-    return oarlock.track(model, recording.slice(start_s=from_s), config=config)
+    tracker = oarlock.Tracker(model, config=config)
+    streams = recording.slice(start_s=from_s).streams
+    for time_s, k, row in sorted(
+        (t, k, row) for k, s in enumerate(streams) for row, t in enumerate(s.time_s)
+    ):
+        readings: dict[str, Any] = {name: values[row] for name, values in streams[k].values.items()}
+        tracker.push(streams[k].name, time_s, readings.get("value", readings))
+    tracker.flush()
+    return tracker.belief
 
 
-def is_last_estimate(told: Mapping[str, Any], track: oarlock.Track) -> bool:
-    """Whether a track ends with the live estimate, bit for bit: each estimate decides all later ones.
-
-    A session also gives estimates between two rows of the track, where a reading has no room at its tick.
-    """
-    last = track.last_belief
+def is_last_estimate(told: Mapping[str, Any], last: oarlock.Belief | None) -> bool:
+    """Whether this is the last live estimate, bit for bit: each estimate decides all later ones."""
     return (
         last is not None
-        and float(track.time_s[-1]) == told["last_time_s"]
+        and last.time_s == told["last_time_s"]
         and (last.mean.tobytes().hex(), last.std.tobytes().hex()) == (told["last_mean"], told["last_std"])
     )
 

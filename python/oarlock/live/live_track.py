@@ -107,11 +107,14 @@ class _Rows:
             **{key: np.array(table(key), dtype=np.int64) for key in _COUNTS},
         )
 
-    def slow(self, whole: Track) -> dict[str, SlowSeries]:
+    def slow(self, whole: Track, nearest: NDArray[np.int64]) -> dict[str, SlowSeries]:
+        """Of the live states; turns off the axes of hinges are no states, and are those of the whole recording."""
         column = {name: k for k, name in enumerate(self.beliefs[0][1].state_names)}
         means, stds = np.array(self.means), np.array(self.stds)
         return {
             name: SlowSeries(means[:, column[name]], stds[:, column[name]], slow.unit)
+            if name in column
+            else SlowSeries(slow.value[nearest], slow.std[nearest], slow.unit)
             for name, slow in whole.slow.items()
         }
 
@@ -138,7 +141,7 @@ def _with_whole(rows: _Rows, made: Track, whole: Track) -> Track:
         **arrays,
         model=whole.model,
         observed=whole.observed[nearest],
-        slow=rows.slow(whole),
+        slow=rows.slow(whole, nearest),
         info=rows.info(),
         notes=(*_notes(made, whole, nearest), *whole.notes),
         counts=whole.counts,

@@ -33,7 +33,8 @@ def with_play(model: Model, std_rad: Mapping[str, float]) -> Model:
         DataError: the model has no such hinge, it moves several frames, is an input or has play already, or a standard
             deviation is not positive.
     """
-    document = document_of(model)
+    # Only in a tree are these hinges states, with the standard deviation of the play at the start.
+    document = {**document_of(model), "structure": "tree"}
     possible = hinges_that_can_have_play(model)
     for name, std in std_rad.items():
         if not 0.0 < std < inf:

@@ -28,7 +28,8 @@ def with_soft_mounts(model: Model, std_rad: Mapping[str, float], time_s: float |
     """
     if time_s is not None and not 0.0 < time_s < inf:
         raise DataError(f"soft mounts: a correlation time of {time_s:g} s; expected more than 0 s")
-    document = document_of(model)
+    # Mounts with a process of their own are states of the tree alone.
+    document: Document = {**document_of(model), "structure": "tree"}
     tables = {t["name"]: t for t in document.get("sensor", ()) if t["kind"] in ("imu", "orientation")}
     for name, std in std_rad.items():
         if name not in tables:

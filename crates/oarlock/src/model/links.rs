@@ -207,6 +207,7 @@ impl Links {
             joint_time_s: 0.05,
             rest_below_rad_s: 0.02,
             start_std_rad: UNKNOWN_RAD,
+            start_tilt_std_rad: 0.5,
             gyro_step_share: 0.07,
             gyro_scale: 0.003,
             ..BONE

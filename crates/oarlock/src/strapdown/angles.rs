@@ -13,8 +13,14 @@ use crate::rotation::{Mat3, Vec3};
 
 /// Interval between encoder readings that the uncertainty of their rates assumes, s.
 const INPUT_STEP_S: f64 = 0.01;
+/// Acceleration of what only encoders measure while they are silent, rad/s2 or m/s2.
+const UNREAD_PER_S2: f64 = 30.0;
 /// Half of the interval for the derivative of a link's rotation by its coordinates, s.
 const RATE_STEP_S: f64 = 0.001;
+
+/// What a limb turns that nothing measures, rad/s and rad/s2.
+const LIMB_RAD_S: f64 = 5.0;
+const LIMB_RAD_S2: f64 = 60.0;
 
 /// Derivatives of one coordinate's value by the errors.
 type Row = Vec<(usize, f64)>;
@@ -152,11 +158,13 @@ impl Coordinates {
             let Some(slots) = body.layout.coordinates[c] else { continue };
             let mut sensors = filter.skeleton.sensors.iter();
             let sensor = sensors.find(|s| matches!(s.measures, Measures::Input(own) if own == c));
-            let Some(std) = sensor.filter(|_| !filter.stale[c]).map(|sensor| sensor.std) else { continue };
+            let Some(std) = sensor.map(|sensor| sensor.std) else { continue };
             let [value, rate] = means.inputs[c];
-            self.set(slots.q, value, Vec::new(), std * std);
+            let silence_s = filter.silences[c];
+            let moved = (0.5 * UNREAD_PER_S2 * silence_s * silence_s).min(body.axes[c].prior_std());
+            self.set(slots.q, value, Vec::new(), std * std + moved * moved);
             if let Some((velocity, _)) = slots.rates {
-                let noise = 2.0 * (std / INPUT_STEP_S).powi(2);
+                let noise = 2.0 * (std / INPUT_STEP_S).powi(2) + (UNREAD_PER_S2 * silence_s.min(1.0)).powi(2);
                 self.set(velocity, rate, Vec::new(), noise);
             }
         }
@@ -263,12 +271,12 @@ fn push_bias(rows: &mut Rows, filter: &StrapdownFilter, means: &Means, (link, si
         (Pose::Unit(u), _) => {
             rows.push(UNIT * u + 9, &sum(&ZERO, &child.transposed().times(&means.units[u].rotation), sign));
         }
-        (Pose::State(_, anchor), _) => push_bias(rows, filter, means, (anchor, sign), child),
+        (Pose::State(_, Some(anchor)), _) => push_bias(rows, filter, means, (anchor, sign), child),
         (Pose::Between(other, share), Some(parent)) => {
             push_bias(rows, filter, means, (parent, sign * (1.0 - share)), child);
             push_bias(rows, filter, means, (other, sign * share), child);
         }
-        (Pose::Between(..), None) | (Pose::Driven, _) => {}
+        (Pose::Between(..), None) | (Pose::State(_, None) | Pose::Driven, _) => {}
     }
 }
 
@@ -330,7 +338,7 @@ impl Motions {
             links[unit.link] = Some(Motion { rate, slope, ..*motion });
         }
         for (number, l) in filter.skeleton.loose.iter().enumerate() {
-            let Pose::State(_, anchor) = filter.skeleton.links[*l].pose else { continue };
+            let Pose::State(_, Some(anchor)) = filter.skeleton.links[*l].pose else { continue };
             // Between readings a link without a unit moves with its neighbour.
             links[*l] = links[anchor].map(|m| Motion {
                 rate: means.loose[number].apply_transposed(m.rate),
@@ -355,7 +363,10 @@ impl Motions {
             rate_hz: 0.0,
         };
         for (l, link) in filter.skeleton.links.iter().enumerate().filter(|(_, link)| link.pose == Pose::Driven) {
-            links[l] = Some(Motion { rate: driven_rate(link, means), ..still });
+            let carried = link.parent.and_then(|p| links[p]).unwrap_or(still);
+            let back = filter.relative(means, l).0.transposed();
+            let (rate, slope) = (back.apply(carried.rate) + driven_rate(link, means), back.apply(carried.slope));
+            links[l] = Some(Motion { rate, slope, ..carried });
         }
         Motions { units, links: links.into_iter().map(|m| m.unwrap_or(still)).collect() }
     }
@@ -368,12 +379,14 @@ fn unit_motion(filter: &StrapdownFilter, mean: &super::filter::UnitState, signal
     let white = links.gyro_density.powi(2) * rate_hz;
     let per_slope = if signal.span_s > 0.0 { 2.0 / (signal.span_s * signal.span_s) } else { f64::INFINITY };
     let change = links.gyro_step_share.powi(2) * square(signal.gyro_slope);
+    let unread = if signal.silence_s > 0.0 { (LIMB_RAD_S2 * signal.silence_s).min(LIMB_RAD_S) } else { 0.0 };
+    let unread_slope = if signal.silence_s > 0.0 { LIMB_RAD_S2 } else { 0.0 };
     Motion {
         rate,
         slope: signal.gyro_slope,
         acceleration: mean.rotation.apply(signal.accel - mean.accel_bias) - up,
-        noise: white + links.gyro_scale.powi(2) * square(rate),
-        slope_noise: if per_slope.is_finite() { white * per_slope + change } else { 1e4 },
+        noise: white + links.gyro_scale.powi(2) * square(rate) + unread * unread,
+        slope_noise: unread_slope.powi(2) + if per_slope.is_finite() { white * per_slope + change } else { 1e4 },
         rate_hz,
     }
 }

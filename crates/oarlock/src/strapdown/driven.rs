@@ -1,7 +1,7 @@
 //! Links that only encoders measure, legs through them, and loops that need them. `filter` and `readings` use it.
 
 use super::filter::{Means, StrapdownFilter};
-use super::sensors::{Heard, Measures};
+use super::sensors::{Heard, Measures, HOLD_S};
 use super::skeleton::{Closure, End, Leg, Pose};
 use crate::rotation::Vec3;
 
@@ -17,16 +17,17 @@ impl StrapdownFilter {
         inputs
     }
 
-    /// Whether the only encoders of a coordinate are silent now. An input for which the model has no encoder, and that never spoke, is at rest.
-    pub(super) fn is_stale(&self, heard: &[Heard], time_s: f64) -> Vec<bool> {
-        let mut stale = vec![false; self.skeleton.rest.len()];
+    /// For how long the only encoders of a coordinate have been silent, s. An input for which the model has no encoder, and that never spoke, is
+    /// at rest.
+    pub(super) fn silences(&self, heard: &[Heard], time_s: f64) -> Vec<f64> {
+        let mut silences = vec![0.0; self.skeleton.rest.len()];
         for (sensor, heard) in self.skeleton.sensors.iter().zip(heard) {
             if let Measures::Input(c) = sensor.measures {
                 let is_at_rest = heard.all.is_empty() && !self.skeleton.encoded[c];
-                stale[c] = !is_at_rest && heard.at(time_s, 1.0).is_none();
+                silences[c] = if is_at_rest { 0.0 } else { heard.silence_s(time_s) };
             }
         }
-        stale
+        silences
     }
 
     /// A leg in the room's axes, m.
@@ -43,7 +44,7 @@ impl StrapdownFilter {
             all.extend(self.skeleton.links[l].turns.coordinates().into_iter().flatten());
             link = self.skeleton.links[l].parent;
         }
-        all.iter().any(|c| self.stale[*c])
+        all.iter().any(|c| self.silences[*c] > HOLD_S)
     }
 
     /// Whether a loop of the model is read.
@@ -52,9 +53,14 @@ impl StrapdownFilter {
         self.closures && closure.is_some_and(|closure| self.can_read(closure))
     }
 
+    /// Whether a unit is silent, and nothing holds it meanwhile.
+    pub(super) fn is_silent(&self, u: usize) -> bool {
+        self.silent[u] && !self.skeleton.is_held()
+    }
+
     /// Whether everything that a closure needs speaks, and no joint is let go.
     pub(super) fn can_read(&self, closure: &Closure) -> bool {
-        let is_silent = |end: End| end.unit().is_some_and(|u| self.silent[u] || self.let_go[u]);
+        let is_silent = |end: End| end.unit().is_some_and(|u| self.is_silent(u) || self.let_go[u]);
         let is_stale = closure.through.iter().any(|leg| self.is_stale_leg(leg));
         !is_silent(closure.from) && !is_silent(closure.to) && !is_stale
     }

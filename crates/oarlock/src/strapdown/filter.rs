@@ -19,8 +19,8 @@ const UPDATE_S: f64 = 0.02;
 const UPDATE_ENCODER_S: f64 = 0.008;
 /// And where loops of the model hold the links.
 const UPDATE_LOOP_S: f64 = 0.03;
-/// A unit without readings for longer is silent, s: it goes with its neighbour, and its joints are not read. What its orientation is worth when it
-/// speaks again, rad.
+/// A unit without readings for longer is silent, s: it goes with its neighbour, and its joints are read only where loops of the model hold it too.
+/// What its orientation is worth when it speaks again, rad.
 pub const SILENT_S: f64 = 0.3;
 pub const SILENT_RAD: f64 = 1.0;
 /// Above this standard deviation of a unit's turn, rad, an update is read again from where it led, at most so often, until it turns no unit by
@@ -141,8 +141,8 @@ pub struct StrapdownFilter {
     pub fields: Vec<Verdict>,
     /// By unit: whether its joints are let go, because it contradicts itself alone.
     pub let_go: Vec<bool>,
-    /// Of the last update, by coordinate: whether the only encoders that measure it are silent.
-    pub stale: Vec<bool>,
+    /// Of the last update, by coordinate: for how long the only encoders that measure it have been silent, s.
+    pub silences: Vec<f64>,
     /// Of the last update, by unit: by what it was turned, rad in the room's axes; then by link without a unit, in the axes of its anchor.
     pub moved_by: Vec<Vec3<f64>>,
 }
@@ -166,8 +166,8 @@ impl StrapdownFilter {
         size += skeleton.lengths.len() + skeleton.pushes.len() + usize::from(skeleton.has_fields());
         let is_alone = |sensor: &Sensor| matches!(sensor.measures, Measures::Angle(l, _) if matches!(skeleton.links[l].pose, Pose::State(..)));
         let update_s = match skeleton.is_held() {
+            _ if skeleton.sensors.iter().any(is_alone) => UPDATE_ENCODER_S,
             true => UPDATE_LOOP_S,
-            false if skeleton.sensors.iter().any(is_alone) => UPDATE_ENCODER_S,
             false => UPDATE_S,
         };
         StrapdownFilter {
@@ -182,7 +182,7 @@ impl StrapdownFilter {
             silent: vec![false; units],
             fields: vec![Verdict::Missing; units],
             let_go: vec![false; units],
-            stale: vec![false; skeleton.rest.len()],
+            silences: vec![0.0; skeleton.rest.len()],
             turned,
             moved_by: vec![Vec3([0.0; 3]); units + skeleton.loose.len()],
             skeleton,
@@ -237,7 +237,7 @@ impl StrapdownFilter {
                 let turn = link.turns.rotation(link.turns.coordinates().map(|c| c.map_or(0.0, |c| means.inputs[c][0])));
                 self.orientation_of(means, link.parent).times(&turn)
             }
-            Pose::State(number, anchor) => self.orientation(means, anchor).times(&means.loose[number]),
+            Pose::State(number, anchor) => self.orientation_of(means, anchor).times(&means.loose[number]),
             Pose::Between(child, share) => {
                 let [first, turn] = self.between(means, link, child);
                 first.times(&Mat3::about(Vec3(Turn::of(&turn).log()) * share))
@@ -296,8 +296,8 @@ impl StrapdownFilter {
             }
             Pose::Driven => self.push_link(rows, means, self.skeleton.links[link].parent, m),
             Pose::State(number, anchor) => {
-                rows.push(self.loose_state(number), &m.times(&self.orientation(means, anchor)));
-                self.push_turn(rows, means, anchor, m);
+                rows.push(self.loose_state(number), &m.times(&self.orientation_of(means, anchor)));
+                self.push_link(rows, means, anchor, m);
             }
             Pose::Between(child, share) => {
                 self.push_link(rows, means, self.skeleton.links[link].parent, &sum(&ZERO, m, 1.0 - share));
@@ -386,6 +386,7 @@ impl StrapdownFilter {
         let mut noises = Vec::with_capacity(steps.capacity());
         self.silent = state.readings.iter().map(|r| state.row_s - r.last_s() > SILENT_S).collect();
         let before = state.means.units.clone();
+        let (is_held, step_s) = (self.skeleton.is_held(), state.row_s - state.time_s);
         let gravity = self.gravity_in(&state.means);
         for (mean, increment) in state.means.units.iter_mut().zip(&mut state.increments) {
             let before = mean.rotation;
@@ -398,12 +399,12 @@ impl StrapdownFilter {
         }
         for u in (0..before.len()).filter(|u| self.silent[*u]) {
             self.ride(&mut state.means.units, &before, u);
-            let turn = sum(&ZERO, &Mat3::identity(), SILENT_RAD * SILENT_RAD);
+            let variance = if is_held { LOOSE_WALK * LOOSE_WALK * step_s } else { SILENT_RAD * SILENT_RAD };
+            let turn = sum(&ZERO, &Mat3::identity(), variance);
             let stds = [self.links.start_speed_std_m_s, self.links.start_place_std_m];
             noises[u] = fresh_block(&turn, &state.means.units[u], stds);
             steps[u].forgets = true;
         }
-        let step_s = state.row_s - state.time_s;
         let decays = self.decays(step_s);
         predict(self.arch, &mut state.covariance, (&steps, &self.pushed(), &decays));
         self.wander(state, step_s);
@@ -449,11 +450,11 @@ impl StrapdownFilter {
 
     fn update(&mut self, state: &mut State, step_s: f64) {
         state.means.inputs = self.inputs(&state.heard, state.time_s, &state.means.inputs);
-        self.stale = self.is_stale(&state.heard, state.time_s);
+        self.silences = self.silences(&state.heard, state.time_s);
         self.correction.shift.fill(0.0);
         let is_open = self.is_open(&state.covariance);
-        let may_turn = is_open || !self.skeleton.loose.is_empty();
-        let before = may_turn.then(|| (state.means.clone(), state.covariance.clone()));
+        let turns = self.only.is_none() && self.skeleton.is_held() && !self.skeleton.loose.is_empty();
+        let before = (is_open || turns).then(|| (state.means.clone(), state.covariance.clone()));
         self.read_all(state, step_s);
         self.take_shift(state);
         if let Some((means, covariance)) = before {

@@ -14,8 +14,9 @@ impl Leg {
 }
 
 impl Skeleton {
-    /// Gives each link without a unit a state against the neighbour on its way to the nearest unit.
-    pub(super) fn hang(&mut self) {
+    /// Gives each link without a unit a state against the neighbour on its way to the nearest unit; where loops of the model hold what hangs on
+    /// the room alone, against the room.
+    pub(super) fn hang(&mut self, has_loops: bool) {
         for (link, child, share) in self.between() {
             self.links[link].pose = Pose::Between(child, share);
         }
@@ -29,10 +30,18 @@ impl Skeleton {
             for l in self.neighbours(here) {
                 if !known[l] {
                     known[l] = true;
-                    self.links[l].pose = Pose::State(self.loose.len(), here);
+                    self.links[l].pose = Pose::State(self.loose.len(), Some(here));
                     self.loose.push(l);
                     todo.push(l);
                 }
+            }
+        }
+        for l in 0..self.links.len() {
+            let parent = self.links[l].parent;
+            if has_loops && !known[l] && parent.is_none_or(|p| known[p]) {
+                known[l] = true;
+                self.links[l].pose = Pose::State(self.loose.len(), parent);
+                self.loose.push(l);
             }
         }
     }
@@ -143,7 +152,11 @@ impl Skeleton {
                     through.reverse();
                     return (End::Unit(u, unit.mount.apply_transposed(at - unit.offset)), through);
                 }
-                Pose::State(_, anchor) => {
+                Pose::State(_, None) => {
+                    through.push(Leg::of(l, at));
+                    return (End::Room(self.links[l].arm), through);
+                }
+                Pose::State(_, Some(anchor)) => {
                     let (own, there) = self.meeting(l, anchor);
                     through.push(Leg::of(l, at - own));
                     (l, at) = (anchor, there);

@@ -160,9 +160,32 @@ pub struct Signal {
     pub span_s: f64,
     /// Rate of the readings, Hz.
     pub rate_hz: f64,
+    /// Time since the last reading, where none follows, s.
+    pub silence_s: f64,
 }
 
+/// A gyroscope, rad/s, or accelerometer, m/s2, that changes by more than this from one reading to the next may have jumped: more than most hits do to
+/// units of 2000 deg/s and 16 g.
+const JUMPS: [f64; 2] = [60.0, 400.0];
+/// Readings further apart may differ by anything, s.
+const LONGEST_JUMP_S: f64 = 0.1;
+
 impl Readings {
+    /// Puts the last reading in the place of one that jumps away from it, with the least jump as its uncertainty; whether gyroscope and accelerometer
+    /// do. The next reading says whether it was a jump or a movement: two in a row are believed.
+    pub fn hold_jump(&self, reading: &mut Reading) -> [bool; 2] {
+        let is_known = |last: &&Reading| last.excess == [0.0; 2] && reading.time_s - last.time_s < LONGEST_JUMP_S;
+        let Some(last) = self.last().filter(is_known) else { return [false; 2] };
+        let jumps = [square(reading.gyro - last.gyro), square(reading.accel - last.accel)].map(f64::sqrt);
+        let are = std::array::from_fn(|k| jumps[k] > JUMPS[k] && reading.excess[k] == 0.0);
+        let values = [(&mut reading.gyro, last.gyro), (&mut reading.accel, last.accel)];
+        for (k, (value, before)) in values.into_iter().enumerate().filter(|(k, _)| are[*k]) {
+            *value = before;
+            reading.excess[k] = JUMPS[k];
+        }
+        are
+    }
+
     /// All readings, and the usual interval, s.
     pub fn parts(&self) -> (&VecDeque<Reading>, f64) {
         (&self.all, self.interval_s)
@@ -309,7 +332,7 @@ impl Readings {
         let k = self.before(time_s);
         let zero = Vec3([0.0; 3]);
         let Some(a) = self.all.get(k) else {
-            return Signal { gyro: zero, accel: zero, gyro_slope: zero, span_s: 0.0, rate_hz: 0.0 };
+            return Signal { gyro: zero, accel: zero, gyro_slope: zero, span_s: 0.0, rate_hz: 0.0, silence_s: 0.0 };
         };
         match self.all.get(k + 1).filter(|_| a.time_s <= time_s + 1e-9) {
             Some(b) => {
@@ -328,13 +351,15 @@ impl Readings {
                     gyro_slope,
                     span_s,
                     rate_hz: self.rate_hz(),
+                    silence_s: 0.0,
                 }
             }
             None => {
                 let before = k.checked_sub(1).map(|j| &self.all[j]);
                 let span_s = before.map_or(0.0, |b| a.time_s - b.time_s);
                 let gyro_slope = before.map_or(zero, |b| (a.gyro - b.gyro) * (1.0 / span_s));
-                Signal { gyro: a.gyro, accel: a.accel, gyro_slope, span_s, rate_hz: self.rate_hz() }
+                let silence_s = (time_s - a.time_s).max(0.0);
+                Signal { gyro: a.gyro, accel: a.accel, gyro_slope, span_s, rate_hz: self.rate_hz(), silence_s }
             }
         }
     }

@@ -163,7 +163,7 @@ impl StrapdownFilter {
     /// Frame of the link that a link without a unit hangs on.
     fn anchor_frame(&self, l: usize) -> Option<usize> {
         match self.skeleton.links[l].pose {
-            Pose::State(_, anchor) => Some(self.skeleton.links[anchor].frame),
+            Pose::State(_, anchor) => anchor.map(|l| self.skeleton.links[l].frame),
             _ => None,
         }
     }

@@ -1,9 +1,11 @@
 //! Limits of joints as evidence: one-sided, with a soft edge. `filter` reads them at every tenth update.
 
-use super::filter::{dot, State, StrapdownFilter};
+use super::filter::{dot, Means, State, StrapdownFilter};
 use super::joint::Turns;
 use super::readings::white;
 use super::skeleton::{Link, Pose};
+use crate::body::Body;
+use crate::model::Joint;
 use crate::rotation::{Mat3, Vec3};
 use std::f64::consts::{PI, TAU};
 
@@ -13,6 +15,8 @@ const LIMIT_TIME_S: f64 = 5.0;
 const STEEPEST: f64 = 4.0;
 /// A coordinate that changes by less than this for a turn about the vertical says nothing of headings.
 const LEAST_SHARE: f64 = 0.5;
+/// By how much less a joint must be beyond its limits to begin in the other of two solutions, rad.
+const MIRRORED_RAD: f64 = 0.5;
 /// Turn for the derivative of a ball's excess, rad.
 const STEP_RAD: f64 = 1e-4;
 
@@ -20,6 +24,29 @@ const STEP_RAD: f64 = 1e-4;
 type Excess = (f64, Vec3<f64>);
 
 impl StrapdownFilter {
+    /// Three hinges have each orientation twice. Where coordinates begin `near` the one that is beyond limits, and the other is not, they begin
+    /// near that.
+    pub fn leave_mirror(&self, body: &Body, means: &Means, near: &mut [f64]) {
+        for (l, link) in self.skeleton.links.iter().enumerate() {
+            let slots = link.turns.coordinates().map(|c| c.and_then(|c| body.layout.coordinates[c]).map(|s| s.q));
+            let ([Some(a), Some(b), Some(c)], 3) = (slots, link.joints.len()) else { continue };
+            let (relative, _) = self.relative(means, l);
+            let own = link.turns.angles(&relative, [near[a], near[b], near[c]]).q;
+            let mut other = link.turns.angles(&relative, [own[0] + PI, PI - own[1], own[2] + PI]).q;
+            for (q, joint) in other.iter_mut().zip(&link.joints) {
+                let middle = 0.5 * (joint.limits[0] + joint.limits[1]);
+                *q -= TAU * ((*q - middle) / TAU).round();
+            }
+            let beyond = |q: [f64; 3]| -> f64 {
+                let of = |(joint, q): (&Joint, f64)| (q - joint.limits[1]).max(joint.limits[0] - q).max(0.0);
+                link.joints.iter().zip(q).map(of).sum()
+            };
+            if beyond(other) + MIRRORED_RAD < beyond(own) {
+                (near[a], near[b], near[c]) = (other[0], other[1], other[2]);
+            }
+        }
+    }
+
     /// A joint may be beyond its limits by as much as these differ between people. What is beyond that turns the headings of its links, which
     /// nothing else measures; tilts come from gravity, and what contradicts these is a wrong mount.
     pub(super) fn read_limits(&mut self, state: &mut State, l: usize, step_s: f64) {

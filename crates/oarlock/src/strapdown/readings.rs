@@ -147,7 +147,7 @@ impl StrapdownFilter {
             (None, true) => LOOSE_HINGE_RAD,
             (None, false) => return,
         };
-        let is_silent = |l: usize| matches!(self.skeleton.links[l].pose, Pose::Unit(u) if self.silent[u]);
+        let is_silent = |l: usize| matches!(self.skeleton.links[l].pose, Pose::Unit(u) if self.is_silent(u));
         if locked == 0 || is_silent(l) || link.parent.is_some_and(is_silent) {
             return;
         }

@@ -14,7 +14,7 @@ use std::f64::consts::{PI, TAU};
 /// Readings further apart are not joined by a line, s.
 const LONGEST_GAP_S: f64 = 0.2;
 /// A reading holds for this long after its time, s.
-const HOLD_S: f64 = 0.01;
+pub const HOLD_S: f64 = 0.01;
 /// No angle, rad, place, m, or field, uT, is as large.
 const ABSURD: f64 = 1e6;
 /// Readings are stored for this long, s.
@@ -95,7 +95,7 @@ impl Heard {
         }
     }
 
-    /// Rate of the first number between the readings around a time; zero after the last.
+    /// Rate of the first number between the readings around a time; after the last, between the last two.
     pub(super) fn rate(&self, time_s: f64) -> f64 {
         let next = self.all.partition_point(|r| r.0 <= time_s + 1e-9).clamp(1, self.all.len().saturating_sub(1).max(1));
         match (self.all.get(next - 1), self.all.get(next)) {
@@ -126,6 +126,18 @@ impl Heard {
                 Some((value, ((b_s - a_s) / step_s).max(1.0)))
             }
             _ => (since_s <= HOLD_S).then_some((*a, 1.0)),
+        }
+    }
+
+    /// Time since the last reading, where no other follows soon, s.
+    pub(super) fn silence_s(&self, time_s: f64) -> f64 {
+        let next = self.all.partition_point(|r| r.0 <= time_s + 1e-9);
+        let Some((a_s, _)) = next.checked_sub(1).and_then(|before| self.all.get(before)) else { return f64::INFINITY };
+        let is_between = self.all.get(next).is_some_and(|(b_s, _)| b_s - a_s <= LONGEST_GAP_S);
+        if is_between {
+            0.0
+        } else {
+            time_s - a_s
         }
     }
 }

@@ -38,8 +38,8 @@ pub struct Link {
 pub enum Pose {
     /// From its unit, by number.
     Unit(usize),
-    /// From its own joint state, by number, against a link nearer to a unit.
-    State(usize, usize),
+    /// From its own joint state, by number, against a link nearer to a unit; `None`: against the room.
+    State(usize, Option<usize>),
     /// Between its parent and the child that its other joint carries: this share of their turn, from rest, belongs to its own joint. Two stiff
     /// joints in a row cannot be told apart by the units beyond them.
     Between(usize, f64),
@@ -192,7 +192,7 @@ pub struct Skeleton {
 }
 
 impl Skeleton {
-    /// The links of a body whose units have readings if `present`, by source.
+    /// The links of a body whose units have readings if `present`, by source, and whose coordinates encoders read, after these.
     pub fn new(body: &Body, present: &[bool], mounts: &Mounts) -> Result<Self> {
         refuse_unknown(body)?;
         let mut skeleton = Self::of(body, present, mounts)?;
@@ -274,8 +274,8 @@ impl Skeleton {
         for ((sensor, source), frame) in imus.into_iter().zip(frames) {
             skeleton.place_unit(body, &pieces, &place, (sensor, source, frame), mounts)?;
         }
-        skeleton.drive(&body.model);
-        skeleton.hang();
+        skeleton.drive(&body.model, &present[body.suite.sources.len()..]);
+        skeleton.hang(!body.model.closures.is_empty());
         if skeleton.units.is_empty() {
             return Err(Error::Data(format!(
                 "model '{}': no unit has readings of gyroscope and accelerometer at the start; strapdown links need one",
@@ -362,7 +362,7 @@ impl Skeleton {
                 parent,
                 turns,
                 arm,
-                pose: Pose::State(usize::MAX, usize::MAX),
+                pose: Pose::State(usize::MAX, None),
                 rest,
                 range_rad,
                 joints,
@@ -468,7 +468,7 @@ fn is_pushed(model: &Model) -> bool {
     axes.len() == 3 && dot(axes[0].cross(axes[1]), axes[2]).abs() > 0.5
 }
 
-/// Whether readings tell a coordinate.
+/// Whether readings tell a coordinate. An input without an encoder is at rest.
 fn is_encoded(model: &Model, coordinate: usize) -> bool {
     has_encoder(model, coordinate) || model.joints.iter().any(|joint| joint.input && joint.first == coordinate)
 }
@@ -506,30 +506,32 @@ fn refuse_unknown(body: &Body) -> Result<()> {
 }
 
 impl Skeleton {
-    /// Links without a unit whose joints have encoders, from the room on.
-    fn drive(&mut self, model: &Model) {
+    /// Links without a unit whose joints have encoders that are read, from the room on; slides anywhere.
+    fn drive(&mut self, model: &Model, is_read: &[bool]) {
         for l in 0..self.links.len() {
             let link = &self.links[l];
-            let is_known = |c: usize| is_encoded(model, c);
+            let is_known = |c: usize| is_encoded(model, c) && (is_read[c] || !has_encoder(model, c));
             let has_encoders = match &link.turns {
-                Turns::Slide(c, ..) => is_known(*c),
+                Turns::Slide(c, ..) => is_encoded(model, *c),
                 Turns::Hinges(hinges) => hinges.iter().all(|h| is_known(h.coordinate)),
                 Turns::Free(..) | Turns::Ball(..) => false,
             };
             let has_unit = matches!(link.pose, Pose::Unit(_));
-            if has_encoders && !has_unit && link.parent.is_none_or(|p| self.links[p].pose == Pose::Driven) {
+            let is_slide = matches!(link.turns, Turns::Slide(..));
+            let on_encoders = link.parent.is_none_or(|p| self.links[p].pose == Pose::Driven);
+            if has_encoders && !has_unit && (is_slide || on_encoders) {
                 self.links[l].pose = Pose::Driven;
             }
         }
     }
 
-    /// A slide on what moves, or whose parts carry units and no encoder, is refused.
+    /// A slide whose part carries a unit is refused.
     fn refuse_slides(&self, body: &Body) -> Result<()> {
         let is_odd = |link: &&Link| matches!(link.turns, Turns::Slide(..)) && link.pose != Pose::Driven;
         self.links.iter().find(is_odd).map_or(Ok(()), |link| {
             Err(Error::Model(format!(
-                "model '{}': '{}' slides on a part that moves, or carries an inertial unit; structure \"strapdown\" tracks slides of the \
-                 room that an encoder reads. Use structure = \"tree\"",
+                "model '{}': '{}' slides and carries an inertial unit; structure \"strapdown\" tracks slides that an encoder reads, with units \
+                 on what they carry. Use structure = \"tree\"",
                 body.model.name, body.model.frames[link.frame].name
             )))
         })

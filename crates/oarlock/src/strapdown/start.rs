@@ -20,12 +20,19 @@ const START_REST_S: f64 = REST_S + 0.05;
 const LEVEL_RAD: f64 = 0.02;
 const FORCE_SHARE: f64 = 1.0;
 
+/// From this standard deviation of headings on, rad, a body may begin in any posture and movement: a unit that turns at this distance, m, reads
+/// a force that is not vertical.
+const ANY_POSTURE_RAD: f64 = 0.5;
+const SWING_M: f64 = 0.5;
+
 /// Above this standard deviation of a joint's heading at the start, rad, it is sought in a bank of this many.
 const OPEN_RAD: f64 = 0.6;
 const HEADINGS: usize = 12;
 /// Log-likelihood by which a heading must lead.
 const DECIDED: f64 = 6.0;
 
+/// A mount that is off by no more is exact, rad.
+const EXACT_RAD: f64 = 1e-3;
 /// Least standard deviation of a heading that was found, rad.
 const LEAST_HEADING_RAD: f64 = 0.1;
 
@@ -152,11 +159,22 @@ impl StrapdownFilter {
             put(axes[1], self.axes_variance(Some(l)));
         }
         put(self.room_state(), Vec3([links.room_std_rad.unwrap_or(0.0).powi(2); 3]));
-        for [mount, skin] in &self.turned {
-            put(*mount, Vec3([links.mount_std_rad.unwrap_or(0.0).powi(2); 3]));
+        for (u, [mount, skin]) in self.turned.iter().enumerate() {
+            put(*mount, self.mount_variance(u));
             put(*skin, Vec3([links.skin_std_rad.unwrap_or(0.0).powi(2); 3]));
         }
         all
+    }
+
+    /// Variances of a unit's mount in its own axes, rad2: those of its calibration, if that states more or less than the model; none where it is
+    /// exact.
+    fn mount_variance(&self, u: usize) -> Vec3<f64> {
+        let (nominal, unit) = (self.links.mount_std_rad.unwrap_or(0.0), &self.skeleton.units[u]);
+        if nominal <= EXACT_RAD || unit.mount_std_rad == [0.0; 3] {
+            return Vec3([nominal * nominal; 3]);
+        }
+        let of = |k: usize| (0..3).map(|i| (unit.mount.0[i][k] * unit.mount_std_rad[i]).powi(2)).sum::<f64>();
+        Vec3([0, 1, 2].map(|k| of(k).max(EXACT_RAD * EXACT_RAD)))
     }
 
     /// Variances of a joint's axes in a link, rad2: those of its unit's mount if a calibration knows it.
@@ -191,13 +209,25 @@ impl StrapdownFilter {
         let force = rotation.apply(force);
         let axis = force.cross(self.skeleton.up);
         let (sin, cos) = (square(axis).sqrt(), dot(force, self.skeleton.up));
-        let read = LEVEL_RAD.hypot(FORCE_SHARE * scatter / self.skeleton.gravity_m_s2.max(1.0));
+        let turning = if start_std_rad >= ANY_POSTURE_RAD { SWING_M * self.mean_rate2(readings, time_s) } else { 0.0 };
+        let read = LEVEL_RAD.hypot((FORCE_SHARE * scatter).hypot(turning) / self.skeleton.gravity_m_s2.max(1.0));
         let share = prior * prior / (prior * prior + read * read);
         let std = prior * read / prior.hypot(read);
         if sin < 1e-9 {
             return (rotation, std);
         }
         (Mat3::about(axis * (share * sin.atan2(cos) / sin)).times(&rotation), std)
+    }
+
+    /// Mean squared rate at the start, rad2/s2.
+    fn mean_rate2(&self, readings: &Readings, time_s: f64) -> f64 {
+        let window = readings.until((time_s + LEVEL_S).min(readings.last_s()));
+        let (sum, count) = window.fold((0.0, 0.0), |(sum, n), r| (sum + square(r.gyro), n + 1.0));
+        if count > 0.0 {
+            sum / count
+        } else {
+            0.0
+        }
     }
 
     /// Mean force at the start, in the axes of the start, and the scatter of the forces about their mean, m/s2.
@@ -317,7 +347,8 @@ impl StrapdownFilter {
     /// Rotation of a link against the neighbour that it hangs on, when all links are turned like this.
     pub(super) fn against(&self, link: usize, turned: &[Mat3<f64>]) -> Mat3<f64> {
         match self.skeleton.links[link].pose {
-            Pose::State(_, anchor) => turned[anchor].transposed().times(&turned[link]),
+            Pose::State(_, Some(anchor)) => turned[anchor].transposed().times(&turned[link]),
+            Pose::State(_, None) => turned[link],
             Pose::Unit(_) | Pose::Between(..) | Pose::Driven => Mat3::identity(),
         }
     }

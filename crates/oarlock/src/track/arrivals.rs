@@ -48,8 +48,9 @@ pub struct Arrivals {
     /// Oldest first.
     kept: VecDeque<Kept>,
     sample: Sample,
-    /// Time of the last sample, s.
+    /// Time of the last sample, and of the last estimate that was given, s.
     last_s: f64,
+    given_s: f64,
     counts: Counts,
 }
 
@@ -61,7 +62,7 @@ impl Arrivals {
         let feed = Feed::new(Gathering::of(config), rows, body.model.coordinate_count());
         let (cursor, sample) = (feed.start(), tracker.empty_sample());
         let (kept, counts, last_s) = (VecDeque::new(), Counts::default(), f64::NEG_INFINITY);
-        Arrivals { feed, cursor, ahead: None, wait_s: config.wait_s, kept, sample, last_s, counts }
+        Arrivals { feed, cursor, ahead: None, wait_s: config.wait_s, kept, sample, last_s, given_s: last_s, counts }
     }
 
     /// How readings arrived so far.
@@ -101,13 +102,13 @@ impl Arrivals {
             self.counts.late += 1;
             return Ok(());
         }
-        self.catch_up(tracker)?;
+        self.catch_up(tracker, sink)?;
         self.go_on(tracker, self.wait_s, sink)
     }
 
     /// Takes all that still waits, at the end of a recording.
     pub fn finish(&mut self, tracker: &mut Tracker, sink: Sink) -> Result<()> {
-        self.catch_up(tracker)?;
+        self.catch_up(tracker, sink)?;
         self.go_on(tracker, f64::NEG_INFINITY, sink)?;
         tracker.finish(sink)
     }
@@ -124,8 +125,8 @@ impl Arrivals {
         self.ahead.get_or_insert(read);
     }
 
-    /// Takes the samples since the newest kept state estimate again, if late readings belong to them.
-    fn catch_up(&mut self, tracker: &mut Tracker) -> Result<()> {
+    /// Takes the samples since the newest kept state estimate again, if late readings belong to them; `sink` receives estimates that waited.
+    fn catch_up(&mut self, tracker: &mut Tracker, sink: Sink) -> Result<()> {
         let (Some(_), Some(kept)) = (self.ahead.take(), self.kept.back()) else { return Ok(()) };
         tracker.resume(kept.known.clone())?;
         loop {
@@ -134,14 +135,24 @@ impl Arrivals {
                 return Ok(());
             }
             self.cursor = cursor;
-            tracker.step(&self.sample)?;
+            let given_s = &mut self.given_s;
+            tracker.step_with(&self.sample, &mut |sample, known, info| {
+                if known.belief.time_s > *given_s {
+                    *given_s = known.belief.time_s;
+                    sink(sample, known, info);
+                }
+            })?;
             self.keep(tracker);
         }
     }
 
     fn go_on(&mut self, tracker: &mut Tracker, wait_s: f64, sink: Sink) -> Result<()> {
         while self.feed.next(wait_s, &mut self.cursor, &mut self.sample) {
-            tracker.step_with(&self.sample, sink)?;
+            let given_s = &mut self.given_s;
+            tracker.step_with(&self.sample, &mut |sample, known, info| {
+                *given_s = given_s.max(known.belief.time_s);
+                sink(sample, known, info);
+            })?;
             self.last_s = self.sample.time_s;
             self.keep(tracker);
         }

@@ -10,11 +10,11 @@ mod start;
 use self::fixing::Rival;
 use super::begin::start_std;
 use super::hypothesis::Hypothesis;
-use super::{Calibration, Sink, Status, Tracker};
+use super::{Calibration, Sink, Status, Subject, Tracker};
 use crate::body::Body;
 use crate::config::Magnetometer;
 use crate::error::Result;
-use crate::estimate::filter::{SourceInfo, Verdict};
+use crate::estimate::filter::{Diverged, SourceInfo, Verdict};
 use crate::model::{Fixing, Structure};
 use crate::recording::Sample;
 use crate::rotation::Vec3;
@@ -146,7 +146,7 @@ impl Strapdown {
         let stds_rad = body.model.sensors.iter().map(|s| std(&s.name)).collect();
         let mounts = Mounts { values: mounts.to_vec(), stds_rad };
         // All units, so that a model that cannot be tracked is refused at once.
-        Skeleton::new(body, &vec![true; body.suite.sources.len()], &mounts)?;
+        Skeleton::new(body, &vec![true; body.suite.sources.len() + body.axes.len()], &mounts)?;
         let unknown = start_std(body, 1.0);
         Ok(Some(Strapdown {
             mounts,
@@ -204,8 +204,13 @@ impl Tracker {
         self.admit(&mut one, self.present(std::slice::from_ref(sample)))?;
         self.take_readings(&mut one, sample);
         let processed = self.process_links(&mut one, false, sink);
+        let is_number =
+            one.links.as_ref().is_none_or(|l| l.state.means.units.iter().all(|u| u.rotation.0[0][0].is_finite()));
         self.hypothesis = Some(one);
         processed?;
+        if !is_number {
+            return Err(super::diverged(Diverged { what: "the estimate is not a number".into() }, sample.time_s));
+        }
         Ok(Status::Tracking)
     }
 
@@ -254,7 +259,8 @@ impl Tracker {
         readings.take(sample);
         faults.silence_clipped(subject, readings);
         faults.silence_stuck(subject, &mut one.sources, readings, sample.time_s);
-        let parts = faults.verdicts(subject, sample);
+        let mut parts = faults.verdicts(subject, sample);
+        exclude_impossible(subject, sample, &mut parts);
         for (u, unit) in filter.skeleton.units.iter().enumerate() {
             let verdict = |first: usize| parts[subject.part_of_row[first]];
             let three = |first: usize| Vec3([sample.z[first], sample.z[first + 1], sample.z[first + 2]]);
@@ -276,7 +282,11 @@ impl Tracker {
                     }
                 }
             };
-            let reading = Reading { time_s, gyro: three(unit.gyro), accel: force, excess };
+            let mut reading = Reading { time_s, gyro: three(unit.gyro), accel: force, excess };
+            let are_jumps = links.state.readings[u].hold_jump(&mut reading);
+            for (first, _) in [unit.gyro, unit.accel].into_iter().zip(are_jumps).filter(|(_, is_jump)| *is_jump) {
+                parts[subject.part_of_row[first]] = Verdict::Outlier;
+            }
             strapdown.iter().flat_map(|s| &s.alone).for_each(|alone| alone.take(&mut links.alone, u, reading));
             for rival in &mut links.rivals {
                 filter.take(&mut rival.state, u, reading);
@@ -285,27 +295,7 @@ impl Tracker {
                 one.sources[unit.source].seen_s = time_s;
             }
         }
-        for (s, sensor) in filter.skeleton.sensors.iter().enumerate() {
-            let mut value = [0.0; 3];
-            let (own, offset_s) = match sensor.at {
-                Place::Input(coordinate) => (&sample.inputs[coordinate..=coordinate], 0.0),
-                Place::Row(first) => {
-                    let part = subject.part_of_row[first];
-                    let source = subject.source_of_part[part];
-                    let is_used = matches!(parts[part], Verdict::Accepted);
-                    let end = if is_used { first + sensor.measures.width() } else { first };
-                    (&sample.z[first..end], sample.offset_s.get(source).copied().unwrap_or(0.0))
-                }
-            };
-            if own.is_empty() || own.iter().any(|x| x.is_nan()) {
-                continue;
-            }
-            value[..own.len()].copy_from_slice(own);
-            let rivals = links.rivals.iter_mut().map(|rival| &mut rival.state);
-            for state in std::iter::once(&mut links.state).chain(rivals) {
-                state.heard[s].push(sample.time_s + offset_s, value);
-            }
-        }
+        hear(filter, links, subject, sample, &parts);
         links.taken_s = sample.time_s;
         links.waiting.push_back(Waiting { sample: sample.clone(), parts });
     }
@@ -420,5 +410,43 @@ impl Tracker {
         let sum = read.iter().sum();
         info.nis = if is_updated { sum } else { f64::NAN };
         info.inertial = if read.is_empty() { (f64::NAN, 0) } else { (sum, 3 * read.len()) };
+    }
+}
+
+/// Adds the readings of all sensors that are no gyroscope or accelerometer.
+fn hear(filter: &StrapdownFilter, links: &mut LinkState, subject: &Subject, sample: &Sample, parts: &[Verdict]) {
+    for (s, sensor) in filter.skeleton.sensors.iter().enumerate() {
+        let mut value = [0.0; 3];
+        let (own, offset_s) = match sensor.at {
+            Place::Input(coordinate) => (&sample.inputs[coordinate..=coordinate], 0.0),
+            Place::Row(first) => {
+                let part = subject.part_of_row[first];
+                let source = subject.source_of_part[part];
+                let is_used = matches!(parts[part], Verdict::Accepted);
+                let end = if is_used { first + sensor.measures.width() } else { first };
+                (&sample.z[first..end], sample.offset_s.get(source).copied().unwrap_or(0.0))
+            }
+        };
+        if own.is_empty() || own.iter().any(|x| x.is_nan()) {
+            continue;
+        }
+        value[..own.len()].copy_from_slice(own);
+        let rivals = links.rivals.iter_mut().map(|rival| &mut rival.state);
+        for state in std::iter::once(&mut links.state).chain(rivals) {
+            state.heard[s].push(sample.time_s + offset_s, value);
+        }
+    }
+}
+
+/// Largest readings of any sensor that bodies wear: rad/s, m/s2, uT.
+const MOST: [(Quantity, f64); 3] = [(Quantity::Gyro, 150.0), (Quantity::Accel, 2000.0), (Quantity::Mag, 1e4)];
+
+/// A reading that no sensor has is not used.
+fn exclude_impossible(subject: &Subject, sample: &Sample, parts: &mut [Verdict]) {
+    for (p, quantity) in subject.quantities.iter().enumerate() {
+        let most = MOST.iter().find(|(own, _)| own == quantity).map_or(1e6, |(_, most)| *most);
+        if sample.z[subject.groups.parts[p].clone()].iter().any(|z| z.abs() > most) {
+            parts[p] = Verdict::Excluded;
+        }
     }
 }

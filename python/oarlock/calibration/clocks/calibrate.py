@@ -15,6 +15,7 @@ from oarlock.calibration.clocks.joint_misfit import offsets_of_units
 from oarlock.calibration.clocks.lines import after
 from oarlock.calibration.clocks.scores import Filtering, bare
 from oarlock.calibration.clocks.search import SAME_CLOCK_STDS, Clocks, settle, with_clocks
+from oarlock.model.edit import document_of
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.recording import Recording
 from oarlock.recording.stream_scales import Clock
@@ -76,7 +77,8 @@ def calibrate_clocks(
         )
     rough = {name: Clock(delay) for name, delay in coarse_delays(measured, fixed).items()}
     start = with_clocks(measured, rough)
-    if model.structure == "strapdown":
+    # Joints of persons slide, so that innovations of a tree show more than clocks. All else is a tree here.
+    if model.structure == "strapdown" and document_of(model).get("links", {}).get("joints") == "bone":
         with shown(progress, "calibrating clocks") as told:
             near = offsets_of_units(model, start, bare(known), groups, told or _nobody)
         found = {name: after(rough.get(name, Clock(0.0)), clock) for name, clock in near.items()}

@@ -103,7 +103,9 @@ class Filtering:
                 "sample_rate_hz": 0.0,
                 "inputs": [joint.name for joint in self.model.describe().inputs],
             }
-        config = Config(filter="ekf", estimate=_estimate(recording), merge_s=_MERGE_S, **sampling)
+        config = Config(
+            structure="tree", filter="ekf", estimate=_estimate(recording), merge_s=_MERGE_S, **sampling
+        )
         jobs = [(recording.slice(*piece), self.known, config) for piece in pieces]
         settle = min(SETTLE_S, 0.25 * (pieces[0][1] - pieces[0][0]))
         found = []

@@ -1,4 +1,7 @@
-"""Extends a model for `calibrate_motion`: sensor positions and encoder zeros as states, a rocking root, other noise."""
+"""Extends a model for `calibrate_motion`: sensor positions and encoder zeros as states, a rocking root, other noise.
+
+It is tracked as a tree, whose states these constants can be.
+"""
 
 from __future__ import annotations
 
@@ -56,6 +59,7 @@ def searched_model(
         constants: False leaves out places and zeros: a model to judge a calibration by.
     """
     document: Document = document_of(model)
+    document["structure"] = "tree"
     weight = 1.0 / math.sqrt(hypothesis.samples_per_error)
     _set_parameters(document, model, known, weight)
     _set_noise(document, hypothesis)

@@ -70,7 +70,7 @@ class Stretch:
         _check(model, whole, held_out)
         cut_s = whole.end_s - held_out * whole.duration_s
         first, rest = whole.slice(end_s=cut_s), whole.slice(start_s=cut_s)
-        plain = track(model, whole, known, progress=told)
+        plain = track(model, whole, known, Config(structure="tree"), progress=told)
         azimuth = plain.slow["azimuth"].value if "azimuth" in plain.slow else None
         scalar = plain.q.shape[1] == len(model.joint_names)
         rows = (0, min(int(np.searchsorted(plain.time_s, cut_s)), len(plain) - 1))

@@ -133,7 +133,7 @@ def estimators() -> tuple[Estimator, ...]:
     found: list[Estimator] = []
     for name in tree_filters():
         title, source = _TREE_TITLES[name]
-        found += _four(Estimator(name, TREE, title, "", source, config=Config(filter=name)))
+        found += _four(Estimator(name, TREE, title, "", source, config=Config(structure=TREE, filter=name)))
     source = "after L. Peppoloni, A. Filippeschi, E. Ruffaldi and C. A. Avizzano (2013)"
     limbs = Estimator(
         LIMB_FILTER, LIMBS, "an unscented Kalman filter on each limb", "", source, config=Config()

@@ -53,7 +53,8 @@ def track_limbs(
         model: a tree with at least two limbs.
         recording: measured streams; each filter receives those of its own sensors.
         calibration: calibration of this session.
-        config: settings of every filter; `closures = False` leaves the ends of limbs free, as in the source.
+        config: settings of every filter; `closures = False` leaves the ends of limbs free, as in the source. Each limb
+            is a tree unless `structure` says otherwise.
         progress: True shows a bar or lines; a function is called regularly with the share done, 0 to 1.
 
     Raises:
@@ -61,6 +62,7 @@ def track_limbs(
         DivergedError: a filter diverged.
     """
     config = Config() if config is None else config
+    config = Config(**config.to_dict() | {"structure": config.structure or "tree"})
     recording, _ = known_streams(model, recording)
     admit(model, corrected(recording, calibration))
     limbs = cut_into_limbs(model, config.closures)

@@ -93,6 +93,7 @@ class Judge:
 
     def _config(self, window_s: float, posture: tuple[float, ...]) -> _core.Config:
         return _core.Config(
+            structure="tree",
             estimate=self._bases,
             closures=self._closures,
             magnetometer="on",

@@ -16,11 +16,11 @@ from oarlock.formats.export.frames import frame_places, ground_from_root
 from oarlock.formats.export.gltf import glb_bytes
 from oarlock.formats.export.skeleton import evenly, skeleton_of
 from oarlock.formats.opensim_table import quaternion_text
-from oarlock.model.coordinates import with_untold_at_zero
 from oarlock.model.rotation import continuous_quat, quat_from_matrix
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
 from oarlock.storage.write_file import write_file
+from oarlock.tracking.places import poses_of
 
 if TYPE_CHECKING:
     from oarlock.tracking.track import Track
@@ -109,7 +109,7 @@ def _orientations(track: Track, ground: FloatArray, names: Mapping[str, str]) ->
     description = track.model.describe()
     carrying = {sensor.frame for sensor in description.sensors if sensor.kind in ("imu", "orientation")}
     frames = [k for k, frame in enumerate(description.frames) if frame.name in carrying]
-    poses = track.model.forward_kinematics(with_untold_at_zero(track.q))
+    poses = poses_of(track)
     turns = ground[:3, :3] @ poses[:, frames, :3, :3]
     quats = [continuous_quat(quat_from_matrix(turns[:, k])) for k in range(len(frames))]
     labels = [f"{names[description.frames[k].name]}_imu" for k in frames]

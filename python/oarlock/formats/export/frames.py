@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from oarlock.evaluation.markers.trajectories import Markers
-from oarlock.model.coordinates import with_untold_at_zero
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
+from oarlock.tracking.places import poses_of
 
 if TYPE_CHECKING:
     from oarlock.tracking.track import Track
@@ -23,8 +23,7 @@ def frame_places(track: Track) -> Markers:
     """
     if track.model is None:
         raise DataError("frame_places: this track was loaded without its model; load the model file again")
-    poses = track.model.forward_kinematics(with_untold_at_zero(track.q))
-    places = poses[..., :3, 3]
+    places = poses_of(track)[..., :3, 3]
     places = np.where(np.isfinite(places).all(axis=2, keepdims=True), places, np.nan)
     return Markers(tuple(track.model.frame_names), track.time_s, places)
 

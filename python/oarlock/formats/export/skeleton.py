@@ -21,6 +21,7 @@ from oarlock.formats.export.plain_names import PlainNames
 from oarlock.model.coordinates import with_untold_at_zero
 from oarlock.model.description import pose_of
 from oarlock.storage.array_gate import FloatArray
+from oarlock.tracking.places import poses_of
 
 if TYPE_CHECKING:
     from oarlock.tracking.track import Track
@@ -104,8 +105,8 @@ def skeleton_of(track: Track, ground_from_root: FloatArray) -> tuple[Skeleton, t
         [x for joint in description.joints for x in np.ravel(joint.rest)[: len(joint.coordinates)]]
     )
     poses, rest_poses = (
-        ground_from_root @ track.model.forward_kinematics(rows) @ np.linalg.inv(after)
-        for rows in (q[known], rest[None])
+        ground_from_root @ of_rows @ np.linalg.inv(after)
+        for of_rows in (poses_of(track, np.flatnonzero(known)), track.model.forward_kinematics(rest[None]))
     )
     made = Skeleton(
         tuple(frame.joint or "" for frame in frames),

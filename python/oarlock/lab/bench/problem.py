@@ -47,7 +47,8 @@ class Problem:
         """Configuration of the filter: `estimate` is a key of `ESTIMATES`; `plain` switches off gates and learning."""
         from oarlock import Config
 
-        return Config(estimate=ESTIMATES[estimate], filter=filter_name, **(_PLAIN if plain else {}))
+        keys = _PLAIN if plain else {}
+        return Config(structure="tree", estimate=ESTIMATES[estimate], filter=filter_name, **keys)
 
     @cached_property
     def time_s(self) -> Floats:

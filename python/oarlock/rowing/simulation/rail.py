@@ -53,4 +53,6 @@ def on_unknown_rail(model: Model) -> Model:
     seat["parent"] = "rail"
     for name in shoulders:
         frames[name]["parent"] = "hips"
-    return model_of(merged(document, {"joint": [_JOINT], "frame": [rail, hips]}), model)
+    # A constant that moves several frames is a state of the tree alone.
+    changes = {"structure": "tree", "joint": [_JOINT], "frame": [rail, hips]}
+    return model_of(merged(document, changes), model)

@@ -16,6 +16,8 @@ const DECIDED_AFTER_S: f64 = 20.0;
 const NONE_LEADS_BY: f64 = 2.0;
 /// A body moves if some unit turns faster, rad/s. Skin that does not move looks like none.
 const MOVING_RAD_S: f64 = 0.5;
+/// Longest part of a recording that is read ahead, s: a body that hardly moves does not decide.
+const AHEAD_S: f64 = 120.0;
 
 /// What the filter knows if units sit otherwise.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,7 +36,9 @@ impl Tracker {
         let mut ahead = self.clone();
         let (mut cursor, mut sample) = (recording.start(), ahead.empty_sample());
         let is_open = |ahead: &Tracker| links_of(ahead).is_none_or(|links| !links.rivals.is_empty());
-        while is_open(&ahead) && recording.next(&mut cursor, &mut sample) {
+        let mut end_s = f64::INFINITY;
+        while is_open(&ahead) && recording.next(&mut cursor, &mut sample) && sample.time_s < end_s {
+            end_s = end_s.min(sample.time_s + AHEAD_S);
             ahead.step(&sample)?;
         }
         let fixing = links_of(&ahead).map(|links| links.fixing);

@@ -11,7 +11,7 @@ use crate::estimate::filter::Info;
 use crate::estimate::smoother::Backward;
 use crate::estimate::System;
 use crate::kernels::dense::Square;
-use crate::model::Fixing;
+use crate::model::{Fixing, SensorKind};
 use crate::recording::{Recording, Sample};
 use crate::rotation::Mat3;
 use crate::strapdown::check::Check;
@@ -126,6 +126,10 @@ impl Tracker {
     /// Processes the samples of the start, which have all been taken in: their estimates are smoothed, because a wrong tilt at the start is
     /// corrected within the first second, and no unit turns like that.
     fn process_start(&mut self, one: &mut Hypothesis, sink: Sink) {
+        if let Some(links) = &one.links {
+            let (filter, body) = (self.strapdown_filter(), &self.subject.body);
+            filter.leave_mirror(body, &links.state.means, &mut one.belief.mean);
+        }
         let mut rows: Vec<(Sample, Hypothesis, Info, RowMotion)> = Vec::new();
         let mut updates: Vec<(Node, usize)> = Vec::new();
         loop {
@@ -207,7 +211,8 @@ impl Tracker {
         Ok(())
     }
 
-    /// By source: whether it has whole readings of gyroscope and accelerometer in some samples, or is known to have some later.
+    /// By source: whether it has whole readings of gyroscope and accelerometer in some samples, or is known to have some later; then by
+    /// coordinate: whether an encoder reads it in some.
     pub(super) fn present(&self, samples: &[Sample]) -> Vec<bool> {
         let later = |s: usize| self.strapdown.as_ref().is_some_and(|links| links.speaks.get(s) == Some(&true));
         let is_read = |(s, source): (usize, &crate::sensor::Source)| {
@@ -215,7 +220,17 @@ impl Tracker {
             let whole = |sample: &Sample| inertial().all(|p| sample.z[p.rows.clone()].iter().all(|z| !z.is_nan()));
             inertial().count() == 2 && (later(s) || samples.iter().any(whole))
         };
-        self.subject.body.suite.sources.iter().enumerate().map(is_read).collect()
+        let body = &self.subject.body;
+        let row = |c: usize| {
+            let of = |s: &crate::model::Sensor| matches!(&s.kind, SensorKind::Encoder(e) if body.model.joints[e.joint].first == c);
+            let sensor = body.model.sensors.iter().find(|s| of(s))?;
+            body.suite.sources.iter().find(|s| s.name == sensor.name).map(|s| s.rows.start)
+        };
+        let is_told = |c: usize| {
+            let row = row(c);
+            samples.iter().any(|s| !s.inputs[c].is_nan() || row.is_some_and(|row| !s.z[row].is_nan()))
+        };
+        body.suite.sources.iter().enumerate().map(is_read).chain((0..body.axes.len()).map(is_told)).collect()
     }
 
     /// Reads from a recording which units speak at any time.
