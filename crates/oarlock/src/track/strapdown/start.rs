@@ -226,11 +226,11 @@ impl Tracker {
             let sensor = body.model.sensors.iter().find(|s| of(s))?;
             body.suite.sources.iter().find(|s| s.name == sensor.name).map(|s| s.rows.start)
         };
-        let is_told = |c: usize| {
+        let is_encoded = |c: usize| {
             let row = row(c);
             samples.iter().any(|s| !s.inputs[c].is_nan() || row.is_some_and(|row| !s.z[row].is_nan()))
         };
-        body.suite.sources.iter().enumerate().map(is_read).chain((0..body.axes.len()).map(is_told)).collect()
+        body.suite.sources.iter().enumerate().map(is_read).chain((0..body.axes.len()).map(is_encoded)).collect()
     }
 
     /// Reads from a recording which units speak at any time.
