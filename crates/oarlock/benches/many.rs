@@ -45,7 +45,7 @@ fn seconds(jobs: Vec<Job>, threads: usize) -> f64 {
 }
 
 fn main() {
-    let model = Arc::new(Model::from_toml(support::SCULLER, "sculler.toml").expect("the shipped model is valid"));
+    let model = support::model(support::SCULLER);
     let config = Config::default();
     let job = |streams| Job {
         model: model.clone(),

@@ -86,8 +86,10 @@ mount.offset = [-0.1, -0.02, 0.04]
 mount.rpy = [0.4, -0.2, 1.0]
 "#;
 
+/// A model as a tree, whatever its text says: these tests are of trees.
 pub fn model(text: &str) -> Arc<Model> {
-    Arc::new(Model::from_toml(text, "model.toml").unwrap_or_else(|e| panic!("{e}")))
+    let of_tree = text.replacen("structure = \"strapdown\"", "structure = \"tree\"", 1);
+    Arc::new(Model::from_toml(&of_tree, "model.toml").unwrap_or_else(|e| panic!("{e}")))
 }
 
 /// A model at its own parameters and mounts.
