@@ -184,7 +184,7 @@ def check_recording(senders, folder, session, again, counts):
 
 @pytest.mark.parametrize(
     "moments",
-    [pytest.param((0.3, 1.7), id="two"), pytest.param(50, id="fifty", marks=pytest.mark.long)],
+    [pytest.param((0.3, 3.5), id="two"), pytest.param(50, id="fifty", marks=pytest.mark.long)],
 )
 def test_a_killed_session_loses_the_last_second_at_most(senders, tmp_path, moments):
     drawn = np.random.default_rng(9).uniform(0.0, 3.0, moments) if isinstance(moments, int) else moments
@@ -202,7 +202,7 @@ def test_a_killed_session_loses_the_last_second_at_most(senders, tmp_path, momen
             check_recording(senders, folder, session, again, counts)
         else:
             assert "there is no recording" in " ".join(said.split())
-    # After a kill in the first half second no estimate's readings need be on the disk, nor any reading.
+    # The first estimate comes after a second, and the readings of the last one need not be on the disk.
     assert compared > 0
 
 
