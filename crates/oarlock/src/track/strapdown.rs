@@ -204,13 +204,8 @@ impl Tracker {
         self.admit(&mut one, self.present(std::slice::from_ref(sample)))?;
         self.take_readings(&mut one, sample);
         let processed = self.process_links(&mut one, false, sink);
-        let is_number =
-            one.links.as_ref().is_none_or(|l| l.state.means.units.iter().all(|u| u.rotation.0[0][0].is_finite()));
         self.hypothesis = Some(one);
         processed?;
-        if !is_number {
-            return Err(super::diverged(Diverged { what: "the estimate is not a number".into() }, sample.time_s));
-        }
         Ok(Status::Tracking)
     }
 
@@ -303,6 +298,7 @@ impl Tracker {
     /// Processes the samples that are complete; all of them if it is the end.
     fn process_links(&mut self, one: &mut Hypothesis, is_end: bool, sink: Sink) -> Result<()> {
         while let Some((sample, _)) = self.process_one(one, is_end, &mut |_| {}, false) {
+            check_number(one)?;
             sink(&sample, one, &self.info);
         }
         Ok(())
@@ -410,6 +406,16 @@ impl Tracker {
         let sum = read.iter().sum();
         info.nis = if is_updated { sum } else { f64::NAN };
         info.inertial = if read.is_empty() { (f64::NAN, 0) } else { (sum, 3 * read.len()) };
+    }
+}
+
+/// An estimate that is no number is not given to anybody.
+fn check_number(one: &Hypothesis) -> Result<()> {
+    let belief = &one.belief;
+    let is_number = |i: usize| belief.mean[i].is_finite() && belief.covariance.at(i, i).is_finite();
+    match (0..belief.mean.len()).all(is_number) {
+        true => Ok(()),
+        false => Err(super::diverged(Diverged { what: "the estimate is not a number".into() }, belief.time_s)),
     }
 }
 

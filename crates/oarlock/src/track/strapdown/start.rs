@@ -4,7 +4,7 @@ use super::super::begin::asked_posture;
 use super::super::hypothesis::Hypothesis;
 use super::super::{Sink, Status, Tracker};
 use super::fixing::Rival;
-use super::{Lack, LinkState, RowMotion, AGAIN_S, INERTIAL};
+use super::{check_number, Lack, LinkState, RowMotion, AGAIN_S, INERTIAL};
 use crate::error::Result;
 use crate::estimate::belief::Belief;
 use crate::estimate::filter::Info;
@@ -100,7 +100,7 @@ impl Tracker {
                 return Ok(());
             }
         }
-        self.process_start(&mut one, sink);
+        self.process_start(&mut one, sink)?;
         self.hypothesis = Some(one);
         Ok(())
     }
@@ -125,7 +125,7 @@ impl Tracker {
 
     /// Processes the samples of the start, which have all been taken in: their estimates are smoothed, because a wrong tilt at the start is
     /// corrected within the first second, and no unit turns like that.
-    fn process_start(&mut self, one: &mut Hypothesis, sink: Sink) {
+    fn process_start(&mut self, one: &mut Hypothesis, sink: Sink) -> Result<()> {
         if let Some(links) = &one.links {
             let (filter, body) = (self.strapdown_filter(), &self.subject.body);
             filter.leave_mirror(body, &links.state.means, &mut one.belief.mean);
@@ -141,7 +141,7 @@ impl Tracker {
             updates.extend(nodes.into_iter().map(|node| (node, first)));
             rows.extend(motion.map(|motion| (sample, one.clone(), self.info.clone(), motion)));
         }
-        let (Some(strapdown), Some(links)) = (&self.strapdown, &one.links) else { return };
+        let (Some(strapdown), Some(links)) = (&self.strapdown, &one.links) else { return Ok(()) };
         let filter = self.strapdown_filter();
         let mut backward = Backward::new(filter.size);
         let (mut smoothed, mut covariance) = (links.state.means.clone(), links.state.covariance.clone());
@@ -162,7 +162,11 @@ impl Tracker {
             }
             (smoothed, covariance, end) = (before, spread, first);
         }
-        rows.iter().for_each(|(sample, known, info, _)| sink(sample, known, info));
+        for (sample, known, info, _) in &rows {
+            check_number(known)?;
+            sink(sample, known, info);
+        }
+        check_number(one)
     }
 
     /// Finds the posture again after everything was silent, with the constants of before. Where readings fit none, the estimate goes on.
