@@ -38,8 +38,7 @@ pub fn cases() -> Vec<Case> {
 
 impl Case {
     fn new(name: &'static str, text: &str, config: &Config) -> Self {
-        let of_tree = text.replacen("structure = \"strapdown\"", "structure = \"tree\"", 1);
-        let model = Arc::new(Model::from_toml(&of_tree, name).expect("the model is valid"));
+        let model = super::support::model(text);
         let body = body(&model, config);
         let stroke = (text == SCULLER).then(|| Stroke::new(&body, 2.2));
         let motion = |t: f64| stroke.as_ref().map_or_else(|| sway(&model, t), |stroke| stroke.at(t));

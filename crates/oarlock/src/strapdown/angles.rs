@@ -379,7 +379,7 @@ fn unit_motion(filter: &StrapdownFilter, mean: &super::filter::UnitState, signal
     let white = links.gyro_density.powi(2) * rate_hz;
     let per_slope = if signal.span_s > 0.0 { 2.0 / (signal.span_s * signal.span_s) } else { f64::INFINITY };
     let change = links.gyro_step_share.powi(2) * square(signal.gyro_slope);
-    let unread = if signal.silence_s > 0.0 { (LIMB_RAD_S2 * signal.silence_s).min(LIMB_RAD_S) } else { 0.0 };
+    let unread = (LIMB_RAD_S2 * signal.silence_s).min(LIMB_RAD_S);
     let unread_slope = if signal.silence_s > 0.0 { LIMB_RAD_S2 } else { 0.0 };
     Motion {
         rate,

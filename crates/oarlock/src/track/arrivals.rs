@@ -135,27 +135,28 @@ impl Arrivals {
                 return Ok(());
             }
             self.cursor = cursor;
-            let given_s = &mut self.given_s;
-            tracker.step_with(&self.sample, &mut |sample, known, info| {
-                if known.belief.time_s > *given_s {
-                    *given_s = known.belief.time_s;
-                    sink(sample, known, info);
-                }
-            })?;
-            self.keep(tracker);
+            self.step(tracker, sink)?;
         }
     }
 
     fn go_on(&mut self, tracker: &mut Tracker, wait_s: f64, sink: Sink) -> Result<()> {
         while self.feed.next(wait_s, &mut self.cursor, &mut self.sample) {
-            let given_s = &mut self.given_s;
-            tracker.step_with(&self.sample, &mut |sample, known, info| {
-                *given_s = given_s.max(known.belief.time_s);
-                sink(sample, known, info);
-            })?;
+            self.step(tracker, sink)?;
             self.last_s = self.sample.time_s;
-            self.keep(tracker);
         }
+        Ok(())
+    }
+
+    /// Takes the sample; `sink` receives the estimates that were not given before.
+    fn step(&mut self, tracker: &mut Tracker, sink: Sink) -> Result<()> {
+        let given_s = &mut self.given_s;
+        tracker.step_with(&self.sample, &mut |sample, known, info| {
+            if known.belief.time_s > *given_s {
+                *given_s = known.belief.time_s;
+                sink(sample, known, info);
+            }
+        })?;
+        self.keep(tracker);
         Ok(())
     }
 

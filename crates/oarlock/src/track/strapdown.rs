@@ -15,7 +15,7 @@ use crate::body::Body;
 use crate::config::Magnetometer;
 use crate::error::Result;
 use crate::estimate::filter::{Diverged, SourceInfo, Verdict};
-use crate::model::{Fixing, Structure};
+use crate::model::{Fixing, SensorKind, Structure};
 use crate::recording::Sample;
 use crate::rotation::Vec3;
 use crate::sensor::{MountValue, Quantity};
@@ -95,6 +95,8 @@ pub(super) struct Strapdown {
     alone: Option<Alone>,
     /// By source: whether the whole recording has readings of it, so that it counts from the start on; empty: unknown.
     speaks: Vec<bool>,
+    /// By coordinate: row of its encoder in the measurement vector, if it has one there.
+    encoder_rows: Vec<Option<usize>>,
     /// How units sit, if it is decided before the start.
     fixing: Option<Fixing>,
     /// Standard deviations of states that strapdown links do not estimate.
@@ -153,6 +155,7 @@ impl Strapdown {
             filter: None,
             alone: None,
             speaks: Vec::new(),
+            encoder_rows: (0..body.axes.len()).map(|c| encoder_row(body, c)).collect(),
             fixing: None,
             unknown,
             next_start_s: 0.0,
@@ -407,6 +410,14 @@ impl Tracker {
         info.nis = if is_updated { sum } else { f64::NAN };
         info.inertial = if read.is_empty() { (f64::NAN, 0) } else { (sum, 3 * read.len()) };
     }
+}
+
+/// Row of a coordinate's encoder in the measurement vector; `None`: it has none, or it is an input.
+fn encoder_row(body: &Body, coordinate: usize) -> Option<usize> {
+    let reads =
+        |kind: &SensorKind| matches!(kind, SensorKind::Encoder(e) if body.model.joints[e.joint].first == coordinate);
+    let sensor = body.model.sensors.iter().find(|sensor| reads(&sensor.kind))?;
+    body.suite.sources.iter().find(|source| source.name == sensor.name).map(|source| source.rows.start)
 }
 
 /// An estimate that is no number is not given to anybody.

@@ -9,7 +9,7 @@ use super::support::{CHAIN, SCULLER};
 use oarlock::body::Body;
 use oarlock::config::Config;
 use oarlock::describe::describe;
-use oarlock::model::{Model, Structure};
+use oarlock::model::Model;
 use oarlock::track::{Calibration, Tracker};
 use oarlock::Error;
 use std::sync::{Arc, LazyLock};
@@ -52,7 +52,7 @@ fn model_files_are_read_or_refused() {
         *fed = mutated(chance, text, &*TEXTS);
         let Some(model) = answered(Model::from_toml(fed, "wounded.toml")) else { return };
         let model = Arc::new(model);
-        let config = Config { structure: Some(Structure::Tree), ..Config::default() };
+        let config = Config::default();
         let mounts = vec![None; model.sensors.len()];
         if let Some(body) = answered(Body::new(model.clone(), &model.default_parameters(), &mounts, &config)) {
             let told = describe(&body, "wounded.toml");

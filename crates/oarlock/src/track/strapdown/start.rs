@@ -11,7 +11,7 @@ use crate::estimate::filter::Info;
 use crate::estimate::smoother::Backward;
 use crate::estimate::System;
 use crate::kernels::dense::Square;
-use crate::model::{Fixing, SensorKind};
+use crate::model::Fixing;
 use crate::recording::{Recording, Sample};
 use crate::rotation::Mat3;
 use crate::strapdown::check::Check;
@@ -225,16 +225,11 @@ impl Tracker {
             inertial().count() == 2 && (later(s) || samples.iter().any(whole))
         };
         let body = &self.subject.body;
-        let row = |c: usize| {
-            let of = |s: &crate::model::Sensor| matches!(&s.kind, SensorKind::Encoder(e) if body.model.joints[e.joint].first == c);
-            let sensor = body.model.sensors.iter().find(|s| of(s))?;
-            body.suite.sources.iter().find(|s| s.name == sensor.name).map(|s| s.rows.start)
-        };
-        let is_encoded = |c: usize| {
-            let row = row(c);
+        let rows = self.strapdown.iter().flat_map(|links| &links.encoder_rows);
+        let is_encoded = |(c, row): (usize, &Option<usize>)| {
             samples.iter().any(|s| !s.inputs[c].is_nan() || row.is_some_and(|row| !s.z[row].is_nan()))
         };
-        body.suite.sources.iter().enumerate().map(is_read).chain((0..body.axes.len()).map(is_encoded)).collect()
+        body.suite.sources.iter().enumerate().map(is_read).chain(rows.enumerate().map(is_encoded)).collect()
     }
 
     /// Reads from a recording which units speak at any time.
