@@ -478,12 +478,16 @@ impl StrapdownFilter {
     }
 
     /// Reads an update again from where it led, until it leads nowhere else (Bell and Cathey 1993). Of a link without a unit nothing says how it
-    /// turned since the last update, so that its readings are not linear in that.
+    /// turned since the last update, so that its readings are not linear in that. Where it leads away, it is read once.
     fn read_again(&mut self, state: &mut State, (means, covariance): (&Means, &Square), is_open: bool, step_s: f64) {
         let likelihood = self.correction.log_likelihood;
         let first = if is_open { 0 } else { self.skeleton.units.len() };
+        let largest = |moved: &[Vec3<f64>]| moved[first..].iter().map(|turn| square(*turn)).fold(0.0, f64::max);
+        let alone = largest(&self.moved_by);
+        let mut step = alone;
+        let once = (step >= NEAR_RAD * NEAR_RAD).then(|| (state.means.clone(), state.covariance.clone()));
         for _ in 0..MOST_AGAIN {
-            if self.moved_by[first..].iter().all(|turn| square(*turn) < NEAR_RAD * NEAR_RAD) {
+            if step < NEAR_RAD * NEAR_RAD {
                 break;
             }
             let mut shift = std::mem::take(&mut self.correction.shift);
@@ -492,6 +496,10 @@ impl StrapdownFilter {
             state.covariance.clone_from(covariance);
             self.read_all(state, step_s);
             self.take_shift(state);
+            step = largest(&self.moved_by);
+        }
+        if let Some((means, covariance)) = once.filter(|_| step.is_nan() || step > alone) {
+            (state.means, state.covariance) = (means, covariance);
         }
         self.correction.log_likelihood = likelihood;
         let turn = |to: &Mat3<f64>, from: &Mat3<f64>| Vec3(Turn::of(&to.times_transposed(from)).log());

@@ -4,7 +4,7 @@ use super::super::begin::asked_posture;
 use super::super::hypothesis::Hypothesis;
 use super::super::{Sink, Status, Tracker};
 use super::fixing::Rival;
-use super::{check_number, Lack, LinkState, RowMotion, AGAIN_S, INERTIAL};
+use super::{check_number, Lack, LinkState, RowMotion, INERTIAL};
 use crate::error::Result;
 use crate::estimate::belief::Belief;
 use crate::estimate::filter::Info;
@@ -172,7 +172,7 @@ impl Tracker {
     /// Finds the posture again after everything was silent, with the constants of before. Where readings fit none, the estimate goes on.
     pub(super) fn start_again(&mut self, one: &mut Hypothesis, time_s: f64, node: &mut dyn FnMut(Node)) {
         let Some(links) = &mut one.links else { return };
-        let window = links.waiting.iter().map(|w| &w.sample).take_while(|sample| sample.time_s <= time_s + AGAIN_S);
+        let window = links.waiting.iter().map(|w| &w.sample).take_while(|sample| sample.time_s <= time_s + self.config.start_window_s);
         let window: Vec<Sample> = window.cloned().collect();
         let Ok(posture) = self.fit_start(&window) else { return };
         let orientations = self.orientations(&posture.belief.mean);
@@ -290,7 +290,9 @@ impl Tracker {
         if !links.iter().any(|link| link.pose == Pose::Driven) {
             return Ok(None);
         }
-        Ok(Some(self.fit_start(samples)?.belief.mean))
+        let end_s = samples[0].time_s + self.config.start_window_s;
+        let first = samples.partition_point(|sample| sample.time_s <= end_s);
+        Ok(Some(self.fit_start(&samples[..first])?.belief.mean))
     }
 
     /// Orientation of every link in a posture, room from link.
