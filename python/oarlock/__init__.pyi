@@ -68,7 +68,6 @@ from .model.description import (
 from .model.joint_play import with_play
 from .model.load import Base, load_model
 from .model.shapes import Look, Shape, Strand, Viewpoint
-from .model.soft_mount import with_soft_mounts
 from .recording.calibration import Calibration, Clock, EncoderScale, load_calibration
 from .recording.recording import Recording, load_recording
 from .recording.streams import ImuStream, OrientationStream, ScalarStream, VectorStream
@@ -197,5 +196,4 @@ __all__ = [
     "track_orientations",
     "with_ball_joint",
     "with_play",
-    "with_soft_mounts",
 ]

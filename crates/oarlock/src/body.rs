@@ -18,11 +18,11 @@ use crate::kinematics::near::Reach;
 use crate::kinematics::pieces::Pieces;
 use crate::kinematics::{FrameMotion, JointMotion, Tree};
 use crate::model::{Axis, Model, Sensor, SensorKind, Transform, World};
-use crate::motion::{base_block, error_block, is_held, is_turn_observed, joint_block, push_turn, soft_block, Now};
+use crate::motion::{base_block, error_block, is_held, is_turn_observed, joint_block, push_turn, Now};
 use crate::rotation::turn::{minus, plus, right_jacobian};
 use crate::rotation::{Mat3, Vec3};
 use crate::sensor::near::Seats;
-use crate::sensor::{MountValue, Quantity, SoftMount, Suite, Wearing};
+use crate::sensor::{MountValue, Quantity, Suite, Wearing};
 use crate::state::{ErrorSlot, Layout, Slots};
 use posture::Posture;
 use read::BodyScratch;
@@ -118,8 +118,6 @@ pub struct Body {
     input_std: Vec<f64>,
     /// Source, first row and first state of every bias.
     biases: Vec<(usize, usize, usize)>,
-    /// The same of the rates of mounts that turn slowly, in angular velocities.
-    mount_rates: Vec<(usize, usize, usize)>,
     /// The rigid pieces of the tree, the sensors on them, and the states that the pose of each piece depends on.
     pieces: Pieces,
     seats: Seats,
@@ -141,7 +139,6 @@ impl Body {
             Some((s, part.rows.start, slot.first))
         };
         let biases = layout.errors.iter().filter_map(rows_of).collect();
-        let mount_rates = mount_rates(&model, &layout, &suite);
         let joints = layout.coordinates.iter().flatten().filter_map(|s| s.rates.map(|(_, accel)| accel));
         let driven = joints.chain(layout.pushes.iter().map(|p| p.rate.unwrap_or(p.state))).collect();
         let inputs = || model.joints.iter().filter(|j| j.input);
@@ -172,7 +169,6 @@ impl Body {
             input_coordinates,
             input_std,
             biases,
-            mount_rates,
             pieces,
             seats,
             piece_reaches,
@@ -183,14 +179,6 @@ impl Body {
     pub fn moving(&self) -> impl Iterator<Item = (usize, &Axis, Slots)> {
         let both = self.axes.iter().zip(&self.layout.coordinates).enumerate();
         both.filter_map(|(c, (axis, slots))| Some((c, axis, (*slots)?)))
-    }
-
-    /// Mounts that turn slowly: the sensor, and the first states of rotation and rate.
-    pub fn soft_mounts(&self) -> impl Iterator<Item = (usize, [usize; 2], &SoftMount)> {
-        self.layout.turnings.iter().filter_map(|&(number, rate)| {
-            let (sensor, first) = self.layout.mounts[number];
-            Some((sensor, [first, rate], self.model.sensors[sensor].kind.mount()?.soft.as_ref()?))
-        })
     }
 
     /// Nominal values of the estimated lengths, m.
@@ -288,19 +276,6 @@ fn axes(model: &Model, contacts: bool) -> Vec<Axis> {
     model.axes().into_iter().map(|axis| Axis { travels: travels && axis.place, ..axis }).collect()
 }
 
-/// See [`Body::mount_rates`].
-fn mount_rates(model: &Model, layout: &Layout, suite: &Suite) -> Vec<(usize, usize, usize)> {
-    let turns = |quantity| matches!(quantity, Quantity::Gyro | Quantity::Rest);
-    let rows = |&(number, rate): &(usize, usize)| {
-        let name = &model.sensors[layout.mounts[number].0].name;
-        let source = suite.sources.iter().position(|s| s.name == *name);
-        let parts = source.into_iter().flat_map(|s| suite.sources[s].parts.iter().map(move |part| (s, part)));
-        let rows = parts.filter(|(_, part)| turns(part.quantity)).map(|(s, part)| (s, part.rows.start, rate));
-        rows.collect::<Vec<_>>()
-    };
-    layout.turnings.iter().flat_map(rows).collect()
-}
-
 /// See [`Body::floating`].
 fn floating(model: &Model, parameters: &[f64]) -> Vec<(usize, Mat3<f64>)> {
     let mut still: Vec<Option<Mat3<f64>>> = vec![None; model.frames.len()];
@@ -392,12 +367,8 @@ impl System for Body {
             out.blocks.push(Block::walk(azimuth, walk * walk * dt));
         }
         let constant = self.layout.lengths.iter().map(|l| l.1..l.1 + 1);
-        let rigid = |m: &&(usize, usize)| self.model.sensors[m.0].kind.mount().is_some_and(|m| m.soft.is_none());
-        for state in constant.chain(self.layout.mounts.iter().filter(rigid).map(|m| m.1..m.1 + 3)).flatten() {
+        for state in constant.chain(self.layout.mounts.iter().map(|m| m.1..m.1 + 3)).flatten() {
             out.blocks.push(Block::walk(state, 0.0));
-        }
-        for (_, first, soft) in self.soft_mounts() {
-            out.blocks.extend((0..3).map(|k| soft_block(soft, first.map(|i| i + k), dt)));
         }
         for (state, walk) in &self.layout.headings {
             out.blocks.push(Block::walk(*state, walk * walk * dt));

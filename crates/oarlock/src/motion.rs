@@ -5,7 +5,7 @@ use crate::config::ProcessNoise;
 use crate::estimate::transition::{Block, Transition, Turning};
 use crate::model::{Axis, BaseAcceleration, ProcessKind};
 use crate::rotation::turn::{left_jacobian_inverse, minus, plus, right_jacobian, right_jacobian_inverse};
-use crate::sensor::{SlowError, SoftMount};
+use crate::sensor::SlowError;
 use crate::state::{PushSlot, Slots};
 
 /// A joint with a standard deviation above this share of its prior's counts as not observed and is kept near its prior.
@@ -132,22 +132,6 @@ pub fn error_block(error: &SlowError, state: usize, dt: f64) -> Block {
     let mut block = Block::walk(state, variance * faded(2.0 * rate, dt));
     block.factor[0][0] = (-rate * dt).exp();
     block
-}
-
-/// Motion of one axis of a mount that turns slowly, and its rate.
-pub fn soft_block(soft: &SoftMount, [angle, rate]: [usize; 2], dt: f64) -> Block {
-    let (p, variance) = (soft.pole(), soft.std_rad * soft.std_rad);
-    let response = |t: f64| {
-        [[1.0 + p * t, t, 0.0], [-p * p * t, 1.0 - p * t, 0.0], [0.0; 3]].map(|row| row.map(|x| x * (-p * t).exp()))
-    };
-    let factor = response(dt);
-    let noise = if p * dt < 0.5 {
-        // The closed form cancels here.
-        gathered(dt, |t| response(t).map(|row| row[1])).map(|row| row.map(|x| x * 4.0 * p * p * p * variance))
-    } else {
-        driving(&factor, &[[variance, 0.0, 0.0], [0.0, p * p * variance, 0.0], [0.0; 3]])
-    };
-    Block { index: [angle, rate, rate], len: 2, factor, offset: [0.0; 3], noise }
 }
 
 /// Integral of exp(-k s) over `t`.
@@ -416,30 +400,6 @@ mod tests {
         assert!((risen.noise[0][0] / jumped.noise[0][0] - 1.0).abs() < 1e-3);
         let rate_std = push(0.3, 1e-5).rate_std();
         assert!((risen.noise[1][1].sqrt() / rate_std - 1.0).abs() < 1e-9);
-    }
-
-    /// F and Q of two steps equal those of one step twice as long on either side of the change of formula and across it, and in the long run the
-    /// standard deviations are those of the mount.
-    #[test]
-    fn two_steps_of_a_soft_mount_are_one() {
-        let soft = SoftMount { std_rad: 0.05, time_s: 2.0 };
-        for dt in [1e-3, 0.01, 0.2, 0.3, 0.6, 5.0] {
-            let (half, whole) = (soft_block(&soft, [0, 1], dt), soft_block(&soft, [0, 1], 2.0 * dt));
-            for r in 0..2 {
-                for c in 0..2 {
-                    let (factor, noise) = of_two(&half, r, c);
-                    assert!((factor - whole.factor[r][c]).abs() < 1e-12, "{dt} {r} {c}");
-                    // Five-point Gauss quadrature at half of a decay leaves 1e-9.
-                    assert!(
-                        (noise - whole.noise[r][c]).abs() < 1e-8 * whole.noise[r][c].abs(),
-                        "{dt} {r} {c}: {noise}"
-                    );
-                }
-            }
-        }
-        let long = soft_block(&soft, [0, 1], 100.0);
-        assert!((long.noise[0][0].sqrt() / soft.std_rad - 1.0).abs() < 1e-12);
-        assert!((long.noise[1][1].sqrt() / soft.rate_std() - 1.0).abs() < 1e-12);
     }
 
     #[test]

@@ -19,7 +19,7 @@ use crate::model::section::{Known, Section};
 use crate::model::{Expr, Model, Point};
 use crate::rotation::{Mat3, Vec3};
 use kind::{all_keys, kinds, refuse_others, Described, Kind, Pending, Reads, Sits};
-pub use mount::{Mount, MountValue, SoftMount};
+pub use mount::{Mount, MountValue};
 use near::{Homes, Nearby, Stand};
 use serde_json::Value;
 use slopes::{Answers, Found, Group, Moving};

@@ -48,8 +48,6 @@ pub struct Layout {
     pub lengths: Vec<(usize, usize)>,
     /// Sensor and first state of every estimated mount.
     pub mounts: Vec<(usize, usize)>,
-    /// Mounts that turn slowly: number among the estimated ones, and first state of the rates.
-    pub turnings: Vec<(usize, usize)>,
     /// Headings of references of orientation sensors: state, and random walk (rad per sqrt(s)).
     pub headings: Vec<(usize, f64)>,
     /// Per sensor of the model: number of its heading.
@@ -75,7 +73,6 @@ impl Layout {
             turns: Vec::new(),
             lengths: Vec::new(),
             mounts: Vec::new(),
-            turnings: Vec::new(),
             headings: Vec::new(),
             heading_of: vec![None; model.sensors.len()],
             azimuth: None,
@@ -114,7 +111,7 @@ impl Layout {
                 self.lengths.push((i, state));
             }
         }
-        let mounted = |s: &crate::model::Sensor| s.kind.mount().is_some_and(|m| m.soft.is_some() || wants(MOUNTS));
+        let mounted = |s: &crate::model::Sensor| s.kind.mount().is_some() && wants(MOUNTS);
         for (i, sensor) in model.sensors.iter().enumerate().filter(|(_, s)| mounted(s)) {
             self.mounts.push((i, self.names.len()));
             self.names.extend(["x", "y", "z"].map(|a| format!("{}.mount_r{a}", sensor.name)));
@@ -166,13 +163,6 @@ impl Layout {
             for error in sensor.kind.slow_errors().into_iter().filter(|e| e.asked.is_none_or(wants)) {
                 self.errors.push(ErrorSlot { sensor: i, first: self.names.len(), error });
                 self.names.extend(["x", "y", "z"].map(|a| format!("{}.{}_{a}", sensor.name, error.name)));
-            }
-        }
-        for (number, (sensor, _)) in self.mounts.iter().enumerate() {
-            let sensor = &model.sensors[*sensor];
-            if sensor.kind.mount().is_some_and(|m| m.soft.is_some()) {
-                self.turnings.push((number, self.names.len()));
-                self.names.extend(["x", "y", "z"].map(|a| format!("{}.mount_r{a}.velocity", sensor.name)));
             }
         }
         for (i, base) in model.base_accelerations.iter().enumerate() {

@@ -22,5 +22,6 @@ mod readings;
 pub mod sensors;
 pub mod skeleton;
 mod skin;
+pub mod slides;
 pub mod smoother;
 mod start;

@@ -38,14 +38,6 @@ Balls = Annotated[
         help="Make one ball of two hinges whose axes are unknown, e.g. elbow_flexion_r,elbow_pronation_r. Repeatable.",
     ),
 ]
-SoftMounts = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--soft-mount",
-        metavar="UNIT=DEG",
-        help="A unit that turns slowly on its segment, and the standard deviation, e.g. thigh_r=5. Repeatable.",
-    ),
-]
 Plays = Annotated[
     list[str] | None,
     typer.Option(
@@ -72,12 +64,12 @@ def chosen_body(
     mass_kg: float | None = None,
     units: str | None = None,
     balls: Iterable[str] = (),
-    soft_mounts: Iterable[str] = (),
     plays: Iterable[str] = (),
 ) -> Model:
-    """The model with these parameters, lengths of a person, units, balls in place of hinges, soft mounts, play."""
+    """The model with these parameters, lengths of a person, units, balls in place of hinges, play."""
     from oarlock import load_model
     from oarlock.model.ball_joint import with_ball_joint
+    from oarlock.model.joint_play import with_play
 
     body = load_model(model, parameters=parameters, stature_m=stature_m, mass_kg=mass_kg)
     body = body if units is None else body.with_units(names(units))
@@ -86,20 +78,8 @@ def chosen_body(
         if len(hinges) != 2:
             raise UsageError(f"--ball {ball}: expected two hinges, the upper one first")
         body = with_ball_joint(body, *hinges)
-    return _loosened(body, soft_mounts, plays)
-
-
-def _loosened(body: Model, soft_mounts: Iterable[str], plays: Iterable[str]) -> Model:
-    from oarlock.model.joint_play import with_play
-    from oarlock.model.soft_mount import with_soft_mounts
-
-    for change, chosen, option in (
-        (with_soft_mounts, soft_mounts, ("--soft-mount", "thigh_r=5")),
-        (with_play, plays, ("--play", "knee_flexion_r=3")),
-    ):
-        std_deg = assignments(chosen, *option, "degrees")
-        body = change(body, {name: radians(deg) for name, deg in std_deg.items()}) if std_deg else body
-    return body
+    std_deg = assignments(plays, "--play", "knee_flexion_r=3", "degrees")
+    return with_play(body, {name: radians(deg) for name, deg in std_deg.items()}) if std_deg else body
 
 
 def ball_note(ball: str) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from oarlock.cli.body import Balls, Mass, Plays, SoftMounts, Stature, Units, ball_note, chosen_body
+from oarlock.cli.body import Balls, Mass, Plays, Stature, Units, ball_note, chosen_body
 from oarlock.cli.options import CalibrationFile, Force, Json, ModelName, OutFolder, example, names
 from oarlock.cli.settings import (
     DEFAULTS,
@@ -100,7 +100,6 @@ def track(
     mass_kg: Mass = None,
     units: Units = None,
     balls: Balls = None,
-    soft_mounts: SoftMounts = None,
     plays: Plays = None,
     smooth: Annotated[bool, typer.Option("--smooth", help="Smooth over the whole recording.")] = False,
     iterations: Annotated[
@@ -151,9 +150,7 @@ def track(
 
     body = load_model(model)
     parameters, chosen = split(settings, body.parameters)
-    body = chosen_body(
-        model, parameters, stature_m, mass_kg, units, balls or (), soft_mounts or (), plays or ()
-    )
+    body = chosen_body(model, parameters, stature_m, mass_kg, units, balls or (), plays or ())
     chosen = {**(settings_of_file(config_file) if config_file else {}), **chosen}
     if output_rate_hz is not None:
         chosen["output_rate_hz"] = output_rate_hz

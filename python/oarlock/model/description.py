@@ -178,15 +178,13 @@ class MountDescription:
         rotation: (3, 3) link from sensor.
         offset: (3,) the sensor's place in the link's axes, m.
         std_rad: standard deviation of the rotation about each axis, rad.
-        turning_std_rad: standard deviation of its slow rotation on the link about each axis, rad; None if it is rigid.
-        turning_time_s: correlation time of that, s.
+        rigid: whether nothing soft lies under it, so that it never turns on its link.
     """
 
     rotation: Matrix
     offset: Vector
     std_rad: float
-    turning_std_rad: float | None
-    turning_time_s: float | None
+    rigid: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -47,9 +47,6 @@ impl Body {
             coordinates: layout.coordinates.iter().map(|slots| Some((*slots)?.q)).collect(),
             lengths: layout.lengths.iter().map(|l| l.1).collect(),
             mounts: layout.mounts.iter().map(|m| m.1).collect(),
-            mount_rates: (0..layout.mounts.len())
-                .map(|i| layout.turnings.iter().find(|t| t.0 == i).map(|t| t.1))
-                .collect(),
             headings: layout.headings.iter().map(|h| h.0).collect(),
             azimuth: layout.azimuth,
             bases: layout.pushes.iter().map(|p| (p.state, self.model.base_accelerations[p.number].axis)).collect(),

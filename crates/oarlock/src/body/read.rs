@@ -98,7 +98,7 @@ impl Body {
 
     #[inline(always)]
     pub(super) fn add_biases<T: Real>(&self, moment: &Moment, at: impl Fn(usize) -> T, out: &mut [T]) {
-        for &(source, row, bias) in self.biases.iter().chain(&self.mount_rates) {
+        for &(source, row, bias) in &self.biases {
             if moment.active[source] {
                 for i in 0..3 {
                     out[row + i] += at(bias + i);

@@ -24,8 +24,7 @@ impl Body {
             let mounts = self.layout.mounts.iter().filter(|m| m.0 == s).map(|m| m.1..m.1 + 3);
             let errors = self.layout.errors.iter().filter(|slot| slot.sensor == s);
             let errors = errors.map(|slot| slot.first..slot.first + 3);
-            let rates = self.soft_mounts().filter(|(own, ..)| *own == s).map(|(_, [_, rate], _)| rate..rate + 3);
-            mounts.chain(errors).chain(rates).flatten().for_each(|state| found[state] = limb);
+            mounts.chain(errors).flatten().for_each(|state| found[state] = limb);
         }
         let rows = self.states_of_rows();
         let lengths = self.layout.lengths.iter().map(|l| l.1);

@@ -287,9 +287,7 @@ impl Reads for ImuReader {
         };
         let mut all = Vec::new();
         for row in gyro.into_iter().chain(rest) {
-            let mut spun = found(row, GYRO, chain(&[SlopeKind::Turn, SlopeKind::Rate]));
-            spun.columns.extend(answers.mount_rate(self.mount));
-            all.push(spun);
+            all.push(found(row, GYRO, chain(&[SlopeKind::Turn, SlopeKind::Rate])));
         }
         if let Some(row) = accel {
             use SlopeKind::{Accel, Push, Rate, Shift, Turn};

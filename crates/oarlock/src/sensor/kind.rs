@@ -32,7 +32,7 @@ impl Described<'_> {
 
     pub fn mount(&self, mount: &Mount) -> Value {
         json!({"rotation": mount.rotation.0, "offset": self.point(&mount.offset), "std_rad": mount.std_rad,
-            "turning_std_rad": mount.soft.map(|s| s.std_rad), "turning_time_s": mount.soft.map(|s| s.time_s)})
+            "rigid": mount.rigid})
     }
 }
 

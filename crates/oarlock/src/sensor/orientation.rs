@@ -263,7 +263,7 @@ impl Reads for OrientationReader {
                         let [x, y, z] = inverse.apply(own).0;
                         [x, y, z, 0.0]
                     }
-                    Cause::Stretch(_) | Cause::Base(_) | Cause::MountRate(_) => [0.0; 4],
+                    Cause::Stretch(_) | Cause::Base(_) => [0.0; 4],
                 };
             }
         }

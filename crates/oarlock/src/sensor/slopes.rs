@@ -22,8 +22,6 @@ pub struct Places {
     pub lengths: Vec<usize>,
     /// Per estimated mount: the first of three columns.
     pub mounts: Vec<usize>,
-    /// For each of these: the first column of its rates, if it turns slowly.
-    pub mount_rates: Vec<Option<usize>>,
     /// Per estimated heading: its column.
     pub headings: Vec<usize>,
     /// Column of the magnetic field's azimuth.
@@ -69,8 +67,6 @@ pub(crate) enum Cause {
     Stretch([f64; 3]),
     /// One of the three numbers of a mount.
     Mount(usize),
-    /// One of the three rates of a mount.
-    MountRate(usize),
     /// A base acceleration.
     Base([f64; 3]),
     /// A state that only the kind of sensor interprets.
@@ -144,12 +140,6 @@ impl Answers<'_> {
     pub fn mount(&self, number: Option<usize>) -> impl Iterator<Item = Column> {
         let first = number.map(|i| self.columns.mounts[i]);
         first.into_iter().flat_map(|m| (0..3).map(move |k| (m + k, (Cause::Mount(k), 0))))
-    }
-
-    /// Columns of the rates of a mount that turns slowly.
-    pub fn mount_rate(&self, number: Option<usize>) -> impl Iterator<Item = Column> {
-        let first = number.and_then(|i| self.columns.mount_rates[i]);
-        first.into_iter().flat_map(|m| (0..3).map(move |k| (m + k, (Cause::MountRate(k), 0))))
     }
 }
 

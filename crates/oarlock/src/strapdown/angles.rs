@@ -156,6 +156,12 @@ impl Coordinates {
         let turns = filter.skeleton.links[l].turns.coordinates().into_iter().flatten();
         for c in slide.into_iter().chain(turns) {
             let Some(slots) = body.layout.coordinates[c] else { continue };
+            if let Some(number) = filter.skeleton.slide(c) {
+                let (first, [place, speed]) = (filter.slide_state(number), means.slides[number]);
+                self.set(slots.q, place, vec![(first, 1.0)], 0.0);
+                slots.rates.iter().for_each(|(rate, _)| self.set(*rate, speed, vec![(first + 1, 1.0)], 0.0));
+                continue;
+            }
             let mut sensors = filter.skeleton.sensors.iter();
             let sensor = sensors.find(|s| matches!(s.measures, Measures::Input(own) if own == c));
             let Some(std) = sensor.map(|sensor| sensor.std) else { continue };
@@ -223,9 +229,7 @@ impl Coordinates {
         rows.push(UNIT * u, &sum(&ZERO, &back.times(&skew(mean.position + arm)), -1.0));
         rows.push(UNIT * u + 6, &back);
         for leg in through {
-            let own = filter.leg(means, &leg);
-            filter.push_link(&mut rows, means, leg.link, &sum(&ZERO, &back.times(&skew(own)), -1.0));
-            arm += own;
+            arm += filter.push_leg(&mut rows, means, &leg, &back);
         }
         let place = back.apply(mean.position + arm - link.arm);
         let spin = mean.rotation.apply(motions.units[u].rate);

@@ -2,6 +2,7 @@
 #![allow(clippy::needless_range_loop)] // several arrays go in step
 
 use super::increment::{skew, sum, Increment};
+use super::slides::Share;
 use crate::kernels::arch::{madd, Arch, Kernel};
 use crate::kernels::dense::Square;
 use crate::rotation::{Mat3, Vec3};
@@ -144,8 +145,8 @@ fn move_columns(step: &Step, x: &mut [f64]) {
     }
 }
 
-/// Transitions of all units; states that accelerate them all along an axis; and shares of states that decay.
-type Transition<'a> = (&'a [Step], &'a [(usize, Vec3<f64>)], &'a [(usize, f64)]);
+/// Transitions of all units; states that accelerate them all along an axis; shares of states that decay; and of pairs of states from a first one.
+type Transition<'a> = (&'a [Step], &'a [(usize, Vec3<f64>)], &'a [(usize, f64)], &'a [(usize, Share)]);
 
 /// P <- F P F' for all units.
 pub fn predict(arch: Arch, covariance: &mut Square, transition: Transition) {
@@ -169,6 +170,13 @@ pub fn pushed_rows(unit: usize, push: usize) -> [usize; 7] {
     std::array::from_fn(|r| if r < 6 { UNIT * unit + 3 + r } else { push })
 }
 
+/// X <- F X of two rows.
+pub fn mix_rows(share: &Share, [a, b]: [&mut [f64]; 2]) {
+    for (a, b) in a.iter_mut().zip(b) {
+        [*a, *b] = share.map(|row| row[0] * *a + row[1] * *b);
+    }
+}
+
 struct Predicting<'a> {
     covariance: &'a mut Square,
     transition: Transition<'a>,
@@ -179,7 +187,7 @@ impl Kernel for Predicting<'_> {
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let Predicting { covariance, transition: (steps, pushed, decays) } = self;
+        let Predicting { covariance, transition: (steps, pushed, decays, slides) } = self;
         for (i, step) in steps.iter().enumerate() {
             let mut rows = covariance.rows_mut::<UNIT>(std::array::from_fn(|r| UNIT * i + r));
             move_rows::<FUSED>(step, &mut rows);
@@ -189,6 +197,9 @@ impl Kernel for Predicting<'_> {
         }
         for (state, share) in decays {
             covariance.row_mut(*state).iter_mut().for_each(|x| *x *= share);
+        }
+        for (first, share) in slides {
+            mix_rows(share, covariance.rows_mut::<2>([*first, first + 1]));
         }
         for r in 0..covariance.n() {
             let row = covariance.row_mut(r);
@@ -204,6 +215,10 @@ impl Kernel for Predicting<'_> {
             }
             for (state, share) in decays {
                 row[*state] *= share;
+            }
+            for (first, share) in slides {
+                let pair = [row[*first], row[first + 1]];
+                (0..2).for_each(|k| row[first + k] = share[k][0] * pair[0] + share[k][1] * pair[1]);
             }
         }
     }

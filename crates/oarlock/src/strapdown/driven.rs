@@ -1,9 +1,8 @@
 //! Links that only encoders measure, legs through them, and loops that need them. `filter` and `readings` use it.
 
-use super::filter::{Means, StrapdownFilter};
+use super::filter::StrapdownFilter;
 use super::sensors::{Heard, Measures, HOLD_S};
 use super::skeleton::{Closure, End, Leg, Pose};
-use crate::rotation::Vec3;
 
 impl StrapdownFilter {
     /// What encoders say at a time of the links that only they measure; those that are silent stay.
@@ -28,12 +27,6 @@ impl StrapdownFilter {
             }
         }
         silences
-    }
-
-    /// A leg in the room's axes, m.
-    pub(super) fn leg(&self, means: &Means, leg: &Leg) -> Vec3<f64> {
-        let length = leg.by.map_or(1.0, |c| means.inputs[c][0]);
-        self.orientation_of(means, leg.link).apply(leg.vector) * length
     }
 
     /// Whether encoders that a leg needs are silent.

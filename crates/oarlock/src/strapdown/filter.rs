@@ -3,7 +3,7 @@
 use super::covariance::{even, predict, Correction, Rows, Step, UNIT};
 use super::increment::{square, sum, Increment, Reading, Readings, ZERO};
 use super::sensors::{Heard, Measures, Sensor};
-use super::skeleton::{Closure, End, Pose, Skeleton};
+use super::skeleton::{Closure, End, Pose, Skeleton, Unit};
 use super::skin::small_turn;
 use super::start::{fresh_block, put_block};
 use crate::estimate::filter::Verdict;
@@ -71,6 +71,8 @@ pub struct Means {
     pub room: Vec3<f64>,
     /// Of the skeleton's lengths, in standard deviations from their values.
     pub lengths: Vec<f64>,
+    /// Of slides that no encoder reads: position, m, and speed, m/s.
+    pub slides: Vec<[f64; 2]>,
     /// By coordinate of the model: what only encoders measure, rad or m, and its rate. No state.
     pub inputs: Vec<[f64; 2]>,
 }
@@ -162,10 +164,14 @@ impl StrapdownFilter {
         let points = ends.map(|(is_joint, ends)| ends.map(|end| place(is_joint && end.unit().is_some()))).collect();
         let turns = |l: usize| closures && links.axis_std_rad.is_some() && skeleton.is_hinged(l);
         let axes = (0..skeleton.links.len()).map(|l| [turns(l); 2].map(&mut place)).collect();
-        let turned = vec![[links.mount_std_rad, links.skin_std_rad]; if closures { units } else { 0 }];
-        let turned = turned.into_iter().map(|stds| stds.map(|std| place(std.is_some()))).collect();
+        let stds = |unit: &Unit| [links.mount_std_rad, links.skin_std_rad.filter(|_| !unit.rigid)];
+        let turning = skeleton.units.iter().take(if closures { units } else { 0 });
+        let turned = turning.map(|unit| stds(unit).map(|std| place(std.is_some()))).collect();
         size += if links.room_std_rad.is_some() { 3 } else { 0 };
-        size += skeleton.lengths.len() + skeleton.pushes.len() + usize::from(skeleton.has_fields());
+        size += 2 * skeleton.slides.len()
+            + skeleton.lengths.len()
+            + skeleton.pushes.len()
+            + usize::from(skeleton.has_fields());
         let is_alone = |sensor: &Sensor| matches!(sensor.measures, Measures::Angle(l, _) if matches!(skeleton.links[l].pose, Pose::State(..)));
         let update_s = match skeleton.is_held() {
             _ if skeleton.sensors.iter().any(is_alone) => UPDATE_ENCODER_S,
@@ -378,11 +384,7 @@ impl StrapdownFilter {
         let gravity = self.gravity_in(&state.means);
         let units = state.means.units.iter().zip(&state.increments).map(|(mean, i)| self.moved(mean, i, gravity));
         let inputs = self.inputs(&state.heard, state.row_s, &state.means.inputs);
-        let Means { loose, constants, azimuth, pushes, lengths, .. } = &state.means;
-        let (loose, constants) = (loose.clone(), constants.clone());
-        let (pushes, lengths) = (pushes.clone(), lengths.clone());
-        let (units, room) = (units.collect(), state.means.room);
-        Means { units, loose, constants, azimuth: *azimuth, pushes, room, lengths, inputs }
+        Means { units: units.collect(), inputs, ..state.means.clone() }
     }
 
     fn predict(&mut self, state: &mut State) -> Vec<Step> {
@@ -410,8 +412,9 @@ impl StrapdownFilter {
             steps[u].forgets = true;
         }
         let decays = self.decays(step_s);
-        predict(self.arch, &mut state.covariance, (&steps, &self.pushed(), &decays));
+        predict(self.arch, &mut state.covariance, (&steps, &self.pushed(), &decays, &self.slide_shares(step_s)));
         self.wander(state, step_s);
+        self.slide_on(state, step_s);
         for (i, (noise, unit)) in noises.iter().zip(&self.skeleton.units).enumerate() {
             put_block(&mut state.covariance, UNIT * i, noise);
             for r in 0..6 {
@@ -578,6 +581,9 @@ impl StrapdownFilter {
         means.pushes.iter_mut().enumerate().for_each(|(k, push)| *push += shift[self.push_state(k)]);
         means.room += self.room_state().map_or(Vec3([0.0; 3]), three);
         means.lengths.iter_mut().enumerate().for_each(|(k, length)| *length += shift[self.length_state(k)]);
+        for (number, slide) in means.slides.iter_mut().enumerate() {
+            slide.iter_mut().zip(&shift[self.slide_state(number)..]).for_each(|(x, step)| *x += step);
+        }
     }
 
     /// Rotation of a link against its parent, and room from link.

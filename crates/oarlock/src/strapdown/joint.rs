@@ -25,7 +25,7 @@ pub enum Turns {
     Free(usize, Mat3<f64>),
     /// Coordinates of a rotation vector.
     Ball(usize, Mat3<f64>),
-    /// One to three hinges that meet in a point.
+    /// Up to three hinges that meet in a point; none: it does not turn.
     Hinges(Vec<Hinge>),
     /// A slide along an axis of the parent, by its coordinate: it turns nothing.
     Slide(usize, Mat3<f64>, Vec3<f64>),
@@ -43,7 +43,7 @@ pub struct Angles {
     /// Turn that the hinges do not explain, rad in the child's axes.
     pub off_axis: Vec3<f64>,
     /// Unit vectors at right angles to all hinges, in the child's axes; `3 - count` of them.
-    pub normals: [Vec3<f64>; 2],
+    pub normals: [Vec3<f64>; 3],
 }
 
 /// Steps of the search for two or three angles: it converges quadratically.
@@ -88,10 +88,10 @@ impl Turns {
         match self {
             Turns::Free(_, entry) | Turns::Ball(_, entry) => {
                 let q = Turn::of(&entry.transposed().times(rotation)).log();
-                Angles { count: 3, q, by_turn: Mat3::identity(), off_axis: zero, normals: [zero; 2] }
+                Angles { count: 3, q, by_turn: Mat3::identity(), off_axis: zero, normals: [zero; 3] }
             }
             Turns::Slide(..) => {
-                Angles { count: 0, q: [0.0; 3], by_turn: Mat3::identity(), off_axis: zero, normals: [zero; 2] }
+                Angles { count: 0, q: [0.0; 3], by_turn: Mat3::identity(), off_axis: zero, normals: [zero; 3] }
             }
             Turns::Hinges(hinges) if hinges.len() == 1 => one_hinge(&hinges[0], rotation, guess[0]),
             Turns::Hinges(hinges) => self.some_hinges(hinges, rotation, guess),
@@ -131,8 +131,9 @@ impl Turns {
             }
         }
         let normals = match hinges.len() {
-            2 => [unit(axes[0].cross(axes[1])), Vec3([0.0; 3])],
-            _ => [Vec3([0.0; 3]); 2],
+            0 => Mat3::identity().0.map(Vec3),
+            2 => [unit(axes[0].cross(axes[1])), Vec3([0.0; 3]), Vec3([0.0; 3])],
+            _ => [Vec3([0.0; 3]); 3],
         };
         Angles { count: hinges.len(), q, by_turn, off_axis, normals }
     }
@@ -162,7 +163,7 @@ fn one_hinge(hinge: &Hinge, rotation: &Mat3<f64>, guess: f64) -> Angles {
     let angle = (m.0[1][0] - m.0[0][1]).atan2(m.0[0][0] + m.0[1][1]);
     let off_axis = Turn::of(&Mat3::about_z(angle).transposed().times(&m)).log();
     let by_turn = Mat3([[0.0, 0.0, hinge.sign], [0.0; 3], [0.0; 3]]);
-    let normals = [Vec3([1.0, 0.0, 0.0]), Vec3([0.0, 1.0, 0.0])];
+    let normals = [Vec3([1.0, 0.0, 0.0]), Vec3([0.0, 1.0, 0.0]), Vec3([0.0; 3])];
     let q = [nearest(hinge.sign * angle, guess), 0.0, 0.0];
     Angles { count: 1, q, by_turn, off_axis: Vec3(off_axis), normals }
 }

@@ -31,11 +31,11 @@ impl StrapdownFilter {
         };
         let unit = |(u, o): (usize, &Option<usize>)| o.map_or_else(|| fresh(u), |o| state.means.units[o]);
         let units = earlier.iter().enumerate().map(unit).collect();
-        let Means { azimuth, pushes, room, inputs, .. } = state.means.clone();
+        let Means { azimuth, pushes, room, slides, inputs, .. } = state.means.clone();
         let there = |i: &usize| old.skeleton.lengths.iter().position(|o| o == i);
         let known_lengths: Vec<Option<usize>> = self.skeleton.lengths.iter().map(there).collect();
         let lengths = known_lengths.iter().map(|k| k.map_or(0.0, |k| state.means.lengths[k])).collect();
-        let mut means = Means { units, azimuth, pushes, room, lengths, inputs, ..Means::default() };
+        let mut means = Means { units, azimuth, pushes, room, lengths, slides, inputs, ..Means::default() };
         means.loose = self.skeleton.loose.iter().map(|l| self.against(*l, &rotations)).collect();
         let mut source = vec![None; self.size];
         for (u, o) in earlier.iter().enumerate() {
@@ -60,6 +60,8 @@ impl StrapdownFilter {
         for (k, there) in known_lengths.iter().enumerate() {
             source[self.length_state(k)] = there.map(|there| old.length_state(there));
         }
+        (0..2 * self.skeleton.slides.len())
+            .for_each(|k| source[self.slide_state(0) + k] = Some(old.slide_state(0) + k));
         (0..self.skeleton.pushes.len()).for_each(|k| source[self.push_state(k)] = Some(old.push_state(k)));
         let mut known: Vec<bool> = earlier.iter().map(Option::is_some).collect();
         self.place(&mut means, &mut known);

@@ -71,10 +71,9 @@ impl StrapdownFilter {
                 }
             }
         }
+        let away = sum(&ZERO, &back, -1.0);
         for leg in &closure.through {
-            let arm = self.leg(means, leg);
-            gap += arm * -1.0;
-            self.push_link(&mut rows, means, leg.link, &back.times(&skew(arm)));
+            gap += self.push_leg(&mut rows, means, leg, &away) * -1.0;
         }
         self.push_lengths(&mut rows, means, (c, &closure), &back);
         // The gap's own axes turn with the first unit, so that a turn of everything about the vertical changes no reading.
@@ -106,7 +105,7 @@ impl StrapdownFilter {
         for by in lengths {
             let mut change = to.apply(by.ends[1]) - from.apply(by.ends[0]);
             for ((leg, axes), vector) in closure.through.iter().zip(&legs).zip(&by.legs) {
-                change += axes.apply(*vector) * -leg.by.map_or(1.0, |c| means.inputs[c][0]);
+                change += axes.apply(*vector) * -self.leg_length(means, leg);
             }
             rows.push_one(self.length_state(by.number), back.apply(change).0);
         }

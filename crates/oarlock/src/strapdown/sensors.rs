@@ -32,8 +32,9 @@ const DIP_TOLERANCE_RAD: f64 = 0.175;
 /// Time constant of the usual norm and dip, s, and while a field differs from them.
 const USUAL_S: f64 = 20.0;
 const NEW_S: f64 = 100.0;
-/// Innovations beyond this many standard deviations count less (Huber 1964).
+/// Innovations beyond this many standard deviations count less (Huber 1964); beyond these, a field is disturbed.
 const HUBER: f64 = 1.5;
+const DISTURBED: f64 = 3.0;
 /// Standard deviation of an azimuth that the model states as known, rad.
 const KNOWN_AZIMUTH_RAD: f64 = 0.02;
 /// And of one that nobody knows: of a uniform angle.
@@ -142,6 +143,15 @@ impl Heard {
     }
 }
 
+/// Whether norm, uT, and dip, rad, of a field are those of another one.
+fn misfit(this: [f64; 2], other: [f64; 2]) -> Verdict {
+    match [this[0] / other[0] - 1.0, this[1] - other[1]].map(f64::abs) {
+        [norm, _] if norm > NORM_TOLERANCE => Verdict::Excluded,
+        [_, dip] if dip > DIP_TOLERANCE_RAD => Verdict::WrongDirection,
+        _ => Verdict::Accepted,
+    }
+}
+
 impl StrapdownFilter {
     /// Reads all sensors that have a value now.
     pub(super) fn read_sensors(&mut self, state: &mut State, step_s: f64) {
@@ -181,9 +191,7 @@ impl StrapdownFilter {
         rows.push(UNIT * u, &sum(&ZERO, &skew(at), -1.0));
         rows.push(UNIT * u + 6, &Mat3::identity());
         for leg in through {
-            let arm = self.leg(means, leg);
-            at += arm;
-            self.push_link(&mut rows, means, leg.link, &sum(&ZERO, &skew(arm), -1.0));
+            at += self.push_leg(&mut rows, means, leg, &Mat3::identity());
         }
         self.correction.read(&mut state.covariance, &rows, 3, (place - at).0, [variance; 3]);
         self.rows = rows;
@@ -198,31 +206,32 @@ impl StrapdownFilter {
         let across = square(level).sqrt();
         let now = [square(seen).sqrt(), (-dot(seen, up)).atan2(across)];
         if !(now[0] > 0.0 && across > 0.1 * now[0]) {
+            self.fields[u] = Verdict::WrongDirection;
             return;
         }
+        let world = [self.skeleton.field.norm_ut, self.skeleton.field.dip_rad];
+        // The field of the model is right again at once, whatever the usual one has become.
         let usual = state.heard[s].usual.get_or_insert(now);
-        self.fields[u] = match [now[0] / usual[0] - 1.0, now[1] - usual[1]].map(f64::abs) {
-            [norm, _] if norm > NORM_TOLERANCE => Verdict::Excluded,
-            [_, dip] if dip > DIP_TOLERANCE_RAD => Verdict::WrongDirection,
-            _ => Verdict::Accepted,
-        };
+        if misfit(now, *usual) != Verdict::Accepted && misfit(now, world) == Verdict::Accepted {
+            *usual = now;
+        }
+        self.fields[u] = misfit(now, *usual);
         let is_usual = self.fields[u] == Verdict::Accepted;
         let share = (step_s / if is_usual { USUAL_S } else { NEW_S }).min(1.0);
-        usual.iter_mut().zip(now).for_each(|(usual, now)| *usual += share * (now - *usual));
+        let most = [NORM_TOLERANCE * usual[0], DIP_TOLERANCE_RAD];
+        for ((usual, now), most) in usual.iter_mut().zip(now).zip(most) {
+            *usual += share * (now - *usual).clamp(-most, most);
+        }
         if !is_usual {
             return;
         }
-        let fits = |this: f64, world: f64, by: f64| (this - world).abs() <= by;
-        let Skeleton { field: world, .. } = &self.skeleton;
-        let is_of_world =
-            fits(usual[0] / world.norm_ut, 1.0, NORM_TOLERANCE) && fits(usual[1], world.dip_rad, DIP_TOLERANCE_RAD);
+        let is_of_world = misfit(*usual, world) == Verdict::Accepted;
         if let Some(field_std_ut) = self.links.field_std_ut.filter(|_| is_of_world) {
             if !state.uneven.is_multiple_of(FIELDS_EVERY) {
                 return;
             }
             let step_s = step_s * f64::from(FIELDS_EVERY);
-            let variance = white(std.hypot(field_std_ut), FIELD_TIME_S, step_s);
-            return self.read_whole_field(state, (u, first), field, variance);
+            return self.read_whole_field(state, (u, first), field, (std.hypot(field_std_ut), step_s));
         }
         let innovation = self.north_of(level) - state.means.azimuth;
         let innovation = (innovation + PI).rem_euclid(TAU) - PI;
@@ -233,31 +242,50 @@ impl StrapdownFilter {
         rows.push(UNIT * u, &Mat3([by_turn.0.map(|x| -x), [0.0; 3], [0.0; 3]]));
         rows.push_one(first, [1.0, 0.0, 0.0]);
         let own = (std / across).powi(2) + white(IRON_RAD, IRON_TIME_S, step_s);
-        let expected = IRON_RAD * IRON_RAD + self.spread_of(&state.covariance, &rows);
+        let expected = IRON_RAD * IRON_RAD + self.spread_of(&state.covariance, &rows, Vec3([1.0, 0.0, 0.0]));
         let variance = own * (innovation * innovation / (HUBER * HUBER * expected)).max(1.0);
         self.correction.read(&mut state.covariance, &rows, 1, [innovation, 0.0, 0.0], [variance; 3]);
         self.rows = rows;
     }
 
     /// All of a field that is the world's, uT, where nothing but a unit's own iron turns it.
-    fn read_whole_field(&mut self, state: &mut State, (u, azimuth): (usize, usize), field: Vec3<f64>, variance: f64) {
+    /// A magnet turns its heading and leaves norm and dip: the further the heading is off, the less the field counts.
+    fn read_whole_field(
+        &mut self,
+        state: &mut State,
+        (u, azimuth): (usize, usize),
+        field: Vec3<f64>,
+        (std_ut, step_s): (f64, f64),
+    ) {
         let world = self.skeleton.field;
         let back = state.means.units[u].rotation.transposed();
         let expected: Vec3<f64> = world.magnetic(state.means.azimuth);
         let mut rows = std::mem::take(&mut self.rows);
         rows.clear();
         rows.push(UNIT * u, &back.times(&skew(expected)));
-        rows.push_one(azimuth, back.apply(world.magnetic_slope(state.means.azimuth)).0);
+        let by_azimuth = back.apply(world.magnetic_slope(state.means.azimuth));
+        rows.push_one(azimuth, by_azimuth.0);
         let innovation = field - back.apply(expected);
+        let across = by_azimuth * (1.0 / square(by_azimuth).sqrt().max(f64::MIN_POSITIVE));
+        let known = std_ut * std_ut + self.spread_of(&state.covariance, &rows, across);
+        let excess = dot(innovation, across).powi(2) / known;
+        if excess > DISTURBED * DISTURBED {
+            self.fields[u] = Verdict::Outlier;
+        }
+        let variance = white(std_ut, FIELD_TIME_S, step_s) * (excess / (HUBER * HUBER)).max(1.0).powi(2);
         self.correction.read(&mut state.covariance, &rows, 3, innovation.0, [variance; 3]);
         self.rows = rows;
     }
 
-    /// Variance of the first row of a reading.
-    fn spread_of(&self, covariance: &crate::kernels::dense::Square, rows: &super::covariance::Rows) -> f64 {
-        let all = || rows.states.iter().zip(&rows.slopes);
-        let of = |(i, h): (&usize, &[f64; 3])| h[0] * all().map(|(j, g)| covariance.at(*i, *j) * g[0]).sum::<f64>();
-        all().map(of).sum()
+    /// Variance of a reading along a direction of its rows.
+    fn spread_of(
+        &self,
+        covariance: &crate::kernels::dense::Square,
+        rows: &super::covariance::Rows,
+        along: Vec3<f64>,
+    ) -> f64 {
+        let all = || rows.states.iter().zip(&rows.slopes).map(|(state, slope)| (*state, dot(Vec3(*slope), along)));
+        all().map(|(i, h)| h * all().map(|(j, g)| covariance.at(i, j) * g).sum::<f64>()).sum()
     }
 
     /// Angle of a horizontal vector about the vertical from `forward`, rad.

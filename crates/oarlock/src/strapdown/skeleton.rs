@@ -5,6 +5,7 @@ use super::filter::dot;
 use super::joint::{Hinge, Turns};
 use super::pieces::Pieces;
 use super::sensors::{Measures, Sensor};
+use super::slides::{has_encoder, is_encoded, Slide};
 use crate::body::{Body, Field};
 use crate::error::{Error, Result};
 use crate::model::transform::evaluate_three;
@@ -62,6 +63,8 @@ pub struct Unit {
     pub offset: Vec3<f64>,
     /// Standard deviations of its mount about the link's axes, rad.
     pub mount_std_rad: [f64; 3],
+    /// Whether it never turns on its link.
+    pub rigid: bool,
     /// The point that touches the ground, in the unit's axes, and its speed there, m/s.
     pub contact: Option<(Vec3<f64>, f64)>,
     /// Start and random walk of the biases of gyroscope and accelerometer.
@@ -185,6 +188,8 @@ pub struct Skeleton {
     pub pushes: Vec<BaseAcceleration>,
     /// Parameters of the model that are states, in standard deviations from their values: where loops of the model hold the links.
     pub lengths: Vec<usize>,
+    /// Slides that no encoder reads.
+    pub slides: Vec<Slide>,
     /// Coordinates of all joints at rest, rad or m: those of encoders that say nothing.
     pub rest: Vec<f64>,
     /// Whether the model has an encoder of it, by coordinate.
@@ -251,6 +256,7 @@ impl Skeleton {
             pushed: is_pushed(&body.model),
             pushes: if is_pushed(&body.model) { Vec::new() } else { bounded(&body.model.base_accelerations) },
             lengths: Vec::new(),
+            slides: Slide::all(body),
             rest: body.axes.iter().map(|axis| axis.rest).collect(),
             encoded: (0..body.axes.len()).map(|c| has_encoder(&body.model, c)).collect(),
         };
@@ -282,7 +288,6 @@ impl Skeleton {
                 body.model.name
             )));
         }
-        skeleton.refuse_slides(body)?;
         skeleton.refuse_adrift(body)?;
         skeleton.close();
         let attach = Attach { body, pieces: &pieces, place: &place };
@@ -312,8 +317,8 @@ impl Skeleton {
     pub fn without_joints(&self) -> Self {
         let (links, units, closures, loop_axes) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let (sensors, loose, pushes) = (Vec::new(), Vec::new(), Vec::new());
-        let (lengths, rest, encoded) = (Vec::new(), Vec::new(), Vec::new());
-        Skeleton { links, units, closures, loop_axes, sensors, loose, pushes, lengths, rest, encoded, ..*self }
+        let (lengths, slides, rest, encoded) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        Skeleton { links, units, closures, loop_axes, sensors, loose, pushes, lengths, slides, rest, encoded, ..*self }
     }
 
     /// Links of the model's pieces: hinges that meet in a point make one joint. Returns the link of each piece.
@@ -385,7 +390,7 @@ impl Skeleton {
         let model = &body.model;
         let home = &pieces.homes[frame];
         let name = &model.sensors[sensor].name;
-        let Some(link) = place[home.piece] else {
+        let Some(mut link) = place[home.piece] else {
             return Err(Error::Model(format!(
                 "model '{}': unit '{name}' stands in the room: structure \"strapdown\" needs units on links that move",
                 model.name
@@ -398,6 +403,9 @@ impl Skeleton {
                  with Model.with_units, or use structure \"tree\"",
                 model.name
             )));
+        }
+        if let Turns::Slide(..) = self.links[link].turns {
+            link = self.place_rigidly(link);
         }
         let part = |quantity| {
             let parts = &body.suite.sources[source].parts;
@@ -423,6 +431,7 @@ impl Skeleton {
             mount,
             offset,
             mount_std_rad: mounts.stds_rad[sensor],
+            rigid: imu.mount.rigid,
             contact,
             bias: [
                 [noise.gyro_bias_start_std, noise.gyro_bias_walk],
@@ -430,6 +439,22 @@ impl Skeleton {
             ],
         });
         Ok(())
+    }
+}
+
+impl Skeleton {
+    /// A link that a slide carries and that does not turn against it: a slide has no states of a unit.
+    fn place_rigidly(&mut self, slide: usize) -> usize {
+        let own = Link {
+            parent: Some(slide),
+            turns: Turns::Hinges(Vec::new()),
+            arm: Vec3([0.0; 3]),
+            rest: Mat3::identity(),
+            joints: Vec::new(),
+            ..self.links[slide].clone()
+        };
+        self.links.push(own);
+        self.links.len() - 1
     }
 }
 
@@ -468,33 +493,15 @@ fn is_pushed(model: &Model) -> bool {
     axes.len() == 3 && dot(axes[0].cross(axes[1]), axes[2]).abs() > 0.5
 }
 
-/// Whether readings tell a coordinate. An input without an encoder is at rest.
-fn is_encoded(model: &Model, coordinate: usize) -> bool {
-    has_encoder(model, coordinate) || model.joints.iter().any(|joint| joint.input && joint.first == coordinate)
-}
-
-/// Whether the model has an encoder of a coordinate.
-fn has_encoder(model: &Model, coordinate: usize) -> bool {
-    let of = |kind: &SensorKind| match kind {
-        SensorKind::Encoder(encoder) => Some(model.joints[encoder.joint].first),
-        _ => None,
-    };
-    model.sensors.iter().any(|sensor| of(&sensor.kind) == Some(coordinate))
-}
-
 /// Refuses what strapdown links do not track yet.
 fn refuse_unknown(body: &Body) -> Result<()> {
     let model = &body.model;
     let is_read = |kind: &SensorKind| !matches!(kind, SensorKind::Range(_) | SensorKind::Orientation(_));
     let sensors = model.sensors.iter().find(|s| !is_read(&s.kind));
-    let slides = model.joints.iter().find(|j| j.kind == JointKind::Slide && !is_encoded(model, j.first));
-    let what = slides
-        .map(|j| format!("joint '{}' slides and no encoder reads it", j.name))
-        .or_else(|| sensors.map(|s| format!("sensor '{}' measures a distance or an orientation", s.name)))
-        .or_else(|| {
-            let shared = Pieces::of(body).shared_joint();
-            shared.map(|j| format!("joint '{}' moves several frames about different axes", model.joints[j].name))
-        });
+    let what = sensors.map(|s| format!("sensor '{}' measures a distance or an orientation", s.name)).or_else(|| {
+        let shared = Pieces::of(body).shared_joint();
+        shared.map(|j| format!("joint '{}' moves several frames about different axes", model.joints[j].name))
+    });
     match what {
         None => Ok(()),
         Some(what) => Err(Error::Model(format!(
@@ -506,34 +513,23 @@ fn refuse_unknown(body: &Body) -> Result<()> {
 }
 
 impl Skeleton {
-    /// Links without a unit whose joints have encoders that are read, from the room on; slides anywhere.
+    /// Links without a unit whose joints have encoders that are read, from the room on, and where loops of the model hold them; slides anywhere.
     fn drive(&mut self, model: &Model, is_read: &[bool]) {
+        let has_loops = !model.closures.is_empty();
         for l in 0..self.links.len() {
             let link = &self.links[l];
             let is_known = |c: usize| is_encoded(model, c) && (is_read[c] || !has_encoder(model, c));
             let has_encoders = match &link.turns {
-                Turns::Slide(c, ..) => is_encoded(model, *c),
+                Turns::Slide(..) => true,
                 Turns::Hinges(hinges) => hinges.iter().all(|h| is_known(h.coordinate)),
                 Turns::Free(..) | Turns::Ball(..) => false,
             };
             let has_unit = matches!(link.pose, Pose::Unit(_));
             let is_slide = matches!(link.turns, Turns::Slide(..));
             let on_encoders = link.parent.is_none_or(|p| self.links[p].pose == Pose::Driven);
-            if has_encoders && !has_unit && (is_slide || on_encoders) {
+            if has_encoders && !has_unit && (is_slide || on_encoders || has_loops) {
                 self.links[l].pose = Pose::Driven;
             }
         }
-    }
-
-    /// A slide whose part carries a unit is refused.
-    fn refuse_slides(&self, body: &Body) -> Result<()> {
-        let is_odd = |link: &&Link| matches!(link.turns, Turns::Slide(..)) && link.pose != Pose::Driven;
-        self.links.iter().find(is_odd).map_or(Ok(()), |link| {
-            Err(Error::Model(format!(
-                "model '{}': '{}' slides and carries an inertial unit; structure \"strapdown\" tracks slides that an encoder reads, with units \
-                 on what they carry. Use structure = \"tree\"",
-                body.model.name, body.model.frames[link.frame].name
-            )))
-        })
     }
 }

@@ -1,6 +1,6 @@
 //! Rauch-Tung-Striebel smoothing (1965) of strapdown links, one update back at a time, on the filter's own errors. `track` uses it.
 
-use super::covariance::{move_rows, push_rows, pushed_rows, UNIT};
+use super::covariance::{mix_rows, move_rows, push_rows, pushed_rows, UNIT};
 use super::filter::{Means, Node, StrapdownFilter};
 use super::increment::Increment;
 use crate::error::{Error, Result};
@@ -40,6 +40,9 @@ impl StrapdownFilter {
         for (k, (a, b)) in to.lengths.iter().zip(&from.lengths).enumerate() {
             out[self.length_state(k)] = a - b;
         }
+        for (number, (a, b)) in to.slides.iter().zip(&from.slides).enumerate() {
+            (0..2).for_each(|k| out[self.slide_state(number) + k] = a[k] - b[k]);
+        }
     }
 
     /// Smoothed means and covariance before the node's prediction, given those after it.
@@ -53,7 +56,8 @@ impl StrapdownFilter {
         let mut step = vec![0.0; self.size];
         self.difference(next, &node.predicted, &mut step);
         let mut covariance = node.covariance.clone();
-        let (pushed, decays) = (self.pushed(), self.decays(node.steps.first().map_or(0.0, |step| step.duration_s)));
+        let duration_s = node.steps.first().map_or(0.0, |step| step.duration_s);
+        let (pushed, decays, slides) = (self.pushed(), self.decays(duration_s), self.slide_shares(duration_s));
         let moved = |panel: &mut crate::kernels::tiles::Panel, column: usize| {
             for (i, step) in node.steps.iter().enumerate() {
                 let rows: [usize; UNIT] = std::array::from_fn(|r| UNIT * i + r);
@@ -67,6 +71,10 @@ impl StrapdownFilter {
             for (state, share) in &decays {
                 let [row] = panel.rows_of([*state]);
                 row[column..column + self.size].iter_mut().for_each(|x| *x *= share);
+            }
+            for (first, share) in &slides {
+                let rows = panel.rows_of([*first, first + 1]).map(|row| &mut row[column..column + self.size]);
+                mix_rows(share, rows);
             }
         };
         let shift = backward

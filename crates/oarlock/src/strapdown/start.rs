@@ -87,7 +87,8 @@ impl StrapdownFilter {
         let pushes = vec![0.0; self.skeleton.pushes.len()];
         let inputs = self.inputs(&heard, time_s, &self.skeleton.rest.iter().map(|q| [*q, 0.0]).collect::<Vec<_>>());
         let lengths = vec![0.0; self.skeleton.lengths.len()];
-        let mut means = Means { units, loose, constants, azimuth: 0.0, pushes, room: zero, lengths, inputs };
+        let slides = self.skeleton.slides.iter().map(|slide| [slide.rest_m, 0.0]).collect();
+        let mut means = Means { units, loose, constants, azimuth: 0.0, pushes, room: zero, lengths, slides, inputs };
         self.place(&mut means, &mut vec![false; tilts.len()]);
         let north = self.find_north(&mut means, &heard);
         self.find_place(&mut means, &heard);
@@ -125,6 +126,7 @@ impl StrapdownFilter {
             (first..first + 3).for_each(|i| *covariance.at_mut(i, i) = LOOSE_WALK * LOOSE_WALK * SPRING_TIME_S);
         }
         self.restate(&mut covariance);
+        self.slide_variances().for_each(|(i, variance)| *covariance.at_mut(i, i) = variance);
         for (k, push) in self.skeleton.pushes.iter().enumerate() {
             let i = self.push_state(k);
             *covariance.at_mut(i, i) = push.start_std.powi(2);

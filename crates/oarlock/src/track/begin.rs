@@ -253,11 +253,8 @@ pub(super) fn start_std(body: &Body, widened: f64) -> Vec<f64> {
     }
     for (i, first) in &body.layout.mounts {
         if let Some(mount) = body.model.sensors[*i].kind.mount() {
-            std[*first..first + 3].fill(mount.soft.map_or(mount.std_rad, |soft| soft.std_rad));
+            std[*first..first + 3].fill(mount.std_rad);
         }
-    }
-    for (_, first, soft) in body.soft_mounts() {
-        std[first[1]..first[1] + 3].fill(soft.rate_std());
     }
     for slot in &body.layout.errors {
         std[slot.first..slot.first + 3].fill(slot.error.start_std);

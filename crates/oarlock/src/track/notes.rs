@@ -276,9 +276,7 @@ fn not_for_links(run: &Run) -> Vec<String> {
         ("consider", own.consider != usual.consider),
     ];
     let settings = settings.into_iter().filter(|(_, is_set)| *is_set).map(|(name, _)| name.to_string());
-    let soft = run.tracker().body().model.sensors.iter().filter(|s| s.kind.mount().is_some_and(|m| m.soft.is_some()));
     let unused = estimate.map(|name| format!("estimate = {name}")).chain(settings);
-    let unused = unused.chain(soft.map(|sensor| format!("soft mount of {}", sensor.name)));
     let text = |what| format!("not used by strapdown links: {what}; structure = \"tree\" uses it");
     unused.map(text).collect()
 }

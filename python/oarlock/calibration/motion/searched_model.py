@@ -113,9 +113,6 @@ def _set_mounts(document: Document, known: Calibration, weight: float) -> None:
             rotation, place = known.mounts[name]
             mount.pop("rpy", None)
             mount["rotation"], offset = rotation.tolist(), place.tolist()
-        # Constants are sought.
-        mount.pop("turning_std_rad", None)
-        mount.pop("turning_time_s", None)
         mount["std_rad"] = weight * largest(known.mount_stds_rad.get(name), MOUNT_STD_RAD)
         stds = known.mount_offset_stds_m.get(name, np.full(3, PLACE_STD_M))
         mount["offset"] = []

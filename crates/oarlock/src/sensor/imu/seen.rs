@@ -51,7 +51,6 @@ impl<'a> Seen<'a> {
                 (Cause::Base(axis), _) => self.turned::<FUSED>(Vec3(axis)),
                 // The magnetometer's own state is the azimuth.
                 (Cause::Own, _) => self.turned::<FUSED>(self.at.magnetic_slope),
-                (Cause::MountRate(k), _) => std::array::from_fn(|i| f64::from(u8::from(i == k))),
                 (Cause::Mount(k), part) => {
                     let [x, y, z, _] = self.turned::<FUSED>(self.felt[part]);
                     let own = right_jacobian(mount.map_or([0.0; 3], |m| m.0)).column(k);

@@ -108,6 +108,7 @@ fn put_state(to: &mut Writer, state: &State) {
     to.0.push(state.means.azimuth);
     to.list(&state.means.pushes);
     to.list(&state.means.lengths);
+    to.list(state.means.slides.as_flattened());
     to.three(state.means.room);
     to.list(state.means.inputs.as_flattened());
     to.count(state.heard.len());
@@ -154,6 +155,7 @@ fn state_of(from: &mut Source) -> Option<State> {
     means.azimuth = from.number()?;
     means.pushes = from.list()?;
     means.lengths = from.list()?;
+    means.slides = from.list()?.as_chunks::<2>().0.to_vec();
     means.room = from.three()?;
     means.inputs = from.list()?.as_chunks::<2>().0.to_vec();
     let heard = from.many(|from| {

@@ -172,7 +172,11 @@ impl Tracker {
     /// Finds the posture again after everything was silent, with the constants of before. Where readings fit none, the estimate goes on.
     pub(super) fn start_again(&mut self, one: &mut Hypothesis, time_s: f64, node: &mut dyn FnMut(Node)) {
         let Some(links) = &mut one.links else { return };
-        let window = links.waiting.iter().map(|w| &w.sample).take_while(|sample| sample.time_s <= time_s + self.config.start_window_s);
+        let window = links
+            .waiting
+            .iter()
+            .map(|w| &w.sample)
+            .take_while(|sample| sample.time_s <= time_s + self.config.start_window_s);
         let window: Vec<Sample> = window.cloned().collect();
         let Ok(posture) = self.fit_start(&window) else { return };
         let orientations = self.orientations(&posture.belief.mean);
