@@ -190,7 +190,7 @@ const BONE: Links = Links {
     accel_step_share: 0.3,
     gyro_scale: 0.002,
     rest_below_rad_s: 0.1,
-    rest_rate_std_rad_s: 0.005,
+    rest_rate_std_rad_s: 0.01,
     rest_speed_std_m_s: None,
     rest_time_s: 0.3,
     start_std_rad: 0.05,

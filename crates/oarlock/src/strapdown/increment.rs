@@ -14,8 +14,8 @@ pub struct Reading {
     pub gyro: Vec3<f64>,
     /// m/s2.
     pub accel: Vec3<f64>,
-    /// Standard deviations beyond the noise, rad/s and m/s2: of clipped readings.
-    pub excess: [f64; 2],
+    /// Standard deviations beyond the noise of each axis, rad/s and m/s2: of clipped readings.
+    pub excess: [Vec3<f64>; 2],
 }
 
 /// Rotation, velocity and position gained in the axes of the beginning, without gravity.
@@ -71,8 +71,9 @@ impl Increment {
         }
     }
 
-    /// Adds `h` seconds of an even rate and force without biases; `noise`: their power, rad2/s and m2/s3.
-    fn add(&mut self, h: f64, rate: Vec3<f64>, force: Vec3<f64>, noise: [f64; 2]) {
+    /// Adds `h` seconds of an even rate and force without biases; `noise`: their power, by axis of the gyroscope
+    /// rad2/s, and m2/s3.
+    fn add(&mut self, h: f64, rate: Vec3<f64>, force: Vec3<f64>, noise: (Vec3<f64>, f64)) {
         let turn = Mat3::about(rate * h);
         let half_turn = Mat3::about(rate * (0.5 * h));
         let middle = self.rotation.times(&half_turn);
@@ -105,7 +106,7 @@ impl Increment {
     }
 
     /// Covariance by the step's transition and noise.
-    fn spread(&mut self, h: f64, turn: &Mat3<f64>, w: &Mat3<f64>, [gyro, accel]: [f64; 2]) {
+    fn spread(&mut self, h: f64, turn: &Mat3<f64>, w: &Mat3<f64>, (gyro, accel): (Vec3<f64>, f64)) {
         let (s, half) = (&mut self.covariance, 0.5 * h * h);
         let moved = |old: [f64; 9]| {
             let mut new = old;
@@ -121,7 +122,7 @@ impl Increment {
         let rows: [[f64; 9]; 9] = s.map(moved);
         *s = std::array::from_fn(|c| moved(std::array::from_fn(|r| rows[r][c])));
         for q in 0..3 {
-            s[q][q] += gyro * h;
+            s[q][q] += gyro.0[q] * h;
             s[3 + q][3 + q] += accel * h;
             s[6 + q][6 + q] += accel * h * h * h / 4.0;
             s[3 + q][6 + q] += accel * half;
@@ -166,7 +167,7 @@ pub struct Signal {
 
 /// A gyroscope, rad/s, or accelerometer, m/s2, that changes by more than this from one reading to the next may have jumped: more than most hits do to
 /// units of 2000 deg/s and 16 g.
-const JUMPS: [f64; 2] = [60.0, 400.0];
+const JUMPS: [f64; 2] = [20.0, 400.0];
 /// Readings further apart may differ by anything, s.
 const LONGEST_JUMP_S: f64 = 0.1;
 
@@ -174,14 +175,15 @@ impl Readings {
     /// Puts the last reading in the place of one that jumps away from it, with the least jump as its uncertainty; whether gyroscope and accelerometer
     /// do. The next reading says whether it was a jump or a movement: two in a row are believed.
     pub fn hold_jump(&self, reading: &mut Reading) -> [bool; 2] {
-        let is_known = |last: &&Reading| last.excess == [0.0; 2] && reading.time_s - last.time_s < LONGEST_JUMP_S;
+        let is_known =
+            |last: &&Reading| last.excess == [Vec3([0.0; 3]); 2] && reading.time_s - last.time_s < LONGEST_JUMP_S;
         let Some(last) = self.last().filter(is_known) else { return [false; 2] };
         let jumps = [square(reading.gyro - last.gyro), square(reading.accel - last.accel)].map(f64::sqrt);
-        let are = std::array::from_fn(|k| jumps[k] > JUMPS[k] && reading.excess[k] == 0.0);
+        let are = std::array::from_fn(|k| jumps[k] > JUMPS[k] && reading.excess[k].0 == [0.0; 3]);
         let values = [(&mut reading.gyro, last.gyro), (&mut reading.accel, last.accel)];
         for (k, (value, before)) in values.into_iter().enumerate().filter(|(k, _)| are[*k]) {
             *value = before;
-            reading.excess[k] = JUMPS[k];
+            reading.excess[k] = Vec3([JUMPS[k]; 3]);
         }
         are
     }
@@ -292,20 +294,19 @@ impl Readings {
             };
             let rate = rate - gyro_bias;
             let scale = links.gyro_scale.powi(2) * square(rate);
-            increment.add(h, rate, force - accel_bias, [noise[0] + scale, noise[1]]);
+            increment.add(h, rate, force - accel_bias, (noise.0 + Vec3([scale; 3]), noise.1));
             now_s += h;
         }
     }
 
     /// Power of the noise between two readings: white, a share of their difference, and what lost readings hide.
-    fn between(&self, a: &Reading, b: &Reading, share: [f64; 2], links: &Links) -> [f64; 2] {
+    fn between(&self, a: &Reading, b: &Reading, share: [f64; 2], links: &Links) -> (Vec3<f64>, f64) {
         let step_s = b.time_s - a.time_s;
         let change = [square(b.gyro - a.gyro), square(b.accel - a.accel)];
         let mut noise = [0.0; 2];
         let own = [links.gyro_density, links.accel_density];
         for q in 0..2 {
-            let excess = a.excess[q].max(b.excess[q]);
-            noise[q] = own[q].powi(2) + (share[q].powi(2) * change[q] / 3.0 + excess * excess) * step_s;
+            noise[q] = own[q].powi(2) + share[q].powi(2) * change[q] / 3.0 * step_s;
         }
         if step_s > SILENCE_S {
             return unread();
@@ -315,11 +316,12 @@ impl Readings {
             noise[0] += UNREAD_RATE.powi(2) * share;
             noise[1] += UNREAD_ACCELERATION.powi(2) * share;
         }
-        noise
+        let [gyro, accel] = [0, 1].map(|q| larger(a.excess[q], b.excess[q]).0.map(|x| x * x * step_s));
+        (Vec3(gyro.map(|x| x + noise[0])), noise[1] + accel.into_iter().fold(0.0, f64::max))
     }
 
     /// The same with no reading on the other side.
-    fn held(&self, nearest: &Reading, since_s: f64, links: &Links) -> [f64; 2] {
+    fn held(&self, nearest: &Reading, since_s: f64, links: &Links) -> (Vec3<f64>, f64) {
         if since_s >= SILENCE_S - 1e-9 {
             return unread();
         }
@@ -327,10 +329,9 @@ impl Readings {
         let of = |own: f64, std: f64, excess: f64| {
             own * own + (std * std * share.min(1.0) + excess * excess) * self.interval_s.max(0.01)
         };
-        [
-            of(links.gyro_density, UNREAD_RATE, nearest.excess[0]),
-            of(links.accel_density, UNREAD_ACCELERATION, nearest.excess[1]),
-        ]
+        let accel = nearest.excess[1].0.into_iter().fold(0.0, f64::max);
+        let gyro = nearest.excess[0].0.map(|excess| of(links.gyro_density, UNREAD_RATE, excess));
+        (Vec3(gyro), of(links.accel_density, UNREAD_ACCELERATION, accel))
     }
 
     /// Signal at a time.
@@ -391,8 +392,14 @@ impl Readings {
     }
 }
 
-fn unread() -> [f64; 2] {
-    [UNREAD_RATE, UNREAD_ACCELERATION].map(|std| 2.0 * std * std * UNREAD_TIME_S)
+fn unread() -> (Vec3<f64>, f64) {
+    let [gyro, accel] = [UNREAD_RATE, UNREAD_ACCELERATION].map(|std| 2.0 * std * std * UNREAD_TIME_S);
+    (Vec3([gyro; 3]), accel)
+}
+
+/// The larger number of each axis.
+fn larger(a: Vec3<f64>, b: Vec3<f64>) -> Vec3<f64> {
+    Vec3([0, 1, 2].map(|q| a.0[q].max(b.0[q])))
 }
 
 /// Square of a vector's length.
@@ -407,7 +414,7 @@ mod tests {
 
     fn reading(time_s: f64) -> Reading {
         let gyro = Vec3([3.0 * (7.0 * time_s).sin(), 2.0, -(5.0 * time_s).cos()]);
-        Reading { time_s, gyro, accel: Vec3([1.0, 9.0 + (9.0 * time_s).sin(), -2.0]), excess: [0.0; 2] }
+        Reading { time_s, gyro, accel: Vec3([1.0, 9.0 + (9.0 * time_s).sin(), -2.0]), excess: [Vec3([0.0; 3]); 2] }
     }
 
     fn readings() -> Readings {

@@ -12,6 +12,8 @@ use crate::rotation::{Mat3, Vec3};
 const REST_GYRO: f64 = 0.05;
 const REST_ACCEL: f64 = 0.25;
 pub const REST_S: f64 = 0.4;
+/// A resting unit that turns by more than this against its bias is turned, rad/s.
+const BIAS_BELOW_RAD_S: f64 = 0.06;
 /// Contact with the ground: rate below this, rad/s, and force within this of gravity, m/s2, for this time, s (after Skog et al. 2010).
 const CONTACT_RATE: f64 = 1.0;
 const CONTACT_FORCE: f64 = 1.5;
@@ -222,15 +224,19 @@ impl StrapdownFilter {
 
     /// A resting unit reads its gyroscope's bias, and, where the model says so, no speed.
     pub(super) fn read_rest(&mut self, state: &mut State, u: usize, step_s: f64) {
-        self.rests[u] = is_at_rest(&state.readings[u], state.time_s, self.links.rest_below_rad_s);
+        let links = self.links;
+        let resting = resting_rate(&state.readings[u], state.time_s);
+        self.rests[u] = resting.is_some_and(|rate| square(rate) < links.rest_below_rad_s.powi(2));
         if !self.rests[u] {
             return;
         }
-        let links = self.links;
         let mean = state.means.units[u];
-        let gyro = state.readings[u].at(state.time_s).gyro;
-        let rate = white(links.rest_rate_std_rad_s, links.rest_time_s, step_s);
-        self.read_zero(state, UNIT * u + 9, mean.gyro_bias - gyro, rate);
+        // A body that turns slowly as a whole turns all units by what looks like their biases.
+        if resting.is_some_and(|rate| square(rate - mean.gyro_bias) < BIAS_BELOW_RAD_S * BIAS_BELOW_RAD_S) {
+            let gyro = state.readings[u].at(state.time_s).gyro;
+            let rate = white(links.rest_rate_std_rad_s, links.rest_time_s, step_s);
+            self.read_zero(state, UNIT * u + 9, mean.gyro_bias - gyro, rate);
+        }
         if let Some(std) = links.rest_speed_std_m_s {
             self.read_zero(state, UNIT * u + 3, mean.velocity, white(std, links.rest_time_s, step_s));
         }
@@ -256,18 +262,15 @@ impl StrapdownFilter {
     }
 }
 
-/// Whether the unit has not moved for a while; a rate above `below_rad_s` is no bias.
-pub fn is_at_rest(readings: &Readings, time_s: f64, below_rad_s: f64) -> bool {
-    let Some(window) = readings.window(time_s, REST_S) else { return false };
+/// Mean rate of a unit whose readings have not changed for a while, rad/s; `None`: it moves.
+pub fn resting_rate(readings: &Readings, time_s: f64) -> Option<Vec3<f64>> {
+    let window = readings.window(time_s, REST_S)?;
     let count = window.clone().count() as f64;
-    if count < 3.0 {
-        return false;
-    }
     let moments = |of: fn(&Reading) -> Vec3<f64>| {
         let mean = window.clone().fold(Vec3([0.0; 3]), |sum, r| sum + of(r)) * (1.0 / count);
         let scatter: f64 = window.clone().map(|r| square(of(r) - mean)).sum::<f64>() / count;
-        (square(mean).sqrt(), scatter.sqrt())
+        (mean, scatter.sqrt())
     };
     let (rate, turning) = moments(|r| r.gyro);
-    turning < REST_GYRO && rate < below_rad_s && moments(|r| r.accel).1 < REST_ACCEL
+    (count >= 3.0 && turning < REST_GYRO && moments(|r| r.accel).1 < REST_ACCEL).then_some(rate)
 }

@@ -85,15 +85,26 @@ impl Measures {
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Heard {
     pub all: VecDeque<(f64, [f64; 3])>,
+    /// A reading that jumped away from the last; the next one says whether it was a jump or a movement.
+    pub jumped: Option<(f64, [f64; 3])>,
     pub usual: Option<[f64; 2]>,
 }
 
 impl Heard {
-    /// Adds a reading; not if it is late, or no number that a body has.
-    pub fn push(&mut self, time_s: f64, value: [f64; 3]) {
-        if self.last_s() < time_s && value.iter().all(|x| x.abs() < ABSURD) {
-            self.all.push_back((time_s, value));
+    /// Adds a reading; not if it is late, or no number that a body has, or its first number alone changes by more than `fastest` a second.
+    pub fn push(&mut self, time_s: f64, value: [f64; 3], fastest: f64) {
+        if self.last_s() >= time_s || value.iter().any(|x| x.abs() >= ABSURD) {
+            return;
         }
+        let jumps = |(last_s, last): (f64, [f64; 3])| {
+            time_s - last_s < LONGEST_GAP_S && (value[0] - last[0]).abs() > fastest * (time_s - last_s)
+        };
+        if self.all.back().is_some_and(|last| jumps(*last)) && self.jumped.is_none_or(jumps) {
+            self.jumped = Some((time_s, value));
+            return;
+        }
+        self.jumped = None;
+        self.all.push_back((time_s, value));
     }
 
     /// Rate of the first number between the readings around a time; after the last, between the last two.

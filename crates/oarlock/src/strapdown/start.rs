@@ -3,7 +3,7 @@
 use super::covariance::UNIT;
 use super::filter::{dot, Means, State, StrapdownFilter, UnitState, LOOSE_WALK, SPRING_TIME_S};
 use super::increment::{skew, square, Increment, Readings};
-use super::readings::{is_at_rest, REST_S};
+use super::readings::{resting_rate, REST_S};
 use super::sensors::{Heard, UNKNOWN_AZIMUTH_RAD};
 use super::skeleton::{Closure, End, Pose, Unit};
 use crate::kernels::dense::Square;
@@ -204,7 +204,9 @@ impl StrapdownFilter {
         let Links { start_tilt_std_rad, start_std_rad, .. } = self.links;
         let prior = if is_stated { start_std_rad.min(start_tilt_std_rad) } else { start_tilt_std_rad };
         // The force of a unit that moves says less than a posture that somebody stated.
-        if is_stated && !is_at_rest(readings, time_s + START_REST_S, self.links.rest_below_rad_s) {
+        let resting = resting_rate(readings, time_s + START_REST_S);
+        let rests = resting.is_some_and(|rate| square(rate) < self.links.rest_below_rad_s.powi(2));
+        if is_stated && !rests {
             return (rotation, prior);
         }
         let Some((force, scatter)) = self.mean_force(readings, time_s) else { return (rotation, prior) };

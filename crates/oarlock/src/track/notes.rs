@@ -195,6 +195,10 @@ fn percent(share: f64) -> Option<f64> {
     Some(100.0 * share).filter(|percent| *percent >= 0.05)
 }
 
+/// A disturbance that lasts longer, s, and that has this share of all disturbed readings, has one cause.
+const SPELL_S: f64 = 1.0;
+const ONCE_SHARE: f64 = 0.8;
+
 /// Reports the share of disturbed readings of each magnetometer, by the test that failed.
 fn disturbances(counts: &[StreamCount], field: &str) -> Vec<String> {
     let describe = |count: &StreamCount| {
@@ -205,9 +209,18 @@ fn disturbances(counts: &[StreamCount], field: &str) -> Vec<String> {
         let named = tests.into_iter().filter_map(|of| Some(format!("{} {:.1} %", of.name(), percent(share(of))?)));
         let named: Vec<String> = named.collect();
         let named = if named.is_empty() { String::new() } else { format!(" ({})", named.join(", ")) };
+        let bad: u64 = tests.into_iter().map(|of| count.fields[of as usize]).sum();
+        let is_once = |([from_s, to_s], inside): &([f64; 2], u64)| {
+            to_s - from_s > SPELL_S && *inside as f64 > ONCE_SHARE * bad as f64 && bad as f64 <= ONCE_SHARE * all as f64
+        };
+        let advice = match count.spell.filter(is_once) {
+            Some(([from_s, to_s], _)) => {
+                format!("nearly all from {from_s:.1} to {to_s:.1} s: a magnet or iron near {}", count.name)
+            }
+            None => format!("expected: {field}; if that is wrong, correct the field's norm and dip in the model"),
+        };
         Some(format!(
-            "{}: magnetic field disturbed in {disturbed:.1} % of the readings{named}, which were not used; expected: {field}; \
-             if that is wrong, correct the field's norm and dip in the model",
+            "{}: magnetic field disturbed in {disturbed:.1} % of the readings{named}, which were not used; {advice}",
             count.name
         ))
     };

@@ -326,7 +326,7 @@ impl Keeper<'_> {
         run.drive.take(&known.belief);
         run.losses_s.extend(info.lost.then_some(time_s));
         let Run { tally, tracker, .. } = run;
-        tally.judge(&tracker.subject, info, tracker.fields(info).zip(tracker.source_faults(info)));
+        tally.judge(&tracker.subject, (time_s, info), tracker.fields(info).zip(tracker.source_faults(info)));
         // Decided by the time stamp alone, so that a run in two parts keeps the same rows.
         let is_row = Gathering::of(&run.config).is_row(self.kept_s, time_s);
         let row = run.series.time_s.len();

@@ -267,13 +267,16 @@ impl Tracker {
             if !is_used(gyro) {
                 continue;
             }
-            let clipped = |v: Verdict, std: f64| if v == Verdict::Clipped { std } else { 0.0 };
-            let mut excess = [clipped(gyro, CLIPPED[0]), clipped(accel, CLIPPED[1])];
+            let clipped = |first: usize, v: Verdict, std: f64| {
+                let is_clipped = |r: usize| v == Verdict::Clipped && readings.z[r].is_nan();
+                Vec3([0, 1, 2].map(|q| if is_clipped(first + q) { std } else { 0.0 }))
+            };
+            let mut excess = [clipped(unit.gyro, gyro, CLIPPED[0]), clipped(unit.accel, accel, CLIPPED[1])];
             let time_s = sample.time_s + sample.offset_s.get(unit.source).copied().unwrap_or(0.0);
             let force = match is_used(accel) {
                 true => three(unit.accel),
                 false => {
-                    excess[1] = UNSENT_FORCE;
+                    excess[1] = Vec3([UNSENT_FORCE; 3]);
                     match links.state.readings[u].last() {
                         Some(last) => last.accel,
                         None => continue,
@@ -449,11 +452,15 @@ fn hear(filter: &StrapdownFilter, links: &mut LinkState, subject: &Subject, samp
         }
         value[..own.len()].copy_from_slice(own);
         let rivals = links.rivals.iter_mut().map(|rival| &mut rival.state);
+        let fastest = if sensor.measures.width() == 1 { FASTEST_PER_S } else { f64::INFINITY };
         for state in std::iter::once(&mut links.state).chain(rivals) {
-            state.heard[s].push(sample.time_s + offset_s, value);
+            state.heard[s].push(sample.time_s + offset_s, value, fastest);
         }
     }
 }
+
+/// An encoder that turns or slides faster from one reading to the next may have jumped, rad/s or m/s.
+const FASTEST_PER_S: f64 = 30.0;
 
 /// Largest readings of any sensor that bodies wear: rad/s, m/s2, uT.
 const MOST: [(Quantity, f64); 3] = [(Quantity::Gyro, 150.0), (Quantity::Accel, 2000.0), (Quantity::Mag, 1e4)];

@@ -8,7 +8,7 @@ use crate::recording::{Feeds, Recording, Sample};
 use crate::sensor::Quantity;
 
 /// Readings of one stream. A reading is one number of one quantity that the model uses, such as one axis of a gyroscope.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct StreamCount {
     /// Name of the stream.
     pub name: String,
@@ -22,6 +22,8 @@ pub struct StreamCount {
     pub rejected: u64,
     /// Samples by the judgement of the magnetometer, in the order of [`FIELD`]. The first counts samples without a reading.
     pub fields: [u64; FIELD.len()],
+    /// Begin and end of the longest time for which its magnetic field was disturbed, s, and the samples in it.
+    pub spell: Option<([f64; 2], u64)>,
     /// Samples with readings by fault, in the order of [`FAULT`].
     pub faults: [u64; FAULT.len()],
     /// Whether its magnetometer gave a reading; `None` if the model has none.
@@ -35,6 +37,29 @@ struct Sums {
     rejected: u64,
     fields: [u64; FIELD.len()],
     faults: [u64; FAULT.len()],
+    /// The disturbance that lasts, and the longest one.
+    spells: [Option<([f64; 2], u64)>; 2],
+}
+
+/// A field that is right for less than this has not ended a disturbance, s.
+const BRIEF_S: f64 = 1.0;
+
+impl Sums {
+    fn take_field(&mut self, time_s: f64, field: Field) {
+        self.fields[field as usize] += 1;
+        if matches!(field, Field::Missing | Field::Undisturbed) {
+            return;
+        }
+        let [now, longest] = &mut self.spells;
+        *now = Some(match *now {
+            Some(([from_s, to_s], count)) if time_s - to_s < BRIEF_S => ([from_s, time_s], count + 1),
+            _ => ([time_s; 2], 1),
+        });
+        let length_s = |spell: &Option<([f64; 2], u64)>| spell.map_or(-1.0, |([from_s, to_s], _)| to_s - from_s);
+        if length_s(now) > length_s(longest) {
+            *longest = *now;
+        }
+    }
 }
 
 /// The sums while a run proceeds.
@@ -56,12 +81,17 @@ impl Tally {
     }
 
     /// Counts what an update did with the readings of each source. Readings of rest and contact come from no sensor.
-    pub fn judge(&mut self, subject: &Subject, info: &Info, troubles: impl Iterator<Item = (Field, Fault)>) {
+    pub fn judge(
+        &mut self,
+        subject: &Subject,
+        (time_s, info): (f64, &Info),
+        troubles: impl Iterator<Item = (Field, Fault)>,
+    ) {
         self.sources.resize(info.sources.len(), Sums::default());
         for ((sums, source), (field, fault)) in self.sources.iter_mut().zip(&info.sources).zip(troubles) {
             sums.used += u64::from(source.used);
             sums.rejected += u64::from(source.rejected);
-            sums.fields[field as usize] += 1;
+            sums.take_field(time_s, field);
             sums.faults[fault as usize] += u64::from(source.used + source.rejected > 0);
         }
         for p in [Quantity::Rest, Quantity::Contact].into_iter().flat_map(|q| subject.parts_of(q)) {
@@ -88,6 +118,7 @@ impl Tally {
             used: 0,
             rejected: 0,
             fields: [0; FIELD.len()],
+            spell: None,
             faults: [0; FAULT.len()],
             magnetometer: None,
         };
@@ -111,8 +142,8 @@ impl Tally {
             let has_magnetometer = subject.parts_of(Quantity::Mag).any(|p| subject.source_of_part[p] == source);
             count.magnetometer = count.magnetometer.or(has_magnetometer.then_some(false));
             if let Some(sums) = self.sources.get(source) {
-                let Sums { used, rejected, fields, faults } = *sums;
-                count = StreamCount { used, rejected, fields, faults, ..count };
+                let Sums { used, rejected, fields, faults, spells: [_, spell] } = *sums;
+                count = StreamCount { used, rejected, fields, spell, faults, ..count };
             }
         }
         count

@@ -102,7 +102,7 @@ fn put_state(to: &mut Writer, state: &State) {
             to.0.push(r.time_s);
             to.three(r.gyro);
             to.three(r.accel);
-            to.0.extend(r.excess);
+            r.excess.into_iter().for_each(|excess| to.three(excess));
         }
     }
     to.0.push(state.means.azimuth);
@@ -112,7 +112,8 @@ fn put_state(to: &mut Writer, state: &State) {
     to.three(state.means.room);
     to.list(state.means.inputs.as_flattened());
     to.count(state.heard.len());
-    for Heard { all, usual } in &state.heard {
+    for Heard { all, jumped, usual } in &state.heard {
+        to.list(&jumped.iter().flat_map(|(time_s, v)| [*time_s, v[0], v[1], v[2]]).collect::<Vec<_>>());
         to.list(&usual.iter().flatten().copied().collect::<Vec<_>>());
         to.count(all.len());
         all.iter().for_each(|(time_s, value)| to.0.extend([*time_s, value[0], value[1], value[2]]));
@@ -148,7 +149,8 @@ fn state_of(from: &mut Source) -> Option<State> {
     let readings = from.many(|from| {
         let interval_s = from.number()?;
         let reading = |from: &mut Source| {
-            Some(Reading { time_s: from.number()?, gyro: from.three()?, accel: from.three()?, excess: from.array()? })
+            let (time_s, gyro, accel) = (from.number()?, from.three()?, from.three()?);
+            Some(Reading { time_s, gyro, accel, excess: [from.three()?, from.three()?] })
         };
         Some(Readings::of_parts(from.many(reading)?, interval_s))
     })?;
@@ -159,9 +161,10 @@ fn state_of(from: &mut Source) -> Option<State> {
     means.room = from.three()?;
     means.inputs = from.list()?.as_chunks::<2>().0.to_vec();
     let heard = from.many(|from| {
+        let jumped = from.list()?.try_into().ok().map(|[time_s, x, y, z]: [f64; 4]| (time_s, [x, y, z]));
         let usual = from.list()?.try_into().ok();
         let reading = |from: &mut Source| Some((from.number()?, from.array()?));
-        Some(Heard { usual, all: from.many(reading)?.into() })
+        Some(Heard { jumped, usual, all: from.many(reading)?.into() })
     })?;
     let increments = from.many(increment_of)?;
     Some(State { time_s, means, covariance, readings, heard, increments, row_s, uneven: uneven as u32 })
