@@ -37,7 +37,6 @@ USUAL_S = {
     "test_clocks": 10.0,
     "test_clocks_apart": 900.0,
     "test_compare": 10.0,
-    "test_consider": 25.0,
     "test_docs_commands": 150.0,
     "test_site": 120.0,
     "test_emulated_over_the_air": 60.0,

@@ -15,19 +15,18 @@ from typing import Any
 import numpy as np
 
 import oarlock
-from oarlock import Calibration, Config, Recording, Track
+from oarlock import Calibration, Recording, Track
 from oarlock.report.text import percent
 from oarlock.rowing import FieldEffects, simulate_field
 
 from .record import Record, made_text
 from .recordings import Floats, at_rate, read_simulated
-from .sculling import ELEVEN, angles, errors
+from .sculling import errors
 from .sections import table
 
 RECORDINGS = "recordings"
 SLOW_HZ = 50.0
 CALIBRATED_ON_S = 20.0
-NOISE_ALONE = Config(consider="off")
 GOOD_RADIO = {
     "clock_offset_s": 0.0,
     "clock_drift": 0.0,
@@ -126,9 +125,7 @@ def _run(trial: Trial, how: str) -> dict[str, float]:
         known = oarlock.calibrate_motion(model, recording, known, end_s=CALIBRATED_ON_S)
         recording = recording.slice(start_s=CALIBRATED_ON_S)
     track = oarlock.track(model, recording, known)
-    alone = oarlock.track(model, recording, known, NOISE_ALONE)
-    found = errors(track, trial.truth, trial.true_s, trial.true_m)
-    return {**asdict(found), "noise_coverage": angles(alone, trial.truth).mean_coverage(ELEVEN)}
+    return asdict(errors(track, trial.truth, trial.true_s, trial.true_m))
 
 
 def read_trial(file: Path) -> Trial:
@@ -154,13 +151,10 @@ def sections(record: Record) -> Mapping[str, Mapping[str, str]]:
     made = f"{made_text(record)}; `make pages PAGES=status` measures it anew."
     found = record["rows"]
     short = [_line(found[key]) for key in README_ROWS if key in found]
-    full = [
-        [*_line(row), _number(max(row["worst_deg"])), _shares(row["noise_coverage"])]
-        for row in found.values()
-    ]
+    full = [[*_line(row), _number(max(row["worst_deg"]))] for row in found.values()]
     return {
         "README.md": {"status": f"{table(COLUMNS, short)}\n\n{made}"},
-        "docs/bands.md": {"figures": f"{table((*COLUMNS, *MORE), full)}\n\n{made}"},
+        "docs/bands.md": {"figures": f"{table((*COLUMNS, WORST), full)}\n\n{made}"},
     }
 
 
@@ -173,7 +167,7 @@ COLUMNS = (
     "positions, mm",
     "in band",
 )
-MORE = ("worst angle, deg", "11 angles in the band of noise alone")
+WORST = "worst angle, deg"
 
 
 def _line(row: Mapping[str, Any]) -> list[str]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import oarlock
-from exact_recording import excerpt_track, load_excerpt, sculler
+from exact_recording import excerpt_track
 
 PLACE_OF_MEMORY = 9
 
@@ -37,13 +37,3 @@ def test_a_belief_with_another_layout_of_its_links_is_refused(belief, more):
     build, parts = belief.__reduce__()
     with pytest.raises(oarlock.DataError, match=r"links: .* read it with the version that wrote it"):
         build(*parts[:-1], [*belief.links, 0.0][: len(belief.links) + more])
-
-
-def test_a_belief_with_another_layout_of_its_doubt_is_refused():
-    recording = load_excerpt().recording.slice(end_s=1.0)
-    belief = oarlock.track(sculler(), recording, config=oarlock.Config(structure="tree")).last_belief
-    build, parts = belief.__reduce__()
-    layout, *rest = belief.doubt
-    for other in (rest, [layout - 1.0, *rest]):
-        with pytest.raises(oarlock.DataError, match=r"doubt: .* read it with the version that wrote it"):
-            build(*parts[:-2], other, parts[-1])

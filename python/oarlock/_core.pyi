@@ -137,7 +137,6 @@ class Config:
     start_window_s: float
     gate: bool
     gate_patience_s: float
-    consider: str
     learning_memory_s: float | None
     belief_interval_s: float
     output_rate_hz: float | None
@@ -156,11 +155,10 @@ class Belief:
         seen_s: ArrayLike,
         rejected_since_s: ArrayLike,
         state_names: list[str],
-        inflation: tuple[float, float, float, float],
+        inflation: tuple[float, float],
         memory: Sequence[Sequence[float]],
         hypothesis: tuple[int, float],
         rivals: Sequence[Belief],
-        doubt: Sequence[float],
         links: ArrayLike,
     ) -> Self: ...
     time_s: float
@@ -171,11 +169,10 @@ class Belief:
     seen_s: _Floats
     rejected_since_s: _Floats
     state_names: list[str]
-    inflation: tuple[float, float, float, float]
+    inflation: tuple[float, float]
     memory: list[list[float]]
     hypothesis: tuple[int, float]
     rivals: list[Belief]
-    doubt: _Floats
     links: _Floats
     std: _Floats
 

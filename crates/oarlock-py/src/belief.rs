@@ -9,7 +9,6 @@ use oarlock::kernels::dense::Square;
 use oarlock::track::faults::Fault;
 use oarlock::track::hypothesis::{Hypothesis, SourceMemory, MEMORY};
 use oarlock::track::magnetic::Field;
-use oarlock::track::Doubt;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
@@ -40,11 +39,10 @@ impl PyBelief {
         seen_s: &Any<'_>,
         rejected_since_s: &Any<'_>,
         state_names: Vec<String>,
-        inflation: (f64, f64, f64, f64),
+        inflation: (f64, f64),
         memory: Vec<Vec<f64>>,
         hypothesis: (u64, f64),
         rivals: Vec<PyRef<'_, PyBelief>>,
-        doubt: Vec<f64>,
         links: &Any<'_>,
     ) -> PyResult<Self> {
         let n = state_names.len();
@@ -70,15 +68,12 @@ impl PyBelief {
             usual_nis: habit,
             inflation: inflation.0,
             surprise: inflation.1,
-            roughness: inflation.2,
-            leftover: inflation.3,
             rejected_since_s,
         };
-        let doubt = doubt_from(&doubt, n)?;
         let rivals = rivals.iter().map(|r| r.known.clone()).collect();
         let (line, score) = hypothesis;
         let mut known = Hypothesis::new(belief, 0);
-        (known.sources, known.doubt, known.rivals) = (sources, doubt, rivals);
+        (known.sources, known.rivals) = (sources, rivals);
         (known.line, known.score) = (line, score);
         let known = known.with_links(&crate::array::reals(links, "links")?.values).ok_or_else(|| {
             DataError::new_err("links: numbers that this version of Oarlock does not read; read it with the version that wrote it, or track again")
@@ -133,9 +128,8 @@ impl PyBelief {
     /// Two learnt factors on variances: the noise of inertial units relative to the model, and the level of all their
     /// innovations relative to the expected one.
     #[getter]
-    fn inflation(&self) -> (f64, f64, f64, f64) {
-        let Belief { inflation, surprise, roughness, leftover, .. } = self.known.belief;
-        (inflation, surprise, roughness, leftover)
+    fn inflation(&self) -> (f64, f64) {
+        (self.known.belief.inflation, self.known.belief.surprise)
     }
 
     /// Per sensor and closure: memory for the detection of rest, sensor faults and a magnetic field that has turned.
@@ -144,21 +138,13 @@ impl PyBelief {
         self.known.sources.iter().map(|s| s.to_flat()).collect()
     }
 
-    /// Effect of the consider states (mounts, lengths, sensor positions) on the mean: number of the layout, learnt scale, number of
-    /// parameters, number of those with a calibrated standard deviation, their shifts of every state, and the
-    /// statistics behind the scale. Empty without consider states.
-    #[getter]
-    fn doubt<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_vec(py, self.flat_doubt())
-    }
-
     /// Everything that the filter of strapdown links knows, as numbers; empty for a tree.
     #[getter]
     fn links<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_vec(py, self.known.flat_links())
     }
 
-    /// Standard deviations (n,), including the effect of consider states.
+    /// Standard deviations (n,).
     #[getter]
     fn std<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_vec(py, self.known.own_spread())
@@ -197,18 +183,12 @@ impl PyBelief {
             rivals,
         );
         // PyO3 converts tuples of at most twelve elements.
-        let (parts, doubt) = (parts.into_pyobject(py)?, (b.flat_doubt(), b.links(py)).into_pyobject(py)?);
-        Ok((py.get_type::<Self>().into_any(), parts.as_sequence().concat(doubt.as_sequence())?.to_tuple()?))
+        let (parts, links) = (parts.into_pyobject(py)?, (b.links(py),).into_pyobject(py)?);
+        Ok((py.get_type::<Self>().into_any(), parts.as_sequence().concat(links.as_sequence())?.to_tuple()?))
     }
 
     fn __repr__(&self) -> String {
         format!("Belief(time_s={}, {} states)", self.known.belief.time_s, self.names.len())
-    }
-}
-
-impl PyBelief {
-    fn flat_doubt(&self) -> Vec<f64> {
-        self.known.doubt.as_ref().map_or_else(Vec::new, Doubt::to_flat)
     }
 }
 
@@ -221,20 +201,6 @@ fn source_from(seen_s: f64, flat: &[f64]) -> PyResult<SourceMemory> {
         ))
     })?;
     Ok(SourceMemory::from_flat(seen_s, numbers))
-}
-
-/// The doubt of a state estimate of this size; empty without consider states.
-fn doubt_from(flat: &[f64], states: usize) -> PyResult<Option<Doubt>> {
-    if flat.is_empty() {
-        return Ok(None);
-    }
-    let doubt = Doubt::from_flat(flat, states).ok_or_else(|| {
-        let count = flat.len();
-        DataError::new_err(format!(
-            "doubt: {count} numbers that this version of Oarlock does not read for {states} states; read it with the version that wrote it, or track again"
-        ))
-    });
-    doubt.map(Some)
 }
 
 /// Report of one update.

@@ -1,4 +1,4 @@
-//! Python function that scores recordings by their innovations, for `oarlock calibrate motion`.
+//! Python function that scores recordings by their innovations, for `oarlock calibrate clocks`.
 
 use crate::model::PyModel;
 use crate::run::{detached, each, engine_jobs, Wearing};

@@ -22,7 +22,7 @@ fn counted_step(tracker: &mut Tracker, sample: &Sample) {
     tracker.step(black_box(sample)).expect("these readings fit the model");
 }
 
-/// Errors that real units have and that the filter is not told: what is considered is then active.
+/// Errors that real units have and that the model does not contain.
 fn add_errors(case: &mut Case) {
     let chance = &mut Chance::new(2);
     for part in support::body(&case.model, &case.config).suite.sources.iter().flat_map(|source| &source.parts) {

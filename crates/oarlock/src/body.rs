@@ -218,7 +218,6 @@ impl Body {
             parts: sources.iter().flat_map(|s| s.parts.iter().map(|p| p.rows.clone())).collect(),
             sources: sources.iter().map(|s| s.rows.clone()).collect(),
             inertial: rows(Quantity::is_inertial),
-            rough: rows(|q| q == Quantity::Accel),
         }
     }
 

@@ -28,18 +28,6 @@ pub enum Magnetometer {
     On,
 }
 
-/// Consider states: mounts, lengths, sensor positions and encoder zeros that are known roughly and not estimated.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Consider {
-    /// They are taken as exact.
-    Off,
-    /// They widen the bands by a scale that is learnt from persistent innovations.
-    Learnt,
-    /// They widen the bands by the model file's standard deviations.
-    Always,
-}
-
 /// Kind of filter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -104,8 +92,6 @@ pub struct Config {
     pub gate_patience_s: f64,
     /// Memory, s, for learning process noise and the innovation level; none keeps the model's values.
     pub learning_memory_s: Option<f64>,
-    /// Treatment of the mounts, lengths, sensor positions and encoder zeros that are not estimated.
-    pub consider: Consider,
     /// Interval at which the full state estimate is stored, s.
     pub belief_interval_s: f64,
     /// Rate of the rows of a track, Hz; 0: a row for every sample. None: found from the time stamps.
@@ -135,7 +121,6 @@ impl Default for Config {
             gate: true,
             gate_patience_s: 0.05,
             learning_memory_s: Some(3.0),
-            consider: Consider::Learnt,
             belief_interval_s: 1.0,
             output_rate_hz: None,
         }

@@ -10,18 +10,10 @@ use crate::state::{PushSlot, Slots};
 
 /// A joint with a standard deviation above this share of its prior's counts as not observed and is kept near its prior.
 pub const HELD_SHARE: f64 = 0.8;
-/// Relative error of a square root that was squared.
-const ROUNDING: f64 = 1e-12;
 
 /// Whether a coordinate with this variance counts as observed.
 pub fn is_observed(axis: &Axis, variance: f64) -> bool {
     variance.sqrt() < HELD_SHARE * axis.prior_std()
-}
-
-/// Whether a band says less than the prior of its joint. Such a coordinate is not observed. The position of a body that
-/// travels has no range.
-pub fn is_beyond_prior(axis: &Axis, std: f64) -> bool {
-    !axis.travels && std >= axis.prior_std() * (1.0 - ROUNDING)
 }
 
 /// Whether the prior acts on a coordinate: on one that is not observed. A body that travels has a prior of its velocity.

@@ -3,7 +3,6 @@
 pub mod arrivals;
 mod bank;
 mod begin;
-mod consider;
 mod earlier_pass;
 mod entry;
 pub mod faults;
@@ -45,8 +44,6 @@ use crate::model::Model;
 use crate::recording::timing::Streams;
 use crate::recording::{Sample, Stream};
 use crate::sensor::MountValue;
-use consider::Considering;
-pub use consider::Doubt;
 use earlier_pass::EarlierPass;
 use entry::Entry;
 use faults::{Fault, Faults};
@@ -58,6 +55,7 @@ use objective::Objective;
 use own_time::OwnTime;
 use readings::Readings;
 use rest::Rest;
+use score::Scoring;
 use stance::Stance;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -76,7 +74,6 @@ pub struct Calibration {
     /// Corrections of time stamps and readings.
     pub corrections: Corrections,
     /// Standard deviations of parameters, in their unit. An estimated parameter starts with this standard deviation.
-    /// For all others it widens the bands, as do the next two fields.
     pub parameter_stds: BTreeMap<String, f64>,
     /// Per inertial unit: standard deviations of its mount about the link's axes, rad.
     pub mount_stds_rad: BTreeMap<String, [f64; 3]>,
@@ -121,7 +118,8 @@ pub struct Tracker {
     magnetic: Magnetic,
     north: North,
     filter: Filter<Body>,
-    considering: Option<Considering>,
+    /// Only while a recording is scored.
+    scoring: Option<Box<Scoring>>,
     transition: Transition,
     info: Info,
     /// False while several hypotheses compete: a hypothesis with large innovations must not explain them by larger
@@ -159,10 +157,6 @@ impl Tracker {
             )));
         }
         let strapdown = Strapdown::new(&body, calibration, &mounts, config.structure)?;
-        let considering = match strapdown {
-            None => Considering::new(&body, &mounts, calibration, config)?,
-            Some(_) => None,
-        };
         let entry = Entry::new(&body, &calibration.corrections)?;
         let subject = Subject::new(body);
         Ok(Tracker {
@@ -179,7 +173,7 @@ impl Tracker {
             magnetic: Magnetic::new(&subject, config.magnetometer),
             north: North::new(&subject, config),
             filter: filter(&subject, config.filter),
-            considering,
+            scoring: None,
             transition: Transition::default(),
             info: Info::new(&subject.groups, subject.rows()),
             learns: true,
@@ -227,14 +221,12 @@ impl Tracker {
     fn check_start(&self, start: &Hypothesis) -> Result<()> {
         let (belief, body, groups) = (&start.belief, &self.subject.body, &self.subject.groups);
         let (n, own, parts) = (belief.mean.len(), body.layout.dim(), groups.parts.len());
-        let is_doubt = |doubt: &Doubt| self.considering.as_ref().is_some_and(|c| c.fits(doubt));
         let fits = n == own
             && belief.covariance.n() == own
             && belief.drive.len() == body.driven().len()
             && belief.usual_nis.len() == parts
             && belief.rejected_since_s.len() == parts
             && start.sources.len() == groups.sources.len()
-            && start.doubt.as_ref().is_none_or(is_doubt)
             && start.links.is_some() == self.strapdown.is_some();
         if !fits {
             return Err(Error::Data(format!(
@@ -242,8 +234,7 @@ impl Tracker {
                 body.model.name
             )));
         }
-        let scalars =
-            [belief.time_s, belief.inflation, belief.surprise, belief.roughness, belief.leftover, start.score];
+        let scalars = [belief.time_s, belief.inflation, belief.surprise, start.score];
         let lists = [&belief.mean, belief.covariance.as_slice(), &belief.drive, &belief.usual_nis, &scalars];
         if !lists.into_iter().flatten().all(|x| x.is_finite()) {
             return Err(Error::Data(format!(

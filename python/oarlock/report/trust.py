@@ -18,14 +18,12 @@ from oarlock.tracking.track import Track
 FEW_USED = 0.9
 """Share of used readings below which a page says so."""
 LOUD = 4.0
-"""NIS per reading above which a sensor is named: innovations twice as large as expected. Below, the learnt uncertainty
+"""NIS per reading above which a sensor is named: innovations twice as large as expected. Below, the learnt noise
 covers what the model gets wrong (docs/bands.md)."""
 WORDS = {"good": "Can be believed", "care": "Read with care", "bad": "Do not rely on it"}
 MARKS = {"good": "✓", "care": "!", "bad": "✗"}
 MOST_SHOWN = 2
 """Reasons to read with care that fit into the line."""
-INCREASED = "uncertainty was increased"
-"""How the note of a track begins whose uncertainty was increased."""
 
 _CONTORTED = re.compile(r"[^:]+: beyond its soft limits \([^)]*\) in [^,]+, by up to [\d.]+ \w+")
 """A joint that is far beyond its limits for more than a tenth of the time (the engine's note)."""
@@ -90,8 +88,8 @@ def trust(
         )
     reasons = [*filter(None, [caution]), *_reasons(track, evaluation, sensors, direct)]
     if reasons:
-        return Trust("care", (*reasons, *_increased(track)), shown=min(len(reasons), MOST_SHOWN))
-    return Trust("good", (_good(track, evaluation),))
+        return Trust("care", tuple(reasons), shown=min(len(reasons), MOST_SHOWN))
+    return Trust("good", (_good(evaluation),))
 
 
 def contradicted(notes: Sequence[str]) -> Trust | None:
@@ -106,17 +104,12 @@ def contradicted(notes: Sequence[str]) -> Trust | None:
     return Trust("bad", (reason,), remedy)
 
 
-def _good(track: Track, evaluation: Evaluation | None) -> str:
+def _good(evaluation: Evaluation | None) -> str:
     """Why a track can be believed."""
     share = evaluation.mean_coverage() if evaluation else math.nan
     if not math.isnan(share):
         return f"the 95 % bands contain the reference {percent(share)} of the time."
-    if not _increased(track):
-        return "the sensors fit together within the ± (95 % intervals); no second system has checked them."
-    return (
-        "the sensors did not fit together exactly, so every ± (95 % interval) was made wider; no second system has "
-        "checked them."
-    )
+    return "the sensors fit together within the ± (95 % intervals); no second system has checked them."
 
 
 def _worst(track: Track, evaluation: Evaluation | None) -> list[str]:
@@ -144,14 +137,8 @@ def _reasons(
     return [reason for reason in found if reason]
 
 
-def _increased(track: Track) -> tuple[str, ...]:
-    """What the ± contain beyond noise and calibration."""
-    noted = any(note.startswith(INCREASED) for note in track.notes)
-    return ("sensors disagreed with the assumed mounts or lengths; the ± contain this.",) if noted else ()
-
-
 def doubtful(sensors: Sequence[SensorScore]) -> list[SensorScore]:
-    """The sensors that differ from the prediction by more than the learnt uncertainty covers, the most first."""
+    """The sensors that differ from the prediction by more than the learnt noise covers, the most first."""
     return sorted((one for one in sensors if one.count and one.nis > LOUD), key=lambda one: -one.nis)
 
 

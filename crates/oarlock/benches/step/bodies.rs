@@ -52,7 +52,7 @@ impl Case {
         Tracker::new(self.model.clone(), &Calibration::default(), &config).expect("it tracks")
     }
 
-    /// A tracker that has begun by itself, with all that it considers, and settled; and the samples that follow.
+    /// A tracker that has begun by itself and converged, and the samples that follow.
     pub fn running(&self, filter: FilterKind) -> (Tracker, &[Sample]) {
         let mut tracker = self.tracker(filter);
         let (before, behind) = self.samples.split_at(WARM);

@@ -19,11 +19,6 @@ pub struct Belief {
     pub inflation: f64,
     /// Usual size of the innovations of all inertial units together, as a factor on what is expected (variance).
     pub surprise: f64,
-    /// How much larger the noise of accelerometers is beyond that (variance), and the usual size of what an update leaves of them, as a
-    /// factor on what is expected.
-    pub roughness: f64,
-    /// See `roughness`.
-    pub leftover: f64,
     /// Per part of the measurement vector: since when it has been rejected without a break, NaN if it is not.
     pub rejected_since_s: Vec<f64>,
 }
@@ -39,8 +34,6 @@ impl Belief {
             usual_nis: vec![1.0; parts],
             inflation: 1.0,
             surprise: 1.0,
-            roughness: 1.0,
-            leftover: 1.0,
             rejected_since_s: vec![f64::NAN; parts],
         }
     }
@@ -61,25 +54,13 @@ impl Clone for Belief {
     /// Into the memory that is there: beliefs are copied at every step of a stretch that is filtered again.
     fn clone_from(&mut self, from: &Self) {
         // All fields, so that a new one cannot be forgotten.
-        let Belief {
-            time_s,
-            mean,
-            covariance,
-            drive,
-            usual_nis,
-            inflation,
-            surprise,
-            roughness,
-            leftover,
-            rejected_since_s,
-        } = self;
+        let Belief { time_s, mean, covariance, drive, usual_nis, inflation, surprise, rejected_since_s } = self;
         mean.clone_from(&from.mean);
         covariance.clone_from(&from.covariance);
         drive.clone_from(&from.drive);
         usual_nis.clone_from(&from.usual_nis);
         rejected_since_s.clone_from(&from.rejected_since_s);
         (*time_s, *inflation, *surprise) = (from.time_s, from.inflation, from.surprise);
-        (*roughness, *leftover) = (from.roughness, from.leftover);
     }
 }
 

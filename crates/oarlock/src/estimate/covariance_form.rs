@@ -11,14 +11,14 @@
 //! divided by the trace of P_zz, and that trace bounds what the difference loses: where readings are far more exact than what was
 //! known before them, the update is left to the information form, whose P+ is a square.
 
-use super::information::{Carried, Force, Nis, WeightedReadings, NOWHERE};
+use super::information::{Nis, WeightedReadings, NOWHERE};
 use super::sigma::PredictedReadings;
 use super::Partition;
 use crate::kernels::arch::{madd, with_simd, Arch, Kernel};
 use crate::kernels::dense::{NotPositive, Square};
 use crate::kernels::registers::{F64x4, Part, Simd};
 use crate::kernels::sparse_jacobian::{RowTriple, Slope, SparseJacobian};
-use crate::kernels::tiles::{add_symmetric, factor, gram, padded, product, substitute, Panel, Rows, Sweep, VECTOR};
+use crate::kernels::tiles::{add_symmetric, factor, gram, padded, product, Panel, Rows, Sweep, VECTOR};
 use std::ops::Range;
 
 /// Fewest states for which this form is taken: what it saves grows with their cube. Smaller systems keep the information form and its digits.
@@ -230,62 +230,6 @@ impl CovarianceUpdate {
             shift.iter_mut().zip(&self.z_k_y.row(k)[at..]).for_each(|(s, w)| *s += by * w);
         }
     }
-
-    /// After `solve`: what the update makes of the derivatives `slopes` of the mean by parameters, a row for each state:
-    /// S+ = S - W'U'^-1 (D L_pp^-1 S_p + J S + f).
-    pub fn carry(
-        &self,
-        arch: Arch,
-        (predicted, l_transposed): (&PredictedReadings, &Panel),
-        forces: &[Force],
-        (carried, weight): (&mut Carried, &[f64]),
-        slopes: &mut [f64],
-    ) {
-        let (n, p, m, width) = (self.part.dim(), self.part.pose, self.rows.len(), carried.width());
-        let CovarianceCarried { prior, turned, product: along, pull, out } = &mut carried.covariance_form;
-        for (row, own) in slopes.chunks_exact(width).take(p).zip(prior.rows_mut()) {
-            own[..width].copy_from_slice(row);
-        }
-        substitute(arch, l_transposed, p, prior, width);
-        (0..p).for_each(|k| turned.row_mut(k).copy_from_slice(prior.row(p - 1 - k)));
-        let d = Rows { panel: &self.d_turned, rows: 0..p, column: 0, starts: &self.zeros };
-        product(arch, pull, [m, width], [d, Rows { panel: turned, rows: 0..p, column: 0, starts: &self.zeros }]);
-        let whole = Part { data: slopes, from: 0, stride: width };
-        predicted.jacobian().product(arch, whole, width, &self.asked, along);
-        arch.run(Adding { rows: &self.rows, weight, from: along, to: pull });
-        for force in forces {
-            let slot = self.slots[force.row];
-            if slot != NOWHERE {
-                pull.row_mut(slot)[force.parameter] += force.by;
-            }
-        }
-        substitute(arch, &self.z_k_y, m, pull, width);
-        let w = Rows { panel: &self.z_k_y, rows: 0..m, column: self.states_at(), starts: &self.zeros };
-        product(arch, out, [n, width], [w, Rows { panel: pull, rows: 0..m, column: 0, starts: &self.zeros }]);
-        for (row, lost) in slopes.chunks_exact_mut(width).zip(out.rows()) {
-            row.iter_mut().zip(lost).for_each(|(s, lost)| *s -= lost);
-        }
-    }
-}
-
-/// Workspace of [`CovarianceUpdate::carry`].
-#[derive(Debug, Clone)]
-pub struct CovarianceCarried {
-    /// L_pp^-1 S_p, and the same with its rows in reverse order.
-    prior: Panel,
-    turned: Panel,
-    /// J S, a row for each reading, and what multiplies W', a row for each reading in use.
-    product: Panel,
-    pull: Panel,
-    out: Panel,
-}
-
-impl CovarianceCarried {
-    /// For so many states and readings; `width`, the number of parameters, is a multiple of a vector's length.
-    pub fn new(states: usize, rows: usize, width: usize) -> Self {
-        let of = |rows: usize| Panel::zeros(rows, width);
-        CovarianceCarried { prior: of(states), turned: of(states), product: of(rows), pull: of(rows), out: of(states) }
-    }
 }
 
 /// D, and transposes of D, E and H_p; L_p' in reverse.
@@ -404,25 +348,4 @@ fn inner<const FUSED: bool>(
         }
     }
     sums
-}
-
-/// Adds rows of readings, divided by the noise, to those of the readings in use.
-struct Adding<'a> {
-    rows: &'a [usize],
-    weight: &'a [f64],
-    from: &'a Panel,
-    to: &'a mut Panel,
-}
-
-impl Kernel for Adding<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<const FUSED: bool>(self) {
-        with_simd!(FUSED, |simd| {
-            for (slot, &r) in self.rows.iter().enumerate() {
-                simd.add_scaled(self.from.row(r), self.weight[r], self.to.row_mut(slot));
-            }
-        });
-    }
 }

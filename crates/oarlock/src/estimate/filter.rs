@@ -17,7 +17,6 @@ use super::information::{Carried, Columns, Force, InformationUpdate, Side};
 use super::learn::{Correction, Learning};
 use super::shear::Shear;
 use super::sigma::{PredictedReadings, ReadingContext, Spread};
-use super::star::turn_rows;
 use super::transition::{apply_to_rows, congruence, Block, Transition};
 use super::FastSystem;
 use crate::kernels::arch::Arch;
@@ -26,7 +25,6 @@ use limbs::Limbs;
 use linearised::Linearised;
 pub use measurement::{DirectionTest, Gate, Measurement, RowGroups, UpdateSettings};
 pub use report::{Diverged, Info, SourceInfo, Verdict};
-use std::iter::repeat_n;
 use std::ops::Range;
 
 /// Workspace of a filter.
@@ -146,44 +144,30 @@ impl<S: FastSystem> Filter<S> {
         self.arch = arch;
     }
 
-    /// Whether all readings are used in one update, so that innovations and shift belong together; false for the factorised filter.
-    pub fn is_whole(&self) -> bool {
-        self.limbs.is_none()
-    }
-
     /// x+ - x of the last update.
     pub fn shift(&self) -> &[f64] {
         &self.shift
     }
 
-    /// Multiplies columns by the inverse of a factor of S, as the last update used it; see [`InformationUpdate::substitute`]. A
-    /// factorised filter has an S for each limb.
+    /// One over the standard deviation of a reading's noise, as the last update used it.
+    pub fn weight(&self, row: usize) -> f64 {
+        self.weight[row]
+    }
+
+    /// Multiplies columns by the inverse of a factor of S, as the last update used it; see [`InformationUpdate::substitute`]. For a whole
+    /// update in information form.
     pub fn substitute(&self, side: Side, columns: &mut Columns) {
-        match &self.limbs {
-            None => self.information.substitute(self.arch, side, columns),
-            Some(limbs) => limbs.substitute(self.arch, side, columns),
-        }
+        self.information.substitute(self.arch, side, columns);
     }
 
-    /// The effect of the last update on derivatives of the mean, a row for each state; see [`InformationUpdate::carry`]. False for a
-    /// factorised filter, which does not change them.
-    pub fn carry(&self, forces: &[Force], apart: &[Apart], carried: &mut Carried, slopes: &mut [f64]) -> bool {
-        if !self.is_whole() {
-            return false;
-        }
+    /// The effect of the last update, a whole one in information form, on derivatives of the mean, a row for each state (P3, P4); see
+    /// [`InformationUpdate::carry`]. `apart` has every rotation.
+    pub fn carry(&self, forces: &[Force], apart: &[Apart], carried: &mut Carried, slopes: &mut [f64]) {
         carried.before.copy_from_slice(slopes);
-        self.carry_update(forces, carried, slopes);
-        self.follow_mean(&carried.before, apart, slopes);
-        true
-    }
-
-    /// Derivatives of the mean after the last update (P3, P4), from those `before` it and those before the mean moved; `apart` has every
-    /// rotation.
-    pub fn follow_mean(&self, before: &[f64], apart: &[Apart], slopes: &mut [f64]) {
-        let of_rotation = |state: usize| apart.iter().find(|own| own.state == state);
+        self.information.carry(self.arch, &self.l_transposed, forces, carried, slopes);
         for block in &self.reset {
-            let Some(own) = of_rotation(block.index[0]) else { continue };
-            leave_chart(self.arch, (block, &self.shift, &own.share), before, slopes);
+            let Some(own) = apart.iter().find(|own| own.state == block.index[0]) else { continue };
+            leave_chart(self.arch, (block, &self.shift, &own.share), &carried.before, slopes);
         }
         self.follow_shears(apart, slopes);
     }
@@ -196,20 +180,6 @@ impl<S: FastSystem> Filter<S> {
         }
     }
 
-    /// Of P+ times something, which has P4 and P5 in all columns, leaves P4 where it applies. P5 concerns the covariance alone.
-    pub fn leave_shears(&self, apart: &[Apart], slopes: &mut [f64]) {
-        let width = slopes.len() / self.shift.len();
-        self.shears.iter().rev().for_each(|shear| shear.apply_to_columns(slopes, repeat_n(-1.0, width)));
-        self.follow_shears(apart, slopes);
-    }
-
-    /// A becomes T'^-1 A, if the last update made T P T' of the covariance P when it moved the mean (P3, P4).
-    pub fn undo_transposed(&self, rows: &mut [f64]) {
-        let width = rows.len() / self.shift.len();
-        self.reset.iter().for_each(|block| turn_rows(rows, width, block.index, block));
-        self.shears.iter().for_each(|shear| shear.undo_transposed(rows, width));
-    }
-
     /// Residuals of the used readings at the state where the last update linearised them, squared and divided by the covariance of
     /// their noise. Each number of `columns` is overwritten. 0 from other than an extended filter.
     pub fn squares_at_point(&self, z: &[f64], columns: &mut Columns) -> f64 {
@@ -219,11 +189,6 @@ impl<S: FastSystem> Filter<S> {
         used().for_each(|r| columns.row_mut(r)[0] = (z[r] - linear.at_point[r]) * self.weight[r]);
         self.substitute(Side::Left, columns);
         used().map(|r| columns.row(r)[0].powi(2)).sum()
-    }
-
-    /// Time since the update before the last, s.
-    pub fn since_s(&self) -> f64 {
-        self.since_s
     }
 
     /// Starts a new sample after the one at `last_s`: forgets the process noise before that one, unless it had no readings.
@@ -272,7 +237,7 @@ impl<S: FastSystem> Filter<S> {
         self.list_rows(measured.z, |_| true);
         self.factorise(&belief.covariance)?; // U1: L'
         self.predict_readings(system, moment, (&belief.mean, measured.linearise_at), settings.spread); // U1, U2: h0, H, E, d
-        self.innovate(measured, (belief.inflation, belief.roughness), info); // U3: y
+        self.innovate(measured, belief.inflation, info); // U3: y
         self.whiten(&belief.covariance)?; // U5: S; or U10: P_zz, K
         self.gate_parts(measured, settings, belief, info);
         self.report(measured, info);
@@ -332,15 +297,11 @@ impl<S: FastSystem> Filter<S> {
     }
 
     /// U3, divided by the noise.
-    fn innovate(&mut self, measured: Measurement, (inflation, roughness): (f64, f64), info: &mut Info) {
+    fn innovate(&mut self, measured: Measurement, inflation: f64, info: &mut Info) {
         self.weight.iter_mut().zip(measured.std).for_each(|(w, std)| *w = 1.0 / std);
         if inflation > 1.0 {
             let factor = 1.0 / inflation.sqrt();
             measured.groups.inertial.iter().for_each(|&r| self.weight[r] *= factor);
-        }
-        if roughness > 1.0 {
-            let factor = 1.0 / roughness.sqrt();
-            measured.groups.rough.iter().for_each(|&r| self.weight[r] *= factor);
         }
         self.used.fill(false);
         self.y.fill(0.0);

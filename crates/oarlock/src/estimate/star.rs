@@ -192,7 +192,7 @@ pub fn places(states: &[usize], block: &Block) -> Option<[usize; 3]> {
 }
 
 /// B becomes J'^-1 B when the coordinates of the core are transformed by J.
-pub(super) fn turn_rows(slope: &mut [f64], width: usize, places: [usize; 3], block: &Block) {
+fn turn_rows(slope: &mut [f64], width: usize, places: [usize; 3], block: &Block) {
     let inside = |r: usize, c: usize| r < block.len && c < block.len;
     let j = Matrix3::from_fn(|r, c| if inside(r, c) { block.factor[r][c] } else { f64::from(r == c) });
     let Some(inverse) = j.try_inverse() else { return };

@@ -168,11 +168,6 @@ impl Kernel for Product<'_> {
 }
 
 impl RowTriple {
-    /// Something for each of its rows; nothing for those that it lacks.
-    pub fn each(&self, of: impl Fn(usize) -> Option<f64>) -> [Option<f64>; 3] {
-        std::array::from_fn(|i| if i < self.count { of(self.row + i) } else { None })
-    }
-
     /// Which rows.
     pub fn rows(&self) -> Range<usize> {
         self.row..self.row + self.count

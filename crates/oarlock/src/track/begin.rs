@@ -1,6 +1,5 @@
 //! The start: fits the first samples from several initial postures and sets the initial covariance.
 
-use super::consider::Doubt;
 use super::hypothesis::Hypothesis;
 use super::postures::Postures;
 use super::subject::Subject;
@@ -44,8 +43,6 @@ pub(super) struct Start<'s> {
     pub subject: &'s Subject,
     /// Start posture of the configuration.
     pub initial_q: Option<&'s [f64]>,
-    /// Initial memory of every hypothesis.
-    pub doubt: Option<Doubt>,
 }
 
 impl Start<'_> {
@@ -148,7 +145,7 @@ impl Start<'_> {
         self.place_turns(&fit, compass, &mut covariance);
         let parts = self.subject.groups.parts.len();
         let belief = Belief::new(time_s, fit.mean, covariance, (body.driven().len(), parts));
-        Hypothesis { doubt: self.doubt.clone(), ..Hypothesis::new(belief, self.subject.groups.sources.len()) }
+        Hypothesis::new(belief, self.subject.groups.sources.len())
     }
 
     /// Rotations: the standard deviation in each direction is the fit's, limited between the start's and the prior's.

@@ -25,8 +25,8 @@ impl EarlierPass {
     /// at this time.
     pub fn set_noise(&self, belief: &mut Belief) {
         belief.drive.copy_from_slice(&self.drive);
-        if let Some(&[inflation, roughness]) = self.course.noise_at(belief.time_s) {
-            (belief.inflation, belief.roughness) = (inflation, roughness);
+        if let Some(inflation) = self.course.inflation_at(belief.time_s) {
+            belief.inflation = inflation;
         }
     }
 
@@ -92,8 +92,8 @@ impl Verdicts {
 pub(super) struct Course {
     time_s: Vec<f64>,
     mean: Vec<f64>,
-    /// Factors on the noise of inertial units and on that of accelerometers (variances).
-    noise: Vec<[f64; 2]>,
+    /// Factors on the noise of inertial units (variances).
+    inflation: Vec<f64>,
 }
 
 impl Course {
@@ -101,7 +101,7 @@ impl Course {
     pub fn precede(&mut self, belief: &Belief) {
         self.time_s.push(belief.time_s);
         self.mean.extend(&belief.mean);
-        self.noise.push([belief.inflation, belief.roughness]);
+        self.inflation.push(belief.inflation);
     }
 
     /// The state of the sample at this time; `None` if there is none.
@@ -121,8 +121,8 @@ impl Course {
         }
     }
 
-    fn noise_at(&self, time_s: f64) -> Option<&[f64; 2]> {
-        self.row(time_s).map(|row| &self.noise[row])
+    fn inflation_at(&self, time_s: f64) -> Option<f64> {
+        self.row(time_s).map(|row| self.inflation[row])
     }
 
     fn row(&self, time_s: f64) -> Option<usize> {
@@ -171,8 +171,6 @@ mod tests {
             usual_nis: Vec::new(),
             inflation: factor * factor,
             surprise: 1.0,
-            roughness: 1.0,
-            leftover: 1.0,
             rejected_since_s: Vec::new(),
         }
     }
@@ -206,7 +204,7 @@ mod tests {
         let earlier = EarlierPass { course: Arc::new(course), verdicts: Arc::default(), drive, had_rivals: false };
         let mut now = belief(2.0, 50.0);
         earlier.set_noise(&mut now);
-        assert_eq!((&now.drive[..], now.inflation, now.roughness), (&[7.0, 1.0][..], 4.0, 1.0));
+        assert_eq!((&now.drive[..], now.inflation), (&[7.0, 1.0][..], 4.0));
     }
 
     #[test]

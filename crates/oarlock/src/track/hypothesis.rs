@@ -2,7 +2,6 @@
 
 mod flat;
 
-use super::consider::Doubt;
 use super::faults::FaultState;
 use super::magnetic::{FieldState, IronState, LagState};
 use super::north::NorthState;
@@ -21,8 +20,8 @@ pub struct Hypothesis {
     pub belief: Belief,
     /// Memory of each source.
     pub sources: Vec<SourceMemory>,
-    /// Effect of the consider states on the mean; `None` without consider states.
-    pub doubt: Option<Doubt>,
+    /// Derivatives of the mean by the parameters of a score, a row for each state; empty unless a recording is scored.
+    pub slopes: Vec<f64>,
     /// Number among the hypotheses of the last split.
     pub line: u64,
     /// Logarithm of its likelihood relative to the others.
@@ -70,7 +69,7 @@ impl Clone for Hypothesis {
         Hypothesis {
             belief: self.belief.clone(),
             sources: self.sources.clone(),
-            doubt: self.doubt.clone(),
+            slopes: self.slopes.clone(),
             rivals: self.rivals.clone(),
             links: self.links.clone(),
             ..*self
@@ -78,10 +77,10 @@ impl Clone for Hypothesis {
     }
 
     fn clone_from(&mut self, from: &Self) {
-        let Hypothesis { belief, sources, doubt, line, score, rivals, links } = self;
+        let Hypothesis { belief, sources, slopes, line, score, rivals, links } = self;
         belief.clone_from(&from.belief);
         sources.clone_from(&from.sources);
-        doubt.clone_from(&from.doubt);
+        slopes.clone_from(&from.slopes);
         rivals.clone_from(&from.rivals);
         links.clone_from(&from.links);
         (*line, *score) = (from.line, from.score);
@@ -92,7 +91,7 @@ impl Hypothesis {
     /// A new hypothesis without rivals; all `sources` count as read just now.
     pub fn new(belief: Belief, sources: usize) -> Self {
         let sources = vec![SourceMemory::new(belief.time_s); sources];
-        Hypothesis { belief, sources, doubt: None, line: 0, score: 0.0, rivals: Vec::new(), links: None }
+        Hypothesis { belief, sources, slopes: Vec::new(), line: 0, score: 0.0, rivals: Vec::new(), links: None }
     }
 
     /// What the filter of strapdown links knows, as numbers; empty for a tree.
@@ -109,19 +108,18 @@ impl Hypothesis {
     /// Hypothesis number `line` alone; `self` if no rival has that number.
     pub fn alone(&self, line: u64) -> Hypothesis {
         let chosen = std::iter::once(self).chain(&self.rivals).find(|one| one.line == line).unwrap_or(self);
-        let Hypothesis { belief, sources, doubt, links, .. } = chosen;
+        let Hypothesis { belief, sources, slopes, links, .. } = chosen;
         Hypothesis {
             belief: belief.clone(),
             sources: sources.clone(),
-            doubt: doubt.clone(),
+            slopes: slopes.clone(),
             rivals: Vec::new(),
             links: links.clone(),
             ..*chosen
         }
     }
 
-    /// Writes variances without the consider states into `variance`. With rivals: second moments of all hypotheses
-    /// about this mean.
+    /// Writes variances into `variance`. With rivals: second moments of all hypotheses about this mean.
     pub fn variances<S: System>(&self, system: &S, variance: &mut [f64]) {
         self.belief.covariance.diagonal(variance);
         if !self.rivals.is_empty() {
@@ -130,30 +128,17 @@ impl Hypothesis {
         variance.iter_mut().for_each(|x| *x = x.max(0.0));
     }
 
-    /// Converts variances without consider states into standard deviations that include them.
-    pub fn widen(&self, variance: &mut [f64]) {
-        self.doubt.iter().for_each(|doubt| doubt.widen(variance));
-        variance.iter_mut().for_each(|x| *x = x.sqrt());
-    }
-
-    /// Standard deviations of what the learnt scale of consider states adds.
-    pub fn learnt_spread(&self) -> Vec<f64> {
-        let mut variance = vec![0.0; self.belief.mean.len()];
-        self.doubt.iter().for_each(|doubt| doubt.add_learnt(&mut variance));
-        variance.iter().map(|x| x.sqrt()).collect()
-    }
-
     /// Writes standard deviations into `std`. With rivals: those of all hypotheses about this mean.
     pub fn spread<S: System>(&self, system: &S, std: &mut [f64]) {
         self.variances(system, std);
-        self.widen(std);
+        std.iter_mut().for_each(|x| *x = x.sqrt());
     }
 
     /// Standard deviations of this hypothesis alone.
     pub fn own_spread(&self) -> Vec<f64> {
         let mut std = vec![0.0; self.belief.mean.len()];
         self.belief.variances(&mut std);
-        self.widen(&mut std);
+        std.iter_mut().for_each(|x| *x = x.sqrt());
         std
     }
 

@@ -89,7 +89,6 @@ fn forget_what_was_learnt(belief: &mut Belief) {
     belief.drive.fill(1.0);
     belief.usual_nis.fill(1.0);
     (belief.inflation, belief.surprise) = (1.0, 1.0);
-    (belief.roughness, belief.leftover) = (1.0, 1.0);
     belief.rejected_since_s.fill(f64::NAN);
 }
 

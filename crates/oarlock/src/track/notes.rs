@@ -13,8 +13,6 @@ use crate::recording::input_joint;
 use crate::state::{LENGTHS, MOUNTS};
 use crate::strapdown::check::Check;
 
-/// Smallest increase of a standard deviation that a note reports, deg.
-const WORTH_A_WORD_DEG: f64 = 0.1;
 /// Share of rejected readings above which a note reports a sensor.
 const REJECTED_SHARE: f64 = 0.05;
 
@@ -37,7 +35,6 @@ pub fn notes(run: &Run) -> Vec<String> {
     notes.extend(ranges::contortions(run));
     notes.extend(ranges::overturned(run));
     notes.extend(losses(run));
-    notes.extend(widened(run));
     if run.refused > 0 {
         notes.push(format!(
             "{} samples were refused because their time stamps did not increase; check the clock of the recording",
@@ -64,36 +61,6 @@ fn contradicted(run: &Run) -> Vec<String> {
         )
     };
     worst.map(text).collect()
-}
-
-/// Reports bands that consider states (mounts, lengths, sensor positions) widen beyond the calibration's own uncertainty.
-fn widened(run: &Run) -> Option<String> {
-    let (body, last) = (run.tracker().body(), run.last()?);
-    let slides = |c: usize| body.model.joints.iter().any(|j| j.first == c && j.kind == JointKind::Slide);
-    let turning = body.moving().filter(|(c, axis, _)| !axis.place && !slides(*c));
-    let std_rad = last.learnt_spread();
-    let (joint, most) =
-        turning.map(|(c, _, slots)| (c, std_rad[slots.q].to_degrees())).max_by(|a, b| a.1.total_cmp(&b.1))?;
-    (most > WORTH_A_WORD_DEG).then(|| {
-        format!(
-            "uncertainty was increased, by up to {:.1} deg ({}) at the end: for several seconds the sensors disagreed with the \
-             assumed mounts, lengths or sensor positions; run `oarlock calibrate {}`",
-            1.96 * most,
-            body.model.coordinate_names()[joint],
-            calibration_verb(run)
-        )
-    })
-}
-
-/// The calibration from movement that works with this body and its recorded units.
-fn calibration_verb(run: &Run) -> &'static str {
-    let model = &run.tracker().body().model;
-    let is_unit = |name: &str| model.sensors.iter().any(|s| s.name == name && s.kind.mount().is_some());
-    match (model.closures.is_empty(), run.recording().names().filter(|name| is_unit(name)).count()) {
-        (false, _) => "motion",
-        (true, 2..) => "joints",
-        (true, _) => "pose",
-    }
 }
 
 /// Names of the sensors that are used with their nominal mount.
@@ -286,7 +253,6 @@ fn not_for_links(run: &Run) -> Vec<String> {
         ("filter", own.filter != usual.filter),
         ("gate", own.gate != usual.gate),
         ("learning_memory_s", own.learning_memory_s != usual.learning_memory_s),
-        ("consider", own.consider != usual.consider),
     ];
     let settings = settings.into_iter().filter(|(_, is_set)| *is_set).map(|(name, _)| name.to_string());
     let unused = estimate.map(|name| format!("estimate = {name}")).chain(settings);

@@ -132,8 +132,6 @@ pub(super) mod tests {
             usual_nis: vec![1.0],
             inflation: 1.0,
             surprise: 1.0,
-            roughness: 1.0,
-            leftover: 1.0,
             rejected_since_s: vec![f64::NAN],
         }
     }

@@ -34,14 +34,6 @@ impl Readings {
         }
     }
 
-    /// Variance of a row's noise with the learnt inflation: that of inertial units, and the additional one of rough
-    /// readings.
-    pub fn noise_variance(&self, subject: &Subject, row: usize, (inertial, rough): (f64, f64)) -> f64 {
-        let factor =
-            if subject.inertial_rows[row] { inertial } else { 1.0 } * if subject.rough_rows[row] { rough } else { 1.0 };
-        self.std[row] * self.std[row] * factor
-    }
-
     /// Whether any of these rows has a reading.
     pub fn speak(&self, rows: &Range<usize>) -> bool {
         self.z[rows.clone()].iter().any(|z| !z.is_nan())

@@ -6,7 +6,6 @@ mod counts;
 mod packed;
 mod series;
 
-use super::consider::Shares;
 use super::earlier_pass::{DriveAverages, Verdicts};
 use super::hypothesis::Hypothesis;
 use super::{Calibration, Status, Tracker};
@@ -16,7 +15,7 @@ use crate::error::{Error, Result};
 use crate::estimate::belief::Belief;
 use crate::estimate::filter::Info;
 use crate::model::Model;
-use crate::motion::{is_beyond_prior, is_observed, is_turn_observed};
+use crate::motion::{is_observed, is_turn_observed};
 use crate::recording::{Cursor, Gathering, Recording, Sample, Stream};
 pub use counts::StreamCount;
 use counts::Tally;
@@ -66,8 +65,6 @@ pub struct Run {
     /// Number of samples refused because of their time stamps.
     pub refused: usize,
     checkpoints: Vec<Checkpoint>,
-    /// What consider states do to each state, and the time, s.
-    shares: Vec<(f64, Shares)>,
     partings: Vec<Parting>,
     tally: Tally,
     /// Times of the resets, s.
@@ -82,8 +79,6 @@ pub struct Run {
 }
 
 const PROGRESS_EVERY: usize = 64;
-/// Between shares, s. They change as slowly as a body moves.
-const SHARES_APART_S: f64 = 1.0;
 
 /// Tracks `streams`, from `start` if given, otherwise from a fit of the first samples.
 pub fn track(
@@ -115,7 +110,6 @@ pub fn track(
         steps: 0,
         refused: 0,
         checkpoints: Vec::new(),
-        shares: Vec::new(),
         partings: Vec::new(),
         tally: Tally::default(),
         losses_s: Vec::new(),
@@ -182,7 +176,6 @@ impl Run {
             config: config.clone(),
             series,
             checkpoints: Vec::new(),
-            shares: Vec::new(),
             partings: partings.clone(),
             tally: tally.clone(),
             losses_s: losses_s.clone(),
@@ -241,43 +234,23 @@ impl Run {
         self.checkpoints.iter().map(|c| c.known.whole().belief)
     }
 
-    /// Writes the estimates of a filtered row.
-    fn write(&mut self, row: usize, known: &Hypothesis) {
-        self.write_variances(row, &known.belief.mean, |body, variance| known.variances(body, variance));
-        known.widen(self.series.std_of(row, known.belief.mean.len()));
-        self.bound(row);
-    }
-
-    /// A joint with a band that says less than its prior is not observed. The band is not wider than the range.
-    fn bound(&mut self, row: usize) {
-        let (body, Series { std, observed, .. }) = (self.tracker.body(), &mut self.series);
-        let n = body.layout.dim();
-        let (std, observed) = (&mut std[row * n..(row + 1) * n], &mut observed[row * body.axes.len()..]);
-        for (c, axis, slots) in body.moving() {
-            if is_beyond_prior(axis, std[slots.q]) {
-                std[slots.q] = std[slots.q].min(axis.range_std());
-                observed[c] = 0;
-            }
-        }
-        for (c, _) in &body.layout.turns {
-            let seen = observed[*c..c + 3].iter().min().copied().unwrap_or_default();
-            observed[*c..c + 3].fill(seen);
-        }
-    }
-
-    /// Writes a row's mean and observability; `std` contains variances from `variances`, which are converted later.
-    fn write_variances(&mut self, row: usize, mean: &[f64], variances: impl FnOnce(&Body, &mut [f64])) {
+    /// Writes a row's mean, standard deviations and observability. The band of a joint is not wider than its range.
+    fn write_row(&mut self, row: usize, mean: &[f64], variances: impl FnOnce(&Body, &mut [f64])) {
         let (n, body) = (mean.len(), self.tracker.body());
         self.series.mean[row * n..(row + 1) * n].copy_from_slice(mean);
-        let variance = &mut self.series.std[row * n..(row + 1) * n];
-        variances(body, variance);
-        let first = row * body.axes.len();
+        let std = &mut self.series.std[row * n..(row + 1) * n];
+        variances(body, std);
+        let observed = &mut self.series.observed[row * body.axes.len()..];
         for (c, axis, slots) in body.moving() {
-            self.series.observed[first + c] = u8::from(is_observed(axis, variance[slots.q]));
+            observed[c] = u8::from(is_observed(axis, std[slots.q]));
         }
         for (c, slots) in &body.layout.turns {
-            let seen = is_turn_observed(&body.axes[*c..c + 3], &variance[slots.q..slots.q + 3]);
-            self.series.observed[first + c..first + c + 3].fill(u8::from(seen));
+            let seen = is_turn_observed(&body.axes[*c..c + 3], &std[slots.q..slots.q + 3]);
+            observed[*c..c + 3].fill(u8::from(seen));
+        }
+        std.iter_mut().for_each(|x| *x = x.max(0.0).sqrt());
+        for (_, axis, slots) in body.moving().filter(|(_, axis, _)| !axis.travels) {
+            std[slots.q] = std[slots.q].min(axis.range_std());
         }
     }
 
@@ -321,7 +294,6 @@ impl Keeper<'_> {
         let run = &mut *self.run;
         run.steps += 1;
         run.note_partings(known);
-        run.note_shares(known);
         Arc::make_mut(&mut run.verdicts).take(time_s, info);
         run.drive.take(&known.belief);
         run.losses_s.extend(info.lost.then_some(time_s));
@@ -342,21 +314,12 @@ impl Keeper<'_> {
             self.kept_s = time_s;
             run.grow(sample, info);
             run.series.off_axis.extend(known.links.iter().flat_map(|links| links.off_axis.iter().flatten()));
-            run.write(row, known);
+            run.write_row(row, &known.belief.mean, |body, variance| known.variances(body, variance));
         }
     }
 }
 
 impl Run {
-    fn note_shares(&mut self, known: &Hypothesis) {
-        let time_s = known.belief.time_s;
-        let due = self.shares.last().is_none_or(|(last_s, _)| time_s - last_s >= SHARES_APART_S * (1.0 - 1e-9));
-        // Of several hypotheses the leading one may be wrong.
-        if let Some(doubt) = known.doubt.as_ref().filter(|_| due && known.rivals.is_empty()) {
-            self.shares.push((time_s, doubt.shares()));
-        }
-    }
-
     fn note_partings(&mut self, known: &Hypothesis) {
         let (time_s, several) = (known.belief.time_s, !known.rivals.is_empty());
         match self.partings.last_mut().filter(|p| p.to_s.is_infinite()) {

@@ -1,13 +1,20 @@
 //! Scores a recording: normal equations of mounts, lengths, sensor positions, encoder zeros and clock delays from
-//! innovations. The motion calibration uses them.
+//! innovations. The search for clocks uses them.
 
-pub use super::consider::Window;
+mod delays;
+mod mount_axes;
+mod normal_equations;
+mod parameters;
+mod scoring;
+
 use super::run::Progress;
-use super::{Calibration, Tracker};
-use crate::config::Config;
+use super::{mount_values, Calibration, Tracker};
+use crate::config::{Config, FilterKind};
 use crate::error::{Error, Result};
 use crate::model::{Model, Structure};
 use crate::recording::{Gathering, Recording, Stream};
+pub use normal_equations::Window;
+pub(super) use scoring::Scoring;
 use std::sync::Arc;
 
 /// Normal equations in windows of a recording.
@@ -22,7 +29,8 @@ pub struct Score {
     pub windows: Vec<Window>,
 }
 
-/// Filters `streams` and collects the normal equations in windows of `window_s`, from `settle_s` after the start on.
+/// Filters `streams` and collects the normal equations in windows of `window_s`, from `settle_s` after the start on. Whatever `config` says,
+/// joint angles are the states and the filter is extended.
 pub fn score(
     model: Arc<Model>,
     streams: Vec<Stream>,
@@ -32,19 +40,10 @@ pub fn score(
     progress: Progress,
 ) -> Result<Score> {
     let clocks = &calibration.corrections.clocks;
-    // Normal equations are those of joint angles as states.
-    let config = &Config { structure: Some(Structure::Tree), ..config.clone() };
+    let config = &Config { structure: Some(Structure::Tree), filter: FilterKind::Ekf, ..config.clone() };
     let config = &Tracker::new(model.clone(), calibration, config)?.settle(&streams, clocks, config)?;
-    let mut tracker = Tracker::new(model.clone(), calibration, config)?;
-    let Some(considering) = &mut tracker.considering else {
-        return Err(Error::Data(format!(
-            "model '{}': no mount, length or encoder zero is uncertain, so there is nothing to score; give them standard \
-             deviations",
-            model.name
-        )));
-    };
-    considering.keep_score(&tracker.subject.body, settle_s, window_s);
-    tracker.filter.leave_covariance_form(); // It has no factor of S.
+    let mut tracker = Tracker::new(model, calibration, config)?;
+    tracker.keep_score(calibration, (settle_s, window_s))?;
     let body = tracker.body();
     let recording = Recording::new(&body.model, &body.suite, streams, clocks, Gathering::of(config))?;
     let Some((begin, end)) = recording.span_s() else {
@@ -58,7 +57,25 @@ pub fn score(
             return Err(Error::Stopped);
         }
     }
-    let (parameters, windows) = tracker.considering.as_mut().map_or_else(Default::default, |c| c.score());
+    let (parameters, windows) = tracker.scoring.map_or_else(Default::default, |scoring| scoring.finish());
     let width = windows.first().map_or(0, |w| w.right.len());
     Ok(Score { parameters, width, windows })
+}
+
+impl Tracker {
+    /// From now on collects normal equations. The filter must be extended.
+    #[doc(hidden)]
+    pub fn keep_score(&mut self, calibration: &Calibration, span_s: (f64, f64)) -> Result<()> {
+        let body = &self.subject.body;
+        let mounts = mount_values(&body.model, &calibration.mounts)?;
+        let scoring = Scoring::new(body, &mounts, calibration, &self.config, span_s)?.ok_or_else(|| {
+            Error::Data(format!(
+                "model '{}': no mount, length or encoder zero is uncertain, so there is nothing to score; give them standard \
+                 deviations",
+                body.model.name
+            ))
+        })?;
+        self.scoring = Some(Box::new(scoring));
+        Ok(())
+    }
 }

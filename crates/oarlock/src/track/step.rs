@@ -2,7 +2,6 @@
 
 use super::bank::Bank;
 use super::begin::{Seen, Start};
-use super::consider::{Considering, Update};
 use super::hypothesis::Hypothesis;
 use super::{diverged, lost, regain, vibration, Sink, Status, Tracker};
 use crate::error::Result;
@@ -109,8 +108,7 @@ impl Tracker {
             Seen { time_s: sample.time_s, moment: self.readings.moment.clone(), z }
         };
         let window = samples.iter().map(see).collect();
-        let doubt = self.considering.as_ref().and_then(Considering::fresh);
-        Start { subject: &self.subject, initial_q: self.config.initial_q.as_deref(), doubt }.fit(window)
+        Start { subject: &self.subject, initial_q: self.config.initial_q.as_deref() }.fit(window)
     }
 
     /// Steps every hypothesis; the likeliest leads.
@@ -212,8 +210,8 @@ impl Tracker {
             self.objective.add_step(&self.subject.body, &one.belief, to_s, states);
         }
         self.filter.predict(&self.subject.body, &mut one.belief, to_s, &mut self.transition);
-        if let Some(doubt) = &mut one.doubt {
-            doubt.predict(&self.transition);
+        if let Some(scoring) = &self.scoring {
+            scoring.predict(&self.transition, &mut one.slopes);
         }
     }
 
@@ -263,9 +261,8 @@ impl Tracker {
         };
         self.info = info;
         self.readings.mark_seen(&mut one.sources, one.belief.time_s);
-        if let Some(doubt) = &mut one.doubt {
-            doubt.forget();
-        }
+        // The fit does not depend on the mean before it.
+        one.slopes.fill(0.0);
         if is_lost {
             lost::doubt_fit(&self.subject, &mut one.belief);
         }
@@ -288,11 +285,8 @@ impl Tracker {
         if rejected.is_none() {
             magnetic.measure_dips(subject, &mut one.sources, readings, smoothed.unwrap_or(&one.belief.mean));
         }
-        // Derivatives are needed for learnt noise and for consider states.
-        let wants_slopes = one.doubt.is_some() || self.settings.learning.memory_s.is_finite();
-        let mut considering = self.considering.as_mut().filter(|_| wants_slopes);
-        if let Some(considering) = &mut considering {
-            considering.look(&one.belief, one.doubt.as_ref(), &readings.moment);
+        if let Some(scoring) = &mut self.scoring {
+            scoring.linearise(&one.belief, &mut one.slopes, &readings.moment);
         }
         self.north.bar_turned(subject, &one.sources, time_s, &mut magnetic.excluded);
         let mut gate = self.settings.gate;
@@ -320,9 +314,8 @@ impl Tracker {
         if smoothed.is_some() && !self.info.nis.is_nan() && !is_lost {
             self.objective.add_readings(self.filter.squares_at_point(&readings.z, &mut self.columns));
         }
-        if let Some(considering) = considering {
-            let learning = self.learns.then_some(self.settings.learning);
-            considering.take_update(subject, &Update::new(readings, &self.info, &self.filter, learning), one);
+        if let Some(scoring) = &mut self.scoring {
+            scoring.take_update((subject, readings), (&self.filter, &self.info), one, self.learns);
         }
         self.north.watch(subject, magnetic, readings, &self.info, one);
         Ok(())

@@ -22,15 +22,11 @@ pub(super) struct Subject {
     pub part_of_row: Vec<usize>,
     /// Per part: its source.
     pub source_of_part: Vec<usize>,
-    /// Rows of inertial units, and those of their accelerometers.
-    pub inertial_rows: Vec<bool>,
-    pub rough_rows: Vec<bool>,
 }
 
 impl Subject {
     pub fn new(body: Body) -> Self {
-        let (groups, rows) = (body.groups(), body.suite.len());
-        let is_of = |of: &[usize]| (0..rows).map(|r| of.contains(&r)).collect();
+        let groups = body.groups();
         let sources = body.suite.sources.iter().enumerate();
         Subject {
             quantities: body.quantities(),
@@ -38,8 +34,6 @@ impl Subject {
             std: body.suite.std(),
             part_of_row: groups.parts.iter().enumerate().flat_map(|(p, rows)| rows.clone().map(move |_| p)).collect(),
             source_of_part: sources.flat_map(|(s, source)| source.parts.iter().map(move |_| s)).collect(),
-            inertial_rows: is_of(&groups.inertial),
-            rough_rows: is_of(&groups.rough),
             groups,
             body,
         }

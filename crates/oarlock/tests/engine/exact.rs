@@ -3,7 +3,7 @@
 use crate::support;
 
 use oarlock::body::Body;
-use oarlock::config::{Config, Consider, FilterKind};
+use oarlock::config::{Config, FilterKind};
 use oarlock::model::Model;
 use oarlock::recording::{Sample, Stream};
 use oarlock::track::hypothesis::Hypothesis;
@@ -127,9 +127,6 @@ fn smoothing_does_not_depend_on_the_beliefs_kept() {
     assert_eq!(rows, 300);
     let end = |run: &Run| bits(&run.series.mean[(rows - 1) * n..]);
     assert_eq!(end(&once), end(&filtered), "the last is unchanged by smoothing");
-    // Later evidence that mounts are wrong may widen a band; of noise alone it cannot.
-    case.config.consider = Consider::Off;
-    let (filtered, once) = smoothed(&case);
     let narrower = |r: usize| {
         let row = r * n..(r + 1) * n;
         let pairs = once.series.std[row.clone()].iter().zip(&filtered.series.std[row]);

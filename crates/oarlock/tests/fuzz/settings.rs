@@ -7,7 +7,7 @@ use super::numbers::{index, odd, one_in, pick};
 use super::streams::{samples, step_through};
 use super::support::chance::Chance;
 use super::support::{model, CHAIN, SCULLER};
-use oarlock::config::{Config, Consider, FilterKind, Magnetometer, ProcessNoise};
+use oarlock::config::{Config, FilterKind, Magnetometer, ProcessNoise};
 use oarlock::model::Structure;
 use oarlock::rotation::Mat3;
 use oarlock::track::{Calibration, Tracker};
@@ -50,7 +50,6 @@ pub fn config(chance: &mut Chance, coordinates: usize) -> Config {
         wait_s: number(chance, 0.0, 0.1),
         start_window_s: number(chance, 1e-3, 1.0),
         gate: one_in(chance, 2),
-        consider: *pick(chance, &[Consider::Off, Consider::Learnt, Consider::Always]),
         gate_patience_s: number(chance, 1e-3, 1.0),
         learning_memory_s: one_in(chance, 2).then(|| number(chance, 1e-3, 10.0)),
         belief_interval_s: number(chance, 1e-3, 10.0),

@@ -16,7 +16,7 @@ pub use oarlock_oracle::so3;
 
 use nalgebra::{DMatrix, DVector};
 use oarlock::body::Body;
-use oarlock::config::{Config, Consider, Magnetometer};
+use oarlock::config::{Config, Magnetometer};
 use oarlock::estimate::belief::Belief;
 use oarlock::estimate::transition::Transition;
 use oarlock::estimate::System;
@@ -105,7 +105,6 @@ pub fn plain(estimate: &[&str]) -> Config {
         estimate: estimate.iter().map(|s| s.to_string()).collect(),
         gate: false,
         learning_memory_s: None,
-        consider: Consider::Off,
         magnetometer: Magnetometer::On,
         ..Config::default()
     }

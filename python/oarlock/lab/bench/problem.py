@@ -29,7 +29,6 @@ ESTIMATES: Final[dict[str, tuple[str, ...]]] = {
 # The textbook filter has no gates and no learning, so they are off in Oarlock for the comparison.
 _PLAIN: Final[dict[str, Any]] = {
     "gate": False,
-    "consider": "off",
     "learning_memory_s": None,
     "magnetometer": "on",
 }

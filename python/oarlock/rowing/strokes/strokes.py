@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 Column = tuple[Floats, Floats]
 
 ZERO_STD = 0.005
-"""Of an encoder, rad or m: what its zero may be off by where nobody calibrated it (as `Config.consider` takes it)."""
+"""Of an encoder, rad or m: standard deviation of its zero where nobody calibrated it."""
 
 
 @dataclass(frozen=True, eq=False)

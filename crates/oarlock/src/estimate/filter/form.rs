@@ -2,7 +2,7 @@
 
 use super::{Diverged, Filter, RowGroups};
 use crate::estimate::covariance_form::CovarianceUpdate;
-use crate::estimate::information::{Carried, Force, Nis, WeightedReadings};
+use crate::estimate::information::{Nis, WeightedReadings};
 use crate::estimate::sigma::PredictedReadings;
 use crate::estimate::FastSystem;
 use crate::kernels::dense::{NotPositive, Square};
@@ -126,15 +126,6 @@ impl<S: FastSystem> Filter<S> {
         match exact {
             Some(update) => update.posterior(self.arch, &mut self.shift, covariance),
             None => self.information.posterior(self.arch, &mut self.shift, covariance),
-        }
-    }
-
-    /// What the update makes of derivatives of the mean.
-    pub(super) fn carry_update(&self, forces: &[Force], carried: &mut Carried, slopes: &mut [f64]) {
-        let prior = (&self.predicted, &self.l_transposed);
-        match self.exact_covariance_form() {
-            Some(update) => update.carry(self.arch, prior, forces, (carried, &self.weight), slopes),
-            None => self.information.carry(self.arch, &self.l_transposed, forces, carried, slopes),
         }
     }
 }

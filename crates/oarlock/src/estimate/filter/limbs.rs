@@ -9,7 +9,7 @@ use super::form::broken;
 use super::{log_likelihood, Diverged, Filter, Info, Measurement, RowGroups, UpdateSettings};
 use crate::estimate::belief::Belief;
 use crate::estimate::clique::{Clique, CliqueScratch, CliqueSystem};
-use crate::estimate::information::{Columns, InformationUpdate, Side, WeightedReadings};
+use crate::estimate::information::{InformationUpdate, WeightedReadings};
 use crate::estimate::sigma::{PredictedReadings, ReadingContext};
 use crate::estimate::split::Split;
 use crate::estimate::star::{places, Places, Star};
@@ -110,11 +110,6 @@ impl<C, M> Limbs<C, M> {
             split,
         };
         Some((made, limbs))
-    }
-
-    /// Of each stage, for its readings.
-    pub fn substitute(&self, arch: Arch, side: Side, columns: &mut Columns) {
-        self.stages.iter().for_each(|stage| stage.information.substitute(arch, side, columns));
     }
 
     /// Covariance of core and limb before the update of stage `k`.
@@ -275,7 +270,7 @@ impl<S: FastSystem> Filter<S> {
             spread: settings.spread,
         };
         self.predicted.from_sigma_points(self.arch, context, room, &self.l_transposed);
-        self.innovate(measured, (belief.inflation, belief.roughness), info);
+        self.innovate(measured, belief.inflation, info);
         let readings =
             WeightedReadings { rows: &self.rows, inertial: self.inertial_rows, weight: &self.weight, y: &self.y };
         self.information.whiten(self.arch, &self.predicted, readings);

@@ -13,8 +13,6 @@ pub struct RowGroups {
     pub sources: Vec<Range<usize>>,
     /// All rows of inertial units, whose joint consistency is reported.
     pub inertial: Vec<usize>,
-    /// Rows of accelerometers, whose noise has a factor of its own beside that of all inertial units.
-    pub rough: Vec<usize>,
 }
 
 /// A test of a part along one direction, such as the dip of the magnetic field.

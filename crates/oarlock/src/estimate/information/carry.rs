@@ -3,7 +3,6 @@
 //! By U5 to U8 this is X'V'^-1 (L^-1 S - D f) with D = W'U'^-1. A reading depends on few parameters, so D f costs little once D is known.
 
 use super::InformationUpdate;
-use crate::estimate::covariance_form::CovarianceCarried;
 use crate::kernels::arch::{with_simd, Arch, Kernel};
 use crate::kernels::registers::{F64x4, Simd};
 use crate::kernels::tiles::{padded, product, substitute, substitute_back, Lower, Panel, Rows, VECTOR};
@@ -36,8 +35,6 @@ pub struct Carried {
     slopes: Panel,
     out: Panel,
     zeros: Vec<usize>,
-    /// For the update in covariance form.
-    pub(in crate::estimate) covariance_form: CovarianceCarried,
     /// The slopes before the update.
     pub(in crate::estimate) before: Vec<f64>,
 }
@@ -57,14 +54,8 @@ impl Carried {
             slopes: of_states.clone(),
             out: of_states,
             zeros: vec![0; width / VECTOR],
-            covariance_form: CovarianceCarried::new(states, rows, width),
             before: vec![0.0; states * width],
         }
-    }
-
-    /// Number of parameters, padded.
-    pub fn width(&self) -> usize {
-        self.width
     }
 }
 

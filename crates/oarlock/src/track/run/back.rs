@@ -1,6 +1,5 @@
 //! Smooths a run backwards from its checkpoints.
 
-use super::super::consider::Doubt;
 use super::super::earlier_pass::{Course, EarlierPass};
 use super::super::{diverged, Tracker};
 use super::{Progress, Run};
@@ -20,9 +19,8 @@ impl Run {
     /// As `into_iterated`, beside the filtered estimates.
     pub fn iterated(&self, iterations: usize, progress: Progress) -> Result<Run> {
         self.check_smoothable()?;
-        let series = self.series.blank();
-        let (checkpoints, shares) = (self.checkpoints.clone(), self.shares.clone());
-        Run { checkpoints, shares, ..self.with(series) }.into_iterated(iterations, progress)
+        Run { checkpoints: self.checkpoints.clone(), ..self.with(self.series.blank()) }
+            .into_iterated(iterations, progress)
     }
 
     /// Smooths in place of the filtered estimates, which takes half the memory.
@@ -128,19 +126,15 @@ impl Run {
         smoothed(&next);
         let mut tracker = self.tracker.clone();
         let (mut smoother, mut stretch) = (Smoother::new(tracker.body().layout.dim()), Stretch::default());
-        let (all, mut doubt) = (self.checkpoints.len(), Vec::new());
-        let scale = self.last.as_ref().and_then(|known| known.doubt.as_ref()).map_or(0.0, Doubt::lasting_scale);
+        let all = self.checkpoints.len();
         for k in (0..all).rev() {
             stretch.refilter(&self, &mut tracker, k)?;
             for node in stretch.nodes[..stretch.used].iter_mut().rev() {
                 let belief = &mut node.filtered;
-                if let Some(row) = node.row {
-                    self.note_doubt(row, belief, scale, &mut doubt);
-                }
                 let done = smoother.back(tracker.body(), belief, &node.transition, &node.predicted, &next);
                 done.map_err(|lost| diverged(lost, belief.time_s))?;
                 if let Some(row) = node.row {
-                    self.write_smoothed(row, belief, &doubt);
+                    self.write_row(row, &belief.mean, |_, variance| belief.variances(variance));
                 }
                 std::mem::swap(&mut next, belief);
                 smoothed(&next);
@@ -152,35 +146,6 @@ impl Run {
         }
         self.smoothed = true;
         Ok(self)
-    }
-
-    /// Increase of a filtered row's band over its state estimate by consider states. The smoother's increase is the
-    /// same, and what the band lacked because the scale that the whole recording shows was not known yet.
-    fn note_doubt(&self, row: usize, filtered: &Belief, scale: f64, doubt: &mut Vec<f64>) {
-        let n = filtered.mean.len();
-        doubt.clear();
-        let before = self.shares.partition_point(|(at_s, _)| *at_s <= filtered.time_s);
-        let shares = self.shares.get(before.saturating_sub(1)).map(|(_, shares)| shares);
-        // With several hypotheses the band is that of all of them.
-        let parted = self.partings.iter().any(|p| p.from_s <= filtered.time_s && filtered.time_s <= p.to_s);
-        let excess = |(i, std): (usize, &f64)| {
-            let variance = filtered.covariance.at(i, i);
-            let own = Some(std * std - variance).filter(|d| !parted && *d > ROUNDING * variance);
-            own.unwrap_or(0.0) + shares.map_or(0.0, |shares| shares.lack(i, scale, !parted))
-        };
-        let std = &self.series.std[row * n..(row + 1) * n];
-        doubt.extend(std.iter().enumerate().map(excess));
-    }
-
-    fn write_smoothed(&mut self, row: usize, belief: &Belief, doubt: &[f64]) {
-        self.write_variances(row, &belief.mean, |_, variance| belief.variances(variance));
-        for (std, d) in self.series.std_of(row, belief.mean.len()).iter_mut().zip(doubt) {
-            *std = std.sqrt();
-            if *d > 0.0 {
-                *std = (*std * *std + d).sqrt();
-            }
-        }
-        self.bound(row);
     }
 
     fn check_smoothable(&self) -> Result<()> {
@@ -195,9 +160,6 @@ impl Run {
 const LEAST_FALL: f64 = 1e-3;
 /// How often a step is halved that does not lower the objective.
 const HALVINGS: usize = 2;
-
-/// Relative excess of a variance below which it counts as a rounding error.
-const ROUNDING: f64 = 1e-12;
 
 /// A step of a stretch: estimate before, prediction, estimate after prediction.
 struct Node {

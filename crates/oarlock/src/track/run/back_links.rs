@@ -77,10 +77,7 @@ impl Run {
         for (row, motion) in rows.iter().rev() {
             let coordinates = strapdown.smoothed(body, (smoothed, filtered), motion, lack, near);
             let spread = spread.get_or_insert_with(|| coordinates.covariance(covariance));
-            self.write_variances(*row, &coordinates.mean, |_, variance| spread.diagonal(variance));
-            let n = coordinates.mean.len();
-            self.series.std_of(*row, n).iter_mut().for_each(|x| *x = x.max(0.0).sqrt());
-            self.bound(*row);
+            self.write_row(*row, &coordinates.mean, |_, variance| spread.diagonal(variance));
             let off_axis: Vec<f64> = coordinates.off_axis.concat();
             self.series.off_axis[*row * off_axis.len()..][..off_axis.len()].copy_from_slice(&off_axis);
             *near = coordinates.mean;

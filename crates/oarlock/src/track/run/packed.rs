@@ -7,7 +7,7 @@ use crate::track::hypothesis::Hypothesis;
 /// A hypothesis whose symmetric covariance is stored as its upper triangle.
 #[derive(Debug, Clone)]
 pub(super) struct Packed {
-    /// All but covariance and doubt: consider states do not change estimates.
+    /// All but the covariance.
     known: Hypothesis,
     upper: Vec<f64>,
 }
@@ -18,7 +18,7 @@ impl Packed {
         let Hypothesis { belief, sources, rivals, links, .. } = known;
         let belief = Belief { covariance: Square::zeros(0), ..belief.clone() };
         let (sources, rivals, links) = (sources.clone(), rivals.clone(), links.clone());
-        Packed { known: Hypothesis { belief, sources, doubt: None, rivals, links, ..*known }, upper }
+        Packed { known: Hypothesis { belief, sources, slopes: Vec::new(), rivals, links, ..*known }, upper }
     }
 
     /// Replaces the filtered by the smoothed estimate.

@@ -75,14 +75,8 @@ impl Series {
     /// The same rows with empty estimates, except the last row, which smoothing does not change.
     pub(super) fn blank(&self) -> Series {
         let width = self.mean.len() / self.time_s.len().max(1);
-        // The filtered bands are needed to find how much consider states widen them.
-        let (mean, std) = (last(&self.mean, width), self.std.clone());
+        let (mean, std) = (last(&self.mean, width), last(&self.std, width));
         Series { mean, std, observed: self.observed.clone(), off_axis: self.off_axis.clone(), ..self.read() }
-    }
-
-    /// Standard deviations of a row of `width` states.
-    pub(super) fn std_of(&mut self, row: usize, width: usize) -> &mut [f64] {
-        &mut self.std[row * width..(row + 1) * width]
     }
 
     /// Size of the estimates in bytes.

@@ -1,5 +1,5 @@
-//! What consider states do to the mean (dx/dp) while updates move the references of rotations (P3, P4): against differences of whole
-//! runs, and against a heading that nothing measures.
+//! Derivatives of the mean by the parameters of a score (dx/dp) while updates move the references of rotations (P3, P4): against differences of
+//! whole runs, and against a heading that nothing measures.
 
 use super::support::chance::Chance;
 use super::support::record::{times, Scene};
@@ -8,20 +8,18 @@ use super::support::wave::Wave;
 use super::support::{body, model, plain, so3};
 use nalgebra::Vector3;
 use oarlock::body::Body;
-use oarlock::config::{Config, Consider, FilterKind};
+use oarlock::config::{Config, FilterKind};
 use oarlock::estimate::System;
 use oarlock::model::SensorKind;
 use oarlock::recording::Sample;
 use oarlock::rotation::turn::Turn;
 use oarlock::track::hypothesis::Hypothesis;
-use oarlock::track::{Calibration, Doubt, Tracker};
+use oarlock::track::{Calibration, Tracker};
 
 /// Amplitude, rad and m, and frequency, Hz: a ball turns at up to 10 rad/s.
 const SWING: [f64; 2] = [0.7, 1.0];
 /// As the model files say nothing.
 const MOUNT_STD_RAD: f64 = 0.1;
-/// Numbers of a doubt's flat form before the slopes.
-const HEAD: usize = 5;
 
 /// A body without noise, gate and learning, at a state estimate from its own start fit.
 struct Moving {
@@ -33,21 +31,21 @@ struct Moving {
 
 impl Moving {
     /// Over 2 s at `hz`, of which the first 0.4 s lead to the start.
-    fn new(text: &str, filter: FilterKind, hz: f64, seed: u64) -> Self {
-        let config = Config { filter, consider: Consider::Always, ..plain(&[]) };
+    fn new(text: &str, hz: f64, seed: u64) -> Self {
+        let config = Config { filter: FilterKind::Ekf, ..plain(&[]) };
         let body = body(&model(text), &config);
         let wave = Wave::random(&body.model, SWING[0], SWING[1], &mut Chance::new(seed));
         let scene = Scene { body: &body, motion: &|t| wave.at(t), surge: &|_| 0.0, azimuth_rad: 0.3, noise: 0.0 };
         let samples = scene.samples(&times(0.0, 1.0 / hz, (2.0 * hz) as usize), &mut Chance::new(1));
         let (first, rest) = samples.split_at((0.4 * hz) as usize);
-        let mut tracker = Tracker::new(body.model.clone(), &Calibration::default(), &config).unwrap();
+        let mut tracker = scoring(&body, &Calibration::default(), &config);
         first.iter().for_each(|sample| assert!(tracker.step(sample).is_ok()));
         let start = tracker.hypothesis().unwrap().clone();
         Moving { rest: rest.to_vec(), body, config, start }
     }
 
     fn end(&self, known: &Calibration, start: Hypothesis) -> Hypothesis {
-        let mut tracker = Tracker::new(self.body.model.clone(), known, &self.config).unwrap();
+        let mut tracker = scoring(&self.body, known, &self.config);
         tracker.resume(start).unwrap();
         self.rest.iter().for_each(|sample| assert!(tracker.step(sample).is_ok()));
         tracker.hypothesis().unwrap().clone()
@@ -89,14 +87,23 @@ impl Moving {
     }
 }
 
-/// dx/dp of one parameter.
-fn slopes(one: &Hypothesis, parameter: usize) -> Vec<f64> {
-    let doubt = one.doubt.as_ref().unwrap();
-    let (flat, (states, _, width)) = (doubt.to_flat(), doubt.size());
-    flat[HEAD..].chunks(width).take(states).map(|row| row[parameter]).collect()
+fn scoring(body: &Body, known: &Calibration, config: &Config) -> Tracker {
+    let mut tracker = Tracker::new(body.model.clone(), known, config).unwrap();
+    tracker.keep_score(known, (0.0, 1.0)).unwrap();
+    tracker
 }
 
-/// Units of the tree. Before their mounts, the consider states are three places for each.
+/// Length of each state's row of derivatives.
+fn width(one: &Hypothesis) -> usize {
+    one.slopes.len() / one.belief.mean.len()
+}
+
+/// dx/dp of one parameter.
+fn slopes(one: &Hypothesis, parameter: usize) -> Vec<f64> {
+    one.slopes.chunks(width(one)).map(|row| row[parameter]).collect()
+}
+
+/// Units of the tree. Before their mounts, the parameters are three places for each.
 const UNITS: usize = 3;
 /// Third powers of it are nothing beside it.
 const STEP_RAD: f64 = 1e-3;
@@ -110,13 +117,12 @@ fn slopes_of_fast_balls_are_differences_of_estimates() {
     let tree = ["2.0", "3.0", "4.0"]
         .iter()
         .fold(TREE.to_string(), |text, density| text.replace(&format!("density = {density}"), "density = 20.0"));
-    let trials = [6, 7, 8].map(|seed| (FilterKind::Ekf, seed));
-    for (filter, seed) in trials.into_iter().chain([(FilterKind::Ukf, 8)]) {
-        let moving = Moving::new(&tree, filter, 400.0, seed);
+    for seed in [6, 7, 8] {
+        let moving = Moving::new(&tree, 400.0, seed);
         let end = moving.end(&Calibration::default(), moving.start.clone());
         for k in 0..3 * UNITS {
             let miss = moving.miss(&end, 3 * UNITS + k, (k / 3, k % 3));
-            assert!(miss < CHANGES_OF_THE_GAIN, "{filter:?}, seed {seed}, unit {}, axis {}: {miss}", k / 3, k % 3);
+            assert!(miss < CHANGES_OF_THE_GAIN, "seed {seed}, unit {}, axis {}: {miss}", k / 3, k % 3);
         }
     }
 }
@@ -150,10 +156,6 @@ forward = [1, 0, 0]
 
 /// Accelerations of 5 m/s2 that turn with the heading, over 160 updates.
 const ROUNDING: f64 = 1e-10;
-/// Sigma points take the mean of readings over postures of some degrees; measured 0.01.
-const SPREAD: f64 = 0.03;
-/// What two limbs know of each other beyond the trunk is dropped after each sample; measured 0.14 in accelerations, rad/s2.
-const DROPPED: f64 = 0.2;
 
 /// The same trunk on a ball that stands still, with a compass on each unit.
 fn hung() -> String {
@@ -181,28 +183,18 @@ fn heading(body: &Body, mean: &[f64]) -> Vec<f64> {
 
 #[test]
 fn an_error_of_a_heading_that_nothing_measures_remains_one() {
-    let thrown = [(FilterKind::Ekf, ROUNDING), (FilterKind::Ukf, SPREAD), (FilterKind::Factorised, DROPPED)];
-    let thrown = thrown.map(|(filter, exact)| (THROWN.to_string(), filter, exact));
-    // Sigma points over the unknown heading of a ball span tens of degrees: only derivatives at the mean are exact there.
-    for (text, filter, exact) in thrown.into_iter().chain([(hung(), FilterKind::Ekf, ROUNDING)]) {
-        let moving = Moving::new(&text, filter, 100.0, 5);
-        let doubt = moving.start.doubt.as_ref().unwrap();
-        let (mut flat, (states, _, width)) = (doubt.to_flat(), doubt.size());
+    for text in [THROWN.to_string(), hung()] {
+        let moving = Moving::new(&text, 100.0, 5);
         let led = heading(&moving.body, &moving.start.belief.mean);
-        led.iter().zip(flat[HEAD..].chunks_mut(width)).for_each(|(led, row)| row[0] += led);
-        let mut astray = moving.start.clone();
-        astray.doubt = Doubt::from_flat(&flat, states);
+        let (mut astray, width) = (moving.start.clone(), width(&moving.start));
+        led.iter().zip(astray.slopes.chunks_mut(width)).for_each(|(led, row)| row[0] += led);
         let [end, astray] = [moving.start.clone(), astray].map(|start| moving.end(&Calibration::default(), start));
         let expected = heading(&moving.body, &end.belief.mean);
         // Slopes are affine in what they were: the difference is what became of the heading.
         let [without, with] = [&end, &astray].map(|one| slopes(one, 0));
-        for i in 0..states {
+        for i in 0..expected.len() {
             let away = with[i] - without[i] - expected[i];
-            assert!(
-                away.abs() < exact * (1.0 + expected[i].abs()),
-                "{filter:?}, {}: {away}",
-                moving.body.layout.names[i]
-            );
+            assert!(away.abs() < ROUNDING * (1.0 + expected[i].abs()), "{}: {away}", moving.body.layout.names[i]);
         }
     }
 }

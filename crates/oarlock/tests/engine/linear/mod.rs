@@ -66,8 +66,7 @@ fn filtered(system: &Linear, samples: &[Sample]) -> Way {
 }
 
 fn filtered_by(make: Make, system: &Linear, samples: &[Sample]) -> Way {
-    let groups =
-        RowGroups { parts: vec![0..2, 2..ROWS], sources: vec![0..2, 2..ROWS], inertial: vec![0, 1], rough: vec![] };
+    let groups = RowGroups { parts: vec![0..2, 2..ROWS], sources: vec![0..2, 2..ROWS], inertial: vec![0, 1] };
     let mut filter = make(system, &groups);
     let mut info = Info::new(&groups, ROWS);
     let mut belief = start();

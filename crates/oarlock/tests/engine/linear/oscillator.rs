@@ -86,7 +86,7 @@ fn a_system_needs_six_methods() {
 
 fn assert_is_kalmans(what: &str, make: fn(&Oscillator, &RowGroups) -> Filter<Oscillator>) {
     let one = || std::iter::once(0..1).collect::<Vec<_>>();
-    let groups = RowGroups { parts: one(), sources: one(), inertial: vec![], rough: vec![] };
+    let groups = RowGroups { parts: one(), sources: one(), inertial: vec![] };
     let (mut filter, mut info) = (make(&Oscillator, &groups), Info::new(&groups, 1));
     let (mut belief, mut chance, mut transition) = (start(), Chance::new(7), Transition::default());
     let (mut mean, mut covariance) = (Vector2::new(1.0, 0.0), Matrix2::from_diagonal(&START_VARIANCE.into()));

@@ -128,8 +128,6 @@ pub fn start() -> Belief {
         usual_nis: vec![1.0; 2],
         inflation: 1.0,
         surprise: 1.0,
-        roughness: 1.0,
-        leftover: 1.0,
         rejected_since_s: vec![f64::NAN; 2],
     }
 }

@@ -1,4 +1,4 @@
-//! Which consider states are errors of the body's own axes: mounts of units, on the rotation next below each.
+//! Which parameters are errors in the body's own axes: mounts of units, on the rotation next below each.
 
 use crate::body::Body;
 use crate::estimate::filter::Apart;
@@ -6,15 +6,16 @@ use crate::model::{Model, SensorKind};
 
 /// For each rotation of the state: 0 for mounts of the units that turn with it, with no other ball or free joint between; 1 for all else.
 ///
-/// If a mount is wrong by a turn, all that its unit says is turned alike, in the body's axes, and so is the update: the error stays what
-/// it is there (of a unit behind a hinge, nearly so). Any other error stays in the axes of what carries the body.
-pub(super) fn worn_rigidly(body: &Body, names: &[String], width: usize) -> Vec<Apart> {
+/// A wrong mount rotates all readings of its unit, and with them the update, in the axes of the body that carries the unit: the error is
+/// constant there (behind a hinge, nearly so). Any other error is constant in the axes of the parent.
+pub(super) fn apart(body: &Body, parameters: &[(String, f64)], width: usize) -> Vec<Apart> {
     let of_rotation = |&(coordinate, slots): &(usize, crate::state::Slots)| {
         let is_own = |name: &String| {
             unit_of(&body.model, name).and_then(|frame| rotation_below(body, frame)) == Some(coordinate)
         };
         let mut share = vec![1.0; width];
-        share.iter_mut().zip(names).filter(|(_, name)| is_own(name)).for_each(|(share, _)| *share = 0.0);
+        let own = share.iter_mut().zip(parameters).filter(|(_, (name, _))| is_own(name));
+        own.for_each(|(share, _)| *share = 0.0);
         Apart { state: slots.q, share }
     };
     body.layout.turns.iter().map(of_rotation).collect()

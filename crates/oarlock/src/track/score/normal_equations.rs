@@ -1,5 +1,4 @@
-//! Normal equations of consider states, collected from the innovations of the filter (Friedland 1969). `score` uses
-//! them.
+//! `NormalEquations` of parameters, collected from the innovations of the filter (Friedland 1969). `scoring` adds the updates.
 //!
 //! With B = J dx/dp + dh/dp, the innovations are B p plus white noise of covariance S = J P J' + R. By Woodbury's
 //! identity
@@ -23,7 +22,7 @@ pub struct Window {
 
 /// Finished windows and the current one.
 #[derive(Debug, Clone)]
-pub(super) struct Tally {
+pub(super) struct NormalEquations {
     settle_s: f64,
     window_s: f64,
     begun_s: f64,
@@ -32,10 +31,10 @@ pub(super) struct Tally {
     full: Vec<Window>,
 }
 
-impl Tally {
+impl NormalEquations {
     pub(super) fn new(width: usize, settle_s: f64, window_s: f64) -> Self {
         let now = Window::default();
-        Tally { settle_s, window_s, begun_s: f64::NAN, width, now, full: Vec::new() }
+        NormalEquations { settle_s, window_s, begun_s: f64::NAN, width, now, full: Vec::new() }
     }
 
     /// Whether rows at this time are counted.
@@ -57,7 +56,7 @@ impl Tally {
     }
 
     /// Adds one row: its derivatives B and its innovation, both multiplied by a factor of W.
-    pub(super) fn row(&mut self, answer: &[f64], innovation: f64) {
+    pub(super) fn add_row(&mut self, answer: &[f64], innovation: f64) {
         self.now.rows += 1;
         for (row, &a) in self.now.normal.chunks_exact_mut(self.width).zip(answer) {
             accumulate(row, std::iter::once((a, answer)));
@@ -65,8 +64,8 @@ impl Tally {
         accumulate(&mut self.now.right, std::iter::once((innovation, answer)));
     }
 
-    /// Adds the effect of the update: `pull` is J'WB, `lost` is P+ J'WB, and the mean moved by `shift`.
-    pub(super) fn update(&mut self, pull: &[f64], lost: &[f64], shift: &[f64]) {
+    /// Subtracts the effect of the update: `pull` is J'WB, `lost` is P+ J'WB, and the mean moved by `shift`.
+    pub(super) fn subtract_states(&mut self, pull: &[f64], lost: &[f64], shift: &[f64]) {
         let width = self.width;
         for (state, pulled) in pull.chunks_exact(width).enumerate().filter(|(_, p)| p.iter().any(|x| *x != 0.0)) {
             let lost = &lost[state * width..(state + 1) * width];
@@ -77,11 +76,15 @@ impl Tally {
         }
     }
 
-    /// All windows.
-    pub(super) fn close(&mut self) -> &[Window] {
+    fn close(&mut self) {
         if self.now.rows > 0 {
             self.full.push(std::mem::take(&mut self.now));
         }
-        &self.full
+    }
+
+    /// All windows.
+    pub(super) fn finish(mut self) -> Vec<Window> {
+        self.close();
+        self.full
     }
 }
