@@ -252,7 +252,9 @@ def mean_deg(
     model: Any, rotation: HullRotation | None, seed: int, drop: tuple[str, ...] = ()
 ) -> tuple[float, Any]:
     truth, recording = simulate_sculling(model, "B-B", 10.0, (20.0, 34.0), seed, hull_rotation=rotation)
-    scores = oarlock.evaluate(oarlock.track(model, without(recording, *drop)), truth)
+    # Exact bodies: the structure that takes mounts and lengths as they are.
+    config = oarlock.Config(structure="tree")
+    scores = oarlock.evaluate(oarlock.track(model, without(recording, *drop), config=config), truth)
     return scores.mean_rmse_deg(ELEVEN), scores
 
 

@@ -1,19 +1,23 @@
 """A sculler as strapdown links: seat and oars from encoders, hands on handles, surge, mounts and skin as states."""
 
 import pickle
-from functools import cache
+from functools import cache, partial
+from typing import Any
 
 import numpy as np
 import pytest
 from pages import sculling
+from scipy.spatial.transform import Rotation
 
 import oarlock
 from exact_recording import ELEVEN, Exact, load_excerpt, read_exact, sculler, silenced
 from field_trial import trial
 from local_data import local_folder
-from oarlock.rowing import FieldEffects
+from oarlock.rowing import FieldEffects, HullRotation
+from oarlock.rowing.simulation.experiment import simulate_ergometer, simulate_sculling, simulate_sweep
 
 TREE = oarlock.Config(structure="tree")
+WORN_DEG = 4.0
 
 
 @cache
@@ -48,14 +52,47 @@ def test_the_seat_is_where_its_encoder_says_and_the_boat_surges() -> None:
     assert np.mean(np.abs(apart) < 1.96 * smoothed.slow["surge"].std[late]) > 0.9
 
 
-def test_a_slide_without_an_encoder_is_refused_by_name() -> None:
-    begin = sculler().text.index('[[sensor]]\nname = "seat"')
-    text = sculler().text[:begin] + sculler().text[sculler().text.index("[[sensor]]", begin + 1) :]
-    model = oarlock.Model.from_toml(text, "no_seat.toml", {})
-    with pytest.raises(
-        oarlock.ModelError, match=r"joint 'seat' slides and no encoder reads it.*structure = \"tree\""
-    ):
-        oarlock.track(model, load_excerpt().recording)
+def worn(recording: oarlock.Recording, seed: int) -> oarlock.Recording:
+    """Every unit turned by some degrees about each axis, as units that are put on by eye."""
+    rng = np.random.default_rng(seed)
+    streams = []
+    for stream in recording:
+        turn = Rotation.from_rotvec(np.radians(WORN_DEG) * rng.standard_normal(3))
+        values = {key: turn.apply(v.copy()) if v.ndim == 2 else v for key, v in stream.values.items()}
+        streams.append(type(stream)(stream.name, stream.time_s, **values))
+    return oarlock.Recording(streams)
+
+
+@pytest.mark.parametrize(
+    ("name", "make", "condition"),
+    [
+        ("sweep", simulate_sweep, "B-B"),
+        ("ergometer", simulate_ergometer, "S-B"),
+        pytest.param("sculler_boat", partial(simulate_sculling, hull_rotation=HullRotation()), "B-B"),
+    ],
+)
+def test_units_put_on_by_eye_in_any_boat(name: str, make: Any, condition: str) -> None:
+    """Mounts are states: a tree, which takes them as they are, is wrong by as much as the units are turned."""
+    model = oarlock.load_model(name)
+    truth, recording = make(model, condition, 30.0, (20.0, 30.0), 5)
+    recording = worn(recording, 5)
+    means = []
+    for structure in ("strapdown", "tree"):
+        track = oarlock.track(model, recording, config=oarlock.Config(structure=structure))
+        scores = oarlock.evaluate(track, truth)
+        means.append(scores.mean_rmse_deg(ELEVEN))
+        if structure == "strapdown":
+            assert np.mean([scores[joint].coverage for joint in ELEVEN]) > 0.9
+    assert means[0] < 0.75 * means[1], means
+
+
+def test_a_hull_that_slides_without_encoders_moves_within_its_limits() -> None:
+    model = oarlock.load_model("sculler_boat")
+    _, recording = simulate_sculling(model, "B-B", 10.0, 26.0, 3, hull_rotation=HullRotation())
+    track = oarlock.track(model, recording.without(["waist"]))
+    for name, limit_m in (("hull_sway", 0.1), ("hull_heave", 0.04)):
+        i = track.joint_names.index(name)
+        assert np.abs(track.q[:, i]).max() < limit_m and np.all(track.q_std[:, i] < 0.5 * limit_m + 1e-9)
 
 
 def test_a_unit_that_was_silent_comes_back_where_it_is() -> None:

@@ -31,6 +31,10 @@ RADIAL_DEG, PALMAR_DEG = 0.08, 0.7
 HEADING_DEG = 2.0  # within seconds, by body units alone; a wrong quarter of the circle is 90
 
 
+TREE = oarlock.Config(structure="tree")
+"""Exact bodies: the structure that takes mounts and lengths as they are."""
+
+
 def gaps(model: Any, q: NDArray[np.float64]) -> tuple[float, float]:
     """Largest distance hand to handle, m, and difference of their axes, by the handle's own geometry."""
     poses = np.asarray(model.forward_kinematics(q))
@@ -121,7 +125,7 @@ def test_shoulders_turn_after_the_handle():
 def scored(name: str, condition: str, seed: int) -> tuple[Any, Any, Any]:
     model = oarlock.load_model(name)
     truth, recording = simulate_sweep(model, condition, 10.0, (20.0, 34.0), seed)
-    track = oarlock.track(model, recording)
+    track = oarlock.track(model, recording, config=TREE)
     return oarlock.evaluate(track, truth), oarlock.evaluate(oarlock.smooth(track), truth), recording
 
 
@@ -144,7 +148,7 @@ def test_tracked_within_the_scullers_bounds(name, condition, seed):
 def test_forty_seconds_within_the_scullers_bounds(condition):
     model = oarlock.load_model("sweep")
     truth, recording = simulate_sweep(model, condition, 40.0, (20.0, 34.0), 1)
-    track = oarlock.track(model, recording)
+    track = oarlock.track(model, recording, config=TREE)
     filtered, smoothed = oarlock.evaluate(track, truth), oarlock.evaluate(oarlock.smooth(track), truth)
     assert filtered.mean_rmse_deg(ANGLES) <= MEAN_DEG
     assert filtered.worst_rmse_deg(ANGLES) <= WORST_DEG
@@ -157,7 +161,7 @@ def test_body_units_alone_find_where_the_trunk_faces(name):
     """A trunk with three joints could face anywhere: the field's azimuth makes up for it until the body moves."""
     model = oarlock.load_model(name)
     truth, recording = simulate_sweep(model, "B-B", 6.0, 28.0, 5)
-    track = oarlock.track(model, recording, config=oarlock.Config(closures=False))
+    track = oarlock.track(model, recording, config=oarlock.Config(structure="tree", closures=False))
     scores = oarlock.evaluate(track, truth, start_s=3.0)
     assert np.degrees(scores["trunk_rotation"].rmse) < HEADING_DEG
     assert all(track[joint].observed[-1] for joint in TRUNK)

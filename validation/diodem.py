@@ -48,14 +48,14 @@ TEXT = (
     "screwed on and one on foam, 40 Hz. The reference is optical, 30 Hz, 15 ms late in this trial, with "
     "gaps. Scored after 5 s, root mean square: the hinge angles (the twists of the segments' relative "
     "orientations about the hinge's axis) and the whole relative orientation at the ball joint. VQF 6D "
-    "has no common heading; the hinges suffer from that in part, the ball joint fully. Soft mounts: the readings are "
-    "low-passed (6 Hz, without delay), and the units may turn by 5 deg on their links."
+    "has no common heading; the hinges suffer from that in part, the ball joint fully. Skin: the units may turn "
+    "by 5 deg on their links."
 )
 PLAIN, REMOVED = "as it stands", "limits and delays removed"
 LIMITS_TEXT = (
     "How late the optical stamps are beyond the 15 ms that are known, and how far each unit is turned against its "
-    "optical segment on average: under the foam-mounted units that is the mounting itself, which no software was told. "
-    "Soft mounts estimate it, so for them the reference as it stands is the right one."
+    "optical segment on average: under the foam-mounted units that is the mounting itself, which no software knew. "
+    "Rows with skin estimate it, so for them the reference as it stands is the right one."
 )
 
 
@@ -87,7 +87,7 @@ def _outcomes(recording: Recording, mounted: Mounted) -> list[Outcome]:
     outcomes = attempt(ours.NAMES, lambda: ours.track_diodem(recording))
     outcomes += attempt(ours.FOUND_NAMES, lambda: ours.track_diodem_found(recording, mounted))
     if mounted == "foam":
-        outcomes += attempt(ours.SOFT_NAMES, lambda: ours.track_diodem_soft(recording))
+        outcomes += attempt(ours.SKIN_NAMES, lambda: ours.track_diodem_skin(recording))
     singles = attempt(others.VQF_NAMES, lambda: others.vqf(recording))
     outcomes += singles
     outcomes += attempt(others.IMUFUSION_NAMES, lambda: others.imufusion(recording))

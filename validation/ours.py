@@ -27,14 +27,11 @@ FOUND = "calibration found"
 FOUND_NAMES = tuple(f"{name}, {FOUND}" for name in NAMES)
 """The same with a calibration that was found from the recording itself."""
 
-SOFT_NAMES = tuple(f"{name}, soft mounts" for name in NAMES)
-"""The same with soft mounts, after a low-pass."""
+SKIN_NAMES = tuple(f"{name}, skin" for name in NAMES)
+"""The same with units that turn on their links."""
 
-FOAM_STD_RAD = float(np.radians(5.0))
-"""Of a unit's rotation on foam about each axis: readers of the data give 5 to 12 deg, mean and movement together."""
-
-LIMBS_HZ = 6.0
-"""Movements of people are slower; as docs/bodies.md advises for soft tissue."""
+FOAM = {"links": {"skin_std_rad": 0.09, "skin_time_s": 30}}
+"""Turn of a unit on foam about each axis, 5 deg: readers of the data give 5 to 12 deg, mean and movement together."""
 
 WINDOW_S: Mapping[str, float] = {"rigid": 0.2, "foam": 0.4}
 """Over which joints are sought, as docs/mounts.md advises for each kind of mounting."""
@@ -72,18 +69,13 @@ def diodem_tracks(recording: Recording) -> Iterator[tuple[Estimate, Track]]:
     return _both("diodem_arm", recording, SEGMENTS, config=WITH_LENGTHS)
 
 
-def track_diodem_soft(recording: Recording) -> Iterator[Estimate]:
-    """The same for units on foam: without vibration, with mounts that turn.
-
-    The low-pass has no delay, so no estimate was known at its own time.
-    """
-    model = oarlock.load_model("diodem_arm")
-    soft = oarlock.with_soft_mounts(model, dict.fromkeys(model.sensor_names, FOAM_STD_RAD))
-    quiet = _known(recording, model).low_passed(LIMBS_HZ)
-    for name, (estimate, _) in zip(
-        SOFT_NAMES, _both(soft, quiet, SEGMENTS, config=WITH_LENGTHS), strict=True
+def track_diodem_skin(recording: Recording) -> Iterator[Estimate]:
+    """The same for units on foam, which turn on their links."""
+    model = oarlock.load_model("diodem_arm").with_tables(FOAM)
+    for name, estimate in zip(
+        SKIN_NAMES, _tracked(model, recording, SEGMENTS, config=WITH_LENGTHS), strict=True
     ):
-        yield replace(estimate, name=name, online=False)
+        yield replace(estimate, name=name)
 
 
 def track_openaxes(recording: Recording, calibration: Calibration | None = None) -> Iterator[Estimate]:

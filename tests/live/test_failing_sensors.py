@@ -82,3 +82,18 @@ def test_readings_of_a_stuck_unit_are_not_used_and_nothing_else_is_lost():
     assert not ((hand > FAILS_S + 0.6) & (hand < BACK_S - 0.1)).any()
     assert np.count_nonzero(hand < FAILS_S) == pytest.approx(FAILS_S * 100, abs=1)
     assert np.count_nonzero(hand >= BACK_S - 0.005) == pytest.approx((ENDS_S - BACK_S) * 100, abs=1)
+
+
+def test_a_magnet_is_named_when_it_comes_and_when_it_goes():
+    rig = Rig("sculler", None, {"radio": Source("radio", "lines", "udp")}, ())
+    watch, said = Watch(Intake(rig, 0, lambda source: DECODERS[source.format].decoder(source.transport))), []
+    for look in range(60):
+        now_s = 0.25 * look
+        # 0.5 s of disturbance at 2 s are too short; the magnet is there from 5 to 9 s.
+        is_near = 2.0 <= now_s < 2.5 or 5.0 <= now_s < 9.0
+        judged = {"back": {"field": "norm" if is_near else "undisturbed"}, "seat": {}}
+        said += [(now_s, text) for text in watch.fields(judged, now_s)]
+    assert [(now_s, text.split(":")[0]) for now_s, text in said] == [
+        (6.25, "a magnet or iron is near back"),
+        (10.25, "the magnetic field at back is right again and used"),
+    ]

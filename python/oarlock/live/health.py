@@ -20,6 +20,9 @@ Key = tuple[str, str, str]
 SILENT_S = 0.7
 """A stream of which nothing came for so long is silent; with four looks a second it is named within 0.95 s."""
 
+FIELD_S = 1.0
+"""A magnetic field that is disturbed, or right again, for so long is named."""
+
 LONGEST_TEXT = 40
 
 
@@ -41,6 +44,8 @@ class Watch:
     _feeding: dict[str, Device] = field(default_factory=dict)
     _told: dict[str, tuple[float, int]] = field(default_factory=dict)
     _dropped: dict[str, int] = field(default_factory=dict)
+    _disturbed: set[str] = field(default_factory=set)
+    _field_changed_s: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._others = SilentDevices(self.intake)
@@ -116,6 +121,32 @@ class Watch:
             if count > told:
                 self._dropped[name] = count
                 yield f"{count - told} datagrams of {name} were lost because this machine is busy: close other programs"
+
+    def fields(self, sensors: Mapping[str, Mapping[str, Any]], now_s: float) -> Iterator[str]:
+        """Sentences about magnets that come near a unit and go.
+
+        Args:
+            sensors: `Info.sensors` of the newest estimate.
+            now_s: time of the look, s.
+        """
+        for stream, judged in sensors.items():
+            field_now = judged.get("field", "missing")
+            if field_now == "missing":
+                continue
+            is_disturbed = field_now != "undisturbed"
+            if is_disturbed is (stream in self._disturbed):
+                self._field_changed_s.pop(stream, None)
+            elif now_s - self._field_changed_s.setdefault(stream, now_s) > FIELD_S:
+                del self._field_changed_s[stream]
+                if is_disturbed:
+                    self._disturbed.add(stream)
+                    yield (
+                        f"a magnet or iron is near {stream}: its magnetometer is not used, and its heading comes from "
+                        "its gyroscope and from the other units"
+                    )
+                else:
+                    self._disturbed.remove(stream)
+                    yield f"the magnetic field at {stream} is right again and used"
 
     def is_ready(self, now_s: float) -> bool:
         """Whether every stream is heard and every clock in use has settled."""

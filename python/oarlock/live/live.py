@@ -261,7 +261,12 @@ class Live:
         for look in count(1):
             await self.time.sleep(LOOK_S)
             now_s = self.seconds
-            for text in (*self._watch.events(now_s), *self._problems.events(self._problems_now())):
+            sensors = {} if self._newest is None else self._newest.info.sensors
+            for text in (
+                *self._watch.events(now_s),
+                *self._watch.fields(sensors, now_s),
+                *self._problems.events(self._problems_now()),
+            ):
                 self._tell(text)
             is_awaited = self.lead is not None and self.lead.guide.is_open
             self.is_tracked_at_once &= self.session.tracker is None

@@ -1,12 +1,12 @@
 //! Checks strapdown links against each unit alone: does a unit turn otherwise than its own gyroscope, or lean otherwise than its own
 //! accelerometer says, beyond what both are worth? `track` lets the joints of such a unit go and says so.
 
-use super::covariance::UNIT;
+use super::covariance::{block, UNIT};
 use super::filter::{dot, Means, State, StrapdownFilter};
 use super::increment::{square, Reading};
 use super::skeleton::{Link, Pose, Skeleton};
 use crate::kernels::dense::Square;
-use crate::rotation::{Mat3, Vec3};
+use crate::rotation::Vec3;
 
 /// Differences are averaged over this time, s.
 const WINDOW_S: f64 = 1.0;
@@ -20,7 +20,7 @@ const BAND: f64 = 1.96;
 pub struct Check {
     /// Mean square of the angle between the verticals of body and unit alone, and what both are worth, rad2.
     pub tilt: [f64; 2],
-    /// Turn by which joints have moved the unit, with a memory of the window, rad in the room's axes; and what its orientation was worth, rad2.
+    /// Turn by which readings have moved the unit, with a memory of the window, rad in the room's axes; and what its orientation was worth, rad2.
     pub turned: Vec3<f64>,
     pub worth: f64,
     /// Whether it is contradicted now, and how long it has been, s.
@@ -132,7 +132,7 @@ impl StrapdownFilter {
             let [here, there] = [own, other].map(|mean| mean.rotation.apply_transposed(up));
             let angle = dot(here, there).clamp(-1.0, 1.0).acos();
             let variance = |p: &Square, first: usize| -> f64 {
-                let turn = Mat3(std::array::from_fn(|r| std::array::from_fn(|c| p.at(first + r, first + c))));
+                let turn = block(p, first);
                 let all: f64 = (0..3).map(|k| turn.0[k][k]).sum();
                 all - dot(up, turn.apply(up))
             };

@@ -27,8 +27,8 @@ pub struct Step {
 
 impl Step {
     /// Of a unit with orientation `before`, at velocity and position after it. Errors are right-invariant, so that gravity is the only way from
-    /// orientation to velocity, and constant (Barrau and Bonnabel 2017). Adds the noise to the covariance's block at `first` once the transition is
-    /// done; returns it.
+    /// orientation to velocity, and constant (Barrau and Bonnabel 2017). Returns its noise too, for
+    /// `predict` to add after the transition.
     pub fn of(
         increment: &Increment,
         before: &Mat3<f64>,
@@ -353,6 +353,11 @@ impl Kernel for Reading<'_> {
         *log_likelihood -= 0.5 * (nis + s.determinant().abs().ln());
         nis
     }
+}
+
+/// Three rows and columns from `first` on.
+pub fn block(covariance: &Square, first: usize) -> Mat3<f64> {
+    Mat3(std::array::from_fn(|r| std::array::from_fn(|c| covariance.at(first + r, first + c))))
 }
 
 /// Makes a matrix symmetric that rounding made uneven.

@@ -51,6 +51,11 @@ impl StrapdownFilter {
         self.silent[u] && !self.skeleton.is_held()
     }
 
+    /// Whether a link's unit is silent, or its joints are let go.
+    pub(super) fn is_let_go(&self, link: usize) -> bool {
+        matches!(self.skeleton.links[link].pose, Pose::Unit(u) if self.is_silent(u) || self.let_go[u])
+    }
+
     /// Whether everything that a closure needs speaks, and no joint is let go.
     pub(super) fn can_read(&self, closure: &Closure) -> bool {
         let is_silent = |end: End| end.unit().is_some_and(|u| self.is_silent(u) || self.let_go[u]);

@@ -1,6 +1,6 @@
 //! The filter of strapdown links: prediction by each unit's own readings, and readings of joints, bounds, rest and contact.
 
-use super::covariance::{even, predict, Correction, Rows, Step, UNIT};
+use super::covariance::{block, even, predict, Correction, Rows, Step, UNIT};
 use super::increment::{square, sum, Increment, Reading, Readings, ZERO};
 use super::sensors::{Heard, Measures, Sensor};
 use super::skeleton::{Closure, End, Pose, Skeleton, Unit};
@@ -61,7 +61,8 @@ pub struct Means {
     pub units: Vec<UnitState>,
     /// Of links without a unit: rotation, neighbour from link.
     pub loose: Vec<Mat3<f64>>,
-    /// Errors of the joints' points, m, in the axes of each unit; then turns of their axes, rad, in those of each link.
+    /// Errors of the joints' points, m, in the axes of each unit; then turns of their axes, rad, in those of each
+    /// link; then of mounts and skins, rad, in those of each unit.
     pub constants: Vec<Vec3<f64>>,
     /// Of the magnetic field, rad from `forward`; the last state, if units have magnetometers.
     pub azimuth: f64,
@@ -130,6 +131,8 @@ pub struct StrapdownFilter {
     /// The only closure that is read, while headings are sought.
     pub only: Option<usize>,
     pub contacts: bool,
+    /// Whether norm and dip decide if a magnetic field is used.
+    pub tests_fields: bool,
     pub gravity: Vec3<f64>,
     pub correction: Correction,
     pub rows: Rows,
@@ -200,6 +203,7 @@ impl StrapdownFilter {
             size,
             closures,
             only: None,
+            tests_fields: true,
             contacts,
         }
     }
@@ -405,8 +409,9 @@ impl StrapdownFilter {
         }
         for u in (0..before.len()).filter(|u| self.silent[*u]) {
             self.ride(&mut state.means.units, &before, u);
-            let variance = if is_held { LOOSE_WALK * LOOSE_WALK * step_s } else { SILENT_RAD * SILENT_RAD };
-            let turn = sum(&ZERO, &Mat3::identity(), variance);
+            let walk = if is_held { LOOSE_WALK * LOOSE_WALK * step_s } else { SILENT_RAD * SILENT_RAD };
+            let known = if is_held { block(&state.covariance, UNIT * u) } else { ZERO };
+            let turn = sum(&known, &Mat3::identity(), walk);
             let stds = [self.links.start_speed_std_m_s, self.links.start_place_std_m];
             noises[u] = fresh_block(&turn, &state.means.units[u], stds);
             steps[u].forgets = true;
@@ -465,7 +470,9 @@ impl StrapdownFilter {
         self.read_all(state, step_s);
         self.take_shift(state);
         if let Some((means, covariance)) = before {
+            let usual: Vec<_> = state.heard.iter().map(|heard| heard.usual).collect();
             self.read_again(state, (&means, &covariance), is_open, step_s);
+            state.heard.iter_mut().zip(usual).for_each(|(heard, usual)| heard.usual = usual);
         }
         state.uneven += 1;
         if state.uneven >= EVEN_EVERY {

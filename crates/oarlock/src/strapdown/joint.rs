@@ -2,7 +2,7 @@
 //! use them.
 
 use super::filter::dot;
-use super::increment::square;
+use super::increment::{square, sum, ZERO};
 use crate::rotation::turn::Turn;
 use crate::rotation::{Mat3, Vec3};
 use std::f64::consts::TAU;
@@ -45,6 +45,9 @@ pub struct Angles {
     /// Unit vectors at right angles to all hinges, in the child's axes; `3 - count` of them.
     pub normals: [Vec3<f64>; 3],
 }
+
+/// Half of the interval for a derivative by time, s.
+const RATE_STEP_S: f64 = 1e-4;
 
 /// Steps of the search for two or three angles: it converges quadratically.
 const STEPS: usize = 8;
@@ -114,6 +117,13 @@ impl Turns {
             *q = nearest(*q, guess);
         }
         best
+    }
+
+    /// How `Angles::by_turn` changes while the angles change at these rates, rad/s: 1/s.
+    pub fn by_turn_rate(&self, q: [f64; 3], rates: [f64; 3]) -> Mat3<f64> {
+        let Turns::Hinges(hinges) = self else { return ZERO };
+        let at = |s: f64| inverse(&self.axes(hinges, [0, 1, 2].map(|k| q[k] + s * rates[k])), hinges.len());
+        sum(&sum(&ZERO, &at(RATE_STEP_S), 0.5 / RATE_STEP_S), &at(-RATE_STEP_S), -0.5 / RATE_STEP_S)
     }
 
     fn search(&self, hinges: &[Hinge], rotation: &Mat3<f64>, mut q: [f64; 3]) -> Angles {

@@ -51,8 +51,9 @@ impl StrapdownFilter {
             let old_first = there.and_then(|there| old.constants().nth(there));
             (0..3).for_each(|i| source[first + i] = old_first.map(|first| first + i));
         }
-        if let (Some(own), Some(there)) = (self.azimuth_state(), old.azimuth_state()) {
-            source[own] = Some(there);
+        match (self.azimuth_state(), old.azimuth_state()) {
+            (Some(own), Some(there)) => source[own] = Some(there),
+            _ => means.azimuth = self.skeleton.azimuth_rad.unwrap_or(0.0),
         }
         if let (Some(own), Some(there)) = (self.room_state(), old.room_state()) {
             (0..3).for_each(|i| source[own + i] = Some(there + i));
@@ -137,7 +138,7 @@ impl StrapdownFilter {
     /// The covariance by the old state of each new one; states without an old one are as at a start.
     fn admitted_covariance(&self, old: &Square, source: &[Option<usize>], means: &Means) -> Square {
         let silent = vec![SILENT_RAD; means.units.len()];
-        let mut covariance = self.start_covariance(means, &silent, (&silent, UNKNOWN_AZIMUTH_RAD));
+        let mut covariance = self.start_covariance(means, &silent, (&silent, self.azimuth_std()));
         for (r, from) in source.iter().enumerate() {
             for (c, other) in source.iter().enumerate() {
                 match (from, other) {

@@ -4,7 +4,7 @@ use super::covariance::{Rows, UNIT};
 use super::filter::{dot, Means, State, StrapdownFilter, SPRING_LOOP_TIME_S, SPRING_TIME_S};
 use super::increment::{skew, square, sum, Reading, Readings, ZERO};
 use super::joint::Turns;
-use super::skeleton::{Axes, Closure, End, Leg, Pose};
+use super::skeleton::{Axes, Closure, End, Leg};
 use crate::rotation::turn::{right_jacobian_inverse, Turn};
 use crate::rotation::{Mat3, Vec3};
 
@@ -116,7 +116,8 @@ impl StrapdownFilter {
     /// Axes of two links that a loop keeps together.
     pub(super) fn read_axes(&mut self, state: &mut State, number: usize, step_s: f64) {
         let Axes { ends, std } = self.skeleton.loop_axes[number];
-        if ends.iter().filter_map(|(link, axis)| link.map(|l| Leg::of(l, *axis))).any(|leg| self.is_stale_leg(&leg)) {
+        let mut links = ends.iter().filter_map(|(link, _)| *link);
+        if links.any(|l| self.is_let_go(l) || self.is_stale_leg(&Leg::of(l, Vec3([0.0; 3])))) {
             return;
         }
         let means = &state.means;
@@ -148,8 +149,7 @@ impl StrapdownFilter {
             (None, true) => LOOSE_HINGE_RAD,
             (None, false) => return,
         };
-        let is_silent = |l: usize| matches!(self.skeleton.links[l].pose, Pose::Unit(u) if self.is_silent(u));
-        if locked == 0 || is_silent(l) || link.parent.is_some_and(is_silent) {
+        if locked == 0 || self.is_let_go(l) || link.parent.is_some_and(|p| self.is_let_go(p)) {
             return;
         }
         let (relative, child) = self.relative(&state.means, l);

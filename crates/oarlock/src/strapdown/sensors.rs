@@ -226,7 +226,7 @@ impl StrapdownFilter {
         if misfit(now, *usual) != Verdict::Accepted && misfit(now, world) == Verdict::Accepted {
             *usual = now;
         }
-        self.fields[u] = misfit(now, *usual);
+        self.fields[u] = if self.tests_fields { misfit(now, *usual) } else { Verdict::Accepted };
         let is_usual = self.fields[u] == Verdict::Accepted;
         let share = (step_s / if is_usual { USUAL_S } else { NEW_S }).min(1.0);
         let most = [NORM_TOLERANCE * usual[0], DIP_TOLERANCE_RAD];
@@ -331,17 +331,25 @@ impl StrapdownFilter {
             Measures::Field(u) => Some((u, heard.all.front()?.1)),
             _ => None,
         });
-        let Some((u, field)) = first else { return UNKNOWN_AZIMUTH_RAD };
+        let Some((u, field)) = first else {
+            means.azimuth = self.skeleton.azimuth_rad.unwrap_or(0.0);
+            return self.azimuth_std();
+        };
         let up = self.skeleton.up;
         let seen = means.units[u].rotation.apply(Vec3(field));
         let north = self.north_of(seen - up * dot(seen, up));
         let Some(azimuth) = self.skeleton.azimuth_rad else {
             means.azimuth = north;
-            return UNKNOWN_AZIMUTH_RAD;
+            return self.azimuth_std();
         };
         means.azimuth = azimuth;
         let all: Vec<usize> = (0..means.units.len()).collect();
         self.turn_all(means, &all, azimuth - north);
-        KNOWN_AZIMUTH_RAD
+        self.azimuth_std()
+    }
+
+    /// Standard deviation of the field's azimuth before any reading, rad.
+    pub(super) fn azimuth_std(&self) -> f64 {
+        self.skeleton.azimuth_rad.map_or(UNKNOWN_AZIMUTH_RAD, |_| KNOWN_AZIMUTH_RAD)
     }
 }

@@ -111,8 +111,9 @@ impl StrapdownFilter {
         }
         for (k, push) in self.skeleton.pushes.iter().enumerate() {
             let i = self.push_state(k);
-            state.means.pushes[k] *= (-step_s / push.time_s).exp();
-            *state.covariance.at_mut(i, i) += push.density * push.density * step_s;
+            let share = (-step_s / push.time_s).exp();
+            state.means.pushes[k] *= share;
+            *state.covariance.at_mut(i, i) += 0.5 * push.density.powi(2) * push.time_s * (1.0 - share * share);
         }
     }
 }

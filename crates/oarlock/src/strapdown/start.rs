@@ -16,9 +16,8 @@ use std::f64::consts::{PI, TAU};
 const LEVEL_S: f64 = 0.4;
 /// A unit rests at the start if it does up to this time after it, s: units have their first readings at times of their own.
 const START_REST_S: f64 = REST_S + 0.05;
-/// Tilt from the mean force of a unit at rest, rad; and the share of the scatter of forces that their mean has.
+/// Tilt from the mean force of a unit at rest, rad.
 const LEVEL_RAD: f64 = 0.02;
-const FORCE_SHARE: f64 = 1.0;
 
 /// From this standard deviation of headings on, rad, a body may begin in any posture and movement: a unit that turns at this distance, m, reads
 /// a force that is not vertical.
@@ -214,7 +213,7 @@ impl StrapdownFilter {
         let axis = force.cross(self.skeleton.up);
         let (sin, cos) = (square(axis).sqrt(), dot(force, self.skeleton.up));
         let turning = if start_std_rad >= ANY_POSTURE_RAD { SWING_M * self.mean_rate2(readings, time_s) } else { 0.0 };
-        let read = LEVEL_RAD.hypot((FORCE_SHARE * scatter).hypot(turning) / self.skeleton.gravity_m_s2.max(1.0));
+        let read = LEVEL_RAD.hypot(scatter.hypot(turning) / self.skeleton.gravity_m_s2.max(1.0));
         let share = prior * prior / (prior * prior + read * read);
         let std = prior * read / prior.hypot(read);
         if sin < 1e-9 {

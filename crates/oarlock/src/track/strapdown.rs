@@ -62,9 +62,8 @@ pub(crate) struct LinkState {
     pub(super) checks: Vec<Check>,
     /// Turns off the axes of hinges; see `Coordinates::off_axis`.
     pub(super) off_axis: Vec<[f64; 3]>,
-    /// How units sit, how likely that is, what else is possible, and how long the body moved, s.
+    /// How units sit, what else is possible, and how long the body moved, s.
     pub(super) fixing: Fixing,
-    log_likelihood: f64,
     rivals: Vec<Rival>,
     moved_s: f64,
 }
@@ -231,7 +230,8 @@ impl Tracker {
             skeleton.sensors.retain(|sensor| !matches!(sensor.measures, Measures::Field(_)));
         }
         let readings = (self.config.closures, self.config.contacts);
-        let filter = StrapdownFilter::new(skeleton, body.model.links, readings);
+        let mut filter = StrapdownFilter::new(skeleton, body.model.links, readings);
+        filter.tests_fields = self.config.magnetometer == Magnetometer::Gated;
         strapdown.alone = Some(Alone::new(&filter));
         strapdown.filter = Some(filter);
         Ok(())

@@ -75,10 +75,8 @@ impl LinkState {
             rival.log_likelihood += if is_moving { filter.correction.log_likelihood } else { 0.0 };
         }
         filter.links = filter.stated(&stated.with(self.fixing, self.rivals.is_empty()));
-        filter.correction.log_likelihood = 0.0;
         filter.advance(&mut self.state, time_s, node, for_smoother);
         if is_moving {
-            self.log_likelihood += filter.correction.log_likelihood;
             self.moved_s += self.state.time_s - before_s;
         }
     }
@@ -113,7 +111,6 @@ impl LinkState {
         let rival = &mut self.rivals[rival];
         std::mem::swap(&mut self.state, &mut rival.state);
         std::mem::swap(&mut self.fixing, &mut rival.fixing);
-        std::mem::swap(&mut self.log_likelihood, &mut rival.log_likelihood);
         self.spread_s = f64::NAN;
     }
 

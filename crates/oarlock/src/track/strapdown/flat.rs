@@ -12,7 +12,8 @@ use crate::strapdown::filter::{Means, State, UnitState};
 use crate::strapdown::increment::{Increment, Reading, Readings};
 use crate::strapdown::sensors::Heard;
 
-const VERDICTS: [Verdict; 4] = [Verdict::Missing, Verdict::Accepted, Verdict::Clipped, Verdict::Stuck];
+const VERDICTS: [Verdict; 6] =
+    [Verdict::Missing, Verdict::Accepted, Verdict::Clipped, Verdict::Stuck, Verdict::Excluded, Verdict::Outlier];
 
 /// Numbers one after another; lists begin with their length.
 struct Writer(Vec<f64>);
@@ -194,7 +195,7 @@ impl LinkState {
     /// All numbers.
     pub fn to_flat(&self) -> Vec<f64> {
         let LinkState { state, present, waiting, taken_s, spread_s, alone, checks, off_axis, .. } = self;
-        let mut to = Writer(vec![*taken_s, *spread_s, self.log_likelihood, self.moved_s]);
+        let mut to = Writer(vec![*taken_s, *spread_s, self.moved_s]);
         to.count(number_of(self.fixing));
         to.count(self.rivals.len());
         for Rival { fixing, state, log_likelihood } in &self.rivals {
@@ -227,7 +228,7 @@ impl LinkState {
     /// Reads the result of `to_flat`; `None` if it is none.
     pub fn from_flat(flat: &[f64]) -> Option<Self> {
         let mut from = Source(flat.iter());
-        let [taken_s, spread_s, log_likelihood, moved_s] = from.array()?;
+        let [taken_s, spread_s, moved_s] = from.array()?;
         let fixing = fixing_of(&mut from)?;
         let rivals = from.many(|from| {
             let (fixing, log_likelihood) = (fixing_of(from)?, from.number()?);
@@ -260,7 +261,6 @@ impl LinkState {
             checks,
             off_axis,
             fixing,
-            log_likelihood,
             rivals,
             moved_s,
         })

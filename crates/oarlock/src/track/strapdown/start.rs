@@ -75,7 +75,6 @@ impl Tracker {
             checks: vec![Check::NEW; units],
             off_axis: Vec::new(),
             fixing: Fixing::Skin,
-            log_likelihood: 0.0,
             rivals: Vec::new(),
             moved_s: 0.0,
         }));

@@ -60,11 +60,6 @@ magnetic_norm_ut = 47.0
 magnetic_dip_rad = "60*pi/180"
 "#;
 
-/// The same with units that turn slowly on their links.
-pub fn soft() -> String {
-    MIXED.replace("mount.std_rad = 0.1", "mount.turning_std_rad = 0.1, mount.turning_time_s = 2.0")
-}
-
 /// The same on a root that stands still, with points that touch the ground.
 pub fn standing() -> String {
     let (first, last) = (MIXED.find("base_acceleration"), MIXED.find("[parameters]"));
