@@ -109,7 +109,7 @@ def test_a_ball_joint_moves_places_by_small_turns():
     model = oarlock.load_model("sculler_ball")
     rng = np.random.default_rng(2)
     q = 0.3 * rng.standard_normal((3, len(model.coordinate_names)))
-    truth = track_without_filter(model, np.arange(3.0), q, provenance={})
+    truth = track_without_filter(model, np.arange(3.0), q, provenance={"config": {"structure": "tree"}})
     told = replace(truth, q_std=np.full(q.shape, 1e-3))
     stds = told.frame_position_stds("r_elbow", relative_to="r_shoulder")
     # turns of 1 mrad about two axes across an upper arm: 0.315 mm across it, in any direction of the two

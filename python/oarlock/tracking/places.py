@@ -107,18 +107,19 @@ def position_spreads(
 ) -> tuple[Floats, Source]:
     """Covariances (T, K, 3, 3) of the frames' positions, m2, and their source; see `PositionSpread`.
 
-    First order: J P J' with the exact Jacobian (JCGM 100, 2008, eq. 13). Lengths that are not estimated count as
-    exact.
+    First order: J P J' with the exact Jacobian (JCGM 100, 2008, eq. 13). Lengths that are no states of the track
+    are exact on trees; on strapdown links they have the standard deviations of the model file, as their joints do.
 
     Raises:
         DataError: the track has no model.
     """
     model = model_of(track, "position_spreads")
-    lengths = _estimated_lengths(track, model, rows)
-    names = [*track.coordinate_names, *lengths]
+    lengths, stated = _estimated_lengths(track, model, rows), _stated_stds_m(track, model)
+    names = [*track.coordinate_names, *lengths, *stated]
     deviations = [track.slow[LENGTH_PREFIX + name].std[rows] for name in lengths]
-    std = np.column_stack([track.q_std[rows], *deviations])
-    slopes = _slopes(model, _coordinates(track, rows), lengths, [reference, *frames])
+    count = len(track.q_std[rows])
+    std = np.column_stack([track.q_std[rows], *deviations, *(np.full(count, s) for s in stated.values())])
+    slopes = _slopes(model, _coordinates(track, rows), lengths, [reference, *frames], [*lengths, *stated])
     slopes[np.abs(slopes) < NO_EFFECT] = 0.0
     weighted = np.where(slopes == 0.0, 0.0, slopes * std[:, None, None, :])
     if track.beliefs is None or not len(track.beliefs.time_s):
@@ -163,6 +164,16 @@ def _estimated_lengths(track: Estimates, model: Model, rows: Rows) -> dict[str, 
     return {name: slow.value[rows] for name, slow in found if name in model.parameters}
 
 
+def _stated_stds_m(track: Estimates, model: Model) -> dict[str, float]:
+    """Standard deviations of the uncertain lengths of strapdown links, m, by the parameter's name."""
+    config = track.provenance.get("config", {})
+    if (config.get("structure") or model.structure) != "strapdown":
+        return {}
+    states = {name.removeprefix(LENGTH_PREFIX) for name in track.slow}
+    lengths = (one for one in model.describe().parameters if one.name in model.length_names)
+    return {one.name: one.std for one in lengths if one.std and one.name not in states}
+
+
 def _all_lengths(model: Model, estimated: Mapping[str, Floats]) -> Floats | None:
     """Lengths of each row (T, n_lengths); None if all are the model's."""
     if not estimated:
@@ -171,12 +182,14 @@ def _all_lengths(model: Model, estimated: Mapping[str, Floats]) -> Floats | None
     return np.stack(np.broadcast_arrays(*of_all), axis=-1)
 
 
-def _slopes(model: Model, q: Floats, lengths: Mapping[str, Floats], frames: Sequence[int]) -> Floats:
-    """Derivatives (T, K, 3, n) of positions in the axes of the first frame, by coordinates and estimated lengths."""
+def _slopes(
+    model: Model, q: Floats, lengths: Mapping[str, Floats], frames: Sequence[int], uncertain: Sequence[str]
+) -> Floats:
+    """Derivatives (T, K, 3, n) of positions in the axes of the first frame, by coordinates and uncertain lengths."""
     of_rows = _all_lengths(model, lengths)
     poses = np.asarray(model.forward_kinematics(q, of_rows))[:, frames]
     by_coordinate, by_length = model.frame_jacobian(q, [model.frame_names[f] for f in frames], of_rows)
-    by_length = by_length[..., [model.length_names.index(name) for name in lengths]]
+    by_length = by_length[..., [model.length_names.index(name) for name in uncertain]]
     moves = np.concatenate([by_coordinate[..., :3, :], by_length], axis=-1)
     turns = np.concatenate([by_coordinate[..., 3:, :], np.zeros_like(by_length)], axis=-1)
     return relative_moves(poses, np.concatenate([moves, turns], axis=-2))
