@@ -34,7 +34,7 @@ class BallBody:
     Y is up, and every link but the pelvis starts 0.3 m above the one before.
     """
 
-    name, text, path, description = "ball_body", "", "", ""
+    name, text, path, description, structure = "ball_body", "", "", "", "tree"
     parameters: dict[str, float] = {}  # noqa: RUF012
     sensor_names: tuple[str, ...] = ()
     length_names: tuple[str, ...] = ()
