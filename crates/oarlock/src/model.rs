@@ -349,6 +349,13 @@ impl Model {
         read_model(text, file).map_err(|mistakes| crate::Error::Model(mistakes.join("\n")))
     }
 
+    /// The encoder that reads a coordinate, so that whole turns of a hinge are known.
+    pub fn encoder(&self, coordinate: usize) -> Option<&Sensor> {
+        let reads =
+            |kind: &SensorKind| matches!(kind, SensorKind::Encoder(e) if self.joints[e.joint].first == coordinate);
+        self.sensors.iter().find(|sensor| reads(&sensor.kind))
+    }
+
     /// Number of coordinates of all joints.
     pub fn coordinate_count(&self) -> usize {
         self.joints.iter().map(|j| j.kind.width()).sum()

@@ -122,7 +122,7 @@ impl Coordinates {
         // R' w of the parent changes with the relative rotation.
         let turned = skew(spin);
         let rates = [0, 1, 2].map(|k| dot(Vec3(angles.by_turn.0[k]), rate));
-        let bent = link.turns.by_turn_rate(angles.q, rates).apply(rate);
+        let turning = slope - link.turns.coupling(angles.q, rates);
         for (k, slots) in slots.iter().enumerate().take(angles.count) {
             let Some(slots) = slots else { continue };
             let d = angles.by_turn.0[k];
@@ -133,9 +133,8 @@ impl Coordinates {
             let by_turn = turned.apply_transposed(Vec3(d)).0.map(|x| -x);
             let row = along(d, &biases).into_iter().chain(along(by_turn, &turn)).collect();
             self.set(velocity, rates[k], row, scale * noise);
-            let value = dot(Vec3(d), slope) + bent.0[k];
             let uneven = own.slope_noise + parent.map_or(0.0, |(p, _)| p.slope_noise);
-            self.set(acceleration, value, Vec::new(), scale * uneven);
+            self.set(acceleration, dot(Vec3(d), turning), Vec::new(), scale * uneven);
         }
         for (i, a) in slots.iter().enumerate().take(angles.count) {
             for (j, b) in slots.iter().enumerate().take(angles.count) {

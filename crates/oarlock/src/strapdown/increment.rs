@@ -316,7 +316,8 @@ impl Readings {
             noise[0] += UNREAD_RATE.powi(2) * share;
             noise[1] += UNREAD_ACCELERATION.powi(2) * share;
         }
-        let [gyro, accel] = [0, 1].map(|q| larger(a.excess[q], b.excess[q]).0.map(|x| x * x * step_s));
+        let larger = |q: usize| [0, 1, 2].map(|i| a.excess[q].0[i].max(b.excess[q].0[i]));
+        let [gyro, accel] = [0, 1].map(|q| larger(q).map(|x| x * x * step_s));
         (Vec3(gyro.map(|x| x + noise[0])), noise[1] + accel.into_iter().fold(0.0, f64::max))
     }
 
@@ -395,11 +396,6 @@ impl Readings {
 fn unread() -> (Vec3<f64>, f64) {
     let [gyro, accel] = [UNREAD_RATE, UNREAD_ACCELERATION].map(|std| 2.0 * std * std * UNREAD_TIME_S);
     (Vec3([gyro; 3]), accel)
-}
-
-/// The larger number of each axis.
-fn larger(a: Vec3<f64>, b: Vec3<f64>) -> Vec3<f64> {
-    Vec3([0, 1, 2].map(|q| a.0[q].max(b.0[q])))
 }
 
 /// Square of a vector's length.

@@ -2,7 +2,7 @@
 //! use them.
 
 use super::filter::dot;
-use super::increment::{square, sum, ZERO};
+use super::increment::square;
 use crate::rotation::turn::Turn;
 use crate::rotation::{Mat3, Vec3};
 use std::f64::consts::TAU;
@@ -45,9 +45,6 @@ pub struct Angles {
     /// Unit vectors at right angles to all hinges, in the child's axes; `3 - count` of them.
     pub normals: [Vec3<f64>; 3],
 }
-
-/// Half of the interval for a derivative by time, s.
-const RATE_STEP_S: f64 = 1e-4;
 
 /// Steps of the search for two or three angles: it converges quadratically.
 const STEPS: usize = 8;
@@ -119,11 +116,15 @@ impl Turns {
         best
     }
 
-    /// How `Angles::by_turn` changes while the angles change at these rates, rad/s: 1/s.
-    pub fn by_turn_rate(&self, q: [f64; 3], rates: [f64; 3]) -> Mat3<f64> {
-        let Turns::Hinges(hinges) = self else { return ZERO };
-        let at = |s: f64| inverse(&self.axes(hinges, [0, 1, 2].map(|k| q[k] + s * rates[k])), hinges.len());
-        sum(&sum(&ZERO, &at(RATE_STEP_S), 0.5 / RATE_STEP_S), &at(-RATE_STEP_S), -0.5 / RATE_STEP_S)
+    /// Angular acceleration of the child in its own axes, rad/s2, by steady rates of the angles, rad/s: later hinges turn the axes of earlier ones.
+    pub fn coupling(&self, q: [f64; 3], rates: [f64; 3]) -> Vec3<f64> {
+        let Turns::Hinges(hinges) = self else { return Vec3([0.0; 3]) };
+        let (mut coupling, mut later) = (Vec3([0.0; 3]), Vec3([0.0; 3]));
+        for (axis, rate) in self.axes(hinges, q).into_iter().zip(rates).take(hinges.len()).rev() {
+            coupling += (axis * rate).cross(later);
+            later += axis * rate;
+        }
+        coupling
     }
 
     fn search(&self, hinges: &[Hinge], rotation: &Mat3<f64>, mut q: [f64; 3]) -> Angles {
@@ -244,9 +245,9 @@ mod tests {
             };
             let (h, now) = (1e-5, turns.angles(&turns.rotation(q), q));
             let slope = (spin(h) - spin(-h)) * (0.5 / h);
-            let bent = turns.by_turn_rate(now.q, rates).apply(spin(0.0));
-            // Differences at 1e-5 and 1e-4 s of rates up to 3 rad/s, and the damping.
-            let off = |k: usize| (dot(Vec3(now.by_turn.0[k]), slope) + bent.0[k] - pushes[k]).abs();
+            let turning = slope - turns.coupling(now.q, rates);
+            // A difference at 1e-5 s of rates up to 3 rad/s, and the damping.
+            let off = |k: usize| (dot(Vec3(now.by_turn.0[k]), turning) - pushes[k]).abs();
             assert!((0..count).all(|k| off(k) < 1e-3), "{count}: {:?}", [0, 1, 2].map(off));
         }
     }

@@ -225,17 +225,15 @@ impl StrapdownFilter {
     /// A resting unit reads its gyroscope's bias, and, where the model says so, no speed.
     pub(super) fn read_rest(&mut self, state: &mut State, u: usize, step_s: f64) {
         let links = self.links;
-        let resting = resting_rate(&state.readings[u], state.time_s);
-        self.rests[u] = resting.is_some_and(|rate| square(rate) < links.rest_below_rad_s.powi(2));
-        if !self.rests[u] {
-            return;
-        }
+        let resting = resting_rate(&state.readings[u], state.time_s, links.rest_below_rad_s);
+        self.rests[u] = resting.is_some();
+        let Some(rate) = resting else { return };
         let mean = state.means.units[u];
         // A body that turns slowly as a whole turns all units by what looks like their biases.
-        if resting.is_some_and(|rate| square(rate - mean.gyro_bias) < BIAS_BELOW_RAD_S * BIAS_BELOW_RAD_S) {
+        if square(rate - mean.gyro_bias) < BIAS_BELOW_RAD_S * BIAS_BELOW_RAD_S {
             let gyro = state.readings[u].at(state.time_s).gyro;
-            let rate = white(links.rest_rate_std_rad_s, links.rest_time_s, step_s);
-            self.read_zero(state, UNIT * u + 9, mean.gyro_bias - gyro, rate);
+            let variance = white(links.rest_rate_std_rad_s, links.rest_time_s, step_s);
+            self.read_zero(state, UNIT * u + 9, mean.gyro_bias - gyro, variance);
         }
         if let Some(std) = links.rest_speed_std_m_s {
             self.read_zero(state, UNIT * u + 3, mean.velocity, white(std, links.rest_time_s, step_s));
@@ -262,8 +260,8 @@ impl StrapdownFilter {
     }
 }
 
-/// Mean rate of a unit whose readings have not changed for a while, rad/s; `None`: it moves.
-pub fn resting_rate(readings: &Readings, time_s: f64) -> Option<Vec3<f64>> {
+/// Mean rate of a unit whose readings have not changed for a while, rad/s; `None`: it moves, or it turns faster than `below_rad_s`.
+pub fn resting_rate(readings: &Readings, time_s: f64, below_rad_s: f64) -> Option<Vec3<f64>> {
     let window = readings.window(time_s, REST_S)?;
     let count = window.clone().count() as f64;
     let moments = |of: fn(&Reading) -> Vec3<f64>| {
@@ -272,5 +270,6 @@ pub fn resting_rate(readings: &Readings, time_s: f64) -> Option<Vec3<f64>> {
         (mean, scatter.sqrt())
     };
     let (rate, turning) = moments(|r| r.gyro);
-    (count >= 3.0 && turning < REST_GYRO && moments(|r| r.accel).1 < REST_ACCEL).then_some(rate)
+    let is_slow = square(rate) < below_rad_s * below_rad_s;
+    (count >= 3.0 && is_slow && turning < REST_GYRO && moments(|r| r.accel).1 < REST_ACCEL).then_some(rate)
 }

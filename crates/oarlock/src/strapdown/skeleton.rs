@@ -5,7 +5,7 @@ use super::filter::dot;
 use super::joint::{Hinge, Turns};
 use super::pieces::Pieces;
 use super::sensors::{Measures, Sensor};
-use super::slides::{has_encoder, is_encoded, Slide};
+use super::slides::{is_encoded, Slide};
 use crate::body::{Body, Field};
 use crate::error::{Error, Result};
 use crate::model::transform::evaluate_three;
@@ -258,7 +258,7 @@ impl Skeleton {
             lengths: Vec::new(),
             slides: Slide::all(body),
             rest: body.axes.iter().map(|axis| axis.rest).collect(),
-            encoded: (0..body.axes.len()).map(|c| has_encoder(&body.model, c)).collect(),
+            encoded: (0..body.axes.len()).map(|c| body.model.encoder(c).is_some()).collect(),
         };
         let sensors = body.model.sensors.iter().enumerate();
         let imus: Vec<(usize, usize)> = sensors
@@ -518,7 +518,7 @@ impl Skeleton {
         let has_loops = !model.closures.is_empty();
         for l in 0..self.links.len() {
             let link = &self.links[l];
-            let is_known = |c: usize| is_encoded(model, c) && (is_read[c] || !has_encoder(model, c));
+            let is_known = |c: usize| is_encoded(model, c) && (is_read[c] || model.encoder(c).is_none());
             let has_encoders = match &link.turns {
                 Turns::Slide(..) => true,
                 Turns::Hinges(hinges) => hinges.iter().all(|h| is_known(h.coordinate)),

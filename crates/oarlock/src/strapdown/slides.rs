@@ -50,16 +50,7 @@ impl Slide {
 
 /// Whether readings tell a coordinate. An input without an encoder is at rest.
 pub fn is_encoded(model: &Model, coordinate: usize) -> bool {
-    has_encoder(model, coordinate) || model.joints.iter().any(|joint| joint.input && joint.first == coordinate)
-}
-
-/// Whether the model has an encoder of a coordinate.
-pub fn has_encoder(model: &Model, coordinate: usize) -> bool {
-    let of = |kind: &crate::model::SensorKind| match kind {
-        crate::model::SensorKind::Encoder(encoder) => Some(model.joints[encoder.joint].first),
-        _ => None,
-    };
-    model.sensors.iter().any(|sensor| of(&sensor.kind) == Some(coordinate))
+    model.encoder(coordinate).is_some() || model.joints.iter().any(|joint| joint.input && joint.first == coordinate)
 }
 
 impl Skeleton {

@@ -203,9 +203,7 @@ impl StrapdownFilter {
         let Links { start_tilt_std_rad, start_std_rad, .. } = self.links;
         let prior = if is_stated { start_std_rad.min(start_tilt_std_rad) } else { start_tilt_std_rad };
         // The force of a unit that moves says less than a posture that somebody stated.
-        let resting = resting_rate(readings, time_s + START_REST_S);
-        let rests = resting.is_some_and(|rate| square(rate) < self.links.rest_below_rad_s.powi(2));
-        if is_stated && !rests {
+        if is_stated && resting_rate(readings, time_s + START_REST_S, self.links.rest_below_rad_s).is_none() {
             return (rotation, prior);
         }
         let Some((force, scatter)) = self.mean_force(readings, time_s) else { return (rotation, prior) };

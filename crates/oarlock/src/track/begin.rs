@@ -126,7 +126,7 @@ impl Start<'_> {
             // limits.
             let axis = &body.axes[joint.first];
             std[slots.q] = std[slots.q].max(fitted(slots.q).min(axis.start_spread()));
-            if joint.kind == JointKind::Hinge && !self.subject.is_encoded(&joint.name) {
+            if joint.kind == JointKind::Hinge && body.model.encoder(joint.first).is_none() {
                 fit.mean[slots.q] = axis.nearest(fit.mean[slots.q]);
             }
         }

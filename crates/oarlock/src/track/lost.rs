@@ -55,7 +55,7 @@ pub(super) fn give_up(subject: &Subject, readings: &Readings, one: &mut Hypothes
     let std = start_std(body, WIDENED);
     let heading = headings(subject, readings, belief);
     for joint in &body.model.joints {
-        let wraps = joint.kind == JointKind::Hinge && !subject.is_encoded(&joint.name);
+        let wraps = joint.kind == JointKind::Hinge && subject.body.model.encoder(joint.first).is_none();
         for c in joint.coordinates() {
             let (axis, Some(slots)) = (&body.axes[c], body.layout.coordinates[c]) else { continue };
             let value = belief.mean[slots.q];

@@ -6,7 +6,7 @@ mod shaken;
 use super::faults::Fault;
 use super::loops::dependence;
 use super::magnetic::Field;
-use super::run::{Run, StreamCount};
+use super::run::{Run, Spell, StreamCount};
 use crate::config::{Config, Magnetometer};
 use crate::model::{Fixing, JointKind, Model};
 use crate::recording::input_joint;
@@ -177,7 +177,7 @@ fn disturbances(counts: &[StreamCount], field: &str) -> Vec<String> {
         let named: Vec<String> = named.collect();
         let named = if named.is_empty() { String::new() } else { format!(" ({})", named.join(", ")) };
         let bad: u64 = tests.into_iter().map(|of| count.fields[of as usize]).sum();
-        let is_once = |([from_s, to_s], inside): &([f64; 2], u64)| {
+        let is_once = |([from_s, to_s], inside): &Spell| {
             to_s - from_s > SPELL_S && *inside as f64 > ONCE_SHARE * bad as f64 && bad as f64 <= ONCE_SHARE * all as f64
         };
         let advice = match count.spell.filter(is_once) {

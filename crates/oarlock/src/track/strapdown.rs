@@ -15,7 +15,7 @@ use crate::body::Body;
 use crate::config::Magnetometer;
 use crate::error::Result;
 use crate::estimate::filter::{Diverged, SourceInfo, Verdict};
-use crate::model::{Fixing, SensorKind, Structure};
+use crate::model::{Fixing, Structure};
 use crate::recording::Sample;
 use crate::rotation::Vec3;
 use crate::sensor::{MountValue, Quantity};
@@ -417,9 +417,7 @@ impl Tracker {
 
 /// Row of a coordinate's encoder in the measurement vector; `None`: it has none, or it is an input.
 fn encoder_row(body: &Body, coordinate: usize) -> Option<usize> {
-    let reads =
-        |kind: &SensorKind| matches!(kind, SensorKind::Encoder(e) if body.model.joints[e.joint].first == coordinate);
-    let sensor = body.model.sensors.iter().find(|sensor| reads(&sensor.kind))?;
+    let sensor = body.model.encoder(coordinate)?;
     body.suite.sources.iter().find(|source| source.name == sensor.name).map(|source| source.rows.start)
 }
 

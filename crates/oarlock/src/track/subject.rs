@@ -3,7 +3,7 @@
 use super::loops::dependence;
 use crate::body::Body;
 use crate::estimate::filter::{Info, RowGroups, Verdict};
-use crate::model::{Axis, Joint, JointKind, SensorKind};
+use crate::model::{Axis, Joint, JointKind};
 use crate::sensor::Quantity;
 
 /// A body, and tables of its readings that the stages of a step share.
@@ -73,18 +73,10 @@ impl Subject {
         self.magnetic_rows().any(|r| !z[r].is_nan()) || oriented.any(|(_, p)| !z[p.rows.start].is_nan())
     }
 
-    /// Whether an encoder measures the joint, so that whole turns are known.
-    pub fn is_encoded(&self, joint: &str) -> bool {
-        let model = &self.body.model;
-        let reads =
-            |s: &crate::model::Sensor| matches!(&s.kind, SensorKind::Encoder(e) if model.joints[e.joint].name == joint);
-        model.sensors.iter().any(reads)
-    }
-
     /// Hinges without an encoder, and their states.
     pub fn free_hinges(&self) -> impl Iterator<Item = (&Axis, usize)> + '_ {
-        let joints = self.body.model.joints.iter();
-        let hinges = joints.filter(|j| j.kind == JointKind::Hinge && !self.is_encoded(&j.name));
+        let model = &self.body.model;
+        let hinges = model.joints.iter().filter(|j| j.kind == JointKind::Hinge && model.encoder(j.first).is_none());
         hinges.filter_map(|j| Some((&self.body.axes[j.first], self.body.layout.coordinates[j.first]?.q)))
     }
 

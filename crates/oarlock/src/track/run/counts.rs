@@ -7,6 +7,9 @@ use crate::estimate::filter::{Info, Verdict};
 use crate::recording::{Feeds, Recording, Sample};
 use crate::sensor::Quantity;
 
+/// Begin and end of a disturbance, s, and the samples in it.
+pub type Spell = ([f64; 2], u64);
+
 /// Readings of one stream. A reading is one number of one quantity that the model uses, such as one axis of a gyroscope.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StreamCount {
@@ -22,8 +25,8 @@ pub struct StreamCount {
     pub rejected: u64,
     /// Samples by the judgement of the magnetometer, in the order of [`FIELD`]. The first counts samples without a reading.
     pub fields: [u64; FIELD.len()],
-    /// Begin and end of the longest time for which its magnetic field was disturbed, s, and the samples in it.
-    pub spell: Option<([f64; 2], u64)>,
+    /// The longest one of its magnetic field.
+    pub spell: Option<Spell>,
     /// Samples with readings by fault, in the order of [`FAULT`].
     pub faults: [u64; FAULT.len()],
     /// Whether its magnetometer gave a reading; `None` if the model has none.
@@ -38,7 +41,7 @@ struct Sums {
     fields: [u64; FIELD.len()],
     faults: [u64; FAULT.len()],
     /// The disturbance that lasts, and the longest one.
-    spells: [Option<([f64; 2], u64)>; 2],
+    spells: [Option<Spell>; 2],
 }
 
 /// A field that is right for less than this has not ended a disturbance, s.
@@ -55,7 +58,7 @@ impl Sums {
             Some(([from_s, to_s], count)) if time_s - to_s < BRIEF_S => ([from_s, time_s], count + 1),
             _ => ([time_s; 2], 1),
         });
-        let length_s = |spell: &Option<([f64; 2], u64)>| spell.map_or(-1.0, |([from_s, to_s], _)| to_s - from_s);
+        let length_s = |spell: &Option<Spell>| spell.map_or(-1.0, |([from_s, to_s], _)| to_s - from_s);
         if length_s(now) > length_s(longest) {
             *longest = *now;
         }
