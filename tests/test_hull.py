@@ -275,6 +275,15 @@ def test_with_a_hull_unit_a_turning_hull_costs_nothing(rotation: HullRotation, s
         assert np.degrees(scores[joint].rmse) < most_deg
 
 
+def test_a_unit_on_a_hull_that_keeps_its_rate_for_a_while_does_not_rest() -> None:
+    # Rest would make a bias of the rate at which the hull rolls in a part of each stroke.
+    model = oarlock.load_model("sculler_boat")
+    truth, recording = simulate_sculling(model, "B-B", 15.0, (24.0, 24.0), 0, hull_rotation=TYPICAL)
+    track = oarlock.track(model, recording)
+    assert not [note for note in track.notes if "contradict" in note]
+    assert np.degrees(oarlock.evaluate(track, truth)["hull_roll"].rmse) < 0.2
+
+
 def test_without_a_hull_unit_the_body_still_tells_and_the_plain_sculler_does_not() -> None:
     boat, sculler = oarlock.load_model("sculler_boat"), oarlock.load_model("sculler")
     told, _ = mean_deg(boat, TYPICAL, 11, ("hull", "waist"))

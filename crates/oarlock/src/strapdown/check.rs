@@ -94,9 +94,10 @@ impl Alone {
         }
     }
 
-    /// Moves all to a later time.
-    pub fn advance(&mut self, states: &mut [State], to_s: f64) {
+    /// Moves all to a later time; `moves`: whether their body does.
+    pub fn advance(&mut self, states: &mut [State], to_s: f64, moves: bool) {
         for (filter, state) in self.filters.iter_mut().zip(states) {
+            filter.belongs_to_moving = moves;
             filter.advance(state, to_s, &mut |_| {}, false);
         }
     }

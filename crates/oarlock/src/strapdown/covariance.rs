@@ -253,44 +253,72 @@ impl Rows {
     }
 }
 
-/// Workspace of readings: the correction of this instant so far, and P H'.
+/// Rows that the covariance takes up at once.
+const TOGETHER: usize = 4;
+
+/// Corrections by the readings of one instant so far: of the means, and of the covariance P, from which X'K is still to be subtracted: one pass
+/// over P takes up all readings, and those that are read again need none.
 #[derive(Debug, Clone)]
 pub struct Correction {
     arch: Arch,
     pub shift: Vec<f64>,
     /// Log-likelihood of the readings so far.
     pub log_likelihood: f64,
-    spread: [Vec<f64>; 3],
+    /// Rows of X = H P and of K = S^-1 H P, of which the first `waiting` count.
+    spread: Vec<Vec<f64>>,
+    gain: Vec<Vec<f64>>,
+    waiting: usize,
 }
 
 impl Correction {
     pub fn new(n: usize) -> Self {
-        Correction {
-            arch: Arch::best(),
-            shift: vec![0.0; n],
-            log_likelihood: 0.0,
-            spread: [vec![0.0; n], vec![0.0; n], vec![0.0; n]],
-        }
+        let (spread, gain) = (Vec::new(), Vec::new());
+        Correction { arch: Arch::best(), shift: vec![0.0; n], log_likelihood: 0.0, spread, gain, waiting: 0 }
     }
 
     /// Uses `count` rows with this innovation at the point of linearisation and these variances; corrects shift and covariance. Returns the
     /// normalised innovation squared.
     pub fn read(
         &mut self,
-        covariance: &mut Square,
+        covariance: &Square,
         rows: &Rows,
         count: usize,
         innovation: [f64; 3],
         variance: [f64; 3],
     ) -> f64 {
+        while self.spread.len() < (self.waiting + 3).next_multiple_of(TOGETHER) {
+            self.spread.push(vec![0.0; covariance.n()]);
+            self.gain.push(vec![0.0; covariance.n()]);
+        }
         let arch = self.arch;
         arch.run(Reading { correction: self, covariance, rows, count, innovation, variance })
+    }
+
+    /// Forgets the readings of this instant.
+    pub fn clear(&mut self) {
+        self.waiting = 0;
+    }
+
+    /// Lets the covariance take up all that was read, and makes it symmetric.
+    pub fn finish(&mut self, covariance: &mut Square) {
+        let arch = self.arch;
+        arch.run(Subtracting { correction: self, covariance });
+    }
+
+    /// Variance of a reading along a direction of its rows.
+    pub fn variance_along(&self, covariance: &Square, rows: &Rows, along: Vec3<f64>) -> f64 {
+        let slopes = rows.slopes.iter().map(|s| s[0] * along.0[0] + s[1] * along.0[1] + s[2] * along.0[2]);
+        let all: Vec<(usize, f64)> = rows.states.iter().copied().zip(slopes).collect();
+        let times = |row: &[f64]| all.iter().map(|(j, g)| row[*j] * g).sum::<f64>();
+        let before: f64 = all.iter().map(|(i, h)| h * times(covariance.row(*i))).sum();
+        let taken = self.spread.iter().zip(&self.gain).take(self.waiting);
+        before - taken.map(|(x, k)| times(x) * times(k)).sum::<f64>()
     }
 }
 
 struct Reading<'a> {
     correction: &'a mut Correction,
-    covariance: &'a mut Square,
+    covariance: &'a Square,
     rows: &'a Rows,
     count: usize,
     innovation: [f64; 3],
@@ -303,26 +331,31 @@ impl Kernel for Reading<'_> {
     #[inline(always)]
     fn run<const FUSED: bool>(self) -> f64 {
         let Reading { correction, covariance, rows, count, mut innovation, variance } = self;
-        let Correction { shift, spread, log_likelihood, .. } = correction;
+        let Correction { shift, spread, gain, waiting, log_likelihood, .. } = correction;
         let n = covariance.n();
-        let [x, y, z] = spread;
+        let (taken, own) = spread.split_at_mut(*waiting);
+        let [x, y, z] = &mut own[..3] else { return f64::NAN };
         let (x, y, z) = (&mut x[..n], &mut y[..n], &mut z[..n]);
         x.fill(0.0);
         y.fill(0.0);
         z.fill(0.0);
+        let mut all = [x, y, z];
         for (state, slope) in rows.states.iter().zip(&rows.slopes) {
-            let row = &covariance.row(*state)[..n];
             for r in 0..3 {
                 innovation[r] -= slope[r] * shift[*state];
             }
-            for j in 0..n {
-                x[j] = madd::<FUSED>(slope[0], row[j], x[j]);
-                y[j] = madd::<FUSED>(slope[1], row[j], y[j]);
-                z[j] = madd::<FUSED>(slope[2], row[j], z[j]);
+            add::<FUSED>(&mut all, *slope, covariance.row(*state));
+        }
+        for (taken, gain) in taken.iter().zip(&*gain) {
+            let mut by = [0.0; 3];
+            for (state, slope) in rows.states.iter().zip(&rows.slopes) {
+                for r in 0..3 {
+                    by[r] = madd::<FUSED>(-slope[r], gain[*state], by[r]);
+                }
             }
+            add::<FUSED>(&mut all, by, taken);
         }
         let mut s = nalgebra::Matrix3::<f64>::identity();
-        let all = [&*x, &*y, &*z];
         for r in 0..count {
             for c in 0..count {
                 let sum: f64 = rows.states.iter().zip(&rows.slopes).map(|(i, h)| h[r] * all[c][*i]).sum();
@@ -333,26 +366,85 @@ impl Kernel for Reading<'_> {
         let Some(inverse) = s.try_inverse() else { return f64::NAN };
         let mut weights = [0.0; 3];
         for r in 0..count {
-            weights[r] = (0..count).map(|c| inverse[(r, c)] * innovation[c]).sum();
-        }
-        let w = |r: usize, c: usize| if r < count && c < count { inverse[(r, c)] } else { 0.0 };
-        let w = [[w(0, 0), w(0, 1), w(0, 2)], [w(1, 0), w(1, 1), w(1, 2)], [w(2, 0), w(2, 1), w(2, 2)]];
-        for i in 0..n {
-            let own = [x[i], y[i], z[i]];
-            let k = w.map(|w| -(w[0] * own[0] + w[1] * own[1] + w[2] * own[2]));
-            shift[i] += weights[0] * own[0] + weights[1] * own[1] + weights[2] * own[2];
-            if k == [0.0; 3] {
-                continue;
+            let row = &mut gain[*waiting + r];
+            row.fill(0.0);
+            for c in 0..count {
+                weights[r] += inverse[(r, c)] * innovation[c];
+                let (w, x) = (inverse[(r, c)], &all[c][..n]);
+                for j in 0..n {
+                    row[j] = madd::<FUSED>(w, x[j], row[j]);
+                }
             }
-            let row = &mut covariance.row_mut(i)[..n];
-            for j in 0..n {
-                row[j] = madd::<FUSED>(k[0], x[j], madd::<FUSED>(k[1], y[j], madd::<FUSED>(k[2], z[j], row[j])));
-            }
+            shift.iter_mut().zip(&*all[r]).for_each(|(shift, x)| *shift = madd::<FUSED>(weights[r], *x, *shift));
         }
+        *waiting += count;
         let nis: f64 = (0..count).map(|r| weights[r] * innovation[r]).sum();
         *log_likelihood -= 0.5 * (nis + s.determinant().abs().ln());
         nis
     }
+}
+
+struct Subtracting<'a> {
+    correction: &'a mut Correction,
+    covariance: &'a mut Square,
+}
+
+impl Kernel for Subtracting<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Subtracting { correction: Correction { spread, gain, waiting, .. }, covariance } = self;
+        let n = covariance.n();
+        let whole = waiting.next_multiple_of(TOGETHER);
+        spread[*waiting..whole].iter_mut().for_each(|row| row.fill(0.0));
+        // Of the symmetric matrix the upper triangle is enough.
+        for i in (0..n).step_by(2) {
+            let (first, second) = covariance.row_and_next(i);
+            for (spread, gain) in spread[..whole].chunks_exact(TOGETHER).zip(gain.chunks_exact(TOGETHER)) {
+                let x = [0, 1, 2, 3].map(|k| &spread[k][i..n]);
+                let by = |i: usize| [0, 1, 2, 3].map(|k| -gain[k][i]);
+                match &mut *second {
+                    // Two rows share what is loaded.
+                    [_, ..] => add_to_both::<FUSED>([&mut first[i..], &mut second[i..]], [by(i), by(i + 1)], x),
+                    [] => first[i] = sum4::<FUSED>(by(i), x.map(|x| x[0]), first[i]),
+                }
+            }
+        }
+        covariance.mirror_upper();
+        *waiting = 0;
+    }
+}
+
+/// Adds `by` times a row to each of three.
+#[inline(always)]
+fn add<const FUSED: bool>([x, y, z]: &mut [&mut [f64]; 3], by: [f64; 3], row: &[f64]) {
+    let n = row.len();
+    let (x, y, z) = (&mut x[..n], &mut y[..n], &mut z[..n]);
+    for j in 0..n {
+        x[j] = madd::<FUSED>(by[0], row[j], x[j]);
+        y[j] = madd::<FUSED>(by[1], row[j], y[j]);
+        z[j] = madd::<FUSED>(by[2], row[j], z[j]);
+    }
+}
+
+/// Adds multiples of four rows to two.
+#[inline(always)]
+fn add_to_both<const FUSED: bool>([first, second]: [&mut [f64]; 2], by: [[f64; 4]; 2], rows: [&[f64]; 4]) {
+    let n = first.len();
+    let (first, second, [x, y, z, w]) = (&mut first[..n], &mut second[..n], rows.map(|row| &row[..n]));
+    for j in 0..n {
+        let all = [x[j], y[j], z[j], w[j]];
+        first[j] = sum4::<FUSED>(by[0], all, first[j]);
+        second[j] = sum4::<FUSED>(by[1], all, second[j]);
+    }
+}
+
+/// a . x + c
+#[inline(always)]
+fn sum4<const FUSED: bool>(a: [f64; 4], x: [f64; 4], c: f64) -> f64 {
+    let near = madd::<FUSED>(a[1], x[1], madd::<FUSED>(a[0], x[0], c));
+    madd::<FUSED>(a[3], x[3], madd::<FUSED>(a[2], x[2], near))
 }
 
 /// Three rows and columns from `first` on.
@@ -360,13 +452,53 @@ pub fn block(covariance: &Square, first: usize) -> Mat3<f64> {
     Mat3(std::array::from_fn(|r| std::array::from_fn(|c| covariance.at(first + r, first + c))))
 }
 
-/// Makes a matrix symmetric that rounding made uneven.
-pub fn even(a: &mut Square) {
-    for i in 0..a.n() {
-        for j in 0..i {
-            let mean = 0.5 * (a.at(i, j) + a.at(j, i));
-            *a.at_mut(i, j) = mean;
-            *a.at_mut(j, i) = mean;
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{DMatrix, DVector};
+
+    /// Some rows by some states, with an innovation for each row.
+    type Part = (Rows, usize, [f64; 3]);
+
+    fn parts() -> Vec<Part> {
+        let some = |k: usize| ((7 * k + 3) % 11) as f64 / 11.0 - 0.4;
+        let part = |p: usize| {
+            let mut rows = Rows::default();
+            (0..3).for_each(|s| rows.push_one((2 * p + 3 * s) % 7, [some(p + s), some(2 * p + s), some(3 * p + s)]));
+            (rows, 1 + p % 3, [0.1, -0.2, 0.05].map(|x| x * (1.0 + p as f64)))
+        };
+        (0..5).map(part).collect()
+    }
+
+    #[test]
+    fn readings_in_turn_are_one_update_with_all_rows() {
+        const VARIANCE: f64 = 0.3;
+        let before = DMatrix::from_fn(7, 7, |r, c| 1.0 / (1.0 + r as f64 + c as f64) + f64::from(u8::from(r == c)));
+        let mut covariance = Square::from_rows(7, before.iter().copied().collect()).unwrap();
+        let mut correction = Correction::new(7);
+        let (mut h, mut z) = (DMatrix::zeros(0, 7), DVector::zeros(0));
+        for (rows, count, innovation) in parts() {
+            let along = Vec3([1.0, 0.0, 0.0]);
+            let expected = correction.variance_along(&covariance, &rows, along);
+            let mut alone = correction.clone();
+            let nis = alone.read(&covariance, &rows, 1, [1.0, 0.0, 0.0], [VARIANCE; 3]);
+            let at_shift: f64 = rows.states.iter().zip(&rows.slopes).map(|(i, h)| h[0] * correction.shift[*i]).sum();
+            assert!((nis - (1.0 - at_shift).powi(2) / (expected + VARIANCE)).abs() < 1e-12);
+            correction.read(&covariance, &rows, count, innovation, [VARIANCE; 3]);
+            for r in 0..count {
+                let at = h.nrows();
+                h = h.insert_row(at, 0.0);
+                rows.states.iter().zip(&rows.slopes).for_each(|(i, slope)| h[(at, *i)] += slope[r]);
+                z = z.push(innovation[r]);
+            }
+        }
+        correction.finish(&mut covariance);
+        let s = &h * &before * h.transpose() + DMatrix::identity(h.nrows(), h.nrows()) * VARIANCE;
+        let gain = &before * h.transpose() * s.try_inverse().unwrap();
+        let (shift, after) = (&gain * z, &before - &gain * &h * &before);
+        for r in 0..7 {
+            assert!((correction.shift[r] - shift[r]).abs() < 1e-12);
+            (0..7).for_each(|c| assert!((covariance.at(r, c) - after[(r, c)]).abs() < 1e-12));
         }
     }
 }

@@ -1,6 +1,6 @@
 //! The filter of strapdown links: prediction by each unit's own readings, and readings of joints, bounds, rest and contact.
 
-use super::covariance::{block, even, predict, Correction, Rows, Step, UNIT};
+use super::covariance::{block, predict, Correction, Rows, Step, UNIT};
 use super::increment::{square, sum, Increment, Reading, Readings, ZERO};
 use super::sensors::{Heard, Measures, Sensor};
 use super::skeleton::{Closure, End, Pose, Skeleton, Unit};
@@ -37,10 +37,8 @@ const BLIND_S: f64 = 60.0;
 pub const LOOSE_WALK: f64 = 2.0;
 pub const SPRING_TIME_S: f64 = 0.1;
 pub const SPRING_LOOP_TIME_S: f64 = 2.0;
-/// Updates from one reading of limits to the next; a divisor of `EVEN_EVERY`.
+/// Updates from one reading of limits to the next.
 const LIMITS_EVERY: u32 = 10;
-/// Steps after which the covariance is made symmetric again.
-const EVEN_EVERY: u32 = 50;
 
 /// Mean of a unit's states.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -92,8 +90,8 @@ pub struct State {
     /// Since `time_s`, up to `row_s`.
     pub increments: Vec<Increment>,
     pub row_s: f64,
-    /// Updates since the covariance was made symmetric.
-    pub uneven: u32,
+    /// Number of updates.
+    pub updates: u32,
 }
 
 /// What one update did; the smoother needs it.
@@ -139,6 +137,8 @@ pub struct StrapdownFilter {
     arch: Arch,
     /// Of the last update: normalised innovation squared of each closure.
     pub closure_nis: Vec<f64>,
+    /// Of a unit alone: whether the body that it belongs to moves.
+    pub belongs_to_moving: bool,
     /// Of the last update, by unit.
     pub rests: Vec<bool>,
     pub stands: Vec<bool>,
@@ -188,6 +188,7 @@ impl StrapdownFilter {
             rows: Rows::default(),
             arch: Arch::best(),
             closure_nis: vec![f64::NAN; skeleton.closures.len()],
+            belongs_to_moving: false,
             rests: vec![false; units],
             stands: vec![false; units],
             silent: vec![false; units],
@@ -466,19 +467,16 @@ impl StrapdownFilter {
         self.correction.shift.fill(0.0);
         let is_open = self.is_open(&state.covariance);
         let turns = self.only.is_none() && self.skeleton.is_held() && !self.skeleton.loose.is_empty();
-        let before = (is_open || turns).then(|| (state.means.clone(), state.covariance.clone()));
+        let before = (is_open || turns).then(|| state.means.clone());
         self.read_all(state, step_s);
         self.take_shift(state);
-        if let Some((means, covariance)) = before {
+        if let Some(means) = before {
             let usual: Vec<_> = state.heard.iter().map(|heard| heard.usual).collect();
-            self.read_again(state, (&means, &covariance), is_open, step_s);
+            self.read_again(state, &means, is_open, step_s);
             state.heard.iter_mut().zip(usual).for_each(|(heard, usual)| heard.usual = usual);
         }
-        state.uneven += 1;
-        if state.uneven >= EVEN_EVERY {
-            state.uneven = 0;
-            even(&mut state.covariance);
-        }
+        self.correction.finish(&mut state.covariance);
+        state.updates = state.updates.wrapping_add(1);
     }
 
     /// Whether the orientation of a unit is so uncertain that a reading is not linear in it.
@@ -489,33 +487,38 @@ impl StrapdownFilter {
 
     /// Reads an update again from where it led, until it leads nowhere else (Bell and Cathey 1993). Of a link without a unit nothing says how it
     /// turned since the last update, so that its readings are not linear in that. Where it leads away, it is read once.
-    fn read_again(&mut self, state: &mut State, (means, covariance): (&Means, &Square), is_open: bool, step_s: f64) {
+    fn read_again(&mut self, state: &mut State, means: &Means, is_open: bool, step_s: f64) {
         let likelihood = self.correction.log_likelihood;
         let first = if is_open { 0 } else { self.skeleton.units.len() };
         let largest = |moved: &[Vec3<f64>]| moved[first..].iter().map(|turn| square(*turn)).fold(0.0, f64::max);
         let alone = largest(&self.moved_by);
         let mut step = alone;
-        let once = (step >= NEAR_RAD * NEAR_RAD).then(|| (state.means.clone(), state.covariance.clone()));
         for _ in 0..MOST_AGAIN {
             if step < NEAR_RAD * NEAR_RAD {
                 break;
             }
-            let mut shift = std::mem::take(&mut self.correction.shift);
-            self.difference(means, &state.means, &mut shift);
-            self.correction.shift = shift;
-            state.covariance.clone_from(covariance);
-            self.read_all(state, step_s);
-            self.take_shift(state);
+            self.read_from(state, means, step_s);
             step = largest(&self.moved_by);
         }
-        if let Some((means, covariance)) = once.filter(|_| step.is_nan() || step > alone) {
-            (state.means, state.covariance) = (means, covariance);
+        if step.is_nan() || step > alone {
+            state.means.clone_from(means);
+            self.read_from(state, means, step_s);
         }
         self.correction.log_likelihood = likelihood;
         let turn = |to: &Mat3<f64>, from: &Mat3<f64>| Vec3(Turn::of(&to.times_transposed(from)).log());
         let units = state.means.units.iter().zip(&means.units).map(|(to, from)| turn(&to.rotation, &from.rotation));
         let loose = state.means.loose.iter().zip(&means.loose).map(|(to, from)| turn(to, from));
         self.moved_by = units.chain(loose).collect();
+    }
+
+    /// Reads everything linearised about the means of the state, where they were `before`.
+    fn read_from(&mut self, state: &mut State, before: &Means, step_s: f64) {
+        let mut shift = std::mem::take(&mut self.correction.shift);
+        self.difference(before, &state.means, &mut shift);
+        self.correction.shift = shift;
+        self.correction.clear();
+        self.read_all(state, step_s);
+        self.take_shift(state);
     }
 
     /// Moves the means by what the readings say.
@@ -552,7 +555,7 @@ impl StrapdownFilter {
         }
         (0..self.skeleton.links.len()).for_each(|l| self.read_spring(state, l, step_s));
         // Limits act over seconds, and angles of joints cost time.
-        if self.closures && self.only.is_none() && state.uneven.is_multiple_of(LIMITS_EVERY) {
+        if self.closures && self.only.is_none() && state.updates.is_multiple_of(LIMITS_EVERY) {
             let step_s = step_s * f64::from(LIMITS_EVERY);
             (0..self.skeleton.links.len()).for_each(|l| self.read_limits(state, l, step_s));
         }
@@ -560,7 +563,7 @@ impl StrapdownFilter {
         if !self.skeleton.is_held() {
             (0..self.skeleton.units.len()).for_each(|u| self.read_bounds(state, u, step_s));
         }
-        (0..self.skeleton.units.len()).for_each(|u| self.read_rest(state, u, step_s));
+        self.read_rests(state, step_s);
         (0..self.skeleton.units.len()).for_each(|u| self.read_contact(state, u, step_s));
     }
 

@@ -69,7 +69,7 @@ impl StrapdownFilter {
             let row = up * by_heading;
             let rows = self.turn_rows(&state.means, l, &Mat3([row.0, [0.0; 3], [0.0; 3]]));
             let variance = white(std, LIMIT_TIME_S, step_s);
-            self.correction.read(&mut state.covariance, &rows, 1, [std - excess, 0.0, 0.0], [variance; 3]);
+            self.correction.read(&state.covariance, &rows, 1, [std - excess, 0.0, 0.0], [variance; 3]);
             self.rows = rows;
         }
     }

@@ -89,7 +89,7 @@ impl StrapdownFilter {
         };
         let variance = white(std_m, self.links.joint_time_s, step_s);
         let innovation = back.apply(gap).0.map(|x| -x);
-        self.closure_nis[c] = self.correction.read(&mut state.covariance, &rows, 3, innovation, [variance; 3]);
+        self.closure_nis[c] = self.correction.read(&state.covariance, &rows, 3, innovation, [variance; 3]);
         self.rows = rows;
     }
 
@@ -135,7 +135,7 @@ impl StrapdownFilter {
         let std = std.max(self.links.loop_axis_std_rad) * self.links.loop_share;
         let variance = white(std, self.links.joint_time_s, step_s);
         let innovation = back.apply(gap).0.map(|x| -x);
-        self.correction.read(&mut state.covariance, &rows, 3, innovation, [variance; 3]);
+        self.correction.read(&state.covariance, &rows, 3, innovation, [variance; 3]);
         self.rows = rows;
     }
 
@@ -168,7 +168,7 @@ impl StrapdownFilter {
             first.iter().for_each(|first| rows.push(*first, by_axes));
         }
         let variance = white(std, self.links.joint_time_s, step_s);
-        self.correction.read(&mut state.covariance, &rows, locked, innovation, [variance; 3]);
+        self.correction.read(&state.covariance, &rows, locked, innovation, [variance; 3]);
         self.rows = rows;
     }
 
@@ -187,7 +187,7 @@ impl StrapdownFilter {
         let variance = link.range_rad.map(|range| white(range, time_s, step_s));
         let towards = right_jacobian_inverse(turn).times(&m);
         let rows = self.turn_rows(&state.means, l, &towards);
-        self.correction.read(&mut state.covariance, &rows, 3, turn.map(|x| -x), variance);
+        self.correction.read(&state.covariance, &rows, 3, turn.map(|x| -x), variance);
         self.rows = rows;
     }
 
@@ -205,7 +205,7 @@ impl StrapdownFilter {
         let mut rows = std::mem::take(&mut self.rows);
         rows.clear();
         rows.push(first, &Mat3::identity());
-        self.correction.read(&mut state.covariance, &rows, 3, value.0.map(|x| -x), [variance; 3]);
+        self.correction.read(&state.covariance, &rows, 3, value.0.map(|x| -x), [variance; 3]);
         self.rows = rows;
     }
 
@@ -222,13 +222,26 @@ impl StrapdownFilter {
         }
     }
 
+    /// Whether units that loops connect move: a hull may keep its rate for a while under a person, and does not rest then.
+    pub fn moves(&self, state: &State) -> bool {
+        let rests = |r: &Readings| resting_rate(r, state.time_s, self.links.rest_below_rad_s).is_some();
+        self.belongs_to_moving || self.skeleton.is_held() && !state.readings.iter().all(rests)
+    }
+
+    /// Units at rest.
+    pub(super) fn read_rests(&mut self, state: &mut State, step_s: f64) {
+        let moves = self.moves(state);
+        for u in 0..self.skeleton.units.len() {
+            let rate = resting_rate(&state.readings[u], state.time_s, self.links.rest_below_rad_s);
+            let rate = rate.filter(|_| !moves);
+            self.rests[u] = rate.is_some();
+            rate.iter().for_each(|rate| self.read_rest(state, u, *rate, step_s));
+        }
+    }
+
     /// A resting unit reads its gyroscope's bias, and, where the model says so, no speed.
-    pub(super) fn read_rest(&mut self, state: &mut State, u: usize, step_s: f64) {
-        let links = self.links;
-        let resting = resting_rate(&state.readings[u], state.time_s, links.rest_below_rad_s);
-        self.rests[u] = resting.is_some();
-        let Some(rate) = resting else { return };
-        let mean = state.means.units[u];
+    fn read_rest(&mut self, state: &mut State, u: usize, rate: Vec3<f64>, step_s: f64) {
+        let (links, mean) = (self.links, state.means.units[u]);
         // A body that turns slowly as a whole turns all units by what looks like their biases.
         if square(rate - mean.gyro_bias) < BIAS_BELOW_RAD_S * BIAS_BELOW_RAD_S {
             let gyro = state.readings[u].at(state.time_s).gyro;

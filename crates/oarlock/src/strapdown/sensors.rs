@@ -3,9 +3,10 @@
 
 use super::covariance::UNIT;
 use super::filter::{dot, Means, State, StrapdownFilter};
-use super::increment::{skew, square, sum, ZERO};
+use super::increment::{skew, square, sum, Increment, Readings, ZERO};
 use super::readings::white;
 use super::skeleton::{End, Leg, Skeleton};
+use super::start::LEVEL_S;
 use crate::estimate::filter::Verdict;
 use crate::rotation::{Mat3, Vec3};
 use std::collections::VecDeque;
@@ -24,7 +25,7 @@ const IRON_RAD: f64 = 0.15;
 const IRON_TIME_S: f64 = 5.0;
 /// Correlation time of what a whole field is off, s.
 const FIELD_TIME_S: f64 = 1.0;
-/// Updates from one reading of it to the next; a divisor of `filter::EVEN_EVERY`.
+/// Updates from one reading of it to the next.
 const FIELDS_EVERY: u32 = 5;
 /// A field counts if its norm is within this share, and its dip within this angle, rad, of the usual ones (Laidig and Seel 2023, section 3.5).
 const NORM_TOLERANCE: f64 = 0.15;
@@ -186,7 +187,7 @@ impl StrapdownFilter {
         let row = child.apply(Vec3(angles.by_turn.0[k]));
         let innovation = (angle - angles.q[k] + PI).rem_euclid(TAU) - PI;
         let rows = self.turn_rows(&state.means, l, &Mat3([row.0, [0.0; 3], [0.0; 3]]));
-        self.correction.read(&mut state.covariance, &rows, 1, [innovation, 0.0, 0.0], [variance; 3]);
+        self.correction.read(&state.covariance, &rows, 1, [innovation, 0.0, 0.0], [variance; 3]);
         self.rows = rows;
     }
 
@@ -204,7 +205,7 @@ impl StrapdownFilter {
         for leg in through {
             at += self.push_leg(&mut rows, means, leg, &Mat3::identity());
         }
-        self.correction.read(&mut state.covariance, &rows, 3, (place - at).0, [variance; 3]);
+        self.correction.read(&state.covariance, &rows, 3, (place - at).0, [variance; 3]);
         self.rows = rows;
     }
 
@@ -238,7 +239,7 @@ impl StrapdownFilter {
         }
         let is_of_world = misfit(*usual, world) == Verdict::Accepted;
         if let Some(field_std_ut) = self.links.field_std_ut.filter(|_| is_of_world) {
-            if !state.uneven.is_multiple_of(FIELDS_EVERY) {
+            if !state.updates.is_multiple_of(FIELDS_EVERY) {
                 return;
             }
             let step_s = step_s * f64::from(FIELDS_EVERY);
@@ -253,9 +254,10 @@ impl StrapdownFilter {
         rows.push(UNIT * u, &Mat3([by_turn.0.map(|x| -x), [0.0; 3], [0.0; 3]]));
         rows.push_one(first, [1.0, 0.0, 0.0]);
         let own = (std / across).powi(2) + white(IRON_RAD, IRON_TIME_S, step_s);
-        let expected = IRON_RAD * IRON_RAD + self.spread_of(&state.covariance, &rows, Vec3([1.0, 0.0, 0.0]));
+        let expected =
+            IRON_RAD * IRON_RAD + self.correction.variance_along(&state.covariance, &rows, Vec3([1.0, 0.0, 0.0]));
         let variance = own * (innovation * innovation / (HUBER * HUBER * expected)).max(1.0);
-        self.correction.read(&mut state.covariance, &rows, 1, [innovation, 0.0, 0.0], [variance; 3]);
+        self.correction.read(&state.covariance, &rows, 1, [innovation, 0.0, 0.0], [variance; 3]);
         self.rows = rows;
     }
 
@@ -278,25 +280,14 @@ impl StrapdownFilter {
         rows.push_one(azimuth, by_azimuth.0);
         let innovation = field - back.apply(expected);
         let across = by_azimuth * (1.0 / square(by_azimuth).sqrt().max(f64::MIN_POSITIVE));
-        let known = std_ut * std_ut + self.spread_of(&state.covariance, &rows, across);
+        let known = std_ut * std_ut + self.correction.variance_along(&state.covariance, &rows, across);
         let excess = dot(innovation, across).powi(2) / known;
         if excess > DISTURBED * DISTURBED {
             self.fields[u] = Verdict::Outlier;
         }
         let variance = white(std_ut, FIELD_TIME_S, step_s) * (excess / (HUBER * HUBER)).max(1.0).powi(2);
-        self.correction.read(&mut state.covariance, &rows, 3, innovation.0, [variance; 3]);
+        self.correction.read(&state.covariance, &rows, 3, innovation.0, [variance; 3]);
         self.rows = rows;
-    }
-
-    /// Variance of a reading along a direction of its rows.
-    fn spread_of(
-        &self,
-        covariance: &crate::kernels::dense::Square,
-        rows: &super::covariance::Rows,
-        along: Vec3<f64>,
-    ) -> f64 {
-        let all = || rows.states.iter().zip(&rows.slopes).map(|(state, slope)| (*state, dot(Vec3(*slope), along)));
-        all().map(|(i, h)| h * all().map(|(j, g)| covariance.at(i, j) * g).sum::<f64>()).sum()
     }
 
     /// Angle of a horizontal vector about the vertical from `forward`, rad.
@@ -324,20 +315,19 @@ impl StrapdownFilter {
         means.units.iter_mut().for_each(|unit| unit.position += Vec3(place) - at);
     }
 
-    /// The azimuth at the start, from the first reading of the first magnetometer, and its standard deviation, rad. If the azimuth is known, all
+    /// The azimuth at the start, from the first moments of all magnetometers, and its standard deviation, rad. If the azimuth is known, all
     /// units turn about the vertical instead, so that the field has it.
-    pub(super) fn find_north(&self, means: &mut Means, heard: &[Heard]) -> f64 {
-        let first = self.skeleton.sensors.iter().zip(heard).find_map(|(sensor, heard)| match sensor.measures {
-            Measures::Field(u) => Some((u, heard.all.front()?.1)),
+    pub(super) fn find_north(&self, means: &mut Means, (readings, heard): (&[Readings], &[Heard]), time_s: f64) -> f64 {
+        let fields = self.skeleton.sensors.iter().zip(heard).filter_map(|(sensor, heard)| match sensor.measures {
+            Measures::Field(u) => Some(self.level_field(means, u, (&readings[u], heard), time_s)),
             _ => None,
         });
-        let Some((u, field)) = first else {
+        let level = fields.fold(Vec3([0.0; 3]), |all, field| all + field);
+        if square(level) == 0.0 {
             means.azimuth = self.skeleton.azimuth_rad.unwrap_or(0.0);
             return self.azimuth_std();
-        };
-        let up = self.skeleton.up;
-        let seen = means.units[u].rotation.apply(Vec3(field));
-        let north = self.north_of(seen - up * dot(seen, up));
+        }
+        let north = self.north_of(level);
         let Some(azimuth) = self.skeleton.azimuth_rad else {
             means.azimuth = north;
             return self.azimuth_std();
@@ -346,6 +336,22 @@ impl StrapdownFilter {
         let all: Vec<usize> = (0..means.units.len()).collect();
         self.turn_all(means, &all, azimuth - north);
         self.azimuth_std()
+    }
+
+    /// Horizontal part of the field in the first moments of a unit, summed in the room's axes, uT.
+    fn level_field(&self, means: &Means, u: usize, (readings, heard): (&Readings, &Heard), start_s: f64) -> Vec3<f64> {
+        let (up, zero) = (self.skeleton.up, Vec3([0.0; 3]));
+        let (mut turned, mut at_s, mut sum) = (Increment::none(), start_s, zero);
+        for (time_s, field) in heard.all.iter().take_while(|(time_s, _)| *time_s <= start_s + LEVEL_S) {
+            let to_s = time_s.min(readings.last_s());
+            if to_s > at_s {
+                readings.integrate(&mut turned, (at_s, to_s), [zero; 2], zero, &self.links);
+                at_s = to_s;
+            }
+            let in_room = means.units[u].rotation.apply(turned.rotation.apply(Vec3(*field)));
+            sum += in_room - up * dot(in_room, up);
+        }
+        sum
     }
 
     /// Standard deviation of the field's azimuth before any reading, rad.

@@ -12,8 +12,8 @@ use crate::rotation::turn::Turn;
 use crate::rotation::{Mat3, Vec3};
 use std::f64::consts::{PI, TAU};
 
-/// The start is levelled by the mean force over this time, s.
-const LEVEL_S: f64 = 0.4;
+/// The start is levelled by the mean force over this time, and has the mean heading of the field, s.
+pub(super) const LEVEL_S: f64 = 0.4;
 /// A unit rests at the start if it does up to this time after it, s: units have their first readings at times of their own.
 const START_REST_S: f64 = REST_S + 0.05;
 /// Tilt from the mean force of a unit at rest, rad.
@@ -89,12 +89,12 @@ impl StrapdownFilter {
         let slides = self.skeleton.slides.iter().map(|slide| [slide.rest_m, 0.0]).collect();
         let mut means = Means { units, loose, constants, azimuth: 0.0, pushes, room: zero, lengths, slides, inputs };
         self.place(&mut means, &mut vec![false; tilts.len()]);
-        let north = self.find_north(&mut means, &heard);
+        let north = self.find_north(&mut means, (&readings, &heard), time_s);
         self.find_place(&mut means, &heard);
         let headings: Vec<f64> = self.heading_stds(&means).iter().map(|std| std.min(OPEN_RAD)).collect();
         let covariance = self.start_covariance(&means, &tilts, (&headings, north));
         let increments = vec![Increment::none(); self.skeleton.units.len()];
-        (State { time_s, means, covariance, readings, heard, increments, row_s: time_s, uneven: 0 }, tilts)
+        (State { time_s, means, covariance, readings, heard, increments, row_s: time_s, updates: 0 }, tilts)
     }
 
     /// Standard deviation of each unit's heading before any reading, rad: of the posture, and of a calibrated mount about its vertical.
@@ -285,7 +285,7 @@ impl StrapdownFilter {
         }
         let of = |(std, sought): (&f64, &bool)| if *sought { widest } else { std.min(OPEN_RAD) };
         let stds: Vec<f64> = known.iter().zip(&sought).map(of).collect();
-        let north = self.find_north(&mut state.means, &state.heard);
+        let north = self.find_north(&mut state.means, (&state.readings, &state.heard), state.time_s);
         state.covariance = self.start_covariance(&state.means, tilts, (&stds, north));
         Some(state)
     }

@@ -343,7 +343,7 @@ impl Tracker {
         links.advance(filter, &stated, time_s, (node, for_smoother));
         let is_updated = links.state.time_s == time_s;
         if let Some(alone) = strapdown.alone.as_mut().filter(|_| filter.closures) {
-            alone.advance(&mut links.alone, time_s);
+            alone.advance(&mut links.alone, time_s, filter.moves(&links.state));
             if is_updated && time_s > before_s {
                 filter.check(&links.state, &links.alone, &mut links.checks, time_s - before_s);
             }

@@ -11,6 +11,9 @@ use crate::strapdown::increment::{square, Readings};
 /// Times of movement after which skin may be decided, and after which everything is, s.
 const SKIN_AFTER_S: f64 = 10.0;
 const DECIDED_AFTER_S: f64 = 20.0;
+/// After this time of movement, s, what trails by so much, log-likelihood per unit and second, is not followed further: no body came back.
+const CLEAR_AFTER_S: f64 = 3.0;
+const CLEARLY_BEHIND: f64 = 10.0;
 /// Log-likelihood per unit and second by which no skin must be likelier than a little. Skin that is left out wrongly costs 2 to 6 deg, and
 /// one that is not there 0.3 deg. Without skin it is 3.2, with that of the simulator of `oarlock simulate` at most 0.8.
 const NONE_LEADS_BY: f64 = 2.0;
@@ -83,13 +86,28 @@ impl LinkState {
 
     /// Decides once the body has moved for long enough.
     pub(super) fn choose(&mut self) {
-        if self.rivals.is_empty() || self.moved_s < SKIN_AFTER_S {
+        if self.rivals.is_empty() || self.moved_s < CLEAR_AFTER_S {
             return;
         }
+        self.leave_behind();
         let likeliest = self.likeliest();
-        if likeliest == Fixing::Skin || self.moved_s >= DECIDED_AFTER_S {
+        let is_only = self.rivals.iter().all(|rival| rival.fixing == Fixing::ThinSkin);
+        let is_skin = likeliest == Fixing::Skin && self.moved_s >= SKIN_AFTER_S;
+        if is_only || is_skin || self.moved_s >= DECIDED_AFTER_S {
             self.settle(likeliest);
         }
+    }
+
+    /// Log-likelihood for so much of each unit and second.
+    fn in_all(&self, of_unit_and_second: f64) -> f64 {
+        of_unit_and_second * self.state.readings.len() as f64 * self.moved_s
+    }
+
+    /// Does not follow further what trails clearly; a little skin is what others are compared with.
+    fn leave_behind(&mut self) {
+        let best = self.rivals.iter().map(|rival| rival.log_likelihood).fold(f64::NEG_INFINITY, f64::max);
+        let least = best - self.in_all(CLEARLY_BEHIND);
+        self.rivals.retain(|rival| rival.fixing == Fixing::ThinSkin || rival.log_likelihood > least);
     }
 
     /// How units sit by what has been read so far.
@@ -99,7 +117,7 @@ impl LinkState {
             rival.map_or(f64::NEG_INFINITY, |rival| rival.log_likelihood)
         };
         let [thin, mount, exact] = [Fixing::ThinSkin, Fixing::Mount, Fixing::Exact].map(worth);
-        let needed = NONE_LEADS_BY * self.state.readings.len() as f64 * self.moved_s;
+        let needed = self.in_all(NONE_LEADS_BY);
         match () {
             () if mount.max(exact) < thin + needed => Fixing::Skin,
             () if mount < exact => Fixing::Exact,

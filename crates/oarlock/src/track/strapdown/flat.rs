@@ -83,7 +83,7 @@ fn fixing_of(from: &mut Source) -> Option<Fixing> {
 }
 
 fn put_state(to: &mut Writer, state: &State) {
-    to.0.extend([state.time_s, state.row_s, f64::from(state.uneven)]);
+    to.0.extend([state.time_s, state.row_s, f64::from(state.updates)]);
     to.list(state.covariance.as_slice());
     to.count(state.means.units.len());
     for u in &state.means.units {
@@ -133,7 +133,7 @@ fn put_increment(to: &mut Writer, i: &Increment) {
 }
 
 fn state_of(from: &mut Source) -> Option<State> {
-    let [time_s, row_s, uneven] = from.array()?;
+    let [time_s, row_s, updates] = from.array()?;
     let covariance = from.list()?;
     let covariance = Square::from_rows(covariance.len().isqrt(), covariance)?;
     let units = from.many(|from| {
@@ -168,7 +168,7 @@ fn state_of(from: &mut Source) -> Option<State> {
         Some(Heard { jumped, usual, all: from.many(reading)?.into() })
     })?;
     let increments = from.many(increment_of)?;
-    Some(State { time_s, means, covariance, readings, heard, increments, row_s, uneven: uneven as u32 })
+    Some(State { time_s, means, covariance, readings, heard, increments, row_s, updates: updates as u32 })
 }
 
 fn increment_of(from: &mut Source) -> Option<Increment> {

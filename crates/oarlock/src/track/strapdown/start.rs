@@ -63,7 +63,7 @@ impl Tracker {
             heard: vec![Heard::default(); self.strapdown_filter().skeleton.sensors.len()],
             increments: Vec::new(),
             row_s: time_s,
-            uneven: 0,
+            updates: 0,
         };
         one.links = Some(Box::new(LinkState {
             state,
