@@ -1,81 +1,117 @@
 //! Smooths a run of strapdown links backwards from its checkpoints, as `back` does for trees.
 
 use super::super::hypothesis::Hypothesis;
-use super::super::strapdown::{Lack, RowMotion};
+use super::super::strapdown::{Lack, RowMotion, Strapdown};
 use super::super::Tracker;
-use super::{Progress, Run};
+use super::{Checkpoint, Progress, Run};
 use crate::error::{Error, Result};
 use crate::estimate::smoother::Backward;
 use crate::kernels::dense::Square;
 use crate::model::Fixing;
+use crate::recording::Recording;
 use crate::strapdown::filter::{Means, Node};
+use std::sync::mpsc::{sync_channel, Receiver, SyncSender};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread;
 
 /// Rows between two updates: their numbers in the output and what moved them.
 type Rows = Vec<(usize, RowMotion)>;
 
 /// The updates between two checkpoints, each with the rows from its beginning on, and the rows after the last update.
-#[derive(Default)]
 struct Stretch {
+    checkpoint: usize,
     nodes: Vec<(Node, Rows)>,
     rest: Rows,
     /// Filtered means and covariance at the end.
     end: Option<(Means, Square)>,
+    /// The filter at the end.
+    strapdown: Strapdown,
+}
+
+/// What filtering needs that smoothing does not change but for the checkpoints.
+struct Source {
+    recording: Arc<Recording>,
+    time_s: Vec<f64>,
+    checkpoints: Mutex<Vec<Checkpoint>>,
+    fixing: Fixing,
 }
 
 impl Run {
+    /// One thread filters again, the other smooths what it has filtered.
     pub(super) fn back_links(mut self, progress: Progress) -> Result<Run> {
         let Some(last) = self.last.clone() else {
             return Err(Error::Data("nothing was tracked: nothing to smooth".into()));
         };
         let mut tracker = self.tracker.clone();
         tracker.resume_links(&last)?;
-        let size = tracker.strapdown.as_ref().and_then(|s| s.filter.as_ref()).map_or(0, |f| f.size);
-        let mut backward = Backward::new(size);
-        let (all, mut near) = (self.checkpoints.len(), last.belief.mean.clone());
+        let source = Source {
+            recording: self.recording.clone(),
+            time_s: self.series.time_s.clone(),
+            checkpoints: Mutex::new(std::mem::take(&mut self.checkpoints)),
+            fixing: last.links.as_ref().map_or(Fixing::Skin, |links| links.fixing),
+        };
+        // One stretch waits while another is smoothed: each takes megabytes.
+        let (sender, receiver) = sync_channel(0);
+        let done = thread::scope(|scope| {
+            scope.spawn(|| source.refilter_all(tracker, sender));
+            self.smooth_stretches(receiver, &source, last.belief.mean, progress)
+        });
+        self.checkpoints = source.checkpoints.into_inner().unwrap_or_else(PoisonError::into_inner);
+        done?;
+        self.smoothed = true;
+        Ok(self)
+    }
+
+    fn smooth_stretches(
+        &mut self,
+        stretches: Receiver<Stretch>,
+        source: &Source,
+        mut near: Vec<f64>,
+        progress: Progress,
+    ) -> Result<()> {
+        let all = source.checkpoints().len();
+        let mut backward: Option<Backward> = None;
         let mut next: Option<(Means, Square)> = None;
-        let fixing = last.links.as_ref().map_or(Fixing::Skin, |links| links.fixing);
-        for k in (0..all).rev() {
-            let stretch = Stretch::refilter(&self, &mut tracker, (k, fixing));
-            let (mut smoothed, mut covariance) = match (next.take(), stretch.end) {
+        for stretch in stretches {
+            let Stretch { checkpoint, nodes, rest, end, strapdown } = stretch;
+            let Some(filter) = &strapdown.filter else { continue };
+            let backward = backward.get_or_insert_with(|| Backward::new(filter.size));
+            let (mut smoothed, mut covariance) = match (next.take(), end) {
                 (Some(next), _) | (None, Some(next)) => next,
                 (None, None) => continue,
             };
             // After the last update of the recording there is nothing to learn from.
-            if !stretch.rest.is_empty() {
+            if !rest.is_empty() {
                 let filtered = smoothed.clone();
-                self.write_links(&tracker, &stretch.rest, (&smoothed, &filtered, &covariance), None, &mut near);
+                self.write_links(&strapdown, &rest, (&smoothed, &filtered, &covariance), None, &mut near);
             }
-            for (node, rows) in stretch.nodes.iter().rev() {
-                let Some(filter) = tracker.strapdown.as_ref().and_then(|s| s.filter.as_ref()) else { break };
-                let (before, spread) = filter.back(&mut backward, node, &smoothed, &covariance)?;
+            for (node, rows) in nodes.iter().rev() {
+                let (before, spread) = filter.back(backward, node, &smoothed, &covariance)?;
                 let lack = Lack::of(filter, node, &before, &smoothed);
-                self.write_links(&tracker, rows, (&before, &node.before, &spread), Some(&lack), &mut near);
+                self.write_links(&strapdown, rows, (&before, &node.before, &spread), Some(&lack), &mut near);
                 (smoothed, covariance) = (before, spread);
             }
-            self.replace_checkpoint(&tracker, k, (&smoothed, &covariance), &near);
+            self.replace_checkpoint(source, checkpoint, &strapdown, (&smoothed, &covariance), &near);
             next = Some((smoothed, covariance));
-            if !progress(1.0 - k as f64 / all as f64) {
+            if !progress(1.0 - checkpoint as f64 / all as f64) {
                 return Err(Error::Stopped);
             }
         }
-        self.smoothed = true;
-        Ok(self)
+        Ok(())
     }
 
     /// Writes rows that begin at smoothed means.
     fn write_links(
         &mut self,
-        tracker: &Tracker,
+        strapdown: &Strapdown,
         rows: &Rows,
         (smoothed, filtered, covariance): (&Means, &Means, &Square),
         lack: Option<&Lack>,
         near: &mut Vec<f64>,
     ) {
-        let Some(strapdown) = &tracker.strapdown else { return };
-        let body = tracker.body();
         let mut spread: Option<Square> = None;
         for (row, motion) in rows.iter().rev() {
-            let coordinates = strapdown.smoothed(body, (smoothed, filtered), motion, lack, near);
+            let coordinates = strapdown.smoothed(self.tracker.body(), (smoothed, filtered), motion, lack, near);
             let spread = spread.get_or_insert_with(|| coordinates.covariance(covariance));
             self.write_row(*row, &coordinates.mean, |_, variance| spread.diagonal(variance));
             let off_axis: Vec<f64> = coordinates.off_axis.concat();
@@ -86,56 +122,76 @@ impl Run {
 
     /// The smoothed state estimate at a checkpoint.
     fn replace_checkpoint(
-        &mut self,
-        tracker: &Tracker,
+        &self,
+        source: &Source,
         k: usize,
+        strapdown: &Strapdown,
         (means, covariance): (&Means, &Square),
         near: &[f64],
     ) {
-        let Some(strapdown) = &tracker.strapdown else { return };
-        let mut known = self.checkpoints[k].known.whole();
+        let mut known = source.known(k);
         let Some(links) = &known.links else { return };
         let signals: Vec<_> = links.state.readings.iter().map(|r| r.at(known.belief.time_s)).collect();
-        let coordinates = strapdown.coordinates(tracker.body(), means, &signals, near);
+        let coordinates = strapdown.coordinates(self.tracker.body(), means, &signals, near);
         known.belief.covariance = coordinates.covariance(covariance);
         known.belief.mean = coordinates.mean;
-        self.checkpoints[k].known.replace(&known.belief);
+        source.checkpoints()[k].known.replace(&known.belief);
     }
 }
 
-impl Stretch {
+impl Source {
+    fn checkpoints(&self) -> MutexGuard<'_, Vec<Checkpoint>> {
+        self.checkpoints.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn known(&self, k: usize) -> Hypothesis {
+        self.checkpoints()[k].known.whole()
+    }
+
+    /// From the last checkpoint to the first, while somebody receives.
+    fn refilter_all(&self, mut tracker: Tracker, sender: SyncSender<Stretch>) {
+        let all = self.checkpoints().len();
+        for k in (0..all).rev() {
+            let stretch = self.refilter(&mut tracker, k);
+            if stretch.is_none_or(|stretch| sender.send(stretch).is_err()) {
+                break;
+            }
+        }
+    }
+
     /// Filters again from a checkpoint to the next one, or to the end.
-    fn refilter(run: &Run, tracker: &mut Tracker, (checkpoint, fixing): (usize, Fixing)) -> Stretch {
-        let (from, to) = (&run.checkpoints[checkpoint], run.checkpoints.get(checkpoint + 1));
-        let stop_s = to.map_or(f64::INFINITY, |c| c.known.time_s());
-        let mut one = from.known.whole();
-        one.links.iter_mut().for_each(|links| links.settle(fixing));
-        let (mut cursor, mut sample) = (from.cursor.clone(), tracker.empty_sample());
-        let mut stretch = Stretch::default();
-        let mut row = from.row;
-        if from.is_row {
-            stretch.rest.extend(first_row(&one).map(|motion| (row, motion)));
+    fn refilter(&self, tracker: &mut Tracker, checkpoint: usize) -> Option<Stretch> {
+        let (mut one, mut cursor, mut row, is_row, stop_s) = {
+            let checkpoints = self.checkpoints();
+            let (from, to) = (&checkpoints[checkpoint], checkpoints.get(checkpoint + 1));
+            let stop_s = to.map_or(f64::INFINITY, |c| c.known.time_s());
+            (from.known.whole(), from.cursor.clone(), from.row, from.is_row, stop_s)
+        };
+        one.links.iter_mut().for_each(|links| links.settle(self.fixing));
+        let mut sample = tracker.empty_sample();
+        let (mut nodes, mut rest): (Vec<(Node, Rows)>, Rows) = (Vec::new(), Rows::new());
+        if is_row {
+            rest.extend(first_row(&one).map(|motion| (row, motion)));
             row += 1;
         }
         let mut is_end = false;
         loop {
-            let mut nodes = Vec::new();
-            match tracker.process_one(&mut one, is_end, &mut |node| nodes.push(node), true) {
+            let mut updates = Vec::new();
+            match tracker.process_one(&mut one, is_end, &mut |node| updates.push(node), true) {
                 Some((sample, motion)) => {
-                    for node in nodes {
-                        let rows = std::mem::take(&mut stretch.rest);
-                        stretch.nodes.push((node, rows));
+                    for node in updates {
+                        nodes.push((node, std::mem::take(&mut rest)));
                     }
                     if sample.time_s >= stop_s {
                         break;
                     }
-                    if run.series.time_s.get(row) == Some(&sample.time_s) {
-                        stretch.rest.extend(motion.map(|motion| (row, motion)));
+                    if self.time_s.get(row) == Some(&sample.time_s) {
+                        rest.extend(motion.map(|motion| (row, motion)));
                         row += 1;
                     }
                 }
                 None if is_end => break,
-                None if run.recording.next(&mut cursor, &mut sample) => {
+                None if self.recording.next(&mut cursor, &mut sample) => {
                     tracker.entry.correct(&mut sample);
                     if one.links.as_ref().is_some_and(|links| sample.time_s > links.taken_s()) {
                         tracker.take_readings(&mut one, &sample);
@@ -144,12 +200,12 @@ impl Stretch {
                 None => is_end = true,
             }
         }
-        if to.is_some() {
+        if stop_s.is_finite() {
             // The next checkpoint has the rows from its own time on.
-            stretch.rest.clear();
+            rest.clear();
         }
-        stretch.end = one.links.map(|links| (links.state.means, links.state.covariance));
-        stretch
+        let end = one.links.map(|links| (links.state.means, links.state.covariance));
+        Some(Stretch { checkpoint, nodes, rest, end, strapdown: tracker.strapdown.clone()? })
     }
 }
 
