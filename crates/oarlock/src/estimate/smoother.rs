@@ -22,71 +22,100 @@ use super::transition::{congruence, Block, Transition, Turning};
 use super::System;
 use crate::kernels::arch::{madd, Arch, Kernel};
 use crate::kernels::dense::{semidefinite_factor, NotPositive, Square};
-use crate::kernels::tiles::{factor, gram, padded, Panel, Rows, Sweep, RAISES, VECTOR};
+use crate::kernels::tiles::{factor, gram, padded, product, Panel, Rows, Sweep, RAISES, VECTOR};
 
 /// Workspace of a step back (S1, S2), whatever the states mean.
+///
+/// States that are constant stand last. Their rows of K are those of the identity, so that W and Y have columns of U and X there, and only the
+/// columns of the others are solved for.
 #[derive(Debug, Clone)]
 pub struct Backward {
     arch: Arch,
-    n: usize,
-    /// Pn in the tangent space at the predicted mean (P3).
+    /// The states in their order here, and how many of them are not constant.
+    order: Vec<usize>,
+    moving: usize,
+    /// Pn in the tangent space at the predicted mean (P3), and Pp.
     next: Square,
+    predicted: Square,
     /// X, upper triangular.
     x: Panel,
+    /// F P.
+    moved: Panel,
     /// [Pp | X' | F P | step] becomes [U | G | W | s].
     u_g_w_s: Panel,
     /// Per vector of its columns: the first row that is not zero.
     starts: Vec<usize>,
-    /// [G'G | Y]; G'G is not used.
+    w: Panel,
     y: Panel,
     /// P_s.
     covariance: Panel,
     zeros: Vec<usize>,
     step: Vec<f64>,
+    /// Corrections of the states that are not constant.
+    ordered: Vec<f64>,
     shift: Vec<f64>,
 }
 
 impl Backward {
-    /// Workspace for `n` states.
-    pub fn new(n: usize) -> Self {
-        let width = padded(n);
+    /// Workspace for `n` states, of which `constants` are in ascending order.
+    pub fn new(n: usize, constants: &[usize]) -> Self {
+        let is_moving = |i: &usize| constants.binary_search(i).is_err();
+        let (moving, width) = (n - constants.len(), padded(n));
         let own = |v: usize| if (width..2 * width).contains(&(v * VECTOR)) { v * VECTOR - width } else { 0 };
+        let all = 2 * width + padded(moving) + VECTOR;
         Backward {
             arch: Arch::best(),
-            n,
+            order: (0..n).filter(is_moving).chain(constants.iter().copied()).collect(),
+            moving,
             next: Square::zeros(n),
+            predicted: Square::zeros(n),
             x: Panel::zeros(n, width),
-            u_g_w_s: Panel::zeros(n, 3 * width + VECTOR),
-            starts: (0..3 * width / VECTOR + 1).map(own).collect(),
-            y: Panel::zeros(n, 2 * width),
+            moved: Panel::zeros(n, padded(moving)),
+            u_g_w_s: Panel::zeros(n, all),
+            starts: (0..all / VECTOR).map(own).collect(),
+            w: Panel::zeros(n, width),
+            y: Panel::zeros(n, width),
             covariance: Panel::zeros(n, width),
             zeros: vec![0; width / VECTOR],
             step: vec![0.0; n],
+            ordered: vec![0.0; moving],
             shift: vec![0.0; n],
         }
     }
 
     /// Turns the filtered covariance at k into the smoothed one, given the predicted and the smoothed one at k + 1 in the tangent space of
-    /// the prediction, and the step from the predicted to the smoothed mean. `advance` applies F to the columns of a panel from a number
-    /// on. Returns the shift of the mean at k.
+    /// the prediction, and the step from the predicted to the smoothed mean. `advance` applies F to the columns of a panel. Returns the
+    /// correction of the mean.
     pub fn step(
         &mut self,
         (next, predicted): (&Square, &Square),
         filtered: &mut Square,
         step: &[f64],
-        advance: impl FnMut(&mut Panel, usize),
+        advance: impl FnMut(&mut Panel),
     ) -> Result<&[f64], Diverged> {
         self.step.copy_from_slice(step);
-        self.next.clone_from(next);
+        self.in_order(|s| &mut s.next, next);
+        self.in_order(|s| &mut s.predicted, predicted);
         self.take_next()?;
-        self.factorise(filtered, predicted, advance)?;
-        self.add_squares(filtered);
+        self.factorise(filtered, advance)?;
+        self.add_squares(filtered, next);
         Ok(&self.shift)
+    }
+
+    fn in_order(&mut self, of: fn(&mut Self) -> &mut Square, from: &Square) {
+        let order = std::mem::take(&mut self.order);
+        let to = of(self);
+        for (i, row) in order.iter().enumerate() {
+            let from = from.row(*row);
+            to.row_mut(i).iter_mut().zip(&order).for_each(|(x, j)| *x = from[*j]);
+        }
+        self.order = order;
     }
 
     /// X of S1.
     fn take_next(&mut self) -> Result<(), Diverged> {
-        let sweep = Sweep { n: self.n, width: padded(self.n), starts: &self.zeros };
+        let n = self.order.len();
+        let sweep = Sweep { n, width: padded(n), starts: &self.zeros };
         self.x.copy_upper(&self.next);
         if factor(self.arch, &mut self.x, sweep).is_err() {
             // Nothing divides by X, so a direction without variance may be zero in it.
@@ -97,20 +126,19 @@ impl Backward {
     }
 
     /// S1.
-    fn factorise(
-        &mut self,
-        filtered: &Square,
-        predicted: &Square,
-        mut advance: impl FnMut(&mut Panel, usize),
-    ) -> Result<(), Diverged> {
-        let (arch, n) = (self.arch, self.n);
+    fn factorise(&mut self, filtered: &Square, mut advance: impl FnMut(&mut Panel)) -> Result<(), Diverged> {
+        let n = self.order.len();
+        for i in 0..n {
+            let (row, from) = (self.moved.row_mut(i), filtered.row(i));
+            row.iter_mut().zip(&self.order[..self.moving]).for_each(|(x, j)| *x = from[*j]);
+        }
+        advance(&mut self.moved);
         let mut done = Ok(());
         for share in RAISES {
-            self.fill(filtered);
-            advance(&mut self.u_g_w_s, 2 * padded(n));
-            self.u_g_w_s.copy_raised(predicted, share);
-            let sweep = Sweep { n, width: 3 * padded(n) + VECTOR, starts: &self.starts };
-            done = factor(arch, &mut self.u_g_w_s, sweep).map_err(broken);
+            self.fill();
+            self.u_g_w_s.copy_raised(&self.predicted, share);
+            let sweep = Sweep { n, width: self.starts.len() * VECTOR, starts: &self.starts };
+            done = factor(self.arch, &mut self.u_g_w_s, sweep).map_err(broken);
             if done.is_ok() {
                 break;
             }
@@ -118,37 +146,46 @@ impl Backward {
         done
     }
 
-    /// Fills in [X' | P | xn - xp].
-    fn fill(&mut self, filtered: &Square) {
-        let (n, width) = (self.n, padded(self.n));
+    /// Fills in [X' | F P | xn - xp].
+    fn fill(&mut self) {
+        let (n, width, own) = (self.order.len(), padded(self.order.len()), padded(self.moving));
         for i in 0..n {
             let row = self.u_g_w_s.row_mut(i);
-            let own = &mut row[width..][..padded(i + 1)];
-            for (j, x) in own.iter_mut().enumerate() {
+            for (j, x) in row[width..][..padded(i + 1)].iter_mut().enumerate() {
                 *x = if j <= i { self.x.at(j, i) } else { 0.0 };
             }
-            row[2 * width..][..n].copy_from_slice(filtered.row(i));
-            row[3 * width] = self.step[i];
+            row[2 * width..][..own].copy_from_slice(&self.moved.row(self.order[i])[..own]);
+            row[2 * width + own] = self.step[self.order[i]];
         }
     }
 
     /// S2: W's into `shift`, P_s in the place of P.
-    fn add_squares(&mut self, covariance: &mut Square) {
-        let (arch, n, width) = (self.arch, self.n, padded(self.n));
-        let own = &self.starts[width / VECTOR..];
-        gram(
-            arch,
-            &mut self.y,
-            [n, 2 * width],
-            Rows { panel: &self.u_g_w_s, rows: 0..n, column: width, starts: own },
-            true,
-        );
-        let w = Rows { panel: &self.u_g_w_s, rows: 0..n, column: 2 * width, starts: &self.zeros };
-        gram(arch, &mut self.covariance, [n, width], w, true);
+    fn add_squares(&mut self, covariance: &mut Square, next: &Square) {
+        let (arch, n, moving) = (self.arch, self.order.len(), self.moving);
+        let (width, own) = (padded(n), padded(moving));
+        for i in 0..n {
+            let (row, w) = (self.u_g_w_s.row(i), self.w.row_mut(i));
+            w[..own].copy_from_slice(&row[2 * width..][..own]);
+            (moving..n).for_each(|j| w[j] = if j >= i { row[j] } else { 0.0 });
+        }
+        let g = Rows { panel: &self.u_g_w_s, rows: 0..n, column: width, starts: &self.starts[width / VECTOR..] };
+        let w = Rows { panel: &self.w, rows: 0..n, column: 0, starts: &self.zeros };
+        product(arch, &mut self.y, [n, own], [g, w.clone()]);
+        gram(arch, &mut self.covariance, [moving, width], w, true);
+        for i in 0..n {
+            let (x, y) = (self.x.row(i), self.y.row_mut(i));
+            (moving..n).for_each(|j| y[j] = if j >= i { x[j] } else { 0.0 });
+        }
         arch.run(Subtracting { backward: self, from: covariance });
-        let y = Rows { panel: &self.y, rows: 0..n, column: width, starts: &self.zeros };
-        gram(arch, &mut self.covariance, [n, width], y, false);
-        self.covariance.copy_to(covariance);
+        let y = Rows { panel: &self.y, rows: 0..n, column: 0, starts: &self.zeros };
+        gram(arch, &mut self.covariance, [moving, width], y, false);
+        for (i, row) in self.order.iter().enumerate() {
+            for (j, column) in self.order.iter().enumerate().skip(i) {
+                let x = if i < moving { self.covariance.at(i, j) } else { next.at(*row, *column) };
+                *covariance.at_mut(*row, *column) = x;
+                *covariance.at_mut(*column, *row) = x;
+            }
+        }
     }
 }
 
@@ -169,7 +206,7 @@ impl Smoother {
     /// Workspace for `n` states.
     pub fn new(n: usize) -> Self {
         Smoother {
-            backward: Backward::new(n),
+            backward: Backward::new(n, &[]),
             next: Square::zeros(n),
             step: vec![0.0; n],
             shift: vec![0.0; n],
@@ -199,7 +236,7 @@ impl Smoother {
         self.take_next(system, &predicted.mean, next);
         let Smoother { backward, next, step, rows, .. } = self;
         let arch = backward.arch;
-        let advance = |panel: &mut Panel, column: usize| arch.run(Moving { transition, panel, column, rows });
+        let advance = |panel: &mut Panel| arch.run(Moving { transition, panel, rows });
         let shift = backward.step((next, &predicted.covariance), &mut filtered.covariance, step, advance)?;
         self.shift.copy_from_slice(shift);
         system.shift(&mut filtered.mean, &self.shift);
@@ -233,7 +270,6 @@ fn broken(e: NotPositive) -> Diverged {
 struct Moving<'a> {
     transition: &'a Transition,
     panel: &'a mut Panel,
-    column: usize,
     rows: &'a mut [Vec<f64>; 3],
 }
 
@@ -242,30 +278,30 @@ impl Kernel for Moving<'_> {
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let Moving { transition, panel, column, rows } = self;
+        let Moving { transition, panel, rows } = self;
         let (before, after) = (|t: &Turning| t.before, |t: &Turning| t.after);
         for block in transition.turnings.iter().map(before).chain(transition.blocks.iter().copied()) {
-            move_rows::<FUSED>(&block, panel, column, rows);
+            move_rows::<FUSED>(&block, panel, rows);
         }
         for block in transition.turnings.iter().map(after) {
-            move_rows::<FUSED>(&block, panel, column, rows);
+            move_rows::<FUSED>(&block, panel, rows);
         }
     }
 }
 
-/// A <- F A for the columns of a panel that begin at `column`.
+/// A <- F A.
 #[inline(always)]
-fn move_rows<const FUSED: bool>(block: &Block, panel: &mut Panel, column: usize, old: &mut [Vec<f64>; 3]) {
+fn move_rows<const FUSED: bool>(block: &Block, panel: &mut Panel, old: &mut [Vec<f64>; 3]) {
     if block.len == 1 && block.factor[0][0] == 1.0 {
         return;
     }
     let n = old[0].len();
     for (old, &i) in old.iter_mut().zip(&block.index[..block.len]) {
-        old.copy_from_slice(&panel.row(i)[column..][..n]);
+        old.copy_from_slice(&panel.row(i)[..n]);
     }
     let [x, y, z] = [&old[0][..n], &old[1][..n], &old[2][..n]];
     for r in 0..block.len {
-        let (row, f) = (&mut panel.row_mut(block.index[r])[column..][..n], block.factor[r]);
+        let (row, f) = (&mut panel.row_mut(block.index[r])[..n], block.factor[r]);
         for j in 0..n {
             row[j] = f[0] * x[j];
         }
@@ -293,18 +329,23 @@ impl Kernel for Subtracting<'_> {
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
         let Subtracting { backward: s, from } = self;
-        let (n, width) = (s.n, padded(s.n));
-        s.shift.fill(0.0);
+        let (n, column) = (s.order.len(), 2 * padded(s.order.len()));
+        let mut corrections = std::mem::take(&mut s.ordered);
+        corrections.fill(0.0);
         for k in 0..n {
-            let row = &s.u_g_w_s.row(k)[2 * width..];
-            let step = row[width];
-            for (x, w) in s.shift.iter_mut().zip(row) {
+            let row = &s.u_g_w_s.row(k)[column..];
+            let step = row[padded(s.moving)];
+            for (x, w) in corrections.iter_mut().zip(row) {
                 *x = madd::<FUSED>(step, *w, *x);
             }
         }
-        for i in 0..n {
-            for (x, p) in s.covariance.row_mut(i)[i..n].iter_mut().zip(&from.row(i)[i..]) {
-                *x = p - *x;
+        s.shift.copy_from_slice(&s.step);
+        s.order.iter().zip(&corrections).for_each(|(i, x)| s.shift[*i] = *x);
+        s.ordered = corrections;
+        for (i, row) in s.order.iter().enumerate().take(s.moving) {
+            let from = from.row(*row);
+            for (x, j) in s.covariance.row_mut(i)[i..n].iter_mut().zip(&s.order[i..]) {
+                *x = from[*j] - *x;
             }
         }
     }

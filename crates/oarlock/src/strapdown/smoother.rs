@@ -58,23 +58,20 @@ impl StrapdownFilter {
         let mut covariance = node.covariance.clone();
         let duration_s = node.steps.first().map_or(0.0, |step| step.duration_s);
         let (pushed, decays, slides) = (self.pushed(), self.decays(duration_s), self.slide_shares(duration_s));
-        let moved = |panel: &mut crate::kernels::tiles::Panel, column: usize| {
+        let moved = |panel: &mut crate::kernels::tiles::Panel| {
             for (i, step) in node.steps.iter().enumerate() {
                 let rows: [usize; UNIT] = std::array::from_fn(|r| UNIT * i + r);
-                let mut rows = panel.rows_of(rows).map(|row| &mut row[column..column + self.size]);
-                move_rows::<false>(step, &mut rows);
+                move_rows::<false>(step, &mut panel.rows_of(rows));
                 for (state, axis) in &pushed {
-                    let rows = panel.rows_of(pushed_rows(i, *state));
-                    push_rows(step, *axis, &mut rows.map(|row| &mut row[column..column + self.size]));
+                    push_rows(step, *axis, &mut panel.rows_of(pushed_rows(i, *state)));
                 }
             }
             for (state, share) in &decays {
                 let [row] = panel.rows_of([*state]);
-                row[column..column + self.size].iter_mut().for_each(|x| *x *= share);
+                row.iter_mut().for_each(|x| *x *= share);
             }
             for (first, share) in &slides {
-                let rows = panel.rows_of([*first, first + 1]).map(|row| &mut row[column..column + self.size]);
-                mix_rows(share, rows);
+                mix_rows(share, panel.rows_of([*first, first + 1]));
             }
         };
         let shift = backward
@@ -97,6 +94,16 @@ impl StrapdownFilter {
             *mean = self.moved(mean, &increment.corrected(biases.0, biases.1), gravity);
         }
         means
+    }
+
+    /// States that never change: their errors are the same at all times.
+    pub fn lasting(&self) -> Vec<usize> {
+        let skins: Vec<usize> = self.skins().collect();
+        let constants = self.constants().filter(|first| !skins.contains(first)).flat_map(|first| first..first + 3);
+        let mut all: Vec<usize> =
+            constants.chain((0..self.skeleton.lengths.len()).map(|k| self.length_state(k))).collect();
+        all.sort_unstable();
+        all
     }
 
     /// What means lack to others at the same time.

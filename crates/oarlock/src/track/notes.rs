@@ -187,7 +187,7 @@ fn disturbances(counts: &[StreamCount], field: &str) -> Vec<String> {
             None => format!("expected: {field}; if that is wrong, correct the field's norm and dip in the model"),
         };
         Some(format!(
-            "{}: magnetic field disturbed in {disturbed:.1} % of the readings{named}, which were not used; {advice}",
+            "{}: magnetic field disturbed in {disturbed:.1} % of the readings{named}; these count little or not at all; {advice}",
             count.name
         ))
     };

@@ -75,7 +75,7 @@ impl Run {
         for stretch in stretches {
             let Stretch { checkpoint, nodes, rest, end, strapdown } = stretch;
             let Some(filter) = &strapdown.filter else { continue };
-            let backward = backward.get_or_insert_with(|| Backward::new(filter.size));
+            let backward = backward.get_or_insert_with(|| Backward::new(filter.size, &filter.lasting()));
             let (mut smoothed, mut covariance) = match (next.take(), end) {
                 (Some(next), _) | (None, Some(next)) => next,
                 (None, None) => continue,

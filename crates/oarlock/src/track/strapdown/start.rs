@@ -142,7 +142,7 @@ impl Tracker {
         }
         let (Some(strapdown), Some(links)) = (&self.strapdown, &one.links) else { return Ok(()) };
         let filter = self.strapdown_filter();
-        let mut backward = Backward::new(filter.size);
+        let mut backward = Backward::new(filter.size, &filter.lasting());
         let (mut smoothed, mut covariance) = (links.state.means.clone(), links.state.covariance.clone());
         let mut end = updates.last().map_or(0, |(_, first)| *first);
         for (k, (node, _)) in updates.iter().enumerate().rev() {
