@@ -4,7 +4,6 @@
 
 pub mod belief;
 pub mod clique;
-pub mod covariance_form;
 pub mod filter;
 pub mod information;
 pub mod learn;

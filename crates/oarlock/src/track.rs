@@ -251,21 +251,6 @@ impl Tracker {
         self.filter.use_arch(arch);
     }
 
-    /// The form of the unscented update; for comparisons.
-    #[doc(hidden)]
-    pub fn use_covariance_form(&mut self, wanted: bool) {
-        match wanted {
-            true => self.filter = Filter::in_covariance_form(&self.subject.body, &self.subject.groups),
-            false => self.filter.leave_covariance_form(),
-        }
-    }
-
-    /// Whether the last update had covariance form.
-    #[doc(hidden)]
-    pub fn had_covariance_form(&self) -> bool {
-        self.filter.had_covariance_form()
-    }
-
     /// The model with its calibrated numbers.
     pub fn body(&self) -> &Body {
         &self.subject.body

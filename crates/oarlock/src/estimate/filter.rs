@@ -1,10 +1,8 @@
 //! The filter: prediction, update and learning of noise, for the tracker. Allocates nothing after it is made.
 //!
 //! Equation numbers are those of ARCHITECTURE.md, "The estimator on one page". U1 to U4 are computed in `estimate::sigma` (U9 in
-//! `linearised`), U5 to U8 in `estimate::information`, U10 and U11
-//! in `estimate::covariance_form`, the gate in `gate`, the factorised update in `limbs`.
+//! `linearised`), U5 to U8 in `estimate::information`, the gate in `gate`, the factorised update in `limbs`.
 
-mod form;
 mod gate;
 mod limbs;
 mod linearised;
@@ -12,15 +10,15 @@ mod measurement;
 mod report;
 
 use super::belief::Belief;
-use super::covariance_form::CovarianceUpdate;
-use super::information::{Carried, Columns, Force, InformationUpdate, Side};
+use super::information::{Carried, Columns, Force, InformationUpdate, Side, WeightedReadings};
 use super::learn::{Correction, Learning};
 use super::shear::Shear;
 use super::sigma::{PredictedReadings, ReadingContext, Spread};
 use super::transition::{apply_to_rows, congruence, Block, Transition};
 use super::FastSystem;
 use crate::kernels::arch::Arch;
-use crate::kernels::tiles::{padded, Panel, VECTOR};
+use crate::kernels::dense::{NotPositive, Square};
+use crate::kernels::tiles::{factor, padded, Panel, Sweep, RAISES, VECTOR};
 use limbs::Limbs;
 use linearised::Linearised;
 pub use measurement::{DirectionTest, Gate, Measurement, RowGroups, UpdateSettings};
@@ -40,8 +38,6 @@ pub struct Filter<S: FastSystem> {
     stages: Vec<usize>,
     stage: usize,
     information: InformationUpdate,
-    /// Usually in its place, for a system with clearly more states than readings.
-    covariance_form: Option<Box<CovarianceUpdate>>,
     /// L' of U1, upper triangular.
     l_transposed: Panel,
     /// First row of each of its vectors of columns that is not zero.
@@ -83,6 +79,11 @@ pub struct Filter<S: FastSystem> {
 }
 
 impl<S: FastSystem> Filter<S> {
+    /// Workspace of an unscented filter.
+    pub fn new(system: &S, groups: &RowGroups) -> Self {
+        Self::with(system, groups, PredictedReadings::new(system), None)
+    }
+
     /// Workspace of an extended filter, which linearises the readings at the mean.
     pub fn extended(system: &S, groups: &RowGroups) -> Self {
         Self::with(system, groups, PredictedReadings::linear(system), Some(Linearised::new(system)))
@@ -90,7 +91,7 @@ impl<S: FastSystem> Filter<S> {
 
     /// Workspace of a factorised filter; it is the unscented one if the system has no limbs.
     pub fn factorised(system: &S, groups: &RowGroups) -> Self {
-        let whole = Self::in_information_form(system, groups);
+        let whole = Self::new(system, groups);
         match Limbs::new(system, groups) {
             Some((limbs, stages)) => Filter { limbs: Some(Box::new(limbs)), stages, ..whole },
             None => whole,
@@ -112,7 +113,6 @@ impl<S: FastSystem> Filter<S> {
             stages: vec![0; groups.sources.len()],
             stage: 0,
             information: InformationUpdate::new(m, predicted.e_columns, n, &groups.sources),
-            covariance_form: None,
             predicted,
             l_transposed: Panel::zeros(n, padded(n)),
             starts: vec![0; padded(n) / VECTOR],
@@ -238,12 +238,12 @@ impl<S: FastSystem> Filter<S> {
         self.factorise(&belief.covariance)?; // U1: L'
         self.predict_readings(system, moment, (&belief.mean, measured.linearise_at), settings.spread); // U1, U2: h0, H, E, d
         self.innovate(measured, belief.inflation, info); // U3: y
-        self.whiten(&belief.covariance)?; // U5: S; or U10: P_zz, K
+        self.whiten(); // U5: S
         self.gate_parts(measured, settings, belief, info);
         self.report(measured, info);
         belief.covariance.diagonal(&mut self.before);
-        self.solve(measured, info)?; // U6, U7: W, w, V, b, X; or U11: W, w
-        self.combine(system, belief)?; // U8 or U11, P3: x+, P+
+        self.solve(measured, info)?; // U6, U7: W, w, V, b, X
+        self.combine(system, belief)?; // U8, P3: x+, P+
         self.learn_noise(belief, settings.learning, info.inertial);
         self.learn(system, belief, settings.learning);
         Ok(())
@@ -272,6 +272,29 @@ impl<S: FastSystem> Filter<S> {
         self.rows.clear();
         self.rows.extend(self.order.iter().copied().filter(|&r| !z[r].is_nan() && asked(r)));
         self.inertial_rows = self.rows.iter().take_while(|&&r| self.inertial[r]).count();
+    }
+
+    /// L' of U1. Where rounding took the sign of a pivot, the diagonal is raised by a relative 1e-12.
+    fn factorise(&mut self, covariance: &Square) -> Result<(), Diverged> {
+        let n = covariance.n();
+        let mut done = Ok(());
+        for share in RAISES {
+            self.l_transposed.copy_raised(covariance, share);
+            done = factor(self.arch, &mut self.l_transposed, Sweep { n, width: padded(n), starts: &self.starts });
+            if done.is_ok() {
+                break;
+            }
+        }
+        done.map_err(|e| Diverged {
+            what: format!("the covariance lost its sign (state {}, pivot {:.2e})", e.row, e.pivot),
+        })
+    }
+
+    /// S of U5.
+    fn whiten(&mut self) {
+        let readings =
+            WeightedReadings { rows: &self.rows, inertial: self.inertial_rows, weight: &self.weight, y: &self.y };
+        self.information.whiten(self.arch, &self.predicted, readings);
     }
 
     /// Factors on the process noise, from corrections.
@@ -315,7 +338,7 @@ impl<S: FastSystem> Filter<S> {
 
     /// U6 and U7, and what they say of the readings.
     fn solve(&mut self, measured: Measurement, info: &mut Info) -> Result<(), Diverged> {
-        let verdict = self.solve_update()?;
+        let verdict = self.information.solve(self.arch, &self.l_transposed).map_err(broken)?;
         let inertial = measured.groups.inertial.iter().filter(|&&r| self.used[r]).count();
         info.inertial = (if inertial == 0 { f64::NAN } else { verdict.inertial }, inertial);
         info.nis = verdict.nis;
@@ -326,7 +349,7 @@ impl<S: FastSystem> Filter<S> {
 
     /// U8, P3 and P4.
     fn combine(&mut self, system: &S, belief: &mut Belief) -> Result<(), Diverged> {
-        self.take_posterior(&mut belief.covariance);
+        self.information.posterior(self.arch, &mut self.shift, &mut belief.covariance);
         system.shift(&mut belief.mean, &self.shift);
         self.reset.clear();
         system.reset_jacobian(&self.shift, &mut self.reset);
@@ -341,6 +364,10 @@ impl<S: FastSystem> Filter<S> {
             Err(Diverged { what: "the estimate is not a number".into() })
         }
     }
+}
+
+fn broken(e: NotPositive) -> Diverged {
+    Diverged { what: format!("the update broke (row {}, pivot {:.2e})", e.row, e.pivot) }
 }
 
 /// For a rotation, by parameter: 1 if its error stays in the axes of what carries the body, 0 if it stays in the body's own.

@@ -15,7 +15,7 @@ use std::ops::Range;
 pub use carry::{Carried, Force};
 
 /// Slot of a row that is not in use.
-pub(super) const NOWHERE: usize = usize::MAX;
+const NOWHERE: usize = usize::MAX;
 
 /// Workspace of the update.
 #[derive(Debug, Clone)]

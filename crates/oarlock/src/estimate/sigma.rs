@@ -4,12 +4,10 @@
 //! even parts; no weight is negative while beta >= alpha^2.
 #![allow(clippy::needless_range_loop)] // several arrays go in step
 
-mod poses;
-
 use super::{Dependence, FastSystem, Partition, PerturbedStates, Points};
 use crate::kernels::arch::{Arch, Kernel};
 use crate::kernels::lane::{Lane, LANES};
-use crate::kernels::sparse_jacobian::SparseJacobian;
+use crate::kernels::sparse_jacobian::{turn, SparseJacobian};
 use crate::kernels::tiles::{padded, Panel, VECTOR};
 
 /// Scaling of the sigma points.
@@ -53,8 +51,6 @@ pub struct PredictedReadings {
     linear: Option<SparseJacobian>,
     /// Row k is row k of L, reversed.
     l_reversed: Panel,
-    /// Whether H has columns of poses only.
-    poses_only: bool,
     asked: Vec<bool>,
     off: Vec<Lane>,
     delta: Vec<Lane>,
@@ -76,7 +72,6 @@ impl PredictedReadings {
             dependence: (0..rows).map(|r| system.dependence(r)).collect(),
             linear: system.linear_pattern(),
             l_reversed: Panel::zeros(n, padded(n) + LANES),
-            poses_only: false,
             asked: vec![false; rows],
             off: vec![Lane([0.0; LANES]); inputs],
             delta: vec![Lane([0.0; LANES]); n],
@@ -262,10 +257,9 @@ impl PredictedReadings {
     ) {
         let Some(linear) = &mut self.linear else { return };
         context.system.linear_jacobian::<FUSED>(context.moment, scratch, linear);
-        if self.poses_only {
-            return poses::turn(l_transposed, self.part, &mut self.l_reversed);
-        }
-        self.multiply_jacobian::<FUSED>(l_transposed);
+        turn(l_transposed, self.part.dim(), &mut self.l_reversed);
+        let count = self.part.dim() - self.part.pose;
+        linear.times::<FUSED>(&self.l_reversed, count, &self.asked, &mut self.h);
     }
 
     /// Rates of column `first + count - 1 - j` of L in lane j.

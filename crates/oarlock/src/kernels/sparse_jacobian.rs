@@ -3,7 +3,7 @@
 #![allow(clippy::needless_range_loop)] // several arrays go in step
 
 use super::tiles::{padded, Panel, VECTOR};
-use crate::kernels::arch::{with_simd, Arch, Kernel};
+use crate::kernels::arch::with_simd;
 use crate::kernels::registers::{F64x4, Part, Simd, Tile};
 use std::ops::Range;
 
@@ -114,56 +114,25 @@ impl SparseJacobian {
     #[inline(always)]
     pub fn times<const FUSED: bool>(&self, turned: &Panel, count: usize, asked: &[bool], odd: &mut Panel) {
         let width = if count < VECTOR { padded(count) } else { count };
-        with_simd!(FUSED, |simd| self.multiply::<_, true>(simd, turned.part(0, 0), width, asked, odd));
-    }
-
-    /// J A for the first `count` columns, at least a vector, of a matrix with a row for each state. Rows of `out` that are not asked for do
-    /// not change.
-    pub fn product(&self, arch: Arch, a: Part, count: usize, asked: &[bool], out: &mut Panel) {
-        arch.run(Product { jacobian: self, a, count, asked, out });
+        with_simd!(FUSED, |simd| self.multiply(simd, turned.part(0, 0), width, asked, odd));
     }
 
     #[inline(always)]
-    fn multiply<F: F64x4, const TRIANGULAR: bool>(
-        &self,
-        simd: Simd<F>,
-        a: Part,
-        width: usize,
-        asked: &[bool],
-        out: &mut Panel,
-    ) {
+    fn multiply<F: F64x4>(&self, simd: Simd<F>, a: Part, width: usize, asked: &[bool], out: &mut Panel) {
         for triple in self.triples.iter().filter(|triple| asked[triple.rows()].contains(&true)) {
             let slopes = &self.slopes[triple.slopes.clone()];
             let mut at = 0;
             while at < width {
                 if at + BLOCK <= width {
-                    triple.columns::<F, 2, TRIANGULAR>(simd, slopes, (a, self.n), at, out);
+                    triple.columns::<F, 2>(simd, slopes, (a, self.n), at, out);
                     at += BLOCK;
                 } else {
                     // An incomplete vector at the end overlaps the one before.
-                    triple.columns::<F, 1, TRIANGULAR>(simd, slopes, (a, self.n), at.min(width - VECTOR), out);
+                    triple.columns::<F, 1>(simd, slopes, (a, self.n), at.min(width - VECTOR), out);
                     at += VECTOR;
                 }
             }
         }
-    }
-}
-
-struct Product<'a> {
-    jacobian: &'a SparseJacobian,
-    a: Part<'a>,
-    count: usize,
-    asked: &'a [bool],
-    out: &'a mut Panel,
-}
-
-impl Kernel for Product<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<const FUSED: bool>(self) {
-        let Product { jacobian, a, count, asked, out } = self;
-        with_simd!(FUSED, |simd| jacobian.multiply::<_, false>(simd, a, count, asked, out));
     }
 }
 
@@ -174,7 +143,7 @@ impl RowTriple {
     }
 
     #[inline(always)]
-    fn columns<F: F64x4, const V: usize, const TRIANGULAR: bool>(
+    fn columns<F: F64x4, const V: usize>(
         &self,
         simd: Simd<F>,
         slopes: &[Slope],
@@ -188,7 +157,7 @@ impl RowTriple {
             None => simd.zero(),
         };
         // L is triangular: column c is zero in the rows before n - 1 - c.
-        let first = if TRIANGULAR { n.saturating_sub(at + V * VECTOR) } else { 0 };
+        let first = n.saturating_sub(at + V * VECTOR);
         for slope in slopes.iter().skip_while(|s| s.state >= n) {
             if slope.state < first {
                 break;
@@ -217,6 +186,7 @@ pub fn turn(factor: &Panel, n: usize, turned: &mut Panel) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::kernels::arch::{Arch, Kernel};
 
     /// Of sums of ten numbers of about one.
     const ROUNDING: f64 = 1e-14;

@@ -224,7 +224,7 @@ fn together(starts: &[usize], range: Range<usize>) -> Group {
 
 mod products;
 mod substitution;
-pub use products::{add_symmetric, gram, product, Rows};
+pub use products::{gram, product, Rows};
 pub use substitution::{substitute, substitute_back, Lower};
 
 /// Factor U of a diagonal block, U scaled to a unit diagonal, and the reciprocals of its diagonal. A block of fewer than four rows is padded

@@ -12,7 +12,6 @@ mod ekf;
 mod exact;
 mod factorised;
 mod field;
-mod forms;
 mod hinge_chain;
 mod identities;
 mod linear;

@@ -68,7 +68,7 @@ impl<S: FastSystem> Filter<S> {
             }
             if excluded || outlier {
                 self.used[rows.clone()].fill(false);
-                rows.clone().for_each(|r| self.reject(r));
+                rows.clone().for_each(|r| self.information.reject(r));
             }
             info.parts[p] = match (measured.excluded[p], wrong_direction, outlier) {
                 (true, ..) => Verdict::Excluded,
@@ -83,7 +83,7 @@ impl<S: FastSystem> Filter<S> {
 
     /// Whether a part fails its direction test; its rows begin at row `first` of their source.
     fn is_wrong_direction(&self, source: usize, first: usize, weight: f64, direction: DirectionTest) -> bool {
-        let block = self.innovation_covariance(source);
+        let block = self.information.innovation_covariance(source);
         let along = direction.along;
         let term = |i: usize, j: usize| along[i] * along[j] * block.at(first + i.min(j), first + i.max(j));
         let all: f64 = (0..3).map(|i| (0..3).map(|j| term(i, j)).sum::<f64>()).sum();
@@ -105,7 +105,7 @@ impl<S: FastSystem> Filter<S> {
     ) {
         let (count, mut found) = (rows.len(), std::mem::take(&mut self.tested));
         let test = |(source, rows): (usize, &Range<usize>)| InnovationBlock {
-            covariance: self.innovation_covariance(source),
+            covariance: self.information.innovation_covariance(source),
             first: rows.start - sources[source].start,
             y: &self.y[rows.clone()],
             used: &self.used[rows.clone()],

@@ -5,7 +5,7 @@
 //! with a limb. For linear readings the result is one update of all states with all readings. Correlations between limbs beyond the core,
 //! which prediction brings about, are dropped (Boyen and Koller 1998).
 
-use super::form::broken;
+use super::broken;
 use super::{log_likelihood, Diverged, Filter, Info, Measurement, RowGroups, UpdateSettings};
 use crate::estimate::belief::Belief;
 use crate::estimate::clique::{Clique, CliqueScratch, CliqueSystem};

@@ -1,6 +1,6 @@
 //! Products of panels: A'B, and the upper triangle of G'G.
 
-use super::{padded, together, Panel, VECTOR};
+use super::{together, Panel, VECTOR};
 use crate::kernels::arch::{with_simd, Arch, Kernel};
 use crate::kernels::registers::{F64x4, Simd, Tile};
 use std::ops::Range;
@@ -33,11 +33,6 @@ pub fn gram(arch: Arch, out: &mut Panel, [n, width]: [usize; 2], g: Rows, fresh:
     } else {
         arch.run(Multiplying::<false> { out, n, width, left, right, upper: true });
     }
-}
-
-/// Upper triangle of `out += A'B`, for the first `n` columns of both.
-pub fn add_symmetric(arch: Arch, out: &mut Panel, n: usize, [left, right]: [Rows; 2]) {
-    arch.run(Multiplying::<false> { out, n, width: padded(n), left, right, upper: true });
 }
 
 /// `out = A'B` for the first `n` columns of A and the first `width` columns of B, which are the same rows.
