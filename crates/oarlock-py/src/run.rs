@@ -184,13 +184,13 @@ impl PyRun {
 impl PyRun {
     /// The smoothed run; see `oarlock.smooth`. Reuses the memory of estimates that need more than `room` bytes and have
     /// not been read.
-    fn smooth(&self, py: Python<'_>, iterations: usize, room: usize, progress: Option<Py<PyAny>>) -> PyResult<PyRun> {
+    fn smooth(&self, py: Python<'_>, room: usize, progress: Option<Py<PyAny>>) -> PyResult<PyRun> {
         if let Some(run) = self.given(room) {
-            return detached(py, progress, |p| run.into_iterated(iterations, p)).map(PyRun::new);
+            return detached(py, progress, |p| run.into_smooth(p)).map(PyRun::new);
         }
         let run = self.run();
         let run = if self.with_kept(|kept| kept.hollow) { self.whole(py)? } else { run };
-        detached(py, progress, |p| run.iterated(iterations, p)).map(PyRun::new)
+        detached(py, progress, |p| run.smooth(p)).map(PyRun::new)
     }
 
     /// Time of each row, s (T,).

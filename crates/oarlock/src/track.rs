@@ -3,7 +3,6 @@
 pub mod arrivals;
 mod bank;
 mod begin;
-mod earlier_pass;
 mod entry;
 pub mod faults;
 pub mod hypothesis;
@@ -13,7 +12,6 @@ pub mod magnetic;
 pub mod many;
 mod north;
 pub mod notes;
-mod objective;
 mod own_time;
 mod postures;
 mod readings;
@@ -34,7 +32,6 @@ use crate::corrections::{Clock, Corrections};
 use crate::error::{Error, Result};
 use crate::estimate::belief::Belief;
 use crate::estimate::filter::{Diverged, Filter, Gate, Info, UpdateSettings};
-use crate::estimate::information::Columns;
 use crate::estimate::learn::Learning;
 use crate::estimate::sigma::Spread;
 use crate::estimate::transition::Transition;
@@ -44,14 +41,12 @@ use crate::model::Model;
 use crate::recording::timing::Streams;
 use crate::recording::{Sample, Stream};
 use crate::sensor::MountValue;
-use earlier_pass::EarlierPass;
 use entry::Entry;
 use faults::{Fault, Faults};
 use hypothesis::Hypothesis;
 use loops::Loops;
 use magnetic::{Field, Magnetic};
 use north::North;
-use objective::Objective;
 use own_time::OwnTime;
 use readings::Readings;
 use rest::Rest;
@@ -125,12 +120,6 @@ pub struct Tracker {
     /// False while several hypotheses compete: a hypothesis with large innovations must not explain them by larger
     /// process noise.
     learns: bool,
-    /// What an earlier pass over the same recording found.
-    earlier: Option<Arc<EarlierPass>>,
-    /// Of the course of the earlier pass.
-    objective: Objective,
-    /// One number for each reading.
-    columns: Columns,
     hypothesis: Option<Hypothesis>,
     waiting: Vec<Sample>,
     /// Of a model that is tracked as strapdown links.
@@ -177,9 +166,6 @@ impl Tracker {
             transition: Transition::default(),
             info: Info::new(&subject.groups, subject.rows()),
             learns: true,
-            earlier: None,
-            objective: Objective::default(),
-            columns: Columns::zeros(subject.rows(), 1),
             hypothesis: None,
             waiting: Vec::new(),
             strapdown,
@@ -203,18 +189,6 @@ impl Tracker {
         self.admit_known(&mut start)?;
         self.hypothesis = Some(start);
         Ok(())
-    }
-
-    /// Filters from now on about the course, and with the noise, of an earlier pass over the same recording.
-    fn follow(&mut self, earlier: EarlierPass) {
-        self.filter = Filter::extended(&self.subject.body, &self.subject.groups);
-        self.settings.learning.adapts = false;
-        self.earlier = Some(Arc::new(earlier));
-    }
-
-    /// Whether an earlier pass began with several hypotheses.
-    fn followed_rivals(&self) -> bool {
-        self.earlier.as_ref().is_some_and(|earlier| earlier.had_rivals)
     }
 
     /// Refuses a state estimate of another size or with numbers that are not finite.
@@ -350,7 +324,7 @@ fn update_settings(c: &Config) -> UpdateSettings {
             patience_s: c.gate_patience_s,
             strict_patience_s: magnetic::PATIENCE_S.max(c.gate_patience_s),
         },
-        learning: Learning { memory_s: c.learning_memory_s.unwrap_or(f64::INFINITY), adapts: true },
+        learning: Learning { memory_s: c.learning_memory_s.unwrap_or(f64::INFINITY) },
     }
 }
 

@@ -93,7 +93,7 @@ def _sculler(folder: Path, place: Path) -> tuple[Scored, Scored]:
         truth, recording = simulate_sculling(model, CONDITION, DURATION_S, seed=SEED)
     recording.save(folder / "recording")
     truth.save(folder / "recording" / "truth")
-    filtered = run_filter(model, recording, None, None, iterations=0)
+    filtered = run_filter(model, recording, None, None, smooth=False)
     with progress("smoothing") as told:
         smoothed = oarlock.smooth(filtered, progress=told)
     results = []
@@ -186,7 +186,7 @@ def _pendulum(folder: Path, place: Path) -> Pendulum:
         found = oarlock.calibrate_hinge_chain(model, recording)
     found.save(folder / "calibration.toml")
     calibration = oarlock.load_calibration(folder / "calibration.toml")
-    track = run_filter(model, recording.only(calibration.mounts), calibration, None, iterations=0)
+    track = run_filter(model, recording.only(calibration.mounts), calibration, None, smooth=False)
     orientations = read_apdm_orientations(file)
     whole, early = (
         oarlock.evaluate_orientations(

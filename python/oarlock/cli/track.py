@@ -102,15 +102,6 @@ def track(
     balls: Balls = None,
     plays: Plays = None,
     smooth: Annotated[bool, typer.Option("--smooth", help="Smooth over the whole recording.")] = False,
-    iterations: Annotated[
-        int,
-        typer.Option(
-            "--iterations",
-            metavar="N",
-            min=1,
-            help="With --smooth: passes; each is linearised about the result of the one before. One recording only.",
-        ),
-    ] = 1,
     filter_name: Annotated[
         str | None,
         typer.Option(
@@ -167,8 +158,6 @@ def track(
     if asked in OTHER_FILTERS and (smooth or len(recordings) > 1):
         lacks = "--smooth" if smooth else "several recordings at once"
         raise UsageError(f"--filter {asked} has no {lacks}; {', '.join(tree_filters())} have")
-    if iterations > 1 and (not smooth or len(recordings) > 1):
-        raise UsageError("--iterations needs --smooth, and one recording")
     wearing = load_calibration(calibration) if calibration is not None else None
     if len(recordings) > 1:
         folders = folders_for(recordings, out, force)
@@ -191,7 +180,7 @@ def track(
         raise UsageError(f"{out} is a recording; choose another folder for the results")
     with explained(out, f"Track of {body.name}", force) as found, output_folder(out, TRACK, force) as stage:
         found += find_suspects(body, measured, wearing, config) if suspects else ()
-        result = run_filter(body, measured, wearing, config, iterations if smooth else 0, asked)
+        result = run_filter(body, measured, wearing, config, smooth, asked)
         result = result.with_notes(*(suspect.note for suspect in found), *map(ball_note, balls or ()))
         write_folder(result, stage, csv)
     if json_output:

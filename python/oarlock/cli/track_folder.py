@@ -23,10 +23,10 @@ def run_filter(
     recording: Recording,
     calibration: Calibration | None,
     config: Config | None,
-    iterations: int,
+    smooth: bool,
     filter_name: str = "",
 ) -> Track:
-    """Tracks with a progress bar, smooths `iterations` times. `filter_name` may be one that `Config` does not know."""
+    """Tracks with a progress bar, and smooths if asked. `filter_name` may be one that `Config` does not know."""
     import oarlock
 
     with progress("tracking") as told:
@@ -35,9 +35,9 @@ def run_filter(
         if filter_name in ORIENTATION_FILTERS:
             return oarlock.track_orientations(model, recording, filter_name, calibration, progress=told)
         result = oarlock.track(model, recording, calibration=calibration, config=config, progress=told)
-    if iterations:
+    if smooth:
         with progress("smoothing") as told:
-            result = oarlock.smooth(result, iterations=iterations, progress=told)
+            result = oarlock.smooth(result, progress=told)
     return result
 
 

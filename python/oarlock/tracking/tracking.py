@@ -145,7 +145,7 @@ def finished(
     return track_of_run(model, run, notes, provenance, counts)
 
 
-def smooth(track: Track, *, iterations: int = 1, progress: Progress = None) -> Track:
+def smooth(track: Track, *, progress: Progress = None) -> Track:
     """Rauch-Tung-Striebel smoothing (Rauch, Tung and Striebel 1965) over the whole track.
 
     Each estimate then uses all samples, earlier and later ones; the last estimate is unchanged. If a track is long and
@@ -154,34 +154,21 @@ def smooth(track: Track, *, iterations: int = 1, progress: Progress = None) -> T
 
     Args:
         track: a result of `track`.
-        iterations: how often to smooth at most. Each time after the first, the recording is filtered again: readings
-            are linearised about the smoothed estimates instead of the predicted ones (iterated smoother, Bell 1994),
-            and the process noise is the average that the first pass learnt. All passes use the same readings. It stops
-            earlier if squared residuals and process noise of the whole course no longer fall. It helps where a heading
-            follows from movement alone; 2 or 3 are enough. Where mounts or lengths are far off, it can make the
-            estimate worse: calibrate first. Each costs as much as tracking and smoothing with `ekf`, and the last one
-            filtering more. Strapdown links are smoothed once: their errors are nearly linear.
         progress: True shows a bar or lines; a function is called regularly with the share done, 0 to 1.
 
     Raises:
-        DataError: `iterations` is below 1, the track is already smoothed, or was read from a folder (which contains
-            no samples).
+        DataError: the track is already smoothed, or was read from a folder (which contains no samples).
     """
     if track.run is None or track.model is None:
         raise DataError(
             "smooth: this track has no samples (it was loaded from files, or is simulated). "
             "Track the recording again and smooth the result, or use `oarlock track --smooth`"
         )
-    if iterations < 1:
-        raise DataError(f"smooth: iterations = {iterations}: expected 1 or more")
     filtered_notes = track.run.notes
     began = time.perf_counter()
     with shown(progress, "smoothing") as told:
-        run = track.run.smooth(iterations, ROOM_TO_GIVE_BYTES, told)
-    provenance = dict(track.provenance) | {
-        "smoothing_wall_s": time.perf_counter() - began,
-        **({"smoothing_iterations": iterations} if iterations > 1 else {}),
-    }
+        run = track.run.smooth(ROOM_TO_GIVE_BYTES, told)
+    provenance = dict(track.provenance) | {"smoothing_wall_s": time.perf_counter() - began}
     # Smoothing can determine joints that the filter alone does not, so the notes of the run are made again.
     others = [note for note in notes_without_hinges(track) if note not in filtered_notes]
     return track_of_run(track.model, run, (*run.notes, *others), provenance, track.counts)

@@ -180,17 +180,6 @@ impl<S: FastSystem> Filter<S> {
         }
     }
 
-    /// Residuals of the used readings at the state where the last update linearised them, squared and divided by the covariance of
-    /// their noise. Each number of `columns` is overwritten. 0 from other than an extended filter.
-    pub fn squares_at_point(&self, z: &[f64], columns: &mut Columns) -> f64 {
-        let Some(linear) = &self.linear else { return 0.0 };
-        let used = || self.rows.iter().copied().filter(|&r| self.used[r]);
-        columns.clear();
-        used().for_each(|r| columns.row_mut(r)[0] = (z[r] - linear.at_point[r]) * self.weight[r]);
-        self.substitute(Side::Left, columns);
-        used().map(|r| columns.row(r)[0].powi(2)).sum()
-    }
-
     /// Starts a new sample after the one at `last_s`: forgets the process noise before that one, unless it had no readings.
     pub fn await_sample(&mut self, last_s: f64) {
         if self.empty_s.take() != Some(last_s) {
@@ -236,7 +225,7 @@ impl<S: FastSystem> Filter<S> {
         }
         self.list_rows(measured.z, |_| true);
         self.factorise(&belief.covariance)?; // U1: L'
-        self.predict_readings(system, moment, (&belief.mean, measured.linearise_at), settings.spread); // U1, U2: h0, H, E, d
+        self.predict_readings(system, moment, &belief.mean, settings.spread); // U1, U2: h0, H, E, d
         self.innovate(measured, belief.inflation, info); // U3: y
         self.whiten(); // U5: S
         self.gate_parts(measured, settings, belief, info);
@@ -250,20 +239,12 @@ impl<S: FastSystem> Filter<S> {
     }
 
     /// h0, H, E and d: from sigma points (U1, U2), or linearised (U9).
-    fn predict_readings(
-        &mut self,
-        system: &S,
-        moment: &S::Moment,
-        (mean, point): (&[f64], Option<&[f64]>),
-        spread: Spread,
-    ) {
+    fn predict_readings(&mut self, system: &S, moment: &S::Moment, mean: &[f64], spread: Spread) {
         let context = ReadingContext { system, moment, mean, rows: &self.rows, spread };
         let (arch, scratch, l_transposed) = (self.arch, &mut self.scratch, &self.l_transposed);
         match &mut self.linear {
             None => self.predicted.from_sigma_points(arch, context, scratch, l_transposed),
-            Some(linearised) => {
-                linearised.fill(arch, &mut self.predicted, (context, point), scratch, l_transposed);
-            }
+            Some(linearised) => linearised.fill(arch, &mut self.predicted, context, scratch, l_transposed),
         }
     }
 

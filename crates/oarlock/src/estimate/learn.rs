@@ -9,8 +9,6 @@
 pub struct Learning {
     /// Time constant, s; infinite learns nothing.
     pub memory_s: f64,
-    /// Whether factors on noise follow the innovations. Otherwise they are given, and only the usual size of innovations is learnt.
-    pub adapts: bool,
 }
 
 /// Largest ratio of a squared innovation to its expectation that counts: one jolt must not teach much. A Gaussian exceeds it (3.7 standard
@@ -38,7 +36,7 @@ impl Learning {
     /// New factor on the process noise, after an update `dt` seconds after the last.
     pub fn drive(&self, drive: f64, dt: f64, c: Correction) -> f64 {
         let taken = c.before - c.after;
-        if !(self.adapts && taken > 0.0 && c.fresh > 0.0) {
+        if !(taken > 0.0 && c.fresh > 0.0) {
             return drive;
         }
         let ratio = (c.shift * c.shift / taken).min(LARGEST_RATIO);
@@ -55,7 +53,7 @@ impl Learning {
     /// New factor on the measurement noise, after one more innovation. It rises only where innovations are usually far too large, and is never
     /// below 1.
     pub fn inflation(&self, inflation: f64, usual: f64, dt: f64, ratio: f64) -> f64 {
-        if !self.adapts || inflation == 1.0 && usual < OUT_OF_PROPORTION {
+        if inflation == 1.0 && usual < OUT_OF_PROPORTION {
             return inflation;
         }
         (inflation * (self.rate(dt) * (ratio.min(LARGEST_RATIO) - 1.0)).exp()).clamp(1.0, RANGE.1)
@@ -72,7 +70,7 @@ mod tests {
 
     #[test]
     fn drive_settles_where_corrections_are_as_large_as_expected() {
-        let learning = Learning { memory_s: 1.0, adapts: true };
+        let learning = Learning { memory_s: 1.0 };
         let (truth, mut drive) = (4.0, 1.0);
         for _ in 0..5_000 {
             let c = Correction { shift: f64::sqrt(truth), before: drive, after: 0.0, fresh: drive };
@@ -84,20 +82,12 @@ mod tests {
     #[test]
     fn what_nothing_measures_teaches_nothing() {
         let c = Correction { shift: 0.0, before: 1.0, after: 1.0, fresh: 0.5 };
-        assert_eq!(Learning { memory_s: 1.0, adapts: true }.drive(3.0, 0.1, c), 3.0);
+        assert_eq!(Learning { memory_s: 1.0 }.drive(3.0, 0.1, c), 3.0);
     }
 
     #[test]
     fn without_end_to_its_memory_it_learns_nothing() {
         let c = Correction { shift: 3.0, before: 1.0, after: 0.5, fresh: 0.5 };
-        assert_eq!(Learning { memory_s: f64::INFINITY, adapts: true }.drive(3.0, 0.1, c), 3.0);
-    }
-
-    #[test]
-    fn given_factors_stay() {
-        let learning = Learning { memory_s: 1.0, adapts: false };
-        let c = Correction { shift: 3.0, before: 1.0, after: 0.5, fresh: 0.5 };
-        assert_eq!((learning.drive(3.0, 0.1, c), learning.inflation(2.0, 9.0, 0.1, 9.0)), (3.0, 2.0));
-        assert!(learning.usual_nis(1.0, 0.1, 5.0) > 1.0);
+        assert_eq!(Learning { memory_s: f64::INFINITY }.drive(3.0, 0.1, c), 3.0);
     }
 }

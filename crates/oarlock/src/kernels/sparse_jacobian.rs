@@ -69,34 +69,6 @@ impl SparseJacobian {
         }
     }
 
-    /// Adds J x to `out`.
-    pub fn add_product(&self, x: &[f64], out: &mut [f64]) {
-        for triple in &self.triples {
-            for i in 0..triple.count {
-                let slopes = self.slopes[triple.slopes.clone()].iter().filter(|s| s.state < self.n);
-                let added = triple.added.map_or(0.0, |first| x[first + i]);
-                out[triple.row + i] += added + slopes.map(|s| s.rows[i] * x[s.state]).sum::<f64>();
-            }
-        }
-    }
-
-    /// Multiplies the columns of three states by a matrix from the right. A triple depends on all three of them or on none.
-    pub fn turn_columns(&mut self, states: [usize; 3], by: &[[f64; 3]; 3]) {
-        for triple in &self.triples {
-            let slopes = &mut self.slopes[triple.slopes.clone()];
-            let (mut old, mut first) = ([[0.0; VECTOR]; 3], [None; 3]);
-            for (at, slope) in slopes.iter_mut().enumerate() {
-                let Some(k) = states.iter().position(|&s| s == slope.state) else { continue };
-                old[k].iter_mut().zip(&mut slope.rows).for_each(|(sum, x)| *sum += std::mem::take(x));
-                first[k].get_or_insert(at);
-            }
-            for (column, at) in first.into_iter().enumerate() {
-                let Some(at) = at else { continue };
-                slopes[at].rows = std::array::from_fn(|i| (0..3).map(|k| old[k][i] * by[k][column]).sum());
-            }
-        }
-    }
-
     /// Columns of noisy inputs, which stand behind those of the states.
     pub fn inputs(&self, asked: &[bool], count: usize, even: &mut Panel) {
         for triple in &self.triples {
@@ -235,43 +207,6 @@ mod tests {
                     let plain: f64 = (i..STATES).map(|k| jacobian[r * width + k] * factor.at(i, k)).sum();
                     assert!((odd.at(r, STATES - 1 - i) - plain).abs() < ROUNDING, "{r} {i}");
                 }
-            }
-        }
-    }
-
-    fn dense(straight: &SparseJacobian) -> Vec<f64> {
-        let mut jacobian = vec![0.0; 4 * (STATES + 1)];
-        (0..straight.triples.len()).for_each(|triple| straight.scatter(triple, STATES + 1, &mut jacobian));
-        jacobian
-    }
-
-    #[test]
-    fn products_and_turned_columns_are_those_of_plain_matrices() {
-        let mut straight = some();
-        // Two sides of a closure depend on the same three states.
-        straight.push(1, 2, &[9, 9, 8, 8, 7, 7], None);
-        for (k, slope) in straight.slopes.iter_mut().enumerate() {
-            slope.rows = [number(k, 1), number(k, 2), number(k, 3), 0.0];
-        }
-        let (width, before) = (STATES + 1, dense(&straight));
-        let x: Vec<f64> = (0..STATES).map(|i| number(i, 5)).collect();
-        let mut product = vec![1.0; 4];
-        straight.add_product(&x, &mut product);
-        for r in 0..4 {
-            let plain = 1.0 + (0..STATES).map(|i| before[r * width + i] * x[i]).sum::<f64>();
-            assert!((product[r] - plain).abs() < ROUNDING, "{r}");
-        }
-        let by: [[f64; 3]; 3] = [0, 1, 2].map(|i| [0, 1, 2].map(|j| number(i, j + 4)));
-        let mut turned = SparseJacobian { n: STATES, ..SparseJacobian::default() };
-        turned.push(1, 2, &[9, 9, 8, 8, 7, 7], None);
-        turned.slopes.iter_mut().zip(straight.rows_of(2)).for_each(|(to, from)| *to = *from);
-        let before = dense(&turned);
-        turned.turn_columns([7, 8, 9], &by);
-        let after = dense(&turned);
-        for r in 0..4 {
-            for (j, state) in (7..10).enumerate() {
-                let plain: f64 = (0..3).map(|k| before[r * width + 7 + k] * by[k][j]).sum();
-                assert!((after[r * width + state] - plain).abs() < ROUNDING, "{r} {state}");
             }
         }
     }

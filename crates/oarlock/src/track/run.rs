@@ -6,7 +6,6 @@ mod counts;
 mod packed;
 mod series;
 
-use super::earlier_pass::{DriveAverages, Verdicts};
 use super::hypothesis::Hypothesis;
 use super::{Calibration, Status, Tracker};
 use crate::body::Body;
@@ -72,10 +71,6 @@ pub struct Run {
     /// Coordinates of joints that are inputs.
     inputs: Vec<usize>,
     last: Option<Hypothesis>,
-    verdicts: Arc<Verdicts>,
-    drive: DriveAverages,
-    /// Objective of the course that the filter followed; 0 in the first pass.
-    objective: f64,
 }
 
 const PROGRESS_EVERY: usize = 64;
@@ -115,9 +110,6 @@ pub fn track(
         losses_s: Vec::new(),
         inputs,
         last: None,
-        verdicts: Arc::default(),
-        drive: DriveAverages::default(),
-        objective: 0.0,
         tracker,
     };
     run.filter(progress)?;
@@ -151,7 +143,6 @@ impl Run {
         }
         tracker.finish(&mut |sample, known, info| keeper.keep(sample, known, info))?;
         self.last = tracker.hypothesis().cloned();
-        self.objective = tracker.objective.sum();
         Ok(())
     }
 
@@ -181,8 +172,6 @@ impl Run {
             losses_s: losses_s.clone(),
             inputs: inputs.clone(),
             last: last.clone(),
-            verdicts: self.verdicts.clone(),
-            drive: self.drive.clone(),
             ..*self
         }
     }
@@ -204,8 +193,7 @@ impl Run {
         let mut run = self.with(Series::default());
         (run.partings, run.losses_s, run.last) = (Vec::new(), Vec::new(), None);
         (run.steps, run.refused, run.tally) = (0, 0, Tally::default());
-        (run.verdicts, run.drive) = (Arc::default(), DriveAverages::default());
-        (run.smoothed, run.objective) = (false, 0.0);
+        run.smoothed = false;
         run
     }
 
@@ -294,8 +282,6 @@ impl Keeper<'_> {
         let run = &mut *self.run;
         run.steps += 1;
         run.note_partings(known);
-        Arc::make_mut(&mut run.verdicts).take(time_s, info);
-        run.drive.take(&known.belief);
         run.losses_s.extend(info.lost.then_some(time_s));
         let Run { tally, tracker, .. } = run;
         tally.judge(&tracker.subject, (time_s, info), tracker.fields(info).zip(tracker.source_faults(info)));

@@ -79,12 +79,6 @@ impl Tracker {
     fn begin(&mut self, sink: Sink) -> Result<()> {
         let waiting = std::mem::take(&mut self.waiting);
         let mut one = self.fit_start(&waiting)?;
-        if let Some(earlier) = &self.earlier {
-            earlier.settle_start(&mut one, self.subject.body.layout.partition.pose);
-            if let Some(first) = earlier.course.at(one.belief.time_s) {
-                self.objective.add_start(&self.subject.body, &one.belief, first);
-            }
-        }
         self.filter.await_sample(one.belief.time_s);
         for (i, sample) in waiting.iter().enumerate() {
             if i == 0 {
@@ -166,10 +160,7 @@ impl Tracker {
 
     /// Splits a hypothesis if a joint's direction is very uncertain.
     pub(super) fn open_bank(&self, one: &mut Hypothesis) {
-        // The earlier pass has decided between the hypotheses.
-        if self.earlier.is_none() {
-            self.bank().open(one);
-        }
+        self.bank().open(one);
     }
 
     /// Predicts to the sample's time and updates; `on_predicted` receives each prediction.
@@ -193,10 +184,7 @@ impl Tracker {
             }
             self.prepare(sample);
             let patience_s = self.filter.patience_s(self.settings.gate);
-            let is_lost = match &self.earlier {
-                Some(earlier) => earlier.verdicts.is_lost_at(sample.time_s),
-                None => self.config.gate && lost::is_lost(&self.subject, &self.readings, one, patience_s),
-            };
+            let is_lost = self.config.gate && lost::is_lost(&self.subject, &self.readings, one, patience_s);
             if is_lost {
                 lost::give_up(&self.subject, &self.readings, one);
             }
@@ -206,9 +194,6 @@ impl Tracker {
     }
 
     fn predict(&mut self, one: &mut Hypothesis, to_s: f64) {
-        if let Some(states) = self.earlier.as_ref().and_then(|earlier| earlier.step(one.belief.time_s, to_s)) {
-            self.objective.add_step(&self.subject.body, &one.belief, to_s, states);
-        }
         self.filter.predict(&self.subject.body, &mut one.belief, to_s, &mut self.transition);
         if let Some(scoring) = &self.scoring {
             scoring.predict(&self.transition, &mut one.slopes);
@@ -238,15 +223,11 @@ impl Tracker {
         self.rest.notice(&mut one.sources, readings, time_s);
         self.stance.notice(&mut one.sources, readings, time_s);
         self.loops.wait(subject, &one.sources, time_s, readings);
-        // A linearisation about a smoothed state needs no search.
-        let may_search = self.earlier.is_none();
-        let must_regain = is_lost || may_search && regain::is_due(subject, &self.loops, readings, one);
+        let must_regain = is_lost || regain::is_due(subject, &self.loops, readings, one);
         if !(must_regain && self.regain(one, is_lost)) {
-            self.filter_readings(one, is_lost)?;
+            self.filter_readings(one)?;
         }
-        self.earlier.iter().for_each(|earlier| earlier.set_noise(&mut one.belief));
         self.info.lost = is_lost;
-        self.info.note_rejected();
         self.north.report(&mut self.info);
         self.faults.report(&self.subject, &self.readings, &mut self.info);
         self.subject.excuse_virtual(&mut self.info);
@@ -270,7 +251,7 @@ impl Tracker {
     }
 
     /// The update with its tests and the learning after it.
-    fn filter_readings(&mut self, one: &mut Hypothesis, is_lost: bool) -> Result<()> {
+    fn filter_readings(&mut self, one: &mut Hypothesis) -> Result<()> {
         let Tracker { subject, readings, magnetic, .. } = self;
         let time_s = one.belief.time_s;
         self.loops.hush(subject, &one.sources, time_s, readings);
@@ -280,21 +261,11 @@ impl Tracker {
             vibration::raise(subject, &one.sources, readings);
         }
         magnetic.raise(subject, &one.sources, readings);
-        let smoothed = self.earlier.as_ref().and_then(|earlier| earlier.course.at(time_s));
-        let rejected = self.earlier.as_ref().and_then(|earlier| earlier.verdicts.rejected_at(time_s));
-        if rejected.is_none() {
-            magnetic.measure_dips(subject, &mut one.sources, readings, smoothed.unwrap_or(&one.belief.mean));
-        }
+        magnetic.measure_dips(subject, &mut one.sources, readings, &one.belief.mean);
         if let Some(scoring) = &mut self.scoring {
             scoring.linearise(&one.belief, &mut one.slopes, &readings.moment);
         }
         self.north.bar_turned(subject, &one.sources, time_s, &mut magnetic.excluded);
-        let mut gate = self.settings.gate;
-        if let Some(rejected) = rejected {
-            magnetic.excluded.copy_from_slice(rejected);
-            magnetic.direction_tests.fill(None);
-            gate.on = false;
-        }
         let measured = Measurement {
             z: &readings.z,
             std: &readings.std,
@@ -302,18 +273,13 @@ impl Tracker {
             strict: &self.strict,
             direction_tests: &magnetic.direction_tests,
             groups: &subject.groups,
-            linearise_at: smoothed,
         };
         let learning = self.settings.learning;
         let memory_s = if self.learns { learning.memory_s } else { f64::INFINITY };
-        let settings = UpdateSettings { gate, learning: Learning { memory_s, ..learning }, ..self.settings };
+        let settings = UpdateSettings { learning: Learning { memory_s }, ..self.settings };
         let moment = &readings.moment;
         let done = self.filter.update(&subject.body, moment, &mut one.belief, measured, settings, &mut self.info);
         done.map_err(|lost| diverged(lost, time_s))?;
-        // A sample after a reset may be fitted in one pass and filtered in another.
-        if smoothed.is_some() && !self.info.nis.is_nan() && !is_lost {
-            self.objective.add_readings(self.filter.squares_at_point(&readings.z, &mut self.columns));
-        }
         if let Some(scoring) = &mut self.scoring {
             scoring.take_update((subject, readings), (&self.filter, &self.info), one, self.learns);
         }

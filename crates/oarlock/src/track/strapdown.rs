@@ -376,7 +376,6 @@ impl Tracker {
         let Some(filter) = self.strapdown.as_ref().and_then(|s| s.filter.as_ref()) else { return };
         info.innovation.fill(f64::NAN);
         info.parts.copy_from_slice(parts);
-        info.rejected.fill(false);
         info.lost = false;
         info.log_likelihood = 0.0;
         let first_loop = info.sources.len() - subject.body.model.closures.len();

@@ -43,8 +43,6 @@ pub struct Measurement<'a> {
     pub direction_tests: &'a [Option<DirectionTest>],
     /// Groups of rows.
     pub groups: &'a RowGroups,
-    /// State at which an extended filter linearises the readings, such as a smoothed one, instead of the mean.
-    pub linearise_at: Option<&'a [f64]>,
 }
 
 /// How innovations are tested.

@@ -49,8 +49,6 @@ pub struct Info {
     pub sources: Vec<SourceInfo>,
     /// In the order of the parts.
     pub parts: Vec<Verdict>,
-    /// Per part: whether the filter's tests rejected the rows that it had. `parts` names a fault of the sensor instead if there is one.
-    pub rejected: Vec<bool>,
     /// Log-likelihood of the readings ([`super::log_likelihood`]); a rejected part counts at its threshold.
     pub log_likelihood: f64,
     /// Whether the belief was reset before this update, because its sensors contradicted it.
@@ -67,16 +65,8 @@ impl Info {
             inertial: (f64::NAN, 0),
             sources: vec![none; groups.sources.len()],
             parts: vec![Verdict::Missing; groups.parts.len()],
-            rejected: vec![false; groups.parts.len()],
             log_likelihood: 0.0,
             lost: false,
-        }
-    }
-
-    /// Notes what the filter rejected, before faults of sensors are reported.
-    pub fn note_rejected(&mut self) {
-        for (rejected, part) in self.rejected.iter_mut().zip(&self.parts) {
-            *rejected = !matches!(part, Verdict::Missing | Verdict::Accepted);
         }
     }
 }

@@ -28,11 +28,6 @@ impl Packed {
         self.known.rivals.clear();
     }
 
-    /// Replaces the mean.
-    pub(super) fn move_to(&mut self, mean: &[f64]) {
-        self.known.belief.mean.copy_from_slice(mean);
-    }
-
     pub(super) fn time_s(&self) -> f64 {
         self.known.belief.time_s
     }

@@ -84,11 +84,6 @@ impl Series {
         std::mem::size_of_val(&*self.mean) + std::mem::size_of_val(&*self.std)
     }
 
-    /// Replaces the reports by those of another run over the same rows.
-    pub(super) fn take_reports(&mut self, from: &Series) {
-        (self.nis, self.reports, self.inertial) = (from.nis.clone(), from.reports.clone(), from.inertial.clone());
-    }
-
     /// Memory for this many rows: what grows by doubling leaves holes of the same size behind. It is not touched before it is used.
     pub(super) fn reserve(&mut self, rows: usize, widths: Widths) {
         let Widths { states, coordinates, inputs, sources } = widths;

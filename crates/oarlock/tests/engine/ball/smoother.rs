@@ -42,7 +42,7 @@ fn smoothed_errors_are_smaller_and_as_large_as_said() {
         ("rates", part.pose..part.curved()),
         ("accelerations", part.curved()..part.curved() + part.rate),
     ];
-    let (mut filtered2, mut smoothed2, mut sums, mut iterated_sums) = ([0.0; 3], [0.0; 3], [0.0; 3], [0.0; 3]);
+    let (mut filtered2, mut smoothed2, mut sums) = ([0.0; 3], [0.0; 3], [0.0; 3]);
     for run in 0..RUNS {
         let mean = vec![0.0; n];
         let mut nature = Nature::about(&body, &mean, &std, Chance::new(4_000 + run as u64));
@@ -63,13 +63,10 @@ fn smoothed_errors_are_smaller_and_as_large_as_said() {
                 smoothed2[b] += errors[1].rows(block.start, block.len()).norm_squared();
             }
         }
-        let iterated = filtered.iterated(3, &mut |_| true).unwrap();
-        for (smooth, sums) in [(&smooth, &mut sums), (&iterated, &mut iterated_sums)] {
-            assert_eq!(smooth.beliefs().count(), 3);
-            for (sum, belief) in sums.iter_mut().zip(smooth.beliefs()) {
-                let k = (belief.time_s / STEP_S).round() as usize - 1;
-                *sum += nees(&body, &belief, &truth[k]);
-            }
+        assert_eq!(smooth.beliefs().count(), 3);
+        for (sum, belief) in sums.iter_mut().zip(smooth.beliefs()) {
+            let k = (belief.time_s / STEP_S).round() as usize - 1;
+            *sum += nees(&body, &belief, &truth[k]);
         }
     }
     for (b, (name, _)) in blocks.iter().enumerate() {
@@ -78,7 +75,7 @@ fn smoothed_errors_are_smaller_and_as_large_as_said() {
         assert!(left < LEFT, "{name}: {left}");
     }
     let (low, high) = interval_999(RUNS * n);
-    for sum in sums.into_iter().chain(iterated_sums) {
+    for sum in sums {
         let each = |x: f64| x / (RUNS * n) as f64;
         println!("smoothed NEES {:.4} each, bounds {:.4} to {:.4}", each(sum), each(low), each(high));
         assert!(low < sum && sum < high, "{sum}");
@@ -198,25 +195,10 @@ fn small_errors_are_smoothed_to_least_squares() {
 }
 
 fn assert_least_squares(what: &str, start: [f64; 9]) {
-    let found = Compared::new(start, 0.002, 1);
+    let found = Compared::new(start);
     println!("{what}: {found:?}");
     assert!(found.mean < SMALL_ERRORS_SIGMA && found.bands < SMALL_ERRORS_SIGMA, "{found:?}");
     assert!(found.filtered > 0.5, "smoothing did nothing: {found:?}");
-}
-
-/// The start is unknown by 17 degrees, over which readings bend.
-const WIDE_START_RAD: f64 = 0.3;
-/// Iterating stops where the objective no longer falls. Its process noise is that of the course's own postures, which moves its minimum by
-/// this share of a standard deviation.
-const OF_THE_OBJECTIVE_SIGMA: f64 = 1e-2;
-
-#[test]
-fn iterations_lead_to_least_squares_from_a_wide_start() {
-    let start = [0.4, -0.3, 0.2, 3.0, -2.0, 4.0, 5.0, 10.0, -8.0];
-    let [once, iterated] = [1, 4].map(|iterations| Compared::new(start, WIDE_START_RAD, iterations));
-    println!("once {once:?}, iterated {iterated:?}");
-    assert!(iterated.mean < OF_THE_OBJECTIVE_SIGMA && iterated.bands < SMALL_ERRORS_SIGMA, "{iterated:?}");
-    assert!(once.mean > 2.0 * iterated.mean, "iterations did nothing: {once:?} {iterated:?}");
 }
 
 /// Largest differences from least squares in 40 samples, in its standard deviations.
@@ -229,12 +211,12 @@ struct Compared {
 }
 
 impl Compared {
-    fn new(start: [f64; 9], posture_std: f64, iterations: usize) -> Self {
+    fn new(start: [f64; 9]) -> Self {
         let model = model(BALL);
         let config = plain(&[]);
         let body = body(&model, &config);
         let mut std = start_std(&body);
-        std[..3].fill(posture_std);
+        std[..3].fill(0.002);
         let mut nature = Nature::about(&body, &start, &std, Chance::new(31));
         let mut samples = Vec::new();
         for k in 1..=40 {
@@ -242,7 +224,7 @@ impl Compared {
             samples.push(nature.read(k as f64 * STEP_S));
         }
         let filtered = tracked(&model, &body, &config, &samples, fresh(&body, 0.0, start.to_vec(), &std));
-        let smooth = filtered.iterated(iterations, &mut |_| true).unwrap();
+        let smooth = filtered.smooth(&mut |_| true).unwrap();
         let (states, covariance) = batch(&State::from(start), &std, &samples);
         let mut found = Compared { mean: 0.0, bands: 0.0, filtered: 0.0 };
         for k in 0..samples.len() {

@@ -34,15 +34,8 @@ fn worst(make: Make) -> f64 {
             (0..ROWS).flat_map(|r| (0..WIDTH).map(move |k| (r, k))).map(|(r, k)| force(r, k)).collect();
         let (std, level) = (system.noise_std, [None; 2]);
         let (z, groups) = (&sample.z, &groups);
-        let measured = Measurement {
-            z,
-            std: &std,
-            excluded: &excluded,
-            strict: &[false; 2],
-            direction_tests: &level,
-            groups,
-            linearise_at: None,
-        };
+        let measured =
+            Measurement { z, std: &std, excluded: &excluded, strict: &[false; 2], direction_tests: &level, groups };
         filter.update(&system, &(), &mut belief, measured, OPEN, &mut info).unwrap();
         let mut slopes: Vec<f64> = s.transpose().as_slice().to_vec();
         filter.carry(&forces, &[], &mut carried, &mut slopes);

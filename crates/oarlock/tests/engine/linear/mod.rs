@@ -25,7 +25,7 @@ const SAME_SIGMA: f64 = 1e-10;
 const OPEN: UpdateSettings = UpdateSettings {
     spread: Spread { alpha: 0.3, beta: 2.0, kappa: 0.0 },
     gate: Gate { on: false, slack: 1.0, patience_s: 1.0, strict_patience_s: 1.0 },
-    learning: Learning { memory_s: f64::INFINITY, adapts: true },
+    learning: Learning { memory_s: f64::INFINITY },
 };
 
 /// One instant of a made-up recording.
@@ -72,15 +72,8 @@ fn filtered_by(make: Make, system: &Linear, samples: &[Sample]) -> Way {
     let mut belief = start();
     let mut update = |filter: &mut Filter<Linear>, belief: &mut Belief, z: &[f64]| {
         let (std, no, level) = (system.noise_std, [false; 2], [None; 2]);
-        let measured = Measurement {
-            z,
-            std: &std,
-            excluded: &no,
-            strict: &no,
-            direction_tests: &level,
-            groups: &groups,
-            linearise_at: None,
-        };
+        let measured =
+            Measurement { z, std: &std, excluded: &no, strict: &no, direction_tests: &level, groups: &groups };
         filter.update(system, &(), belief, measured, OPEN, &mut info).unwrap();
     };
     update(&mut filter, &mut belief, &samples[0].z);

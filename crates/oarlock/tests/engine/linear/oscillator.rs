@@ -107,7 +107,6 @@ fn assert_is_kalmans(what: &str, make: fn(&Oscillator, &RowGroups) -> Filter<Osc
             strict: &[false],
             direction_tests: &[None],
             groups: &groups,
-            linearise_at: None,
         };
         filter.update(&Oscillator, &(), &mut belief, measured, OPEN, &mut info).unwrap();
         let variance = (h * covariance * h.transpose())[0] + STD * STD;
