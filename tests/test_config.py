@@ -61,7 +61,7 @@ def test_numbers_are_kept_to_the_last_bit():
         ({"beta": 0.01}, ["beta", "0.01", "alpha^2", "0.09"]),
         ({"merge_s": -1.0}, ["merge_s", "-1", "positive"]),
         ({"output_rate_hz": -1.0}, ["output_rate_hz", "-1", "positive", "Hz"]),
-        ({"learning_memory_s": -1.0}, ["learning_memory_s", "-1", "positive"]),
+        ({"learning_memory_s": 3.0}, ["unknown", "learning_memory_s"]),
         ({"belief_interval_s": 0.0}, ["belief_interval_s", "0", "positive"]),
         ({"gate_patience_s": -1.0}, ["gate_patience_s", "-1", "positive"]),
         ({"closures": 1}, ["closures", "True or False"]),

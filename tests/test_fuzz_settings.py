@@ -39,7 +39,6 @@ RIGHT = {
     "filter": st.sampled_from(WORDS[:4]),
     "estimate": st.lists(st.sampled_from(["gyro_bias", "accel_bias", "lengths", "mounts"]), max_size=4),
     "start_window_s": st.floats(1e-3, 1.0),
-    "learning_memory_s": st.none() | st.floats(1e-3, 1e9),
     "output_rate_hz": st.none() | st.floats(1e-3, 1e9),
     "belief_interval_s": st.floats(1e-6, 1e6),
     "initial_q": st.none() | st.lists(st.floats(-10, 10), min_size=3, max_size=3),

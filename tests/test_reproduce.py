@@ -166,7 +166,7 @@ def test_the_papers_filter_has_40_states_and_58_readings():
     trial = study.simulator.trial(
         model, {k: v.default for k, v in study.keys.items()} | {"duration_s": 3.0}, 0
     )
-    config = oarlock.Config(estimate=(), learning_memory_s=None, gate=False, magnetometer="on")
+    config = oarlock.Config(estimate=(), gate=False, magnetometer="on")
     track = oarlock.track(filter_body, trial.recording, config=config)
     assert len(track.run.state_names) == 40
     # the oars' encoders are inputs: neither states nor readings

@@ -98,7 +98,7 @@ def test_provenance_says_how_it_came_about(recording, tmp_path):
 
 
 def test_config_of_a_loaded_track_is_the_one_it_was_tracked_with(recording, tmp_path):
-    config = oarlock.Config(learning_memory_s=None)
+    config = oarlock.Config(gate=False)
     track = oarlock.track(sculler(), recording, config=config)
     track.save(tmp_path)
     loaded = oarlock.Config(**oarlock.load_track(tmp_path).provenance["config"])

@@ -137,7 +137,6 @@ class Config:
     start_window_s: float
     gate: bool
     gate_patience_s: float
-    learning_memory_s: float | None
     belief_interval_s: float
     output_rate_hz: float | None
     def __new__(cls, **keys: Any) -> Self: ...
@@ -150,12 +149,9 @@ class Belief:
         time_s: float,
         mean: ArrayLike,
         covariance: ArrayLike,
-        drive: ArrayLike,
-        habit: ArrayLike,
         seen_s: ArrayLike,
         rejected_since_s: ArrayLike,
         state_names: list[str],
-        inflation: tuple[float, float],
         memory: Sequence[Sequence[float]],
         hypothesis: tuple[int, float],
         rivals: Sequence[Belief],
@@ -164,12 +160,9 @@ class Belief:
     time_s: float
     mean: _Floats
     covariance: _Floats
-    drive: _Floats
-    habit: _Floats
     seen_s: _Floats
     rejected_since_s: _Floats
     state_names: list[str]
-    inflation: tuple[float, float]
     memory: list[list[float]]
     hypothesis: tuple[int, float]
     rivals: list[Belief]

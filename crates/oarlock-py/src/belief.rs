@@ -34,12 +34,9 @@ impl PyBelief {
         time_s: f64,
         mean: &Any<'_>,
         covariance: &Any<'_>,
-        drive: &Any<'_>,
-        habit: &Any<'_>,
         seen_s: &Any<'_>,
         rejected_since_s: &Any<'_>,
         state_names: Vec<String>,
-        inflation: (f64, f64),
         memory: Vec<Vec<f64>>,
         hypothesis: (u64, f64),
         rivals: Vec<PyRef<'_, PyBelief>>,
@@ -50,8 +47,6 @@ impl PyBelief {
         let (covariance, _) = items(covariance, "covariance", &[n, n])?;
         let seen_s = crate::array::reals(seen_s, "seen_s")?.values;
         let rejected_since_s = crate::array::reals(rejected_since_s, "rejected_since_s")?.values;
-        let drive = crate::array::reals(drive, "drive")?.values;
-        let habit = crate::array::reals(habit, "habit")?.values;
         let covariance = Square::from_rows(n, covariance.values)
             .ok_or_else(|| DataError::new_err("covariance: expected one (n, n) matrix"))?;
         if seen_s.len() != memory.len() {
@@ -60,16 +55,7 @@ impl PyBelief {
         }
         let sources =
             seen_s.iter().zip(&memory).map(|(&seen_s, flat)| source_from(seen_s, flat)).collect::<PyResult<_>>()?;
-        let belief = Belief {
-            time_s,
-            mean: mean.values,
-            covariance,
-            drive,
-            usual_nis: habit,
-            inflation: inflation.0,
-            surprise: inflation.1,
-            rejected_since_s,
-        };
+        let belief = Belief { time_s, mean: mean.values, covariance, rejected_since_s };
         let rivals = rivals.iter().map(|r| r.known.clone()).collect();
         let (line, score) = hypothesis;
         let mut known = Hypothesis::new(belief, 0);
@@ -96,18 +82,6 @@ impl PyBelief {
         matrix(py, &self.known.belief.covariance)
     }
 
-    /// Per driven state: learnt factor on the variance of its process noise.
-    #[getter]
-    fn drive<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, &self.known.belief.drive)
-    }
-
-    /// Per part of the measurement: learnt innovation level, a factor on the expected variance.
-    #[getter]
-    fn habit<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, &self.known.belief.usual_nis)
-    }
-
     /// Per sensor and closure: time of its last reading, s.
     #[getter]
     fn seen_s<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
@@ -123,13 +97,6 @@ impl PyBelief {
     #[getter]
     fn state_names(&self) -> Vec<String> {
         self.names.clone()
-    }
-
-    /// Two learnt factors on variances: the noise of inertial units relative to the model, and the level of all their
-    /// innovations relative to the expected one.
-    #[getter]
-    fn inflation(&self) -> (f64, f64) {
-        (self.known.belief.inflation, self.known.belief.surprise)
     }
 
     /// Per sensor and closure: memory for the detection of rest, sensor faults and a magnetic field that has turned.
@@ -165,23 +132,10 @@ impl PyBelief {
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Any<'py>, Bound<'py, PyTuple>)> {
         let (py, b) = (slf.py(), slf.get());
-        let (drive, habit, seen, since) = (b.drive(py), b.habit(py), b.seen_s(py), b.rejected_since_s(py));
+        let (seen, since) = (b.seen_s(py), b.rejected_since_s(py));
         let (hypothesis, rivals) = (b.hypothesis(), b.rivals());
         let (mean, covariance, names) = (b.mean(py), b.covariance(py)?, b.names.clone());
-        let parts = (
-            b.known.belief.time_s,
-            mean,
-            covariance,
-            drive,
-            habit,
-            seen,
-            since,
-            names,
-            b.inflation(),
-            b.memory(),
-            hypothesis,
-            rivals,
-        );
+        let parts = (b.known.belief.time_s, mean, covariance, seen, since, names, b.memory(), hypothesis, rivals);
         // PyO3 converts tuples of at most twelve elements.
         let (parts, links) = (parts.into_pyobject(py)?, (b.links(py),).into_pyobject(py)?);
         Ok((py.get_type::<Self>().into_any(), parts.as_sequence().concat(links.as_sequence())?.to_tuple()?))

@@ -105,7 +105,6 @@ pub struct Body {
     /// Values of the model's parameters.
     pub parameters: Vec<f64>,
     config: Config,
-    driven: Vec<usize>,
     /// Per state: whether it belongs to a rotation vector.
     turned: Vec<bool>,
     /// Rotation vectors of joints that rotate the whole body, and the rotation from joint to root. No other joint lies
@@ -139,8 +138,6 @@ impl Body {
             Some((s, part.rows.start, slot.first))
         };
         let biases = layout.errors.iter().filter_map(rows_of).collect();
-        let joints = layout.coordinates.iter().flatten().filter_map(|s| s.rates.map(|(_, accel)| accel));
-        let driven = joints.chain(layout.pushes.iter().map(|p| p.rate.unwrap_or(p.state))).collect();
         let inputs = || model.joints.iter().filter(|j| j.input);
         let (input_coordinates, input_std) = inputs().map(|j| (j.first, j.input_std)).unzip();
         let tree = Tree::with_lengths(&model, parameters, &estimated);
@@ -165,7 +162,6 @@ impl Body {
             field,
             parameters: parameters.to_vec(),
             config: config.clone(),
-            driven,
             input_coordinates,
             input_std,
             biases,
@@ -250,21 +246,12 @@ impl Body {
         FrameMotion::resting(proper)
     }
 
-    fn push_turns(&self, dt: f64, mean: &[f64], variance: &[f64], drives: &[f64], out: &mut Transition) {
+    fn push_turns(&self, dt: f64, mean: &[f64], variance: &[f64], out: &mut Transition) {
         for (c, slots) in &self.layout.turns {
             let axes = &self.axes[*c..c + 3];
             let held = !is_turn_observed(axes, &variance[slots.q..slots.q + 3]);
-            let now = [0, 1, 2].map(|i| Now { dt, held, drive: self.drive_of(c + i, drives) });
-            push_turn(axes, *slots, mean, now, self.config.process_noise, out);
+            push_turn(axes, *slots, mean, Now { dt, held }, self.config.process_noise, out);
         }
-    }
-
-    /// Motion of a coordinate with rates; the driven ones are numbered in order.
-    fn drive_of(&self, coordinate: usize, drives: &[f64]) -> f64 {
-        let rank = self.layout.coordinates[coordinate]
-            .and_then(|s| s.rates)
-            .map(|(rate, _)| rate - self.layout.partition.pose);
-        rank.and_then(|r| drives.get(r)).copied().unwrap_or(1.0)
     }
 }
 
@@ -317,10 +304,6 @@ impl System for Body {
         &self.input_std
     }
 
-    fn driven(&self) -> &[usize] {
-        &self.driven
-    }
-
     fn shift(&self, mean: &mut [f64], delta: &[f64]) {
         for (i, m) in mean.iter_mut().enumerate() {
             if !self.turned[i] {
@@ -352,15 +335,15 @@ impl System for Body {
         self.push_shears(mean, delta, out);
     }
 
-    fn transition(&self, dt: f64, mean: &[f64], variance: &[f64], drives: &[f64], out: &mut Transition) {
+    fn transition(&self, dt: f64, mean: &[f64], variance: &[f64], out: &mut Transition) {
         out.clear();
-        for (c, (axis, slots)) in self.axes.iter().zip(&self.layout.coordinates).enumerate() {
+        for (axis, slots) in self.axes.iter().zip(&self.layout.coordinates) {
             let Some(slots) = slots.filter(|s| !self.turned[s.q]) else { continue };
             let held = is_held(axis, slots, variance);
-            let now = Now { dt, held, drive: self.drive_of(c, drives) };
+            let now = Now { dt, held };
             out.blocks.push(joint_block(axis, slots, now, self.config.process_noise));
         }
-        self.push_turns(dt, mean, variance, drives, out);
+        self.push_turns(dt, mean, variance, out);
         if let Some(azimuth) = self.layout.azimuth {
             let walk = self.model.world.azimuth_walk;
             out.blocks.push(Block::walk(azimuth, walk * walk * dt));
@@ -372,10 +355,8 @@ impl System for Body {
         for (state, walk) in &self.layout.headings {
             out.blocks.push(Block::walk(*state, walk * walk * dt));
         }
-        let first = self.layout.partition.rate;
-        for (i, slot) in self.layout.pushes.iter().enumerate() {
-            let drive = drives.get(first + i).copied().unwrap_or(1.0);
-            out.blocks.push(base_block(&self.model.base_accelerations[slot.number], *slot, dt, drive));
+        for slot in &self.layout.pushes {
+            out.blocks.push(base_block(&self.model.base_accelerations[slot.number], *slot, dt));
         }
         for slot in &self.layout.errors {
             out.blocks.extend((0..3).map(|i| error_block(&slot.error, slot.first + i, dt)));

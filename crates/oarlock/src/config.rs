@@ -90,8 +90,6 @@ pub struct Config {
     pub gate: bool,
     /// Patience: readings rejected for longer than this are accepted again, s.
     pub gate_patience_s: f64,
-    /// Memory, s, for learning process noise and the innovation level; none keeps the model's values.
-    pub learning_memory_s: Option<f64>,
     /// Interval at which the full state estimate is stored, s.
     pub belief_interval_s: f64,
     /// Rate of the rows of a track, Hz; 0: a row for every sample. None: found from the time stamps.
@@ -120,7 +118,6 @@ impl Default for Config {
             start_window_s: 0.1,
             gate: true,
             gate_patience_s: 0.05,
-            learning_memory_s: Some(3.0),
             belief_interval_s: 1.0,
             output_rate_hz: None,
         }
@@ -146,7 +143,6 @@ impl Config {
             ("merge_s", self.merge_s, "s, for example 0.0005"),
             ("start_window_s", self.start_window_s, "s, for example 0.1"),
             ("gate_patience_s", self.gate_patience_s, "s, for example 0.05"),
-            ("learning_memory_s", self.learning_memory_s.unwrap_or(1.0), "s, for example 3, or none"),
             ("belief_interval_s", self.belief_interval_s, "s, for example 1"),
             ("output_rate_hz", rate(self.output_rate_hz), "Hz, or 0 for every sample"),
             ("sample_rate_hz", rate(self.sample_rate_hz), "Hz, or 0 for every instant"),

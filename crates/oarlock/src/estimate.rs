@@ -6,7 +6,6 @@ pub mod belief;
 pub mod clique;
 pub mod filter;
 pub mod information;
-pub mod learn;
 pub mod shear;
 pub mod sigma;
 pub mod smoother;
@@ -86,8 +85,8 @@ pub struct PerturbedStates {
 
 /// What is estimated: its state, how the state moves by itself, and what is measured of it.
 ///
-/// The first six methods have to be written. The others describe what a plain vector of states lacks: noisy inputs, process noise that
-/// is learnt, and coordinates on a manifold.
+/// The first six methods have to be written. The others describe what a plain vector of states lacks: noisy inputs, and coordinates on
+/// a manifold.
 pub trait System {
     /// What the readings of one instant depend on besides the state: inputs, and which rows are present.
     type Moment: Clone;
@@ -100,9 +99,8 @@ pub trait System {
     fn row_count(&self) -> usize;
     /// Workspace of this system.
     fn scratch(&self) -> Self::Scratch;
-    /// Motion of `mean` over `dt` seconds; `variance` is the diagonal of the covariance, `drive` the factor on the process noise of
-    /// each driven coordinate (1 where it is absent).
-    fn transition(&self, dt: f64, mean: &[f64], variance: &[f64], drive: &[f64], out: &mut Transition);
+    /// Motion of `mean` over `dt` seconds; `variance` is the diagonal of the covariance.
+    fn transition(&self, dt: f64, mean: &[f64], variance: &[f64], out: &mut Transition);
     /// h(x): predicted readings of the rows that are present, for every lane.
     fn readings(&self, moment: &Self::Moment, scratch: &mut Self::Scratch, at: Points, out: &mut [Lane]);
     /// h(x) and its Jacobian at the mean, row by row: a column for every coordinate of the tangent space at the mean, then one for each
@@ -118,10 +116,6 @@ pub trait System {
 
     /// Standard deviation of each noisy input.
     fn input_std(&self) -> &[f64] {
-        &[]
-    }
-    /// Coordinates that process noise enters first; the filter learns how strong that noise is.
-    fn driven(&self) -> &[usize] {
         &[]
     }
     /// Moves the mean by `delta`, a vector of the tangent space.

@@ -39,15 +39,12 @@ pub struct Now {
     pub dt: f64,
     /// Whether it counts as not observed, so that its prior acts on it.
     pub held: bool,
-    /// Factor on the variance of its driving noise.
-    pub drive: f64,
 }
 
-/// Motion of one coordinate. An unobserved one uses the model's process noise instead of the learnt one. Positions are
-/// the exception: the spring always acts on them, and every accelerometer determines their accelerations.
+/// Motion of one coordinate.
 pub fn joint_block(axis: &Axis, slots: Slots, now: Now, noise: ProcessNoise) -> Block {
     let Now { dt, held, .. } = now;
-    let density2 = axis.process.density * axis.process.density * if held && !axis.place { 1.0 } else { now.drive };
+    let density2 = axis.process.density * axis.process.density;
     let Some((rate, accel)) = slots.rates else {
         return if held { held_walk(slots.q, axis, density2, dt) } else { Block::walk(slots.q, density2 * dt) };
     };
@@ -72,17 +69,17 @@ pub fn joint_block(axis: &Axis, slots: Slots, now: Now, noise: ProcessNoise) -> 
 /// Motion of a rotation vector. Its three coordinates move independently in a chart, and the chart's derivatives
 /// convert to it and back. The chart is at the rotation itself, R Exp(phi) with the rotation phi during the step, so
 /// that the error becomes Jr(phi) (Jl(phi)^-1 e + d phi). For an unobserved joint the chart is at its rest.
-pub fn push_turn(axes: &[Axis], slots: Slots, mean: &[f64], now: [Now; 3], noise: ProcessNoise, out: &mut Transition) {
+pub fn push_turn(axes: &[Axis], slots: Slots, mean: &[f64], now: Now, noise: ProcessNoise, out: &mut Transition) {
     let index = [slots.q, slots.q + 1, slots.q + 2];
     let block = |i: usize| {
         let own = Slots { q: slots.q + i, rates: slots.rates.map(|(rate, accel)| (rate + i, accel + i)) };
         // The chart's origin is the rest.
-        joint_block(&Axis { rest: 0.0, ..axes[i] }, own, now[i], noise)
+        joint_block(&Axis { rest: 0.0, ..axes[i] }, own, now, noise)
     };
     let blocks = [0, 1, 2].map(block);
     let r = index.map(|i| mean[i]);
     let rest = [axes[0].rest, axes[1].rest, axes[2].rest];
-    let held = now[0].held;
+    let held = now.held;
     let (anchor, chart) = if held { (rest, minus(r, rest)) } else { (r, [0.0; 3]) };
     let moved = [0, 1, 2].map(|k| {
         let b = &blocks[k];
@@ -102,8 +99,8 @@ pub fn push_turn(axes: &[Axis], slots: Slots, mean: &[f64], now: [Now; 3], noise
 
 /// A base acceleration that decays or is a random walk: a' = -a / time_s + r. The rate r is white noise or, with a rise
 /// time, white noise through a lag of `rise_s`.
-pub fn base_block(base: &BaseAcceleration, slot: PushSlot, dt: f64, drive: f64) -> Block {
-    let (density2, alpha) = (base.density * base.density * drive, 1.0 / base.time_s);
+pub fn base_block(base: &BaseAcceleration, slot: PushSlot, dt: f64) -> Block {
+    let (density2, alpha) = (base.density * base.density, 1.0 / base.time_s);
     let keep = (-alpha * dt).exp();
     let Some(rate) = slot.rate else {
         let mut block = Block::walk(slot.state, density2 * faded(2.0 * alpha, dt));
@@ -354,7 +351,7 @@ mod tests {
     }
 
     fn rising(time_s: f64, rise_s: f64, dt: f64) -> Block {
-        base_block(&push(time_s, rise_s), PushSlot { state: 0, rate: Some(1), number: 0 }, dt, 1.0)
+        base_block(&push(time_s, rise_s), PushSlot { state: 0, rate: Some(1), number: 0 }, dt)
     }
 
     /// Entry (r, c) of F and Q of two steps of two states.
@@ -385,10 +382,8 @@ mod tests {
     /// In the long run, a rise time near zero gives the variance of no rise time, and the rate has its start variance.
     #[test]
     fn a_push_that_rises_at_once_jumps() {
-        let (risen, jumped) = (
-            rising(0.3, 1e-5, 0.1),
-            base_block(&push(0.3, 0.0), PushSlot { state: 0, rate: None, number: 0 }, 0.1, 1.0),
-        );
+        let (risen, jumped) =
+            (rising(0.3, 1e-5, 0.1), base_block(&push(0.3, 0.0), PushSlot { state: 0, rate: None, number: 0 }, 0.1));
         assert!((risen.noise[0][0] / jumped.noise[0][0] - 1.0).abs() < 1e-3);
         let rate_std = push(0.3, 1e-5).rate_std();
         assert!((risen.noise[1][1].sqrt() / rate_std - 1.0).abs() < 1e-9);

@@ -23,7 +23,6 @@ mod stance;
 mod step;
 mod strapdown;
 mod subject;
-mod vibration;
 mod worn;
 
 use crate::body::Body;
@@ -32,10 +31,8 @@ use crate::corrections::{Clock, Corrections};
 use crate::error::{Error, Result};
 use crate::estimate::belief::Belief;
 use crate::estimate::filter::{Diverged, Filter, Gate, Info, UpdateSettings};
-use crate::estimate::learn::Learning;
 use crate::estimate::sigma::Spread;
 use crate::estimate::transition::Transition;
-use crate::estimate::System;
 use crate::kernels::arch::Arch;
 use crate::model::Model;
 use crate::recording::timing::Streams;
@@ -99,7 +96,7 @@ pub struct Tracker {
     subject: Subject,
     config: Config,
     settings: UpdateSettings,
-    /// Per part: whether it is a magnetometer. Magnetometers are not used to learn driving noise.
+    /// Per part: whether it is a magnetometer, which is tested more strictly.
     strict: Vec<bool>,
     entry: Entry,
     /// The current sample after corrections.
@@ -117,9 +114,8 @@ pub struct Tracker {
     scoring: Option<Box<Scoring>>,
     transition: Transition,
     info: Info,
-    /// False while several hypotheses compete: a hypothesis with large innovations must not explain them by larger
-    /// process noise.
-    learns: bool,
+    /// Whether several hypotheses compete.
+    competes: bool,
     hypothesis: Option<Hypothesis>,
     waiting: Vec<Sample>,
     /// Of a model that is tracked as strapdown links.
@@ -165,7 +161,7 @@ impl Tracker {
             scoring: None,
             transition: Transition::default(),
             info: Info::new(&subject.groups, subject.rows()),
-            learns: true,
+            competes: false,
             hypothesis: None,
             waiting: Vec::new(),
             strapdown,
@@ -197,8 +193,6 @@ impl Tracker {
         let (n, own, parts) = (belief.mean.len(), body.layout.dim(), groups.parts.len());
         let fits = n == own
             && belief.covariance.n() == own
-            && belief.drive.len() == body.driven().len()
-            && belief.usual_nis.len() == parts
             && belief.rejected_since_s.len() == parts
             && start.sources.len() == groups.sources.len()
             && start.links.is_some() == self.strapdown.is_some();
@@ -208,8 +202,8 @@ impl Tracker {
                 body.model.name
             )));
         }
-        let scalars = [belief.time_s, belief.inflation, belief.surprise, start.score];
-        let lists = [&belief.mean, belief.covariance.as_slice(), &belief.drive, &belief.usual_nis, &scalars];
+        let scalars = [belief.time_s, start.score];
+        let lists = [&belief.mean, belief.covariance.as_slice(), &scalars];
         if !lists.into_iter().flatten().all(|x| x.is_finite()) {
             return Err(Error::Data(format!(
                 "belief at {} s contains numbers that are not finite: start without it, or from an earlier one",
@@ -324,7 +318,6 @@ fn update_settings(c: &Config) -> UpdateSettings {
             patience_s: c.gate_patience_s,
             strict_patience_s: magnetic::PATIENCE_S.max(c.gate_patience_s),
         },
-        learning: Learning { memory_s: c.learning_memory_s.unwrap_or(f64::INFINITY) },
     }
 }
 

@@ -35,7 +35,6 @@ MEANINGS = {
     "inputs": "input joints whose encoders are taken as they are, comma-separated; the others are states",
     "stamp_std_s": "standard deviation of time stamps, by stream: {seat = 0.001}",
     "wait_s": "time that a live tracker waits for late readings",
-    "learning_memory_s": "time constant of noise learning",
     "belief_interval_s": "interval at which the full covariance is stored",
     "alpha": "spread of the sigma points, 0 to 1",
     "beta": "second-order weight, at least alpha^2",

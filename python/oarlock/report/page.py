@@ -93,7 +93,7 @@ def belief_of(track: Track, direct: str = "", caution: str = "") -> Trust:
 
 
 def doubtful_sensors(track: Track) -> list[str]:
-    """Names of the sensors that differ from the prediction by more than the learnt noise covers."""
+    """Names of the sensors that differ from the prediction by more than twice what is expected."""
     return [one.name for one in doubtful(sensors_of(track, None))]
 
 

@@ -18,8 +18,7 @@ from oarlock.tracking.track import Track
 FEW_USED = 0.9
 """Share of used readings below which a page says so."""
 LOUD = 4.0
-"""NIS per reading above which a sensor is named: innovations twice as large as expected. Below, the learnt noise
-covers what the model gets wrong (docs/bands.md)."""
+"""NIS per reading above which a sensor is named: innovations twice as large as expected."""
 WORDS = {"good": "Can be believed", "care": "Read with care", "bad": "Do not rely on it"}
 MARKS = {"good": "✓", "care": "!", "bad": "✗"}
 MOST_SHOWN = 2
@@ -138,7 +137,7 @@ def _reasons(
 
 
 def doubtful(sensors: Sequence[SensorScore]) -> list[SensorScore]:
-    """The sensors that differ from the prediction by more than the learnt noise covers, the most first."""
+    """The sensors that differ from the prediction by more than twice what is expected, the most first."""
     return sorted((one for one in sensors if one.count and one.nis > LOUD), key=lambda one: -one.nis)
 
 

@@ -108,7 +108,7 @@ impl<S: FastSystem> System for CliqueSystem<'_, S> {
         self.system.input_std()
     }
 
-    fn transition(&self, _: f64, _: &[f64], _: &[f64], _: &[f64], out: &mut Transition) {
+    fn transition(&self, _: f64, _: &[f64], _: &[f64], out: &mut Transition) {
         out.clear();
     }
 

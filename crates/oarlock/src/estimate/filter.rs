@@ -1,4 +1,4 @@
-//! The filter: prediction, update and learning of noise, for the tracker. Allocates nothing after it is made.
+//! The filter: prediction and update, for the tracker. Allocates nothing after it is made.
 //!
 //! Equation numbers are those of ARCHITECTURE.md, "The estimator on one page". U1 to U4 are computed in `estimate::sigma` (U9 in
 //! `linearised`), U5 to U8 in `estimate::information`, the gate in `gate`, the factorised update in `limbs`.
@@ -11,7 +11,6 @@ mod report;
 
 use super::belief::Belief;
 use super::information::{Carried, Columns, Force, InformationUpdate, Side, WeightedReadings};
-use super::learn::{Correction, Learning};
 use super::shear::Shear;
 use super::sigma::{PredictedReadings, ReadingContext, Spread};
 use super::transition::{apply_to_rows, congruence, Block, Transition};
@@ -61,14 +60,8 @@ pub struct Filter<S: FastSystem> {
     /// x+ - x.
     shift: Vec<f64>,
     variance: Vec<f64>,
-    /// Variance of each state before the update.
-    before: Vec<f64>,
-    /// Variance that process noise has added since the last update.
-    fresh: Vec<f64>,
-    /// Time since the last update, s.
+    /// Time since the last sample, s.
     since_s: f64,
-    /// Time of a sample without readings, if noise is learnt: the next update learns from the process noise before it, too.
-    empty_s: Option<f64>,
     /// Jr(delta) of P3.
     reset: Vec<Block>,
     /// I + B of P4.
@@ -127,10 +120,7 @@ impl<S: FastSystem> Filter<S> {
             weight: vec![0.0; m],
             shift: vec![0.0; n],
             variance: vec![0.0; n],
-            before: vec![0.0; n],
-            fresh: vec![0.0; n],
             since_s: 0.0,
-            empty_s: None,
             reset: Vec::with_capacity(n),
             shears: Vec::with_capacity(n),
             rejected_nis: 0.0,
@@ -180,25 +170,19 @@ impl<S: FastSystem> Filter<S> {
         }
     }
 
-    /// Starts a new sample after the one at `last_s`: forgets the process noise before that one, unless it had no readings.
-    pub fn await_sample(&mut self, last_s: f64) {
-        if self.empty_s.take() != Some(last_s) {
-            self.fresh.fill(0.0);
-            self.since_s = 0.0;
-        }
+    /// Starts a new sample.
+    pub fn begin_sample(&mut self) {
+        self.since_s = 0.0;
     }
 
     /// Predicts the belief at `to_s` (P1, P2); `transition` is the motion that was used.
     pub fn predict(&mut self, system: &S, belief: &mut Belief, to_s: f64, transition: &mut Transition) {
         belief.covariance.diagonal(&mut self.variance);
         let dt = to_s - belief.time_s;
-        system.transition(dt, &belief.mean, &self.variance, &belief.drive, transition);
+        system.transition(dt, &belief.mean, &self.variance, transition);
         transition.apply_to_mean(&mut belief.mean);
         transition.apply_to_covariance(self.arch, &mut belief.covariance);
         belief.time_s = to_s;
-        for b in &transition.blocks {
-            (0..b.len).for_each(|i| self.fresh[b.index[i]] += b.noise[i][i]);
-        }
         self.since_s += dt;
     }
 
@@ -214,7 +198,6 @@ impl<S: FastSystem> Filter<S> {
     ) -> Result<(), Diverged> {
         if measured.z.iter().all(|z| z.is_nan()) {
             self.report_missing(measured, info);
-            self.empty_s = settings.learning.memory_s.is_finite().then_some(belief.time_s);
             return Ok(());
         }
         info.innovation.fill(f64::NAN);
@@ -226,15 +209,12 @@ impl<S: FastSystem> Filter<S> {
         self.list_rows(measured.z, |_| true);
         self.factorise(&belief.covariance)?; // U1: L'
         self.predict_readings(system, moment, &belief.mean, settings.spread); // U1, U2: h0, H, E, d
-        self.innovate(measured, belief.inflation, info); // U3: y
+        self.innovate(measured, info); // U3: y
         self.whiten(); // U5: S
         self.gate_parts(measured, settings, belief, info);
         self.report(measured, info);
-        belief.covariance.diagonal(&mut self.before);
         self.solve(measured, info)?; // U6, U7: W, w, V, b, X
         self.combine(system, belief)?; // U8, P3: x+, P+
-        self.learn_noise(belief, settings.learning, info.inertial);
-        self.learn(system, belief, settings.learning);
         Ok(())
     }
 
@@ -278,35 +258,9 @@ impl<S: FastSystem> Filter<S> {
         self.information.whiten(self.arch, &self.predicted, readings);
     }
 
-    /// Factors on the process noise, from corrections.
-    fn learn(&mut self, system: &S, belief: &mut Belief, learning: Learning) {
-        if self.since_s == 0.0 {
-            return;
-        }
-        for (&i, drive) in system.driven().iter().zip(&mut belief.drive) {
-            let after = belief.covariance.at(i, i);
-            let c = Correction { shift: self.shift[i], before: self.before[i], after, fresh: self.fresh[i] };
-            *drive = learning.drive(*drive, self.since_s, c);
-        }
-    }
-
-    /// From the joint innovation of all inertial units: contradictions between units show in no single one.
-    fn learn_noise(&self, belief: &mut Belief, learning: Learning, (nis, used): (f64, usize)) {
-        if used == 0 || !nis.is_finite() {
-            return;
-        }
-        let ratio = nis / used as f64;
-        belief.inflation = learning.inflation(belief.inflation, belief.surprise, self.since_s, ratio);
-        belief.surprise = learning.usual_nis(belief.surprise, self.since_s, ratio);
-    }
-
     /// U3, divided by the noise.
-    fn innovate(&mut self, measured: Measurement, inflation: f64, info: &mut Info) {
+    fn innovate(&mut self, measured: Measurement, info: &mut Info) {
         self.weight.iter_mut().zip(measured.std).for_each(|(w, std)| *w = 1.0 / std);
-        if inflation > 1.0 {
-            let factor = 1.0 / inflation.sqrt();
-            measured.groups.inertial.iter().for_each(|&r| self.weight[r] *= factor);
-        }
         self.used.fill(false);
         self.y.fill(0.0);
         for &r in &self.rows {

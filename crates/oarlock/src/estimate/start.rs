@@ -159,7 +159,7 @@ impl<'a, S: System> StartFit<'a, S> {
     fn add_sample(&mut self, k: usize, mean: &[f64], out: &mut NormalEquations) {
         let StartSample { after_s, moment, z } = &self.samples[k];
         self.at.copy_from_slice(mean);
-        self.system.transition(*after_s, mean, &self.certain, &[], &mut self.transition);
+        self.system.transition(*after_s, mean, &self.certain, &mut self.transition);
         self.transition.apply_to_mean(&mut self.at);
         self.system.linearise(moment, &mut self.scratch, &self.at, &mut self.center, &mut self.jacobian);
         let (n, width) = (mean.len(), mean.len() + self.system.input_std().len());

@@ -7,7 +7,6 @@ use crate::body::{three, Body, Moment};
 use crate::error::{Error, Result};
 use crate::estimate::belief::Belief;
 use crate::estimate::start::{Fit, Prior, StartFit, StartSample};
-use crate::estimate::System;
 use crate::kernels::dense::Square;
 use crate::model::{Axis, JointKind};
 use crate::rotation::turn::{norm, plus, Turn};
@@ -144,7 +143,7 @@ impl Start<'_> {
         }
         self.place_turns(&fit, compass, &mut covariance);
         let parts = self.subject.groups.parts.len();
-        let belief = Belief::new(time_s, fit.mean, covariance, (body.driven().len(), parts));
+        let belief = Belief::new(time_s, fit.mean, covariance, parts);
         Hypothesis::new(belief, self.subject.groups.sources.len())
     }
 

@@ -8,7 +8,6 @@ use super::north::NorthState;
 use super::rest::RestState;
 use super::stance::StanceState;
 use super::strapdown::LinkState;
-use super::vibration::Shaken;
 use crate::estimate::belief::Belief;
 use crate::estimate::System;
 pub use flat::MEMORY;
@@ -44,7 +43,6 @@ pub struct SourceMemory {
     pub(super) field: FieldState,
     pub(super) iron: IronState,
     pub(super) lag: LagState,
-    pub(super) gyro: Shaken,
 }
 
 impl SourceMemory {
@@ -59,7 +57,6 @@ impl SourceMemory {
             field: FieldState::NONE,
             iron: IronState::NONE,
             lag: LagState::NONE,
-            gyro: Shaken::NONE,
         }
     }
 }

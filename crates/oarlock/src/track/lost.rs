@@ -48,8 +48,7 @@ pub(super) fn is_lost(subject: &Subject, readings: &Readings, one: &Hypothesis, 
     waited && 2 * rejected > there
 }
 
-/// Resets posture and motion to the uncertainty before the first sample, around the current posture, and discards what
-/// was learnt. Slow states, lengths and mounts are kept.
+/// Resets posture and motion to the uncertainty before the first sample, around the current posture. Slow states, lengths and mounts are kept.
 pub(super) fn give_up(subject: &Subject, readings: &Readings, one: &mut Hypothesis) {
     let (body, belief) = (&subject.body, &mut one.belief);
     let std = start_std(body, WIDENED);
@@ -74,7 +73,7 @@ pub(super) fn give_up(subject: &Subject, readings: &Readings, one: &mut Hypothes
     for (q, up, variance) in heading {
         keep_heading(&mut belief.covariance, q, up, variance + HEADING_STD * HEADING_STD);
     }
-    forget_what_was_learnt(belief);
+    belief.rejected_since_s.fill(f64::NAN);
     for source in &mut one.sources {
         // The next reading of each source is treated as one after a dropout. Units with clocks of their own give
         // samples of one unit each.
@@ -83,13 +82,6 @@ pub(super) fn give_up(subject: &Subject, readings: &Readings, one: &mut Hypothes
         // The unit may have been exchanged for another one.
         (source.iron, source.lag) = (IronState::NONE, LagState::NONE);
     }
-}
-
-fn forget_what_was_learnt(belief: &mut Belief) {
-    belief.drive.fill(1.0);
-    belief.usual_nis.fill(1.0);
-    (belief.inflation, belief.surprise) = (1.0, 1.0);
-    belief.rejected_since_s.fill(f64::NAN);
 }
 
 /// Restores what a fit must not change.

@@ -1,7 +1,7 @@
 //! Notes: sentences about what a run could not use or observe. `track` stores them and the report prints them.
 
 mod ranges;
-mod shaken;
+mod vibration;
 
 use super::faults::Fault;
 use super::loops::dependence;
@@ -30,7 +30,7 @@ pub fn notes(run: &Run) -> Vec<String> {
     notes.extend(rejections(&counts, &field));
     notes.extend(disturbances(&counts, &field));
     notes.extend(faults(&counts));
-    notes.extend(shaken::notes(run));
+    notes.extend(vibration::notes(run));
     notes.extend(unobserved(run));
     notes.extend(ranges::contortions(run));
     notes.extend(ranges::overturned(run));
@@ -252,7 +252,6 @@ fn not_for_links(run: &Run) -> Vec<String> {
         ("process_noise", own.process_noise != usual.process_noise),
         ("filter", own.filter != usual.filter),
         ("gate", own.gate != usual.gate),
-        ("learning_memory_s", own.learning_memory_s != usual.learning_memory_s),
     ];
     let settings = settings.into_iter().filter(|(_, is_set)| *is_set).map(|(name, _)| name.to_string());
     let unused = estimate.map(|name| format!("estimate = {name}")).chain(settings);

@@ -2,7 +2,7 @@
 //!
 //! The motion that the state estimate predicts from the sample's time to the reading's own is taken from the reading,
 //! z - (h(x(t + offset)) - h(x(t))), to second order in the offset. An acceleration changes in between. How much it changes
-//! from one tick to the next is the (learnt) driving noise; it is taken to change evenly, and the part of the offset adds its
+//! from one tick to the next is the driving noise; it is taken to change evenly, and the part of the offset adds its
 //! variance to that of the reading. White noise over the offset alone would be many times as much: bodies move smoothly. A time
 //! stamp that is uncertain adds (h' stamp_std)^2. The error of the estimated motion adds the variance of what it moves the
 //! coordinates in the offset. Without it an exact marker some milliseconds off makes the velocity feed back on itself: with
@@ -117,8 +117,8 @@ impl OwnTime {
     fn drive(&mut self, subject: &Subject, belief: &Belief, reach_s: f64, moment: &Moment) {
         self.delta.fill(Lane::splat(0.0));
         let std = |state: usize| belief.covariance.at(state, state).max(0.0).sqrt();
-        for (i, (drive, factor)) in self.drives.iter().zip(&belief.drive).enumerate() {
-            let size = drive.density * (factor / self.tick_s).sqrt() * reach_s;
+        for (i, drive) in self.drives.iter().enumerate() {
+            let size = drive.density / self.tick_s.sqrt() * reach_s;
             let sign = |lane: usize| if (lane & i).count_ones().is_multiple_of(2) { 1.0 } else { -1.0 };
             let signs: [f64; LANES] = std::array::from_fn(sign);
             self.delta[drive.accel] = Lane(signs.map(|s| s * size));
@@ -155,7 +155,7 @@ impl OwnTime {
     }
 }
 
-/// Accelerations in the order of the learnt factors.
+/// All accelerations that noise drives.
 fn drives(body: &Body) -> Vec<Drive> {
     let joints = body.moving().filter_map(|(_, axis, slots)| {
         let (rate, accel) = slots.rates?;

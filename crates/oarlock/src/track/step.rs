@@ -3,11 +3,10 @@
 use super::bank::Bank;
 use super::begin::{Seen, Start};
 use super::hypothesis::Hypothesis;
-use super::{diverged, lost, regain, vibration, Sink, Status, Tracker};
+use super::{diverged, lost, regain, Sink, Status, Tracker};
 use crate::error::Result;
 use crate::estimate::belief::Belief;
-use crate::estimate::filter::{Diverged, Measurement, UpdateSettings};
-use crate::estimate::learn::Learning;
+use crate::estimate::filter::{Diverged, Measurement};
 use crate::estimate::transition::Transition;
 use crate::recording::Sample;
 
@@ -79,7 +78,7 @@ impl Tracker {
     fn begin(&mut self, sink: Sink) -> Result<()> {
         let waiting = std::mem::take(&mut self.waiting);
         let mut one = self.fit_start(&waiting)?;
-        self.filter.await_sample(one.belief.time_s);
+        self.filter.begin_sample();
         for (i, sample) in waiting.iter().enumerate() {
             if i == 0 {
                 self.prepare(sample);
@@ -107,7 +106,7 @@ impl Tracker {
 
     /// Steps every hypothesis; the likeliest leads.
     fn advance_all(&mut self, one: &mut Hypothesis, sample: &Sample) -> Result<()> {
-        self.learns = one.rivals.is_empty();
+        self.competes = !one.rivals.is_empty();
         if one.rivals.is_empty() {
             self.advance(one, sample, &mut |_, _| {})?;
             self.open_bank(one);
@@ -118,7 +117,7 @@ impl Tracker {
 
     /// Updates every hypothesis with the first sample.
     fn update_all(&mut self, one: &mut Hypothesis, sample: &Sample) -> Result<()> {
-        self.learns = one.rivals.is_empty();
+        self.competes = !one.rivals.is_empty();
         if one.rivals.is_empty() {
             self.prepare(sample);
             return self.update(one, false);
@@ -171,7 +170,7 @@ impl Tracker {
         on_predicted: &mut dyn FnMut(&Transition, &Belief),
     ) -> Result<()> {
         let since_s = one.belief.time_s;
-        self.filter.await_sample(since_s);
+        self.filter.begin_sample();
         loop {
             let now_s = one.belief.time_s;
             let step_s = LONGEST_STEP_S.max(STEP_SHARE * (now_s - since_s));
@@ -218,7 +217,6 @@ impl Tracker {
         let Tracker { subject, readings, .. } = self;
         let time_s = one.belief.time_s;
         self.faults.silence_stuck(subject, &mut one.sources, readings, time_s);
-        vibration::notice(subject, &mut one.sources, readings, time_s);
         self.magnetic.follow_norms(subject, &mut one.sources, readings, time_s);
         self.rest.notice(&mut one.sources, readings, time_s);
         self.stance.notice(&mut one.sources, readings, time_s);
@@ -250,16 +248,13 @@ impl Tracker {
         true
     }
 
-    /// The update with its tests and the learning after it.
+    /// The update with its tests.
     fn filter_readings(&mut self, one: &mut Hypothesis) -> Result<()> {
         let Tracker { subject, readings, magnetic, .. } = self;
         let time_s = one.belief.time_s;
         self.loops.hush(subject, &one.sources, time_s, readings);
         readings.mark_seen(&mut one.sources, time_s);
         self.own_time.bring(subject, &one.belief, readings);
-        if self.settings.learning.memory_s.is_finite() {
-            vibration::raise(subject, &one.sources, readings);
-        }
         magnetic.raise(subject, &one.sources, readings);
         magnetic.measure_dips(subject, &mut one.sources, readings, &one.belief.mean);
         if let Some(scoring) = &mut self.scoring {
@@ -274,14 +269,11 @@ impl Tracker {
             direction_tests: &magnetic.direction_tests,
             groups: &subject.groups,
         };
-        let learning = self.settings.learning;
-        let memory_s = if self.learns { learning.memory_s } else { f64::INFINITY };
-        let settings = UpdateSettings { learning: Learning { memory_s }, ..self.settings };
-        let moment = &readings.moment;
+        let (moment, settings) = (&readings.moment, self.settings);
         let done = self.filter.update(&subject.body, moment, &mut one.belief, measured, settings, &mut self.info);
         done.map_err(|lost| diverged(lost, time_s))?;
         if let Some(scoring) = &mut self.scoring {
-            scoring.take_update((subject, readings), (&self.filter, &self.info), one, self.learns);
+            scoring.take_update((subject, readings), (&self.filter, &self.info), one, !self.competes);
         }
         self.north.watch(subject, magnetic, readings, &self.info, one);
         Ok(())

@@ -70,7 +70,7 @@ fn apart(text: &str, samples: &[Sample], config: &Config) -> f64 {
 
 #[test]
 fn both_sets_of_instructions_say_the_same() {
-    let config = Config { gate: false, learning_memory_s: None, ..Config::default() };
+    let config = Config { gate: false, ..Config::default() };
     let mut samples = stroke(SCULLER, &config);
     punch_holes(&body(&model(SCULLER), &config), &mut samples, &mut Chance::new(23));
     let (sculler, tree) = (apart(SCULLER, &samples, &config), apart(TREE, &tree(&config), &config));

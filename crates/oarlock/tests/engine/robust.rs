@@ -88,9 +88,9 @@ fn samples_and_beliefs_of_another_model_are_refused() {
     let good = fresh(&body, 0.0, vec![0.0; n], &start_std(&body));
     let mut few = good.clone();
     few.belief.covariance = Square::zeros(n - 1);
-    let mut unlearnt = good.clone();
-    unlearnt.belief.usual_nis.clear();
-    for bad in [few, unlearnt] {
+    let mut without_parts = good.clone();
+    without_parts.belief.rejected_since_s.clear();
+    for bad in [few, without_parts] {
         assert!(matches!(chained.resume(bad), Err(Error::Data(_))));
     }
     chained.resume(good).unwrap();

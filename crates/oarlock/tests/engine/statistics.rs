@@ -56,22 +56,3 @@ fn distances_and_orientations_are_as_good_as_said() {
     assert_inside("NEES with distances and orientations", sums.nees, sums.states);
     assert_inside("NIS with distances and orientations", sums.nis, sums.readings);
 }
-
-/// Learning replaces a noise that is right by an estimate of it. An estimate that scatters can only cost: the errors grow a
-/// little against what is said, the innovations likewise. A tenth is what a memory of three seconds may cost.
-const COST_OF_LEARNING: f64 = 0.1;
-
-#[test]
-fn learning_what_is_right_already_costs_little() {
-    let config = Config { learning_memory_s: Some(3.0), gate: true, ..plain(&["gyro_bias", "accel_bias"]) };
-    let sums = simulate(CHAIN, &config);
-    let [nees, nis] = sums.shares();
-    let logs: Vec<f64> = sums.drive.iter().map(|d| d.ln()).collect();
-    let mean = logs.iter().sum::<f64>() / logs.len() as f64;
-    let scatter = (logs.iter().map(|l| (l - mean).powi(2)).sum::<f64>() / logs.len() as f64).sqrt();
-    let refused = RUNS * STEPS * 18 - sums.readings;
-    println!("learning: NEES {nees:.4}, NIS {nis:.4} each, ln(drive) {mean:.3} +- {scatter:.3}, {refused} refused");
-    assert!((nees - 1.0).abs() < COST_OF_LEARNING, "{nees}");
-    assert!((nis - 1.0).abs() < COST_OF_LEARNING, "{nis}");
-    assert_eq!(refused, 0, "the gate refuses one in many millions");
-}

@@ -51,7 +51,6 @@ pub fn config(chance: &mut Chance, coordinates: usize) -> Config {
         start_window_s: number(chance, 1e-3, 1.0),
         gate: one_in(chance, 2),
         gate_patience_s: number(chance, 1e-3, 1.0),
-        learning_memory_s: one_in(chance, 2).then(|| number(chance, 1e-3, 10.0)),
         belief_interval_s: number(chance, 1e-3, 10.0),
         output_rate_hz: one_in(chance, 3).then(|| number(chance, 1e-2, 1e3)),
     }

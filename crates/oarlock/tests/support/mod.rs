@@ -19,7 +19,6 @@ use oarlock::body::Body;
 use oarlock::config::{Config, Magnetometer};
 use oarlock::estimate::belief::Belief;
 use oarlock::estimate::transition::Transition;
-use oarlock::estimate::System;
 use oarlock::kernels::dense::Square;
 use oarlock::model::Model;
 use oarlock::track::hypothesis::Hypothesis;
@@ -99,12 +98,11 @@ pub fn body(model: &Arc<Model>, config: &Config) -> Body {
     Body::new(model.clone(), &parameters, &mounts, config).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// Every reading counts in full: no gate, no learning, no test of the field's norm.
+/// Every reading counts in full: no gate, no test of the field's norm.
 pub fn plain(estimate: &[&str]) -> Config {
     Config {
         estimate: estimate.iter().map(|s| s.to_string()).collect(),
         gate: false,
-        learning_memory_s: None,
         magnetometer: Magnetometer::On,
         ..Config::default()
     }
@@ -128,7 +126,7 @@ pub fn belief(body: &Body, time_s: f64, mean: Vec<f64>, std: &[f64]) -> Belief {
         *covariance.at_mut(i, i) = s * s;
     }
     let parts = body.groups().parts.len();
-    Belief::new(time_s, mean, covariance, (body.driven().len(), parts))
+    Belief::new(time_s, mean, covariance, parts)
 }
 
 /// The same, with nothing remembered of its sources.

@@ -33,8 +33,7 @@ impl<'a> Nature<'a> {
     pub fn live(&mut self, dt: f64) {
         let (n, old) = (self.state.len(), self.state.clone());
         let mut transition = Transition::default();
-        let ones = vec![1.0; self.body.driven().len()];
-        self.body.transition(dt, &self.state, &vec![0.0; n], &ones, &mut transition);
+        self.body.transition(dt, &self.state, &vec![0.0; n], &mut transition);
         // Rotations move in the chart at themselves, noise and all.
         let turns = &self.body.layout.turns;
         turns.iter().for_each(|(_, slots)| self.state[slots.q..slots.q + 3].fill(0.0));
@@ -103,14 +102,12 @@ pub struct Sums {
     /// Of the second sensor alone.
     pub one_sensor: f64,
     pub readings: usize,
-    /// Of all runs, that of every driven joint.
-    pub drive: Vec<f64>,
 }
 
 impl Sums {
     /// At 100 Hz, from starts that are as uncertain as `std`; `seed` is that of the first run.
     pub fn of(body: &Body, config: &Config, std: &[f64], [runs, steps]: [usize; 2], seed: u64) -> Self {
-        let mut sums = Sums { nees: 0.0, states: 0, nis: 0.0, one_sensor: 0.0, readings: 0, drive: Vec::new() };
+        let mut sums = Sums { nees: 0.0, states: 0, nis: 0.0, one_sensor: 0.0, readings: 0 };
         for run in 0..runs {
             let mean = vec![0.0; std.len()];
             let mut nature = Nature::about(body, &mean, std, Chance::new(seed + run as u64));
@@ -125,7 +122,6 @@ impl Sums {
             let now = tracker.belief().unwrap();
             sums.nees += nees(body, now, &nature.state);
             sums.states += std.len();
-            sums.drive.extend_from_slice(&now.drive);
         }
         sums
     }

@@ -145,12 +145,12 @@ class Stretch:
     ) -> float:
         """Squared innovations over their variance, per reading of the held-out part; infinite if the filter is lost.
 
-        Noise is what the hypothesis says and not learnt, so that calibrations compare.
+        Noise is what the hypothesis says, so that calibrations compare.
         """
         judge = searched_model(
             self.model, Calibration(), hypothesis, azimuth_rad=self.azimuth_rad, constants=False
         )
-        config = Config(learning_memory_s=None, initial_q=self._posture(judge, 1))
+        config = Config(initial_q=self._posture(judge, 1))
         try:
             tracked = track(judge, self.rest, calibration, config, progress=share(self.told, *done))
         except DivergedError:

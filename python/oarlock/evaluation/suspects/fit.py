@@ -99,7 +99,6 @@ class Judge:
             magnetometer="on",
             filter="ekf",
             gate=False,
-            learning_memory_s=None,
             start_window_s=window_s,
             initial_q=list(posture) or None,
         )

@@ -14,7 +14,7 @@ from oarlock.lab.bench.problem import ESTIMATES, WARM, Floats, Problem
 
 FILTERS: Final = ("ukf", "ekf", "factorised")
 BARE: Final = "bare_ukf"
-"""The `ukf` without gates and learning: only what the textbook filter does too."""
+"""The `ukf` without gates: only what the textbook filter does too."""
 
 
 @dataclass(frozen=True)

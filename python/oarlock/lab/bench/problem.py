@@ -26,12 +26,8 @@ ESTIMATES: Final[dict[str, tuple[str, ...]]] = {
 }
 """Only joints and azimuth of the field, as in the paper; and all states of the default configuration."""
 
-# The textbook filter has no gates and no learning, so they are off in Oarlock for the comparison.
-_PLAIN: Final[dict[str, Any]] = {
-    "gate": False,
-    "learning_memory_s": None,
-    "magnetometer": "on",
-}
+# The textbook filter has no gates, so they are off in Oarlock for the comparison.
+_PLAIN: Final[dict[str, Any]] = {"gate": False, "magnetometer": "on"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +39,7 @@ class Problem:
     described: ModelDescription = field(repr=False)
 
     def config(self, estimate: str = "joints", filter_name: str = "ukf", plain: bool = False) -> Config:
-        """Configuration of the filter: `estimate` is a key of `ESTIMATES`; `plain` switches off gates and learning."""
+        """Configuration of the filter: `estimate` is a key of `ESTIMATES`; `plain` switches off gates."""
         from oarlock import Config
 
         keys = _PLAIN if plain else {}

@@ -30,7 +30,7 @@ UNITS_FIXED, JOINTS_FIXED = 5, 15
 JOINTS = (4, 6, 9, 13, 18, 25, 34)
 UNITS = (2, 3, 5, 8, 12, 17)
 BOTH = ((4, 2), (7, 3), (12, 5), (20, 8), (30, 12))
-_TUNING = {"estimate": (), "gate": False, "learning_memory_s": None, "magnetometer": "on"}
+_TUNING = {"estimate": (), "gate": False, "magnetometer": "on"}
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,8 @@ ARM = ("shoulder_abduction", "shoulder_rotation", "shoulder_flexion", "elbow_fle
 ELEVEN = ("trunk", *(f"{side}_{joint}" for side in ("r", "l") for joint in ARM))
 """The angles of Table 5."""
 
-# As in the paper: no learning, no gates, a known field; so n = 40.
+# As in the paper: no gates, a known field; so n = 40.
 _PLAIN: dict[str, object] = {
-    "config.learning_memory_s": "none",
     "config.gate": False,
     "config.magnetometer": "on",
     "model.world.azimuth_fixed": True,

@@ -101,8 +101,8 @@ def _lead(result: StudyResult, duration_s: float) -> tuple[str, ...]:
         "where ours are simulated from the model itself: these figures show that the estimator is right, not how good "
         "it is in the field. For that see Table 6.",
         f"{count} {'seed' if count == 1 else 'seeds'} of {duration_s:g} s, 20 to 34 strokes per minute, 125 Hz, the "
-        "noise of Table 4, scored from 2 s on. Rows with 40 and 71 states have no gates, learn nothing, and "
-        "know the magnetic field; the shipped filter has one state more, the azimuth of the field. No filter is given "
+        "noise of Table 4, scored from 2 s on. Rows with 40 and 71 states have no gates and know the magnetic field; "
+        "the shipped filter has one state more, the azimuth of the field. No filter is given "
         "the first posture.",
     )
 
@@ -118,8 +118,8 @@ def _overview(result: StudyResult) -> Table:
         "table5-overview",
         "Mean RMSE of the eleven angles of Table 5, deg / RMSE of the seat, mm; mean over seeds. Small: result of an "
         "independent implementation reached on four recordings of its own, and whether ours, rounded alike, is at "
-        "most 5 % above. eq. 6 and jerk: the process noise; as shipped: jerk, closure, surge and biases, with gates, "
-        "learning and the azimuth. Lost: seeds with a mean error beyond 5 deg; joints have their numbers below. NEES "
+        "most 5 % above. eq. 6 and jerk: the process noise; as shipped: jerk, closure, surge and biases, with gates "
+        "and the azimuth. Lost: seeds with a mean error beyond 5 deg; joints have their numbers below. NEES "
         "per state (1 is consistent) and coverage in B-B.",
         head,
         tuple(rows),

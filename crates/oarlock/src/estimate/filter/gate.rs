@@ -56,12 +56,8 @@ impl<S: FastSystem> Filter<S> {
             let nis = self.tested[p];
             let absurd = nis.is_nan() || nis >= ABSURD_NIS;
             let nis = if absurd { ABSURD_NIS } else { nis };
-            let usual_nis = &mut belief.usual_nis[p];
-            let beyond = gate.on && nis > slack * usual_nis.max(1.0) * threshold(count);
+            let beyond = gate.on && nis > slack * threshold(count);
             let outlier = absurd || (beyond && patient);
-            if !(excluded || strict && outlier) {
-                *usual_nis = settings.learning.usual_nis(*usual_nis, self.since_s, nis / count as f64);
-            }
             if outlier && !excluded {
                 self.rejected_nis += nis.min(slack * threshold(count));
                 self.rejected_rows += count;

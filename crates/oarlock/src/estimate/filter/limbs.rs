@@ -186,7 +186,6 @@ impl<S: FastSystem> Filter<S> {
         settings: UpdateSettings,
         info: &mut Info,
     ) -> Result<(), Diverged> {
-        belief.covariance.diagonal(&mut self.before);
         limbs.star.open(self.arch, &belief.covariance).map_err(broken)?;
         limbs.room.mean.copy_from_slice(&belief.mean);
         limbs.total.fill(0.0);
@@ -222,8 +221,6 @@ impl<S: FastSystem> Filter<S> {
         if !belief.mean.iter().all(|x| x.is_finite()) {
             return Err(Diverged { what: "the estimate is not a number".into() });
         }
-        self.learn_noise(belief, settings.learning, info.inertial);
-        self.learn(of.0, belief, settings.learning);
         Ok(())
     }
 
@@ -270,7 +267,7 @@ impl<S: FastSystem> Filter<S> {
             spread: settings.spread,
         };
         self.predicted.from_sigma_points(self.arch, context, room, &self.l_transposed);
-        self.innovate(measured, belief.inflation, info);
+        self.innovate(measured, info);
         let readings =
             WeightedReadings { rows: &self.rows, inertial: self.inertial_rows, weight: &self.weight, y: &self.y };
         self.information.whiten(self.arch, &self.predicted, readings);

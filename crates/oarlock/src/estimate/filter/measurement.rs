@@ -1,6 +1,5 @@
 //! What an update is given: readings, how their rows are grouped, and how they are tested. For [`super::Filter`] and its callers.
 
-use crate::estimate::learn::Learning;
 use crate::estimate::sigma::Spread;
 use std::ops::Range;
 
@@ -37,7 +36,7 @@ pub struct Measurement<'a> {
     pub std: &'a [f64],
     /// Per part: rejected without a test.
     pub excluded: &'a [bool],
-    /// Per part: tested at the bare quantile, and outliers do not raise its usual NIS.
+    /// Per part: tested at the bare quantile, and with its own patience.
     pub strict: &'a [bool],
     /// Per part: a further test along one direction.
     pub direction_tests: &'a [Option<DirectionTest>],
@@ -65,6 +64,4 @@ pub struct UpdateSettings {
     pub spread: Spread,
     /// Innovation tests.
     pub gate: Gate,
-    /// Learning of process and measurement noise.
-    pub learning: Learning,
 }

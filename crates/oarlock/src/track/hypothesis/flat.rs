@@ -5,7 +5,7 @@ use crate::track::faults::Repeats;
 use crate::track::stance::StanceState;
 
 /// Number of values.
-pub const MEMORY: usize = 83;
+pub const MEMORY: usize = 72;
 
 impl SourceMemory {
     /// Excludes the time of the last reading, which is saved separately.
@@ -23,7 +23,7 @@ impl SourceMemory {
     }
 
     fn numbers(&mut self) -> impl Iterator<Item = &mut f64> {
-        let SourceMemory { rest, faults, north, stance, field, iron, gyro, lag, .. } = self;
+        let SourceMemory { rest, faults, north, stance, field, iron, lag, .. } = self;
         let rest = rest.gyro.iter_mut().chain(&mut rest.accel).chain([&mut rest.since_s, &mut rest.used_s]);
         let faults = [&mut faults.gyro, &mut faults.accel, &mut faults.mag].into_iter().flat_map(repeats);
         let north = [
@@ -37,12 +37,7 @@ impl SourceMemory {
         let StanceState { since_s, used_s } = stance;
         let iron = iron.field_ut.iter_mut().chain(&mut iron.covariance);
         let magnetic = field.numbers().into_iter().chain(iron);
-        rest.chain(faults)
-            .chain(north)
-            .chain([since_s, used_s])
-            .chain(magnetic)
-            .chain(gyro.numbers())
-            .chain(lag.numbers())
+        rest.chain(faults).chain(north).chain([since_s, used_s]).chain(magnetic).chain(lag.numbers())
     }
 }
 
@@ -68,8 +63,7 @@ mod tests {
         assert_eq!((memory.north.usual_rad, memory.north.since_s), (29.0, 34.0));
         assert_eq!((memory.stance.since_s, memory.stance.used_s), (35.0, 36.0));
         assert_eq!((memory.field.came_s, memory.iron.field_ut[0], memory.iron.covariance[5]), (37.0, 50.0, 58.0));
-        assert_eq!((memory.gyro.readings[2][2], memory.gyro.came_s, memory.gyro.power), (67.0, 68.0, 69.0));
-        assert_eq!((memory.lag.came_s, memory.lag.variance_s2, memory.lag.slope[2]), (70.0, 73.0, 82.0));
+        assert_eq!((memory.lag.came_s, memory.lag.variance_s2, memory.lag.slope[2]), (59.0, 62.0, 71.0));
     }
 
     #[test]

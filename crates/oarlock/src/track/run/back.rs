@@ -84,7 +84,7 @@ impl Stretch {
                 continue;
             }
             tracker.entry.correct(&mut sample);
-            tracker.learns = !run.partings.iter().any(|p| p.from_s < sample.time_s && sample.time_s <= p.to_s);
+            tracker.competes = run.partings.iter().any(|p| p.from_s < sample.time_s && sample.time_s <= p.to_s);
             let first = self.used;
             self.begin(&one.belief, row.take());
             tracker.advance(&mut one, &sample, &mut |transition, predicted| {

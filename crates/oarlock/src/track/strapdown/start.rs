@@ -9,7 +9,6 @@ use crate::error::Result;
 use crate::estimate::belief::Belief;
 use crate::estimate::filter::Info;
 use crate::estimate::smoother::Backward;
-use crate::estimate::System;
 use crate::kernels::dense::Square;
 use crate::model::Fixing;
 use crate::recording::{Recording, Sample};
@@ -246,7 +245,7 @@ impl Tracker {
     fn blank_belief(&self, time_s: f64) -> Belief {
         let parts = self.subject.groups.parts.len();
         let body = &self.subject.body;
-        Belief::new(time_s, self.unmoved(), Square::zeros(body.layout.dim()), (body.driven().len(), parts))
+        Belief::new(time_s, self.unmoved(), Square::zeros(body.layout.dim()), parts)
     }
 
     /// The start of the filter; `None` if headings are open, the readings do not decide them, and they need not.

@@ -31,7 +31,7 @@ const TAU: f64 = 0.3;
 /// The engine's motion over `t`: mean, F and Q.
 fn engine(body: &Body, x: &State, t: f64) -> (State, Square9, Square9) {
     let mut transition = Transition::default();
-    body.transition(t, x.as_slice(), &[1e-6; 9], &[1.0; 3], &mut transition);
+    body.transition(t, x.as_slice(), &[1e-6; 9], &mut transition);
     let mut mean = x.as_slice().to_vec();
     transition.apply_to_mean(&mut mean);
     let (mut f, mut q) = (Square9::identity().as_slice().to_vec(), Square::zeros(9));
@@ -45,7 +45,7 @@ fn engine(body: &Body, x: &State, t: f64) -> (State, Square9, Square9) {
 /// The same of a ball that counts as not observed: mean and F.
 fn held(body: &Body, x: &State, t: f64) -> (State, Square9) {
     let mut transition = Transition::default();
-    body.transition(t, x.as_slice(), &[10.0; 9], &[1.0; 3], &mut transition);
+    body.transition(t, x.as_slice(), &[10.0; 9], &mut transition);
     let mut mean = x.as_slice().to_vec();
     transition.apply_to_mean(&mut mean);
     let mut f = Square9::identity().as_slice().to_vec();
@@ -203,7 +203,7 @@ fn coast(body: &Body, start: Belief, step: f64, steps: usize) -> Belief {
     let mut variance = vec![0.0; n];
     for _ in 0..steps {
         belief.covariance.diagonal(&mut variance);
-        body.transition(step, &belief.mean, &variance, &[1.0; 3], &mut transition);
+        body.transition(step, &belief.mean, &variance, &mut transition);
         transition.apply_to_mean(&mut belief.mean);
         transition.apply_to_covariance(Arch::best(), &mut belief.covariance);
     }

@@ -10,7 +10,6 @@ mod system;
 use nalgebra::{DMatrix, DVector};
 use oarlock::estimate::belief::Belief;
 use oarlock::estimate::filter::{Filter, Gate, Info, Measurement, RowGroups, UpdateSettings};
-use oarlock::estimate::learn::Learning;
 use oarlock::estimate::sigma::Spread;
 use oarlock::estimate::smoother::Smoother;
 use oarlock::estimate::transition::Transition;
@@ -25,7 +24,6 @@ const SAME_SIGMA: f64 = 1e-10;
 const OPEN: UpdateSettings = UpdateSettings {
     spread: Spread { alpha: 0.3, beta: 2.0, kappa: 0.0 },
     gate: Gate { on: false, slack: 1.0, patience_s: 1.0, strict_patience_s: 1.0 },
-    learning: Learning { memory_s: f64::INFINITY },
 };
 
 /// One instant of a made-up recording.

@@ -43,7 +43,7 @@ impl System for Oscillator {
 
     fn scratch(&self) {}
 
-    fn transition(&self, dt: f64, _: &[f64], _: &[f64], _: &[f64], out: &mut Transition) {
+    fn transition(&self, dt: f64, _: &[f64], _: &[f64], out: &mut Transition) {
         let [position, velocity] = motion(dt);
         let mut block = Block::walk(0, PROCESS_VARIANCE[0]);
         (block.index, block.len) = ([0, 1, 1], 2);
@@ -70,8 +70,6 @@ fn start() -> Belief {
     Belief {
         mean: vec![1.0, 0.0],
         covariance: Square::from_rows(2, vec![x, 0.0, 0.0, v]).expect("square"),
-        drive: Vec::new(),
-        usual_nis: vec![1.0],
         rejected_since_s: vec![f64::NAN],
         ..super::start()
     }

@@ -60,11 +60,7 @@ impl System for Linear {
 
     fn scratch(&self) {}
 
-    fn driven(&self) -> &[usize] {
-        &[3]
-    }
-
-    fn transition(&self, t: f64, _mean: &[f64], _variance: &[f64], _drive: &[f64], out: &mut Transition) {
+    fn transition(&self, t: f64, _mean: &[f64], _variance: &[f64], out: &mut Transition) {
         let keep = (-t).exp();
         let mut drawn = Block::walk(1, WALK2 * (1.0 - keep * keep));
         drawn.factor[0][0] = keep;
@@ -106,7 +102,7 @@ impl FastSystem for Linear {}
 /// F, offset and Q over `dt`.
 pub fn dense(system: &Linear, dt: f64) -> (DMatrix<f64>, DVector<f64>, DMatrix<f64>) {
     let mut transition = Transition::default();
-    system.transition(dt, &[0.0; STATES], &[0.0; STATES], &[1.0], &mut transition);
+    system.transition(dt, &[0.0; STATES], &[0.0; STATES], &mut transition);
     support::dense(&transition, STATES)
 }
 
@@ -120,16 +116,7 @@ pub fn start() -> Belief {
     let p = &root * root.transpose();
     let rows = (0..STATES).flat_map(|i| (0..STATES).map(move |j| (i, j)));
     let covariance = Square::from_rows(STATES, rows.map(|at| p[at]).collect()).expect("square");
-    Belief {
-        time_s: 0.0,
-        mean: vec![0.4, -0.3, 0.2, 1.0, 0.5],
-        covariance,
-        drive: vec![1.0],
-        usual_nis: vec![1.0; 2],
-        inflation: 1.0,
-        surprise: 1.0,
-        rejected_since_s: vec![f64::NAN; 2],
-    }
+    Belief { time_s: 0.0, mean: vec![0.4, -0.3, 0.2, 1.0, 0.5], covariance, rejected_since_s: vec![f64::NAN; 2] }
 }
 
 pub fn matrix(square: &Square) -> DMatrix<f64> {

@@ -46,7 +46,7 @@ fn driving_noise_is_as_listed() {
     let mut axis = model.axes()[1];
     axis.process.density = 1.0 / dt.sqrt();
     let slots = Slots { q: 0, rates: Some((1, 2)) };
-    let now = Now { dt, held: false, drive: 1.0 };
+    let now = Now { dt, held: false };
     for (kind, name) in [(ProcessNoise::Paper, "paper"), (ProcessNoise::Jerk, "wnj")] {
         let block = joint_block(&axis, slots, now, kind);
         for r in 0..3 {

@@ -37,7 +37,7 @@ impl Smoothed {
         let (n, here) = (filtered.mean.len(), Smoothed::of(filtered));
         let (mut transition, variance) = (Transition::default(), here.covariance.diagonal());
         let dt = time_s - filtered.time_s;
-        body.transition(dt, &filtered.mean, variance.as_slice(), &filtered.drive, &mut transition);
+        body.transition(dt, &filtered.mean, variance.as_slice(), &mut transition);
         assert!(transition.turnings.is_empty(), "of hinges and slides");
         let (f, offset, q) = dense(&transition, n);
         let predicted = &f * &here.covariance * f.transpose() + q;

@@ -1,21 +1,16 @@
-//! Noise and vibration of inertial units: power beyond the band of limbs. Steps and notes use it.
+//! Notes on sensors that vibrated.
 //!
 //! Noise, an engine, a telephone or a loose mount change readings faster than limbs move, and sampling folds faster vibration back. Third
-//! differences of the readings show this power. Each gyroscope and each accelerometer is judged by its own readings alone. A gyroscope's
-//! noise is raised by this power. An accelerometer's is not: its noise is learnt from residuals, and vibration averages out.
+//! differences of the readings show this power. Each gyroscope and each accelerometer is judged by its own readings alone.
 
-use super::hypothesis::SourceMemory;
-use super::readings::Readings;
-use super::subject::Subject;
 use crate::recording::{Channel, Stream};
-use crate::sensor::Quantity;
+use crate::sensor::{Quantity, Source};
+use crate::track::run::Run;
 
 /// Third differences of white noise have this variance as a multiple of its own. Of motion up to 10 Hz they keep less than a hundredth at 100 Hz.
 const GAIN: f64 = 20.0;
 /// Memory of the power, s.
 const MEMORY_S: f64 = 0.5;
-/// Power up to this multiple of the variance of a gyroscope's noise counts as that noise.
-const CHANCE: f64 = 2.0;
 /// Power beyond this multiple of the variance of the sensor's noise is vibration.
 const NAMED: f64 = 25.0;
 /// A longer interval between readings starts anew, s: the band beyond limbs is not sampled.
@@ -23,48 +18,59 @@ const LONGEST_S: f64 = 0.0125;
 
 /// How a sensor vibrated.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Vibration {
+struct Vibration {
     /// Share of the recording in which it vibrated.
-    pub share: f64,
+    share: f64,
     /// Largest root mean square of an axis beyond the band of limbs.
-    pub peak: f64,
+    peak: f64,
 }
 
 /// Fast changes of a sensor's readings; NaN where there is no value yet.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Shaken {
+struct Shaken {
     /// The last three readings, the latest first.
-    pub readings: [[f64; 3]; 3],
+    readings: [[f64; 3]; 3],
     /// Time of the last one, s.
-    pub came_s: f64,
+    came_s: f64,
     /// Mean square of an axis beyond the band of limbs.
-    pub power: f64,
+    power: f64,
 }
 
-/// Follows the readings of all gyroscopes.
-pub(super) fn notice(subject: &Subject, sources: &mut [SourceMemory], readings: &Readings, time_s: f64) {
-    for p in subject.parts_of(Quantity::Gyro) {
-        let (rows, s) = (&subject.groups.parts[p], subject.source_of_part[p]);
-        let reading = readings.three(rows.start);
-        if reading.iter().all(|x| !x.is_nan()) {
-            sources[s].gyro.take(reading, time_s + readings.offset_s[s], subject.std[rows.start].powi(2));
-        }
-    }
+/// Share of the time above which a note reports vibration.
+const SHARE: f64 = 0.05;
+
+/// One note for each sensor that vibrated.
+pub(super) fn notes(run: &Run) -> Vec<String> {
+    let sources = &run.tracker().body().suite.sources;
+    let of_stream = |stream: &Stream| {
+        let source = sources.iter().find(|s| s.name == stream.name);
+        source.map_or_else(Vec::new, |source| of_source(source, stream))
+    };
+    run.recording().streams().flat_map(of_stream).collect()
 }
 
-/// Adds what gyroscopes read beyond the band of limbs to their noise.
-pub(super) fn raise(subject: &Subject, sources: &[SourceMemory], readings: &mut Readings) {
-    for p in subject.parts_of(Quantity::Gyro) {
-        let rows = &subject.groups.parts[p];
-        let excess = sources[subject.source_of_part[p]].gyro.power - CHANCE * subject.std[rows.start].powi(2);
-        if excess > 0.0 {
-            readings.std[rows.clone()].iter_mut().for_each(|std| *std = std.hypot(excess.sqrt()));
-        }
-    }
+fn of_source(source: &Source, stream: &Stream) -> Vec<String> {
+    let note = |(quantity, what, unit)| {
+        let channel = stream.channels.iter().find(|c| c.quantity == quantity)?;
+        let std =
+            source.std[source.parts.iter().find(|p| p.quantity == quantity)?.rows.start - source.parts[0].rows.start];
+        let found = vibration_of(stream, channel, std * std)?;
+        (found.share > SHARE).then(|| {
+            format!(
+                "{}: its {what} vibrated faster than limbs move in {:.0} % of the time, by up to {:.1} {unit} (RMS); mount \
+                 the unit more firmly, and away from engines and telephones",
+                source.name,
+                100.0 * found.share,
+                found.peak
+            )
+        })
+    };
+    let kinds = [(Quantity::Gyro, "gyroscope", "rad/s"), (Quantity::Accel, "accelerometer", "m/s2")];
+    kinds.into_iter().filter_map(note).collect()
 }
 
 /// The vibration of a gyroscope or accelerometer whose noise has this variance; `None` without readings.
-pub(super) fn of(stream: &Stream, channel: &Channel, variance: f64) -> Option<Vibration> {
+fn vibration_of(stream: &Stream, channel: &Channel, variance: f64) -> Option<Vibration> {
     let first_s = stream.time_s.get(0)?;
     let (mut shaken, mut peak, mut shaken_s, mut reading) = (Shaken::NONE, 0.0f64, 0.0, [0.0; 3]);
     for (row, time_s) in stream.time_s.iter().enumerate() {
@@ -79,11 +85,7 @@ pub(super) fn of(stream: &Stream, channel: &Channel, variance: f64) -> Option<Vi
 }
 
 impl Shaken {
-    pub const NONE: Shaken = Shaken { readings: [[f64::NAN; 3]; 3], came_s: f64::NAN, power: f64::NAN };
-
-    pub fn numbers(&mut self) -> impl Iterator<Item = &mut f64> {
-        self.readings.iter_mut().flatten().chain([&mut self.came_s, &mut self.power])
-    }
+    const NONE: Shaken = Shaken { readings: [[f64::NAN; 3]; 3], came_s: f64::NAN, power: f64::NAN };
 
     /// Adds a reading; the interval before it, s, if the power follows it.
     fn take(&mut self, reading: [f64; 3], time_s: f64, variance: f64) -> Option<f64> {
@@ -119,7 +121,7 @@ mod tests {
         let values: Vec<f64> = times_s.iter().flat_map(|&t| [signal(t), 0.0, -signal(t)]).collect();
         let channel = Channel { quantity: Quantity::Gyro, values: values.into() };
         let stream = Stream { name: "unit".into(), time_s: times_s.into(), channels: Vec::new() };
-        of(&stream, &channel, 0.01).unwrap()
+        vibration_of(&stream, &channel, 0.01).unwrap()
     }
 
     #[test]
