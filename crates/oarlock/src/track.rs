@@ -10,7 +10,6 @@ pub mod loops;
 mod lost;
 pub mod magnetic;
 pub mod many;
-mod north;
 pub mod notes;
 mod own_time;
 mod postures;
@@ -43,7 +42,6 @@ use faults::{Fault, Faults};
 use hypothesis::Hypothesis;
 use loops::Loops;
 use magnetic::{Field, Magnetic};
-use north::North;
 use own_time::OwnTime;
 use readings::Readings;
 use rest::Rest;
@@ -108,7 +106,6 @@ pub struct Tracker {
     loops: Loops,
     own_time: OwnTime,
     magnetic: Magnetic,
-    north: North,
     filter: Filter<Body>,
     /// Only while a recording is scored.
     scoring: Option<Box<Scoring>>,
@@ -156,7 +153,6 @@ impl Tracker {
             loops: Loops::new(&subject, config.closures),
             own_time: OwnTime::new(&subject, config),
             magnetic: Magnetic::new(&subject, config.magnetometer),
-            north: North::new(&subject, config),
             filter: filter(&subject, config.filter),
             scoring: None,
             transition: Transition::default(),

@@ -5,17 +5,19 @@
 mod support;
 
 use oarlock::config::{Config, FilterKind};
+use oarlock::model::Model;
 use oarlock::recording::Sample;
 use oarlock::track::run::track;
 use oarlock::track::{Calibration, Status};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
+use std::sync::Arc;
 use support::chance::Chance;
 use support::record::{punch_holes, streams, times, Scene};
 use support::stroke::Stroke;
 use support::tree::TREE;
 use support::wave::Wave;
-use support::{body, model, tracker, SCULLER};
+use support::{body, lively_sculler, model, tracker};
 
 struct Counting;
 
@@ -58,8 +60,12 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
+fn sculler() -> Arc<Model> {
+    model(&lively_sculler())
+}
+
 fn samples(config: &Config) -> Vec<Sample> {
-    let model = model(SCULLER);
+    let model = sculler();
     let body = body(&model, config);
     let stroke = Stroke::new(&body, 2.2);
     let scene = Scene { body: &body, motion: &|t| stroke.at(t), surge: &|_| 0.0, azimuth_rad: 0.5, noise: 1.0 };
@@ -84,7 +90,7 @@ fn steps_allocate_nothing() {
 fn assert_steps_allocate_nothing(filter: FilterKind) {
     let config = Config { filter, ..Config::default() };
     let samples = samples(&config);
-    let mut tracker = tracker(&model(SCULLER), &config);
+    let mut tracker = tracker(&sculler(), &config);
     for sample in &samples[..20] {
         tracker.step(sample).unwrap();
     }
@@ -115,7 +121,7 @@ const PER_KEPT_BELIEF: usize = 60;
 #[test]
 fn steps_back_allocate_nothing() {
     let config = Config { belief_interval_s: 1.0, ..Config::default() };
-    let (model, samples) = (model(SCULLER), samples(&config));
+    let (model, samples) = (sculler(), samples(&config));
     let body = body(&model, &config);
     let smoothing = |count: usize| {
         let (streams, nominal) = (streams(&body, &samples[..count]), Calibration::default());

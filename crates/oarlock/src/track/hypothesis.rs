@@ -4,7 +4,6 @@ mod flat;
 
 use super::faults::FaultState;
 use super::magnetic::{FieldState, IronState, LagState};
-use super::north::NorthState;
 use super::rest::RestState;
 use super::stance::StanceState;
 use super::strapdown::LinkState;
@@ -38,7 +37,6 @@ pub struct SourceMemory {
     pub seen_s: f64,
     pub(super) rest: RestState,
     pub(super) faults: FaultState,
-    pub(super) north: NorthState,
     pub(super) stance: StanceState,
     pub(super) field: FieldState,
     pub(super) iron: IronState,
@@ -52,7 +50,6 @@ impl SourceMemory {
             seen_s,
             rest: RestState::NONE,
             faults: FaultState::NONE,
-            north: NorthState::NONE,
             stance: StanceState::NONE,
             field: FieldState::NONE,
             iron: IronState::NONE,

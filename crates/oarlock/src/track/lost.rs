@@ -7,7 +7,6 @@
 use super::begin::{start_std, WIDENED};
 use super::hypothesis::Hypothesis;
 use super::magnetic::{IronState, LagState};
-use super::north::NorthState;
 use super::readings::Readings;
 use super::subject::Subject;
 use crate::body::three;
@@ -77,7 +76,7 @@ pub(super) fn give_up(subject: &Subject, readings: &Readings, one: &mut Hypothes
     for source in &mut one.sources {
         // The next reading of each source is treated as one after a dropout. Units with clocks of their own give
         // samples of one unit each.
-        (source.seen_s, source.north) = (f64::NEG_INFINITY, NorthState::NONE);
+        source.seen_s = f64::NEG_INFINITY;
         source.field.forget_dip();
         // The unit may have been exchanged for another one.
         (source.iron, source.lag) = (IronState::NONE, LagState::NONE);

@@ -83,7 +83,7 @@ pub(super) fn by_source<'a>(subject: &'a Subject, info: &'a Info) -> impl Iterat
             Verdict::Accepted | Verdict::Clipped => Field::Undisturbed,
             Verdict::Excluded => Field::Norm,
             Verdict::WrongDirection => Field::Dip,
-            Verdict::Outlier | Verdict::Turned => Field::Innovation,
+            Verdict::Outlier => Field::Innovation,
         })
     })
 }

@@ -226,7 +226,6 @@ impl Tracker {
             self.filter_readings(one)?;
         }
         self.info.lost = is_lost;
-        self.north.report(&mut self.info);
         self.faults.report(&self.subject, &self.readings, &mut self.info);
         self.subject.excuse_virtual(&mut self.info);
         Ok(())
@@ -260,7 +259,6 @@ impl Tracker {
         if let Some(scoring) = &mut self.scoring {
             scoring.linearise(&one.belief, &mut one.slopes, &readings.moment);
         }
-        self.north.bar_turned(subject, &one.sources, time_s, &mut magnetic.excluded);
         let measured = Measurement {
             z: &readings.z,
             std: &readings.std,
@@ -275,7 +273,6 @@ impl Tracker {
         if let Some(scoring) = &mut self.scoring {
             scoring.take_update((subject, readings), (&self.filter, &self.info), one, !self.competes);
         }
-        self.north.watch(subject, magnetic, readings, &self.info, one);
         Ok(())
     }
 }

@@ -19,7 +19,7 @@ use support::chance::Chance;
 use support::record::{times, Scene};
 use support::stroke::Stroke;
 use support::wave::Wave;
-use support::{body, fresh, model, plain, start_std, started, tracker, worse, CHAIN, SCULLER};
+use support::{body, fresh, lively_sculler, model, plain, start_std, started, tracker, worse, CHAIN, SCULLER};
 
 fn any_filter() -> impl Strategy<Value = FilterKind> {
     prop_oneof![Just(FilterKind::Ukf), Just(FilterKind::Ekf)]
@@ -223,7 +223,7 @@ fn noise_free_loops_do_not_break_the_covariance() {
 }
 
 /// How much wider the trunk's band may be with the back's sensor and the seat alone than with everything: the arms' sensors
-/// and the loops see the trunk too, so that it cannot be 1. Measured: 2.5, and 2.1 once the noise is learnt.
+/// and the loops see the trunk too, so that it cannot be 1. Measured: 2.5.
 const TRUNK_ALONE: f64 = 3.0;
 /// How far unseen joints may change the trunk's band and, in its bands, its angle: more states lie farther out as sigma
 /// points, which is felt where the start is uncertain and hardly behind it.
@@ -231,7 +231,7 @@ const HARM: f64 = 0.05;
 
 /// A sculler whose arms are no states at all, with a sensor on the back and one on the seat.
 fn armless() -> Arc<Model> {
-    let mut model = (*model(SCULLER)).clone();
+    let mut model = (*model(&lively_sculler())).clone();
     model.joints[2..16].iter_mut().for_each(|j| j.input = true);
     model.sensors.retain(|s| ["back", "seat"].contains(&s.name.as_str()));
     model.closures.clear();
@@ -247,7 +247,7 @@ fn trunk(tracker: &Tracker) -> (f64, f64) {
 /// Ten minutes with the arms unseen: they keep their priors, and the trunk is known as well as if there were no arms.
 #[test]
 fn unobserved_joints_stay_bounded_and_harmless() {
-    let way = Way::new(SCULLER, Config::default());
+    let way = Way::new(&lively_sculler(), Config::default());
     let (mut alone, mut all) = (way.tracker(), way.tracker());
     let motion = |t| way.stroke.at(t);
     let (scene, mut chance) = (way.scene(&motion, 1.0), Chance::new(4));

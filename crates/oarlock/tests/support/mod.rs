@@ -27,6 +27,11 @@ use std::sync::Arc;
 
 pub const SCULLER: &str = include_str!("../../../../python/oarlock/model/shipped/sculler.toml");
 
+/// The sculler for `stroke::Stroke`, whose arms follow the handles with more jerk than the file expects.
+pub fn lively_sculler() -> String {
+    SCULLER.replace("density = 11.2", "density = 40.0")
+}
+
 /// Settings that leave nothing to be found from time stamps: every instant is a sample, and all input joints of the sculler are
 /// inputs even where their readings are missing.
 pub fn settled() -> Config {

@@ -28,8 +28,6 @@ pub enum Verdict {
     WrongDirection,
     /// Rejected: its innovation is too large.
     Outlier,
-    /// Withheld: the magnetic field has turned.
-    Turned,
     /// Some or all rows withheld: at the end of the sensor's range.
     Clipped,
     /// Withheld: the reading repeats to the bit.

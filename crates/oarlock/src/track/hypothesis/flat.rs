@@ -5,7 +5,7 @@ use crate::track::faults::Repeats;
 use crate::track::stance::StanceState;
 
 /// Number of values.
-pub const MEMORY: usize = 72;
+pub const MEMORY: usize = 66;
 
 impl SourceMemory {
     /// Excludes the time of the last reading, which is saved separately.
@@ -23,21 +23,13 @@ impl SourceMemory {
     }
 
     fn numbers(&mut self) -> impl Iterator<Item = &mut f64> {
-        let SourceMemory { rest, faults, north, stance, field, iron, lag, .. } = self;
+        let SourceMemory { rest, faults, stance, field, iron, lag, .. } = self;
         let rest = rest.gyro.iter_mut().chain(&mut rest.accel).chain([&mut rest.since_s, &mut rest.used_s]);
         let faults = [&mut faults.gyro, &mut faults.accel, &mut faults.mag].into_iter().flat_map(repeats);
-        let north = [
-            &mut north.usual_rad,
-            &mut north.now_rad,
-            &mut north.scatter_rad2,
-            &mut north.spoke_s,
-            &mut north.age_s,
-            &mut north.since_s,
-        ];
         let StanceState { since_s, used_s } = stance;
         let iron = iron.field_ut.iter_mut().chain(&mut iron.covariance);
         let magnetic = field.numbers().into_iter().chain(iron);
-        rest.chain(faults).chain(north).chain([since_s, used_s]).chain(magnetic).chain(lag.numbers())
+        rest.chain(faults).chain([since_s, used_s]).chain(magnetic).chain(lag.numbers())
     }
 }
 
@@ -60,10 +52,9 @@ mod tests {
             (memory.faults.gyro.came_s, memory.faults.accel.repeated, memory.faults.mag.quantum),
             (11.0, 19.0, 27.0)
         );
-        assert_eq!((memory.north.usual_rad, memory.north.since_s), (29.0, 34.0));
-        assert_eq!((memory.stance.since_s, memory.stance.used_s), (35.0, 36.0));
-        assert_eq!((memory.field.came_s, memory.iron.field_ut[0], memory.iron.covariance[5]), (37.0, 50.0, 58.0));
-        assert_eq!((memory.lag.came_s, memory.lag.variance_s2, memory.lag.slope[2]), (59.0, 62.0, 71.0));
+        assert_eq!((memory.stance.since_s, memory.stance.used_s), (29.0, 30.0));
+        assert_eq!((memory.field.came_s, memory.iron.field_ut[0], memory.iron.covariance[5]), (31.0, 44.0, 52.0));
+        assert_eq!((memory.lag.came_s, memory.lag.variance_s2, memory.lag.slope[2]), (53.0, 56.0, 65.0));
     }
 
     #[test]

@@ -5,7 +5,7 @@ use super::support::chi_square::interval_999;
 use super::support::nature::Sums;
 use super::support::record::{on_a_stroke, times, Scene};
 use super::support::stroke::Stroke;
-use super::support::{body, model, plain, start_std, tracker, worse, CHAIN, SCULLER};
+use super::support::{body, lively_sculler, model, plain, start_std, tracker, worse, CHAIN};
 use oarlock::body::Body;
 use oarlock::config::{Config, FilterKind};
 use oarlock::estimate::System;
@@ -60,7 +60,7 @@ fn where_readings_are_far_from_linear_the_extended_filter_is_more_overconfident(
 fn worst_with_loops(filter: FilterKind, std: f64) -> f64 {
     let tight = |key: &str, value: &str| (format!("{key} = {value}"), format!("{key} = {std}"));
     let replaced = [tight("std_m", "0.002"), tight("std_axis", "0.005")];
-    let text = replaced.iter().fold(SCULLER.to_string(), |text, (from, to)| text.replace(from, to));
+    let text = replaced.iter().fold(lively_sculler(), |text, (from, to)| text.replace(from, to));
     let mut model = (*model(&text)).clone();
     model.joints.iter_mut().for_each(|j| j.input_std = std);
     let config = Config { filter, estimate: Vec::new(), ..Config::default() };
