@@ -1,7 +1,7 @@
 //! The filter of strapdown links: prediction by each unit's own readings, and readings of joints, bounds, rest and contact.
 
 use super::covariance::{block, predict, Correction, Rows, Step, UNIT};
-use super::increment::{square, sum, Increment, Reading, Readings, ZERO};
+use super::increment::{square, sum, Increment, Jump, Reading, Readings, ZERO};
 use super::sensors::{Heard, Measures, Sensor};
 use super::skeleton::{Closure, End, Pose, Skeleton, Unit};
 use super::skin::small_turn;
@@ -319,9 +319,9 @@ impl StrapdownFilter {
         }
     }
 
-    /// Adds a reading of a unit; false if it is late.
-    pub fn take(&self, state: &mut State, unit: usize, reading: Reading) -> bool {
-        state.readings[unit].push(reading)
+    /// Adds a reading of a unit; see `Readings::take`.
+    pub fn take(&self, state: &mut State, unit: usize, reading: Reading) -> (bool, Option<Jump>) {
+        state.readings[unit].take(reading)
     }
 
     /// Time up to which every unit that still speaks has readings, s.

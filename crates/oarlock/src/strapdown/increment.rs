@@ -146,8 +146,19 @@ const MEMORY_S: f64 = 0.6;
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Readings {
     all: VecDeque<Reading>,
+    /// A reading that changed so much that the next one must say whether it is a jump or a movement.
+    held: Option<Reading>,
     /// Usual interval, s; 0: unknown.
     interval_s: f64,
+}
+
+/// A reading that jumped away and back.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Jump {
+    /// s.
+    pub time_s: f64,
+    /// Whether its gyroscope, and its accelerometer, did.
+    pub of: [bool; 2],
 }
 
 /// Rate, force and their changes at an instant.
@@ -165,37 +176,67 @@ pub struct Signal {
     pub silence_s: f64,
 }
 
-/// A gyroscope, rad/s, or accelerometer, m/s2, that changes by more than this from one reading to the next may have jumped: more than most hits do to
-/// units of 2000 deg/s and 16 g.
-const JUMPS: [f64; 2] = [20.0, 400.0];
+/// A gyroscope, rad/s, or accelerometer, m/s2, that changes by more than this from one reading to the next may have jumped. It has if the reading
+/// after it is back by this share.
+const JUMPS: [f64; 2] = [10.0, 400.0];
+const BACK_SHARE: f64 = 0.5;
 /// Readings further apart may differ by anything, s.
 const LONGEST_JUMP_S: f64 = 0.1;
 
+/// Changes of gyroscope, rad/s, and accelerometer, m/s2, between two readings.
+fn changes(from: &Reading, to: &Reading) -> [f64; 2] {
+    [square(to.gyro - from.gyro), square(to.accel - from.accel)].map(f64::sqrt)
+}
+
 impl Readings {
-    /// Puts the last reading in the place of one that jumps away from it, with the least jump as its uncertainty; whether gyroscope and accelerometer
-    /// do. The next reading says whether it was a jump or a movement: two in a row are believed.
-    pub fn hold_jump(&self, reading: &mut Reading) -> [bool; 2] {
-        let is_known =
-            |last: &&Reading| last.excess == [Vec3([0.0; 3]); 2] && reading.time_s - last.time_s < LONGEST_JUMP_S;
-        let Some(last) = self.last().filter(is_known) else { return [false; 2] };
-        let jumps = [square(reading.gyro - last.gyro), square(reading.accel - last.accel)].map(f64::sqrt);
-        let are = std::array::from_fn(|k| jumps[k] > JUMPS[k] && reading.excess[k].0 == [0.0; 3]);
-        let values = [(&mut reading.gyro, last.gyro), (&mut reading.accel, last.accel)];
-        for (k, (value, before)) in values.into_iter().enumerate().filter(|(k, _)| are[*k]) {
-            *value = before;
-            reading.excess[k] = Vec3([JUMPS[k]; 3]);
+    /// Takes a reading: whether it is no late one, and whether it shows that the one before was a jump, which then counts as lost.
+    pub fn take(&mut self, reading: Reading) -> (bool, Option<Jump>) {
+        if self.held.map_or(self.last_s(), |held| held.time_s) >= reading.time_s {
+            return (false, None);
         }
-        are
+        let jump = self.held.take().and_then(|held| self.settle(held, &reading));
+        let may_jump = |last: &Reading| {
+            let changes = changes(last, &reading);
+            reading.time_s - last.time_s < LONGEST_JUMP_S
+                && (0..2).any(|k| changes[k] > JUMPS[k] && reading.excess[k].0 == [0.0; 3])
+        };
+        if self.last().is_some_and(may_jump) {
+            self.held = Some(reading);
+            return (true, jump);
+        }
+        (self.push(reading), jump)
     }
 
-    /// All readings, and the usual interval, s.
-    pub fn parts(&self) -> (&VecDeque<Reading>, f64) {
-        (&self.all, self.interval_s)
+    /// Adds the reading that was held. Where it jumped, its neighbours stand for it.
+    fn settle(&mut self, held: Reading, next: &Reading) -> Option<Jump> {
+        let last = *self.last()?;
+        let [there, back, across] = [changes(&last, &held), changes(&held, next), changes(&last, next)];
+        let of = std::array::from_fn(|k| {
+            let least = there[k].min(back[k]);
+            held.excess[k].0 == [0.0; 3] && least > JUMPS[k] && across[k] < BACK_SHARE * least
+        });
+        let share = (held.time_s - last.time_s) / (next.time_s - last.time_s);
+        let mut reading = held;
+        if of[0] {
+            reading.gyro = last.gyro + (next.gyro - last.gyro) * share;
+            reading.excess[0] = Vec3([UNREAD_RATE; 3]);
+        }
+        if of[1] {
+            reading.accel = last.accel + (next.accel - last.accel) * share;
+            reading.excess[1] = Vec3([UNREAD_ACCELERATION; 3]);
+        }
+        self.push(reading);
+        (of != [false; 2]).then_some(Jump { time_s: held.time_s, of })
+    }
+
+    /// All readings, the one that is held, and the usual interval, s.
+    pub fn parts(&self) -> (&VecDeque<Reading>, Option<Reading>, f64) {
+        (&self.all, self.held, self.interval_s)
     }
 
     /// From what `parts` returned.
-    pub fn of_parts(all: Vec<Reading>, interval_s: f64) -> Self {
-        Readings { all: all.into(), interval_s }
+    pub fn of_parts(all: Vec<Reading>, held: Option<Reading>, interval_s: f64) -> Self {
+        Readings { all: all.into(), held, interval_s }
     }
 
     /// Adds a reading; false if it is not later than the last.
@@ -463,6 +504,30 @@ mod tests {
                 assert!(close(moved.position - middle.position, by_position), "{kind} {axis}");
             }
         }
+    }
+
+    #[test]
+    fn a_reading_that_jumps_away_and_back_is_lost_and_a_fast_movement_is_not() {
+        let moved = |change: &dyn Fn(usize) -> f64| {
+            let (mut all, mut jumps) = (Readings::default(), Vec::new());
+            for k in 0..20 {
+                let mut r = reading(0.01 * k as f64);
+                r.gyro.0[1] += change(k);
+                let (is_taken, jump) = all.take(r);
+                assert!(is_taken);
+                jumps.extend(jump.map(|jump| ((jump.time_s * 100.0).round(), jump.of)));
+            }
+            (all.all.iter().map(|r| r.gyro.0[1]).collect::<Vec<_>>(), jumps)
+        };
+        let (rates, jumps) = moved(&|k| if k == 9 { 20.0 } else { 0.0 });
+        assert_eq!(jumps, [(9.0, [true, false])]);
+        assert_eq!(rates.len(), 20);
+        assert!((rates[9] - 2.0).abs() < 1e-12);
+        let (rates, jumps) = moved(&|k| if k >= 9 { 20.0 } else { 0.0 });
+        assert!(jumps.is_empty() && rates[9] == 22.0 && rates.len() == 20);
+        // Faster and faster, and back.
+        let (rates, jumps) = moved(&|k| 11.0 * (if k < 10 { k } else { 19 - k }) as f64);
+        assert!(jumps.is_empty() && rates[9] == 2.0 + 99.0);
     }
 
     #[test]

@@ -22,9 +22,9 @@ use crate::sensor::{MountValue, Quantity};
 use crate::strapdown::angles::Coordinates;
 use crate::strapdown::check::{Alone, Check};
 use crate::strapdown::filter::{Means, Node, State, StrapdownFilter, SILENT_S};
-use crate::strapdown::increment::{Increment, Reading, Signal};
+use crate::strapdown::increment::{Increment, Jump, Reading, Signal};
 use crate::strapdown::sensors::{Measures, Place};
-use crate::strapdown::skeleton::{Mounts, Skeleton};
+use crate::strapdown::skeleton::{Mounts, Skeleton, Unit};
 use std::collections::VecDeque;
 
 /// Units silent for longer are not waited for, s.
@@ -283,17 +283,17 @@ impl Tracker {
                     }
                 }
             };
-            let mut reading = Reading { time_s, gyro: three(unit.gyro), accel: force, excess };
-            let are_jumps = links.state.readings[u].hold_jump(&mut reading);
-            for (first, _) in [unit.gyro, unit.accel].into_iter().zip(are_jumps).filter(|(_, is_jump)| *is_jump) {
-                parts[subject.part_of_row[first]] = Verdict::Outlier;
-            }
+            let reading = Reading { time_s, gyro: three(unit.gyro), accel: force, excess };
             strapdown.iter().flat_map(|s| &s.alone).for_each(|alone| alone.take(&mut links.alone, u, reading));
             for rival in &mut links.rivals {
                 filter.take(&mut rival.state, u, reading);
             }
-            if filter.take(&mut links.state, u, reading) {
+            let (is_taken, jump) = filter.take(&mut links.state, u, reading);
+            if is_taken {
                 one.sources[unit.source].seen_s = time_s;
+            }
+            if let Some(jump) = jump {
+                report_jump(subject, &mut links.waiting, unit, jump);
             }
         }
         hear(filter, links, subject, sample, &parts);
@@ -427,6 +427,15 @@ fn check_number(one: &Hypothesis) -> Result<()> {
     match (0..belief.mean.len()).all(is_number) {
         true => Ok(()),
         false => Err(super::diverged(Diverged { what: "the estimate is not a number".into() }, belief.time_s)),
+    }
+}
+
+/// Marks a reading that jumped in the sample that brought it, which waits for the next reading.
+fn report_jump(subject: &Subject, waiting: &mut VecDeque<Waiting>, unit: &Unit, jump: Jump) {
+    let time_s = |w: &Waiting| w.sample.time_s + w.sample.offset_s.get(unit.source).copied().unwrap_or(0.0);
+    let Some(brought) = waiting.iter_mut().rev().find(|w| time_s(w) == jump.time_s) else { return };
+    for (first, _) in [unit.gyro, unit.accel].into_iter().zip(jump.of).filter(|(_, is_jump)| *is_jump) {
+        brought.parts[subject.part_of_row[first]] = Verdict::Outlier;
     }
 }
 

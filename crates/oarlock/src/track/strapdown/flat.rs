@@ -82,6 +82,13 @@ fn fixing_of(from: &mut Source) -> Option<Fixing> {
     Fixing::ALL.get(from.count()?).copied()
 }
 
+fn put_reading(to: &mut Writer, r: &Reading) {
+    to.0.push(r.time_s);
+    to.three(r.gyro);
+    to.three(r.accel);
+    r.excess.into_iter().for_each(|excess| to.three(excess));
+}
+
 fn put_state(to: &mut Writer, state: &State) {
     to.0.extend([state.time_s, state.row_s, f64::from(state.updates)]);
     to.list(state.covariance.as_slice());
@@ -96,15 +103,12 @@ fn put_state(to: &mut Writer, state: &State) {
     state.means.constants.iter().for_each(|v| to.three(*v));
     to.count(state.readings.len());
     for readings in &state.readings {
-        let (all, interval_s) = readings.parts();
+        let (all, held, interval_s) = readings.parts();
         to.0.push(interval_s);
+        to.count(held.iter().len());
+        held.iter().for_each(|r| put_reading(to, r));
         to.count(all.len());
-        for r in all {
-            to.0.push(r.time_s);
-            to.three(r.gyro);
-            to.three(r.accel);
-            r.excess.into_iter().for_each(|excess| to.three(excess));
-        }
+        all.iter().for_each(|r| put_reading(to, r));
     }
     to.0.push(state.means.azimuth);
     to.list(&state.means.pushes);
@@ -153,7 +157,8 @@ fn state_of(from: &mut Source) -> Option<State> {
             let (time_s, gyro, accel) = (from.number()?, from.three()?, from.three()?);
             Some(Reading { time_s, gyro, accel, excess: [from.three()?, from.three()?] })
         };
-        Some(Readings::of_parts(from.many(reading)?, interval_s))
+        let held = from.many(reading)?.pop();
+        Some(Readings::of_parts(from.many(reading)?, held, interval_s))
     })?;
     means.azimuth = from.number()?;
     means.pushes = from.list()?;
