@@ -41,7 +41,7 @@ def streamed(tracker: oarlock.Tracker, samples: list[Any]) -> list[tuple[Any, An
 
 def assert_same_belief(one: oarlock.Belief, other: oarlock.Belief) -> None:
     assert one.time_s == other.time_s
-    for name in ("mean", "covariance", "drive", "habit", "seen_s", "rejected_since_s"):
+    for name in ("mean", "covariance", "seen_s", "rejected_since_s"):
         assert np.array_equal(getattr(one, name), getattr(other, name), equal_nan=True), name
 
 

@@ -179,12 +179,14 @@ class MountDescription:
         offset: (3,) the sensor's place in the link's axes, m.
         std_rad: standard deviation of the rotation about each axis, rad.
         rigid: whether nothing soft lies under it, so that it never turns on its link.
+        soft_std_rad: what soft tissue turns it about each axis, rad; part of the bands of angles, and not estimated.
     """
 
     rotation: Matrix
     offset: Vector
     std_rad: float
     rigid: bool
+    soft_std_rad: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

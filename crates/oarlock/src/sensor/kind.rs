@@ -32,7 +32,7 @@ impl Described<'_> {
 
     pub fn mount(&self, mount: &Mount) -> Value {
         json!({"rotation": mount.rotation.0, "offset": self.point(&mount.offset), "std_rad": mount.std_rad,
-            "rigid": mount.rigid})
+            "rigid": mount.rigid, "soft_std_rad": mount.soft_std_rad})
     }
 }
 

@@ -18,6 +18,8 @@ pub struct Mount {
     pub std_rad: f64,
     /// Whether nothing soft lies under it: it never turns on its link.
     pub rigid: bool,
+    /// What soft tissue turns it about each axis, rad: part of the bands of angles, and not estimated.
+    pub soft_std_rad: f64,
     /// Sensor's position in the link's frame, m.
     pub offset: [Expr; 3],
 }
@@ -27,10 +29,11 @@ const MOUNT_STD_RAD: f64 = 0.1;
 
 impl Mount {
     pub(crate) fn read(section: &Section) -> Mount {
-        let keys = &["rotation", "rpy", "offset", "std_rad", "rigid"];
+        let keys = &["rotation", "rpy", "offset", "std_rad", "rigid", "soft_std_rad"];
         let Some(mount) = section.get("mount").and_then(|slot| Section::of(slot, keys)) else {
             let offset = [0.0; 3].map(Expr::constant);
-            return Mount { rotation: Mat3::identity(), std_rad: MOUNT_STD_RAD, rigid: false, offset };
+            let rotation = Mat3::identity();
+            return Mount { rotation, std_rad: MOUNT_STD_RAD, rigid: false, soft_std_rad: 0.0, offset };
         };
         let rotation = read_rotation(&mount).evaluate(&[]);
         if rotation.0.iter().flatten().any(|x| x.is_nan()) {
@@ -39,7 +42,8 @@ impl Mount {
         }
         let std_rad = mount.get("std_rad").and_then(|s| s.positive("rad")).unwrap_or(MOUNT_STD_RAD);
         let rigid = mount.get("rigid").and_then(|s| s.flag()).unwrap_or(false);
-        Mount { rotation, std_rad, rigid, offset: mount.point("offset") }
+        let soft_std_rad = mount.get("soft_std_rad").and_then(|s| s.positive("rad")).unwrap_or(0.0);
+        Mount { rotation, std_rad, rigid, soft_std_rad, offset: mount.point("offset") }
     }
 }
 

@@ -285,11 +285,16 @@ fn push_bias(rows: &mut Rows, filter: &StrapdownFilter, means: &Means, (link, si
     }
 }
 
-/// Variance of the relative rotation by the mounts of both units, in the child's axes.
+/// Variance of the relative rotation by mounts and soft tissue of both units where these are no states, in the child's axes.
 fn mount_variance(filter: &StrapdownFilter, l: usize, relative: &Mat3<f64>) -> Mat3<f64> {
     let of = |link: usize| match filter.skeleton.links[link].pose {
-        Pose::Unit(u) if filter.links.mount_std_rad.is_none() => filter.skeleton.units[u].mount_std_rad.map(|s| s * s),
-        Pose::Unit(_) | Pose::State(..) | Pose::Between(..) | Pose::Driven => [0.0; 3],
+        Pose::Unit(u) => {
+            let (unit, links) = (&filter.skeleton.units[u], &filter.links);
+            let soft = if links.skin_std_rad.is_none() { unit.soft_std_rad } else { 0.0 };
+            let mount = if links.mount_std_rad.is_none() { unit.mount_std_rad } else { [0.0; 3] };
+            mount.map(|std| std * std + soft * soft)
+        }
+        Pose::State(..) | Pose::Between(..) | Pose::Driven => [0.0; 3],
     };
     let mut out = ZERO;
     let own = of(l);

@@ -65,6 +65,8 @@ pub struct Unit {
     pub mount_std_rad: [f64; 3],
     /// Whether it never turns on its link.
     pub rigid: bool,
+    /// What soft tissue turns it about each axis, rad.
+    pub soft_std_rad: f64,
     /// The point that touches the ground, in the unit's axes, and its speed there, m/s.
     pub contact: Option<(Vec3<f64>, f64)>,
     /// Start and random walk of the biases of gyroscope and accelerometer.
@@ -432,6 +434,7 @@ impl Skeleton {
             offset,
             mount_std_rad: mounts.stds_rad[sensor],
             rigid: imu.mount.rigid,
+            soft_std_rad: imu.mount.soft_std_rad,
             contact,
             bias: [
                 [noise.gyro_bias_start_std, noise.gyro_bias_walk],
