@@ -125,7 +125,7 @@ fn with_sensors(sensors: &Value) -> Model {
     let sensor = |s: &Value| {
         let rotation = [0, 1, 2].map(|i| three(&s["R_link_from_sensor"][i]));
         let offset = three(&s["offset_in_link"]).map(Expr::constant);
-        let mount = Mount { rotation: Mat3(rotation), std_rad: 0.1, rigid: false, offset };
+        let mount = Mount { rotation: Mat3(rotation), std_rad: 0.1, rigid: false, soft_std_rad: 0.0, offset };
         let frame = s["frame"].as_u64().expect("a frame") as usize;
         let name = s["name"].as_str().expect("a name").to_string();
         Sensor { name, kind: SensorKind::Imu(Imu { frame, mount, noise, contact: None }) }
