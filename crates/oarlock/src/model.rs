@@ -141,7 +141,7 @@ pub struct Axis {
     pub limits: [f64; 2],
     /// Rest value.
     pub rest: f64,
-    /// Whether it is a position, which needs no sensor; its process noise is learnt in any case.
+    /// Whether it is a position, which needs no sensor.
     pub place: bool,
     /// Whether it belongs to a rotation vector; its limits count from its rest.
     pub turns: bool,

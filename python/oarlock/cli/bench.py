@@ -19,7 +19,7 @@ Keys of --json (times in us are medians, each filter's steps are 1e6 / time):
   n, m                         states and readings of the sculler, joints and azimuth alone
   ukf_steps_s, ekf_steps_s, factorised_steps_s    steps per second inside the engine, one core
   ukf_us, ukf_us_p10, ...      time of a step: median and 10 % quantile
-  bare_ukf_steps_s, ...        the same without gates and learning, like the textbook filter
+  bare_ukf_steps_s, ...        the same without gates, like the textbook filter
   textbook_us, textbook_us_p10                 the textbook unscented filter, same process
   ukf_ratio_to_textbook, ...   textbook_us divided by the filter's
   ukf_ratio_to_textbook_p10, ...               the same for the 10 % quantiles, more stable on a busy machine

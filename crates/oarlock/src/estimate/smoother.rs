@@ -94,22 +94,12 @@ impl Backward {
         advance: impl FnMut(&mut Panel),
     ) -> Result<&[f64], Diverged> {
         self.step.copy_from_slice(step);
-        self.in_order(|s| &mut s.next, next);
-        self.in_order(|s| &mut s.predicted, predicted);
+        reorder(&self.order, next, &mut self.next);
+        reorder(&self.order, predicted, &mut self.predicted);
         self.take_next()?;
         self.factorise(filtered, advance)?;
         self.add_squares(filtered, next);
         Ok(&self.shift)
-    }
-
-    fn in_order(&mut self, of: fn(&mut Self) -> &mut Square, from: &Square) {
-        let order = std::mem::take(&mut self.order);
-        let to = of(self);
-        for (i, row) in order.iter().enumerate() {
-            let from = from.row(*row);
-            to.row_mut(i).iter_mut().zip(&order).for_each(|(x, j)| *x = from[*j]);
-        }
-        self.order = order;
     }
 
     /// X of S1.
@@ -259,6 +249,14 @@ impl Smoother {
         self.shears.clear();
         system.shears(predicted, &self.shift, &mut self.shears);
         self.shears.iter().for_each(|shear| shear.apply(&mut self.next));
+    }
+}
+
+/// Rows and columns of `from` in this order.
+fn reorder(order: &[usize], from: &Square, to: &mut Square) {
+    for (i, row) in order.iter().enumerate() {
+        let from = from.row(*row);
+        to.row_mut(i).iter_mut().zip(order).for_each(|(x, j)| *x = from[*j]);
     }
 }
 

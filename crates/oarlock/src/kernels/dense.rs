@@ -52,14 +52,6 @@ impl Square {
         &mut self.data[i * self.n..(i + 1) * self.n]
     }
 
-    /// Row `i` and the one after it; that is empty after the last.
-    #[inline(always)]
-    pub(crate) fn row_and_next(&mut self, i: usize) -> (&mut [f64], &mut [f64]) {
-        let (row, rest) = self.data[i * self.n..].split_at_mut(self.n);
-        let end = self.n.min(rest.len());
-        (row, &mut rest[..end])
-    }
-
     /// Different rows.
     #[inline(always)]
     pub(crate) fn rows_mut<const COUNT: usize>(&mut self, index: [usize; COUNT]) -> [&mut [f64]; COUNT] {

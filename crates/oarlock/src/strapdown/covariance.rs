@@ -4,7 +4,7 @@
 use super::increment::{skew, sum, Increment};
 use super::slides::Share;
 use crate::kernels::arch::{madd, Arch, Kernel};
-use crate::kernels::dense::Square;
+use crate::kernels::dense::{accumulate, Square};
 use crate::rotation::{Mat3, Vec3};
 
 /// States of a unit: orientation, velocity, position, biases of gyroscope and accelerometer.
@@ -253,9 +253,6 @@ impl Rows {
     }
 }
 
-/// Rows that the covariance takes up at once.
-const TOGETHER: usize = 4;
-
 /// Corrections by the readings of one instant so far: of the means, and of the covariance P, from which X'K is still to be subtracted: one pass
 /// over P takes up all readings, and those that are read again need none.
 #[derive(Debug, Clone)]
@@ -286,7 +283,7 @@ impl Correction {
         innovation: [f64; 3],
         variance: [f64; 3],
     ) -> f64 {
-        while self.spread.len() < (self.waiting + 3).next_multiple_of(TOGETHER) {
+        while self.spread.len() < self.waiting + 3 {
             self.spread.push(vec![0.0; covariance.n()]);
             self.gain.push(vec![0.0; covariance.n()]);
         }
@@ -395,21 +392,10 @@ impl Kernel for Subtracting<'_> {
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
         let Subtracting { correction: Correction { spread, gain, waiting, .. }, covariance } = self;
-        let n = covariance.n();
-        let whole = waiting.next_multiple_of(TOGETHER);
-        spread[*waiting..whole].iter_mut().for_each(|row| row.fill(0.0));
         // Of the symmetric matrix the upper triangle is enough.
-        for i in (0..n).step_by(2) {
-            let (first, second) = covariance.row_and_next(i);
-            for (spread, gain) in spread[..whole].chunks_exact(TOGETHER).zip(gain.chunks_exact(TOGETHER)) {
-                let x = [0, 1, 2, 3].map(|k| &spread[k][i..n]);
-                let by = |i: usize| [0, 1, 2, 3].map(|k| -gain[k][i]);
-                match &mut *second {
-                    // Two rows share what is loaded.
-                    [_, ..] => add_to_both::<FUSED>([&mut first[i..], &mut second[i..]], [by(i), by(i + 1)], x),
-                    [] => first[i] = sum4::<FUSED>(by(i), x.map(|x| x[0]), first[i]),
-                }
-            }
+        for i in 0..covariance.n() {
+            let terms = spread.iter().zip(&*gain).take(*waiting).map(|(x, k)| (-k[i], &x[i..]));
+            accumulate(&mut covariance.row_mut(i)[i..], terms);
         }
         covariance.mirror_upper();
         *waiting = 0;
@@ -426,25 +412,6 @@ fn add<const FUSED: bool>([x, y, z]: &mut [&mut [f64]; 3], by: [f64; 3], row: &[
         y[j] = madd::<FUSED>(by[1], row[j], y[j]);
         z[j] = madd::<FUSED>(by[2], row[j], z[j]);
     }
-}
-
-/// Adds multiples of four rows to two.
-#[inline(always)]
-fn add_to_both<const FUSED: bool>([first, second]: [&mut [f64]; 2], by: [[f64; 4]; 2], rows: [&[f64]; 4]) {
-    let n = first.len();
-    let (first, second, [x, y, z, w]) = (&mut first[..n], &mut second[..n], rows.map(|row| &row[..n]));
-    for j in 0..n {
-        let all = [x[j], y[j], z[j], w[j]];
-        first[j] = sum4::<FUSED>(by[0], all, first[j]);
-        second[j] = sum4::<FUSED>(by[1], all, second[j]);
-    }
-}
-
-/// a . x + c
-#[inline(always)]
-fn sum4<const FUSED: bool>(a: [f64; 4], x: [f64; 4], c: f64) -> f64 {
-    let near = madd::<FUSED>(a[1], x[1], madd::<FUSED>(a[0], x[0], c));
-    madd::<FUSED>(a[3], x[3], madd::<FUSED>(a[2], x[2], near))
 }
 
 /// Three rows and columns from `first` on.

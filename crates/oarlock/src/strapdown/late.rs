@@ -104,9 +104,7 @@ impl StrapdownFilter {
         state.covariance = self.start_covariance(&state.means, &tilts, (&headings, UNKNOWN_AZIMUTH_RAD));
         let mut stays = vec![false; self.size];
         let biases = (0..tilts.len()).flat_map(|u| UNIT * u + 9..UNIT * (u + 1));
-        let constants = self.constants().filter(lasts).flat_map(|first| first..first + 3);
-        let lengths = (0..self.skeleton.lengths.len()).map(|k| self.length_state(k));
-        let all = biases.chain(constants).chain(lengths).chain(self.azimuth_state());
+        let all = biases.chain(self.lasting()).chain(self.azimuth_state());
         all.for_each(|i| stays[i] = true);
         for (r, c) in (0..self.size).flat_map(|r| (0..self.size).map(move |c| (r, c))) {
             match (stays[r], stays[c]) {

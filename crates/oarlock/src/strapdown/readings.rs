@@ -232,8 +232,10 @@ impl StrapdownFilter {
     pub(super) fn read_rests(&mut self, state: &mut State, step_s: f64) {
         let moves = self.moves(state);
         for u in 0..self.skeleton.units.len() {
-            let rate = resting_rate(&state.readings[u], state.time_s, self.links.rest_below_rad_s);
-            let rate = rate.filter(|_| !moves);
+            let rate = match moves {
+                true => None,
+                false => resting_rate(&state.readings[u], state.time_s, self.links.rest_below_rad_s),
+            };
             self.rests[u] = rate.is_some();
             rate.iter().for_each(|rate| self.read_rest(state, u, *rate, step_s));
         }

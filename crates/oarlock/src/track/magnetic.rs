@@ -4,8 +4,7 @@
 //! wrong direction too. The dip is measured against the vertical of the state estimate. Both tests are those of VQF
 //! (Laidig and Seel 2023, section 3.5). The model file's noise does not enter them, because it may be large to reduce
 //! the weight of a field. A reading that passes both is tested by its innovation. A disturbance lasts while a body
-//! passes it, so the innovation test has a longer patience than other sensors, and rejected innovations do not change
-//! the learnt innovation level.
+//! passes it, so the innovation test has a longer patience than other sensors.
 //!
 //! Readings are late against the gyroscope of their unit: `lag` finds by how much, and they are rotated to the present.
 //!
@@ -228,7 +227,7 @@ fn lasting_variance(variance: f64, square: f64, dt: f64) -> f64 {
     variance * (1.0 + square / (3.0 * variance)) * alike(dt)
 }
 
-/// Parts that are not used to learn process noise: magnetometers, unless `always` is configured.
+/// Parts whose innovations are tested without slack: magnetometers if `gated` is configured.
 pub(super) fn strict(subject: &Subject, usage: Magnetometer) -> Vec<bool> {
     subject.quantities.iter().map(|&q| usage == Magnetometer::Gated && q == Quantity::Mag).collect()
 }
