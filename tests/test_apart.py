@@ -70,7 +70,7 @@ def alternating():
 
 def test_rows_between_instants_come_at_a_clean_rate_and_change_no_estimate(alternating):
     model, recording = alternating
-    track = oarlock.track(model, recording)
+    track = oarlock.track(model, recording, config=oarlock.Config(structure="tree"))
     found = track.provenance["config"]
     assert (found["sample_rate_hz"], found["output_rate_hz"]) == (0.0, 50.0)
     np.testing.assert_allclose(np.diff(track.time_s) * 50, 1, atol=1e-9)

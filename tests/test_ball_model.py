@@ -24,6 +24,7 @@ from test_simulate import assert_signals_agree
 ARM = """\
 format = 1
 name = "ball_arm"
+structure = "tree"
 joint = [
     { name = "trunk", kind = "hinge" },
     { name = "shoulder", kind = "ball", angles = "YXY", rest = [0.1, 0.2, 0.3] },

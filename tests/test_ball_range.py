@@ -21,6 +21,7 @@ STD_DEG = (20.0, 35.0, 35.0)
 BODY = """\
 format = 1
 name = "person"
+structure = "tree"
 joint = [
     {{ name = "trunk", kind = "ball" }},
     {{ name = "neck", kind = "ball", rest = [0.1, -0.2, 0.05], {limits} }},
@@ -105,7 +106,7 @@ def test_description_and_sheet(folder):
 
 def test_an_error_names_file_line_and_key(folder):
     with pytest.raises(
-        oarlock.ModelError, match=r"person.*\.toml:5: joint `neck`: limits\.swing: 40\.0000 rad; expected"
+        oarlock.ModelError, match=r"person.*\.toml:6: joint `neck`: limits\.swing: 40\.0000 rad; expected"
     ):
         body(folder, 'limits = { axis = "y", swing = 40 }')
 

@@ -17,6 +17,7 @@ from oarlock.tracking.records import DISTURBED, FIELD
 HEAD = """
 format = 1
 name = "head"
+structure = "tree"
 description = "one body on a ball"
 joint = [{ name = "neck", kind = "ball" }]
 frame = [{ name = "head", parent = "root", joint = "neck", transform = {} }]
@@ -109,8 +110,10 @@ def test_a_clean_field_is_used() -> None:
     track = oarlock.track(model(), simulated()[1])
     assert (track.info.field == FIELD.index("undisturbed")).all()
     assert not any("disturbed" in note for note in track.notes)
-    off = oarlock.track(model(), simulated()[1], config=Config(magnetometer="off"))
-    assert (off.info.field == FIELD.index("missing")).all()
+    for structure in ("tree", "strapdown"):
+        config = Config(structure=structure, magnetometer="off")
+        off = oarlock.track(model(), simulated()[1], config=config)
+        assert (off.info.field == FIELD.index("missing")).all()
 
 
 def test_an_unknown_test_is_refused() -> None:

@@ -15,6 +15,7 @@ from refusals import assert_refused
 TIME_S, SWING = test_worn_states.TIME_S[:601], test_worn_states.SWING[:601]
 """Twelve seconds."""
 LENGTH = "l_upper"
+TREE = Config(structure="tree", estimate=("gyro_bias", "accel_bias", LENGTH))
 LONGER_M = 0.03
 ROUNDING_M = 1e-9
 """Places are linear in lengths; the slope is a difference of numbers near 1."""
@@ -29,7 +30,7 @@ def stretched(pendulum: oarlock.Model) -> oarlock.Track:
     longer = oarlock.Calibration(parameters={LENGTH: pendulum.parameters[LENGTH] + LONGER_M})
     motion = Motion(tuple(pendulum.joint_names), TIME_S, SWING)
     recording = oarlock.simulate(pendulum, motion, seed=3, calibration=longer)[1]
-    return oarlock.track(pendulum, recording, config=Config(estimate=("gyro_bias", "accel_bias", LENGTH)))
+    return oarlock.track(pendulum, recording, config=TREE)
 
 
 def last_frame(track: oarlock.Track) -> str:

@@ -365,7 +365,7 @@ def test_targets_hold_on_a_seed_that_nobody_has_seen():
     """40 s of a seed drawn anew each time: mean, worst angle, seat, hands, NEES, NIS, coverage; live and smoothed."""
     seed = int(np.random.default_rng().integers(1_000_000, 2**31))
     whole = table5_study((seed,))
-    names = ("shipped", "shipped smoothed", "jerk_closure_states")
+    names = ("tree", "tree smoothed", "jerk_closure_states")
     study = oarlock.Study(
         whole.model,
         whole.simulator,

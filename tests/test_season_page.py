@@ -95,7 +95,7 @@ def test_the_command(tmp_path: Path) -> None:
     run("season", "synthetic", at, "--recordings", 10, "--athletes", 2, "--jobs", 1, "--seed", 4)
     told = run("season", "page", at, "--out", out, "--metric", "catch_angle", "--scope", "coaching").stdout
     assert "Wrote" in told
-    assert "What changed" in out.read_text()
+    assert "What changed" in out.read_text("utf-8")
     assert "page.html" in run("season", "page", at, "--out", out, status=2).stderr
 
 

@@ -22,7 +22,7 @@ def recorded(model: oarlock.Model, calibration: oarlock.Calibration | None = Non
 def test_a_wrong_length_is_found(pendulum: oarlock.Model) -> None:
     true_m = pendulum.parameters["l_upper"] + 0.03
     recording = recorded(pendulum, oarlock.Calibration(parameters={"l_upper": true_m}))
-    track = oarlock.track(pendulum, recording, config=Config(estimate=(*BESIDE, "l_upper")))
+    track = oarlock.track(pendulum, recording, config=Config(structure="tree", estimate=(*BESIDE, "l_upper")))
     found = track.slow["parameters.l_upper"]
     assert found.unit == "m"
     # Five times sharper than what was known before.
@@ -34,7 +34,7 @@ def test_a_wrong_length_is_found(pendulum: oarlock.Model) -> None:
 @pytest.mark.parametrize("told_m", [1e-3, 0.0])
 def test_a_length_starts_with_what_its_calibration_says_of_it(pendulum: oarlock.Model, told_m: float) -> None:
     known = oarlock.Calibration(parameter_stds={"l_upper": told_m})
-    config = Config(estimate=(*BESIDE, "l_upper"))
+    config = Config(structure="tree", estimate=(*BESIDE, "l_upper"))
     track = oarlock.track(pendulum, recorded(pendulum), known, config)
     found = track.slow["parameters.l_upper"]
     assert np.isfinite(track.q).all()
@@ -52,7 +52,9 @@ def test_a_mount_askew_about_the_hinges_axis_is_found(pendulum: oarlock.Model) -
         [[1.0, 0.0, 0.0], [0.0, np.cos(askew), -np.sin(askew)], [0.0, np.sin(askew), np.cos(askew)]]
     )
     worn = oarlock.Calibration(mounts={name: (np.asarray(mount.rotation) @ turn, mount.offset)})
-    track = oarlock.track(pendulum, recorded(pendulum, worn), config=Config(estimate=(*BESIDE, "mounts")))
+    track = oarlock.track(
+        pendulum, recorded(pendulum, worn), config=Config(structure="tree", estimate=(*BESIDE, "mounts"))
+    )
     found = track.slow[f"{name}.mount_rx"]
     assert found.unit == "rad"
     # A tenth of what it was off.
@@ -61,4 +63,4 @@ def test_a_mount_askew_about_the_hinges_axis_is_found(pendulum: oarlock.Model) -
 
 def test_a_name_that_is_no_length_is_refused(pendulum: oarlock.Model) -> None:
     with pytest.raises(oarlock.DataError, match=r"l_uper.*lengths.*mounts.*l_upper"):
-        oarlock.track(pendulum, recorded(pendulum), config=Config(estimate=("l_uper",)))
+        oarlock.track(pendulum, recorded(pendulum), config=Config(structure="tree", estimate=("l_uper",)))

@@ -79,7 +79,7 @@ impl PyModel {
     /// How the model is tracked: "strapdown" or "tree".
     #[getter]
     fn structure(&self) -> &'static str {
-        match self.model.structure {
+        match oarlock::track::structure_of(&self.model) {
             oarlock::model::Structure::Strapdown => "strapdown",
             oarlock::model::Structure::Tree => "tree",
         }

@@ -320,8 +320,8 @@ pub struct Model {
     pub name: String,
     /// One or two sentences.
     pub description: String,
-    /// How it is tracked unless the configuration says otherwise.
-    pub structure: Structure,
+    /// How it is tracked unless the configuration says otherwise; `None`: as strapdown links if its units allow it.
+    pub structure: Option<Structure>,
     /// Statements for strapdown links.
     pub links: Links,
     /// Gravity and magnetic field.

@@ -49,6 +49,7 @@ use score::Scoring;
 use stance::Stance;
 use std::collections::BTreeMap;
 use std::sync::Arc;
+pub use strapdown::structure_of;
 use strapdown::Strapdown;
 use subject::Subject;
 use worn::{as_known, check_stds};

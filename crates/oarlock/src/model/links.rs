@@ -259,7 +259,7 @@ impl Links {
 
     pub(super) fn read(whole: &Section) -> Links {
         let Some(section) = whole.get("links").and_then(|slot| Section::of(slot, &KEYS)) else {
-            return Links::of(JointsOf::Bone);
+            return Links::of(JointsOf::HandRig);
         };
         let kinds = [
             ("bone", JointsOf::Bone),
@@ -267,7 +267,7 @@ impl Links {
             ("machine", JointsOf::Machine),
             ("bone_in_rig", JointsOf::BoneInRig),
         ];
-        let kind = section.get("joints").and_then(|slot| slot.choice(&kinds)).unwrap_or(JointsOf::Bone);
+        let kind = section.get("joints").and_then(|slot| slot.choice(&kinds)).unwrap_or(JointsOf::HandRig);
         let mut links = Links::of(kind);
         let number = |key: &str, unit: &str| section.get(key).and_then(|slot| slot.positive(unit));
         for (key, value, unit) in links.numbers() {

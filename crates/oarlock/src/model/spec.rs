@@ -22,7 +22,7 @@ use toml::de::DeTable;
 pub(super) struct Spec {
     pub(super) name: String,
     pub(super) description: String,
-    pub(super) structure: Structure,
+    pub(super) structure: Option<Structure>,
     pub(super) links: Links,
     pub(super) world: World,
     /// Whether the world gives norm and dip of the magnetic field.
@@ -84,7 +84,7 @@ fn read_whole(whole: &Section, parameters: Vec<(Named, Parameter)>) -> Spec {
     Spec {
         name: whole.need("name", "\"sculler\"").and_then(|s| s.name()).map_or(String::new(), |n| n.text),
         description: whole.text_or_empty("description"),
-        structure: whole.get("structure").and_then(|slot| slot.choice(&STRUCTURES)).unwrap_or(Structure::Tree),
+        structure: whole.get("structure").and_then(|slot| slot.choice(&STRUCTURES)),
         links: Links::read(whole),
         world,
         has_field,

@@ -316,13 +316,20 @@ impl StrapdownFilter {
     }
 
     /// The azimuth at the start, from the first moments of all magnetometers, and its standard deviation, rad. If the azimuth is known, all
-    /// units turn about the vertical instead, so that the field has it.
-    pub(super) fn find_north(&self, means: &mut Means, (readings, heard): (&[Readings], &[Heard]), time_s: f64) -> f64 {
+    /// units turn about the vertical instead, so that the field has it. `rotations`: of each unit at the start, room from unit.
+    pub(super) fn find_north(
+        &self,
+        means: &mut Means,
+        rotations: &[Mat3<f64>],
+        (readings, heard): (&[Readings], &[Heard]),
+        time_s: f64,
+    ) -> f64 {
         let fields = self.skeleton.sensors.iter().zip(heard).filter_map(|(sensor, heard)| match sensor.measures {
-            Measures::Field(u) => Some(self.level_field(means, u, (&readings[u], heard), time_s)),
+            Measures::Field(u) => Some(rotations[u].apply(self.first_field((&readings[u], heard), time_s))),
             _ => None,
         });
-        let level = fields.fold(Vec3([0.0; 3]), |all, field| all + field);
+        let all = fields.fold(Vec3([0.0; 3]), |all, field| all + field);
+        let level = all - self.skeleton.up * dot(all, self.skeleton.up);
         if square(level) == 0.0 {
             means.azimuth = self.skeleton.azimuth_rad.unwrap_or(0.0);
             return self.azimuth_std();
@@ -338,9 +345,9 @@ impl StrapdownFilter {
         self.azimuth_std()
     }
 
-    /// Horizontal part of the field in the first moments of a unit, summed in the room's axes, uT.
-    fn level_field(&self, means: &Means, u: usize, (readings, heard): (&Readings, &Heard), start_s: f64) -> Vec3<f64> {
-        let (up, zero) = (self.skeleton.up, Vec3([0.0; 3]));
+    /// The field in the first moments of a unit, summed in its axes at the start, uT.
+    pub(super) fn first_field(&self, (readings, heard): (&Readings, &Heard), start_s: f64) -> Vec3<f64> {
+        let zero = Vec3([0.0; 3]);
         let (mut turned, mut at_s, mut sum) = (Increment::none(), start_s, zero);
         for (time_s, field) in heard.all.iter().take_while(|(time_s, _)| *time_s <= start_s + LEVEL_S) {
             let to_s = time_s.min(readings.last_s());
@@ -348,10 +355,14 @@ impl StrapdownFilter {
                 readings.integrate(&mut turned, (at_s, to_s), [zero; 2], zero, &self.links);
                 at_s = to_s;
             }
-            let in_room = means.units[u].rotation.apply(turned.rotation.apply(Vec3(*field)));
-            sum += in_room - up * dot(in_room, up);
+            sum += turned.rotation.apply(Vec3(*field));
         }
         sum
+    }
+
+    /// The world's field at the known azimuth, or at any, uT.
+    pub(super) fn world_field(&self) -> Vec3<f64> {
+        self.skeleton.field.magnetic(self.skeleton.azimuth_rad.unwrap_or(0.0))
     }
 
     /// Standard deviation of the field's azimuth before any reading, rad.

@@ -4,7 +4,7 @@ use super::covariance::UNIT;
 use super::filter::{dot, Means, State, StrapdownFilter, UnitState, LOOSE_WALK, SPRING_TIME_S};
 use super::increment::{skew, square, Increment, Readings};
 use super::readings::{resting_rate, REST_S};
-use super::sensors::{Heard, UNKNOWN_AZIMUTH_RAD};
+use super::sensors::{Heard, Measures, UNKNOWN_AZIMUTH_RAD};
 use super::skeleton::{Closure, End, Pose, Unit};
 use crate::kernels::dense::Square;
 use crate::model::Links;
@@ -23,6 +23,10 @@ const LEVEL_RAD: f64 = 0.02;
 /// a force that is not vertical.
 const ANY_POSTURE_RAD: f64 = 0.5;
 const SWING_M: f64 = 0.5;
+/// Tilt of a unit that its magnetic field tells, rad: dips inside buildings differ by this much.
+const FIELD_TILT_RAD: f64 = 0.3;
+/// Squared sine of the least angle between two directions that tell an orientation.
+const LEAST_ACROSS: f64 = 0.03;
 
 /// Above this standard deviation of a joint's heading at the start, rad, it is sought in a bank of this many.
 const OPEN_RAD: f64 = 0.6;
@@ -39,6 +43,19 @@ const LEAST_HEADING_RAD: f64 = 0.1;
 fn is_open(closure: &Closure, stds: &[f64]) -> bool {
     let units = closure.from.unit().zip(closure.to.unit());
     closure.loop_std_m.is_none() && units.is_some_and(|(a, b)| stds[a].hypot(stds[b]) > OPEN_RAD)
+}
+
+/// The rotation that turns the first of two directions onto the first of others, and the second as near as it can (Shuster and Oh 1981,
+/// TRIAD); `None` if two are nearly parallel.
+fn rotation_between(to: [Vec3<f64>; 2], from: [Vec3<f64>; 2]) -> Option<Mat3<f64>> {
+    let axes = |[first, second]: [Vec3<f64>; 2]| {
+        let unit = |v: Vec3<f64>| v * (1.0 / square(v).sqrt());
+        let across = unit(first).cross(unit(second));
+        let (x, y) = (unit(first), unit(across));
+        let z = x.cross(y);
+        (square(across) > LEAST_ACROSS).then(|| Mat3(std::array::from_fn(|r| [x.0[r], y.0[r], z.0[r]])))
+    };
+    Some(axes(to)?.times_transposed(&axes(from)?))
 }
 
 /// What a closure made of a heading.
@@ -75,8 +92,12 @@ impl StrapdownFilter {
         let zero = Vec3([0.0; 3]);
         let mut turned: Vec<Mat3<f64>> = orientation.to_vec();
         let (mut units, mut tilts) = (Vec::new(), Vec::new());
-        for (unit, readings) in self.skeleton.units.iter().zip(&readings) {
-            let (rotation, tilt) = self.levelled(turned[unit.link].times(&unit.mount), is_stated, readings, time_s);
+        for (u, (unit, readings)) in self.skeleton.units.iter().zip(&readings).enumerate() {
+            let rotation = turned[unit.link].times(&unit.mount);
+            let is_unknown = !is_stated && self.links.start_std_rad > OPEN_RAD;
+            let field = self.field_sensor(u).filter(|_| is_unknown);
+            let field = field.map(|s| self.first_field((readings, &heard[s]), time_s));
+            let (rotation, tilt) = self.levelled(rotation, (is_stated, field), readings, time_s);
             tilts.push(tilt);
             turned[unit.link] = rotation.times_transposed(&unit.mount);
             units.push(UnitState { rotation, velocity: zero, position: zero, gyro_bias: zero, accel_bias: zero });
@@ -89,7 +110,8 @@ impl StrapdownFilter {
         let slides = self.skeleton.slides.iter().map(|slide| [slide.rest_m, 0.0]).collect();
         let mut means = Means { units, loose, constants, azimuth: 0.0, pushes, room: zero, lengths, slides, inputs };
         self.place(&mut means, &mut vec![false; tilts.len()]);
-        let north = self.find_north(&mut means, (&readings, &heard), time_s);
+        let rotations: Vec<Mat3<f64>> = means.units.iter().map(|unit| unit.rotation).collect();
+        let north = self.find_north(&mut means, &rotations, (&readings, &heard), time_s);
         self.find_place(&mut means, &heard);
         let headings: Vec<f64> = self.heading_stds(&means).iter().map(|std| std.min(OPEN_RAD)).collect();
         let covariance = self.start_covariance(&means, &tilts, (&headings, north));
@@ -197,16 +219,33 @@ impl StrapdownFilter {
         }))
     }
 
+    /// The sensor of a unit's magnetic field.
+    fn field_sensor(&self, u: usize) -> Option<usize> {
+        self.skeleton.sensors.iter().position(|sensor| matches!(sensor.measures, Measures::Field(of) if of == u))
+    }
+
     /// The orientation, turned the short way towards the one in which the mean force is vertical, by what both are worth; and the standard
-    /// deviation of its tilt, rad.
-    fn levelled(&self, rotation: Mat3<f64>, is_stated: bool, readings: &Readings, time_s: f64) -> (Mat3<f64>, f64) {
+    /// deviation of its tilt, rad. `field`: mean magnetic field of a unit of which nobody knows the orientation.
+    fn levelled(
+        &self,
+        rotation: Mat3<f64>,
+        (is_stated, field): (bool, Option<Vec3<f64>>),
+        readings: &Readings,
+        time_s: f64,
+    ) -> (Mat3<f64>, f64) {
         let Links { start_tilt_std_rad, start_std_rad, .. } = self.links;
         let prior = if is_stated { start_std_rad.min(start_tilt_std_rad) } else { start_tilt_std_rad };
         // The force of a unit that moves says less than a posture that somebody stated.
-        if is_stated && resting_rate(readings, time_s + START_REST_S, self.links.rest_below_rad_s).is_none() {
+        let rests = resting_rate(readings, time_s + START_REST_S, self.links.rest_below_rad_s).is_some();
+        if is_stated && !rests {
             return (rotation, prior);
         }
         let Some((force, scatter)) = self.mean_force(readings, time_s) else { return (rotation, prior) };
+        // A force that gravity alone makes shows the tilt better.
+        let turned = field
+            .filter(|_| !rests)
+            .and_then(|field| rotation_between([self.world_field(), self.skeleton.up], [field, force]));
+        let (rotation, prior) = turned.map_or((rotation, prior), |turned| (turned, FIELD_TILT_RAD));
         let force = rotation.apply(force);
         let axis = force.cross(self.skeleton.up);
         let (sin, cos) = (square(axis).sqrt(), dot(force, self.skeleton.up));
@@ -285,9 +324,41 @@ impl StrapdownFilter {
         }
         let of = |(std, sought): (&f64, &bool)| if *sought { widest } else { std.min(OPEN_RAD) };
         let stds: Vec<f64> = known.iter().zip(&sought).map(of).collect();
-        let north = self.find_north(&mut state.means, (&state.readings, &state.heard), state.time_s);
+        state.covariance = self.start_covariance(&state.means, tilts, (&stds, self.azimuth_std()));
+        let rotations = self.rotations_in_hindsight(&state, end_s);
+        let heard = (state.readings.as_slice(), state.heard.as_slice());
+        let north = self.find_north(&mut state.means, &rotations, heard, state.time_s);
         state.covariance = self.start_covariance(&state.means, tilts, (&stds, north));
+        self.doubt_heading(&mut state.covariance);
         Some(state)
+    }
+
+    /// Orientation of each unit at the start, room from unit, as the readings up to a later time show it.
+    fn rotations_in_hindsight(&self, start: &State, end_s: f64) -> Vec<Mat3<f64>> {
+        let (mut end, zero) = (start.clone(), Vec3([0.0; 3]));
+        self.clone().advance(&mut end, end_s, &mut |_| {}, false);
+        let since = |(unit, readings): (&UnitState, &Readings)| {
+            let mut turned = Increment::none();
+            readings.integrate(&mut turned, (start.time_s, end.time_s), [zero; 2], zero, &self.links);
+            unit.rotation.times_transposed(&turned.rotation)
+        };
+        end.means.units.iter().zip(&start.readings).map(since).collect()
+    }
+
+    /// All units may be turned together about the vertical through the first joint in the room.
+    fn doubt_heading(&self, covariance: &mut Square) {
+        let ends = self.skeleton.closures.iter().map(|closure| [closure.from, closure.to]);
+        let in_room = |end: &&End| end.unit().is_none();
+        let Some(centre) = ends.filter_map(|ends| ends.iter().find(in_room).map(End::point)).next() else { return };
+        let std = if self.skeleton.azimuth_rad.is_some() { LEAST_HEADING_RAD } else { OPEN_RAD };
+        let up = self.skeleton.up * std;
+        let turn = [up.0, [0.0; 3], centre.cross(up).0].concat();
+        let units = 0..self.skeleton.units.len();
+        let states: Vec<(usize, f64)> =
+            units.flat_map(|u| (UNIT * u..UNIT * u + 9).zip(turn.iter().copied())).collect();
+        for (r, a) in &states {
+            states.iter().for_each(|(c, b)| *covariance.at_mut(*r, *c) += a * b);
+        }
     }
 
     /// The readings of a closure from a heading of all that is beyond it; `prior`: log-likelihood of that heading by the posture.

@@ -12,10 +12,10 @@ use super::begin::start_std;
 use super::hypothesis::Hypothesis;
 use super::{Calibration, Sink, Status, Subject, Tracker};
 use crate::body::Body;
-use crate::config::Magnetometer;
+use crate::config::{Config, Magnetometer};
 use crate::error::Result;
 use crate::estimate::filter::{Diverged, SourceInfo, Verdict};
-use crate::model::{Fixing, Structure};
+use crate::model::{Fixing, Model, Structure};
 use crate::recording::Sample;
 use crate::rotation::Vec3;
 use crate::sensor::{MountValue, Quantity};
@@ -26,6 +26,7 @@ use crate::strapdown::increment::{Increment, Jump, Reading, Signal};
 use crate::strapdown::sensors::{Measures, Place};
 use crate::strapdown::skeleton::{Mounts, Skeleton, Unit};
 use std::collections::VecDeque;
+use std::sync::Arc;
 
 /// Units silent for longer are not waited for, s.
 const PATIENCE_S: f64 = 0.15;
@@ -132,6 +133,21 @@ impl Lack {
     }
 }
 
+/// How a model is tracked if nothing else is chosen: as strapdown links unless it says "tree" or they cannot track it.
+pub fn structure_of(model: &Arc<Model>) -> Structure {
+    let is_of_links = || {
+        let values = vec![None; model.sensors.len()];
+        let body = Body::new(model.clone(), &model.default_parameters(), &values, &Config::default())?;
+        skeleton_of_all(&body, &Mounts { values, stds_rad: vec![[0.0; 3]; model.sensors.len()] })
+    };
+    model.structure.unwrap_or_else(|| if is_of_links().is_ok() { Structure::Strapdown } else { Structure::Tree })
+}
+
+/// Where all units and encoders have readings.
+fn skeleton_of_all(body: &Body, mounts: &Mounts) -> Result<Skeleton> {
+    Skeleton::new(body, &vec![true; body.suite.sources.len() + body.axes.len()], mounts)
+}
+
 impl Strapdown {
     /// `None` if the model is tracked as a tree.
     pub fn new(
@@ -140,14 +156,19 @@ impl Strapdown {
         mounts: &[Option<MountValue>],
         chosen: Option<Structure>,
     ) -> Result<Option<Self>> {
-        if chosen.unwrap_or(body.model.structure) == Structure::Tree {
+        let structure = chosen.or(body.model.structure);
+        if structure == Some(Structure::Tree) {
             return Ok(None);
         }
         let std = |name: &String| calibration.mount_stds_rad.get(name).copied().unwrap_or([0.0; 3]);
         let stds_rad = body.model.sensors.iter().map(|s| std(&s.name)).collect();
         let mounts = Mounts { values: mounts.to_vec(), stds_rad };
-        // All units, so that a model that cannot be tracked is refused at once.
-        Skeleton::new(body, &vec![true; body.suite.sources.len() + body.axes.len()], &mounts)?;
+        match skeleton_of_all(body, &mounts) {
+            // A model that cannot be tracked is refused at once.
+            Err(refusal) if structure.is_some() => return Err(refusal),
+            Err(_) => return Ok(None),
+            Ok(_) => {}
+        }
         let unknown = start_std(body, 1.0);
         Ok(Some(Strapdown {
             mounts,
@@ -385,6 +406,7 @@ impl Tracker {
                 Quantity::Rest => unit.is_some_and(|u| is_updated && filter.rests[u]),
                 Quantity::Contact => unit.is_some_and(|u| is_updated && filter.stands[u]),
                 Quantity::Closure => filter.is_loop_read(subject.source_of_part[p] - first_loop),
+                Quantity::Mag if self.config.magnetometer == Magnetometer::Off => false,
                 Quantity::Mag if info.parts[p] == Verdict::Accepted => {
                     let judged = unit.map_or(Verdict::Missing, |u| filter.fields[u]);
                     info.parts[p] = if judged == Verdict::Missing { Verdict::Accepted } else { judged };

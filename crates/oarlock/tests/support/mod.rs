@@ -20,7 +20,7 @@ use oarlock::config::{Config, Magnetometer};
 use oarlock::estimate::belief::Belief;
 use oarlock::estimate::transition::Transition;
 use oarlock::kernels::dense::Square;
-use oarlock::model::Model;
+use oarlock::model::{Model, Structure};
 use oarlock::track::hypothesis::Hypothesis;
 use oarlock::track::{Calibration, Tracker};
 use std::sync::Arc;
@@ -92,8 +92,9 @@ mount.rpy = [0.4, -0.2, 1.0]
 
 /// A model as a tree, whatever its text says: these tests are of trees.
 pub fn model(text: &str) -> Arc<Model> {
-    let of_tree = text.replacen("structure = \"strapdown\"", "structure = \"tree\"", 1);
-    Arc::new(Model::from_toml(&of_tree, "model.toml").unwrap_or_else(|e| panic!("{e}")))
+    let mut model = Model::from_toml(text, "model.toml").unwrap_or_else(|e| panic!("{e}"));
+    model.structure = Some(Structure::Tree);
+    Arc::new(model)
 }
 
 /// A model at its own parameters and mounts.

@@ -90,11 +90,11 @@ def studies(seeds: Sequence[int], duration_s: float) -> dict[str, Study]:
         "no closure": {"config.closures": False},
         **{name: {"without": gone} for name, gone in SIDES_OFF.items()},
     }
-    filters = {key: PLAIN[key] for key in ("eq6", "jerk_closure", "shipped")}
+    filters = {key: PLAIN[key] for key in ("eq6", "jerk_closure", "tree", "shipped")}
     return {
         "conditions": of(filters, {"condition": list(paper.CONDITIONS)}),
         "biases": of(
-            {key: PLAIN[key] for key in ("jerk_closure", "shipped")},
+            {key: PLAIN[key] for key in ("jerk_closure", "tree")},
             {"gyro_bias_rad_s": BIASES},
             accel_bias_m_s2=0.01,
         ),

@@ -9,7 +9,9 @@ ELEVEN = ("trunk", *(f"{side}_{joint}" for side in ("r", "l") for joint in ARM))
 """The angles of Table 5."""
 
 # As in the paper: no gates, a known field; so n = 40.
+_TREE: dict[str, object] = {"config.structure": "tree"}
 _PLAIN: dict[str, object] = {
+    **_TREE,
     "config.gate": False,
     "config.magnetometer": "on",
     "model.world.azimuth_fixed": True,
@@ -103,5 +105,6 @@ ESTIMATORS = (
         _bounds((0.020, 0.4), (0.020, 0.6), (0.020, 0.4), (0.020, 0.6)),
         smoothed=True,
     ),
-    Estimator("shipped", "as shipped", 72, {}, smoothed=True),
+    Estimator("tree", "tree: jerk, closure, surge + bias, azimuth", 72, _TREE, smoothed=True),
+    Estimator("shipped", "as shipped: strapdown links", 161, {}, smoothed=True),
 )

@@ -30,7 +30,7 @@ NOT_PUBLIC = (
     "encoders, iron, drift, dropouts and clocks. Other errors of real recordings are not included: compare "
     "the pattern, not the digits."
 )
-_PAPER_CONFIG = {"estimate": (), "gate": False, "magnetometer": "on"}
+_PAPER_CONFIG = {"structure": "tree", "estimate": (), "gate": False, "magnetometer": "on"}
 
 _Given = tuple[Model, Mapping[str, FieldEffects], float]
 _Trial = tuple[Recording, Markers]
