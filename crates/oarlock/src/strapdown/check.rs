@@ -40,6 +40,11 @@ impl Check {
         worst_rad: 0.0,
     };
 
+    /// Of a unit whose orientation is worth so much, rad2.
+    pub fn from(worth: f64) -> Check {
+        Check { worth, ..Check::NEW }
+    }
+
     /// After an update: its duration, the turn by which it moved the unit, what the orientation is worth (rad2), and the difference of tilt to the
     /// unit alone with what that is worth.
     fn take(&mut self, step_s: f64, moved: Vec3<f64>, worth: f64, tilt: [f64; 2]) {
@@ -104,6 +109,11 @@ impl Alone {
 }
 
 impl State {
+    /// What the orientation of a unit is worth, about all axes together, rad2.
+    pub fn turn_variance(&self, u: usize) -> f64 {
+        (0..3).map(|k| self.covariance.at(UNIT * u + k, UNIT * u + k)).sum()
+    }
+
     /// What it says of one unit alone.
     pub fn of_unit(&self, u: usize) -> State {
         let first = UNIT * u;
@@ -138,7 +148,7 @@ impl StrapdownFilter {
                 all - dot(up, turn.apply(up))
             };
             let tilt = variance(&state.covariance, UNIT * u) + variance(&alone.covariance, 0);
-            let worth: f64 = (0..3).map(|k| state.covariance.at(UNIT * u + k, UNIT * u + k)).sum();
+            let worth = state.turn_variance(u);
             let silent = self.silent[u];
             let moved = if silent { Vec3([0.0; 3]) } else { self.moved_by[u] };
             check.take(step_s, moved, worth, if silent { [0.0, tilt] } else { [angle * angle, tilt] });

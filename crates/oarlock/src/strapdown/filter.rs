@@ -538,11 +538,9 @@ impl StrapdownFilter {
         if self.closures {
             let read = self.only.map_or(0..self.skeleton.closures.len(), |c| c..c + 1);
             read.for_each(|c| self.read_closure(state, c, step_s));
-            let read = self.only.map_or(0..self.skeleton.links.len(), |c| {
-                let l = self.skeleton.closures[c].link;
-                l..l + 1
-            });
-            read.for_each(|l| self.read_hinges(state, l, step_s));
+            let all = || (0..self.skeleton.links.len()).collect();
+            let read = self.only.map_or_else(all, |c| self.skeleton.joints_through(c));
+            read.into_iter().for_each(|l| self.read_hinges(state, l, step_s));
             if self.only.is_none() {
                 (0..self.skeleton.loop_axes.len()).for_each(|number| self.read_axes(state, number, step_s));
             }

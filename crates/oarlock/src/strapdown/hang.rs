@@ -90,6 +90,21 @@ impl Skeleton {
         found
     }
 
+    /// Links whose joints a closure goes through: its own, and those of links without a unit.
+    pub fn joints_through(&self, closure: usize) -> Vec<usize> {
+        let Closure { link, through, .. } = &self.closures[closure];
+        let mut found = vec![*link];
+        for l in through.iter().filter_map(|leg| leg.link) {
+            if let Pose::State(_, Some(anchor)) = self.links[l].pose {
+                let joint = if self.links[l].parent == Some(anchor) { l } else { anchor };
+                found.push(joint);
+            }
+        }
+        found.sort_unstable();
+        found.dedup();
+        found
+    }
+
     fn neighbours(&self, link: usize) -> Vec<usize> {
         let children = (0..self.links.len()).filter(|l| self.links[*l].parent == Some(link));
         self.links[link].parent.into_iter().chain(children).collect()

@@ -155,11 +155,11 @@ impl Heard {
     }
 }
 
-/// Whether norm, uT, and dip, rad, of a field are those of another one.
-fn misfit(this: [f64; 2], other: [f64; 2]) -> Verdict {
+/// Whether norm, uT, and dip, rad, of a field are those of another one; `share`: noise of the magnetometer as a share of the field.
+fn misfit(this: [f64; 2], other: [f64; 2], share: f64) -> Verdict {
     match [this[0] / other[0] - 1.0, this[1] - other[1]].map(f64::abs) {
-        [norm, _] if norm > NORM_TOLERANCE => Verdict::Excluded,
-        [_, dip] if dip > DIP_TOLERANCE_RAD => Verdict::WrongDirection,
+        [norm, _] if norm > NORM_TOLERANCE.max(DISTURBED * share) => Verdict::Excluded,
+        [_, dip] if dip > DIP_TOLERANCE_RAD.max(DISTURBED * share) => Verdict::WrongDirection,
         _ => Verdict::Accepted,
     }
 }
@@ -222,12 +222,13 @@ impl StrapdownFilter {
             return;
         }
         let world = [self.skeleton.field.norm_ut, self.skeleton.field.dip_rad];
+        let noise = std / world[0];
         // The field of the model is right again at once, whatever the usual one has become.
         let usual = state.heard[s].usual.get_or_insert(now);
-        if misfit(now, *usual) != Verdict::Accepted && misfit(now, world) == Verdict::Accepted {
+        if misfit(now, *usual, noise) != Verdict::Accepted && misfit(now, world, noise) == Verdict::Accepted {
             *usual = now;
         }
-        self.fields[u] = if self.tests_fields { misfit(now, *usual) } else { Verdict::Accepted };
+        self.fields[u] = if self.tests_fields { misfit(now, *usual, noise) } else { Verdict::Accepted };
         let is_usual = self.fields[u] == Verdict::Accepted;
         let share = (step_s / if is_usual { USUAL_S } else { NEW_S }).min(1.0);
         let most = [NORM_TOLERANCE * usual[0], DIP_TOLERANCE_RAD];
@@ -237,7 +238,7 @@ impl StrapdownFilter {
         if !is_usual {
             return;
         }
-        let is_of_world = misfit(*usual, world) == Verdict::Accepted;
+        let is_of_world = misfit(*usual, world, 0.0) == Verdict::Accepted;
         if let Some(field_std_ut) = self.links.field_std_ut.filter(|_| is_of_world) {
             if !state.updates.is_multiple_of(FIELDS_EVERY) {
                 return;
@@ -358,11 +359,6 @@ impl StrapdownFilter {
             sum += turned.rotation.apply(Vec3(*field));
         }
         sum
-    }
-
-    /// The world's field at the known azimuth, or at any, uT.
-    pub(super) fn world_field(&self) -> Vec3<f64> {
-        self.skeleton.field.magnetic(self.skeleton.azimuth_rad.unwrap_or(0.0))
     }
 
     /// Standard deviation of the field's azimuth before any reading, rad.

@@ -23,8 +23,6 @@ const LEVEL_RAD: f64 = 0.02;
 /// a force that is not vertical.
 const ANY_POSTURE_RAD: f64 = 0.5;
 const SWING_M: f64 = 0.5;
-/// Tilt of a unit that its magnetic field tells, rad: dips inside buildings differ by this much.
-const FIELD_TILT_RAD: f64 = 0.3;
 /// Squared sine of the least angle between two directions that tell an orientation.
 const LEAST_ACROSS: f64 = 0.03;
 
@@ -92,12 +90,12 @@ impl StrapdownFilter {
         let zero = Vec3([0.0; 3]);
         let mut turned: Vec<Mat3<f64>> = orientation.to_vec();
         let (mut units, mut tilts) = (Vec::new(), Vec::new());
+        let is_open = !is_stated && self.links.start_std_rad > OPEN_RAD;
+        let seen = if is_open { self.seen_by_fields(&turned, (&readings, &heard), time_s) } else { Vec::new() };
         for (u, (unit, readings)) in self.skeleton.units.iter().zip(&readings).enumerate() {
             let rotation = turned[unit.link].times(&unit.mount);
-            let is_unknown = !is_stated && self.links.start_std_rad > OPEN_RAD;
-            let field = self.field_sensor(u).filter(|_| is_unknown);
-            let field = field.map(|s| self.first_field((readings, &heard[s]), time_s));
-            let (rotation, tilt) = self.levelled(rotation, (is_stated, field), readings, time_s);
+            let seen = seen.get(u).copied().flatten();
+            let (rotation, tilt) = seen.unwrap_or_else(|| self.levelled(rotation, is_stated, readings, time_s));
             tilts.push(tilt);
             turned[unit.link] = rotation.times_transposed(&unit.mount);
             units.push(UnitState { rotation, velocity: zero, position: zero, gyro_bias: zero, accel_bias: zero });
@@ -219,38 +217,54 @@ impl StrapdownFilter {
         }))
     }
 
-    /// The sensor of a unit's magnetic field.
-    fn field_sensor(&self, u: usize) -> Option<usize> {
-        self.skeleton.sensors.iter().position(|sensor| matches!(sensor.measures, Measures::Field(of) if of == u))
+    /// Orientation of each unit that moves, room from unit, by the field and the mean force of its first moments, and the standard deviation
+    /// of its tilt, rad; `None`: it rests, or has no magnetometer. If the azimuth is unknown, all of them together are turned as near to the
+    /// posture as they can be.
+    fn seen_by_fields(
+        &self,
+        orientation: &[Mat3<f64>],
+        (readings, heard): (&[Readings], &[Heard]),
+        time_s: f64,
+    ) -> Vec<Option<(Mat3<f64>, f64)>> {
+        let (up, until_s, below) = (self.skeleton.up, time_s + START_REST_S, self.links.rest_below_rad_s);
+        let world = [self.skeleton.field.magnetic(self.skeleton.azimuth_rad.unwrap_or(0.0)), up];
+        let mut seen = vec![None; readings.len()];
+        for (sensor, heard) in self.skeleton.sensors.iter().zip(heard) {
+            let Measures::Field(u) = sensor.measures else { continue };
+            // A force that gravity alone makes shows the tilt better.
+            let moves = resting_rate(&readings[u], until_s, below).is_none();
+            let Some((force, std)) = self.mean_force(&readings[u], time_s).filter(|_| moves) else { continue };
+            let first = self.first_field((&readings[u], heard), time_s);
+            seen[u] = rotation_between(world, [first, force]).map(|rotation| (rotation, std));
+        }
+        if self.skeleton.azimuth_rad.is_some() {
+            return seen;
+        }
+        let (mut sin, mut cos) = (0.0, 0.0);
+        for (unit, seen) in self.skeleton.units.iter().zip(&seen) {
+            let Some((seen, _)) = seen else { continue };
+            let Mat3(away) = seen.times_transposed(&orientation[unit.link].times(&unit.mount));
+            let axis = Vec3([away[2][1] - away[1][2], away[0][2] - away[2][0], away[1][0] - away[0][1]]);
+            sin += dot(axis, up);
+            cos += away[0][0] + away[1][1] + away[2][2] - dot(up, Mat3(away).apply(up));
+        }
+        let back = Mat3::about(up * -sin.atan2(cos));
+        seen.into_iter().map(|seen| seen.map(|(seen, std)| (back.times(&seen), std))).collect()
     }
 
     /// The orientation, turned the short way towards the one in which the mean force is vertical, by what both are worth; and the standard
-    /// deviation of its tilt, rad. `field`: mean magnetic field of a unit of which nobody knows the orientation.
-    fn levelled(
-        &self,
-        rotation: Mat3<f64>,
-        (is_stated, field): (bool, Option<Vec3<f64>>),
-        readings: &Readings,
-        time_s: f64,
-    ) -> (Mat3<f64>, f64) {
+    /// deviation of its tilt, rad.
+    fn levelled(&self, rotation: Mat3<f64>, is_stated: bool, readings: &Readings, time_s: f64) -> (Mat3<f64>, f64) {
         let Links { start_tilt_std_rad, start_std_rad, .. } = self.links;
         let prior = if is_stated { start_std_rad.min(start_tilt_std_rad) } else { start_tilt_std_rad };
         // The force of a unit that moves says less than a posture that somebody stated.
-        let rests = resting_rate(readings, time_s + START_REST_S, self.links.rest_below_rad_s).is_some();
-        if is_stated && !rests {
+        if is_stated && resting_rate(readings, time_s + START_REST_S, self.links.rest_below_rad_s).is_none() {
             return (rotation, prior);
         }
-        let Some((force, scatter)) = self.mean_force(readings, time_s) else { return (rotation, prior) };
-        // A force that gravity alone makes shows the tilt better.
-        let turned = field
-            .filter(|_| !rests)
-            .and_then(|field| rotation_between([self.world_field(), self.skeleton.up], [field, force]));
-        let (rotation, prior) = turned.map_or((rotation, prior), |turned| (turned, FIELD_TILT_RAD));
+        let Some((force, read)) = self.mean_force(readings, time_s) else { return (rotation, prior) };
         let force = rotation.apply(force);
         let axis = force.cross(self.skeleton.up);
         let (sin, cos) = (square(axis).sqrt(), dot(force, self.skeleton.up));
-        let turning = if start_std_rad >= ANY_POSTURE_RAD { SWING_M * self.mean_rate2(readings, time_s) } else { 0.0 };
-        let read = LEVEL_RAD.hypot(scatter.hypot(turning) / self.skeleton.gravity_m_s2.max(1.0));
         let share = prior * prior / (prior * prior + read * read);
         let std = prior * read / prior.hypot(read);
         if sin < 1e-9 {
@@ -270,17 +284,20 @@ impl StrapdownFilter {
         }
     }
 
-    /// Mean force at the start, in the axes of the start, and the scatter of the forces about their mean, m/s2.
+    /// Mean force at the start, in the axes of the start, m/s2, and the standard deviation of its direction against the vertical, rad.
     fn mean_force(&self, readings: &Readings, time_s: f64) -> Option<(Vec3<f64>, f64)> {
         let end_s = (time_s + LEVEL_S).min(readings.last_s());
         let window = readings.until(end_s);
         let (sum, count) = window.clone().fold((Vec3([0.0; 3]), 0.0), |(sum, n), r| (sum + r.accel, n + 1.0));
         let mean = sum * (1.0 / count);
         let scatter = (window.map(|r| square(r.accel - mean)).sum::<f64>() / count).sqrt();
+        let is_any = self.links.start_std_rad >= ANY_POSTURE_RAD;
+        let turning = if is_any { SWING_M * self.mean_rate2(readings, time_s) } else { 0.0 };
+        let std = LEVEL_RAD.hypot(scatter.hypot(turning) / self.skeleton.gravity_m_s2.max(1.0));
         let (mut increment, zero) = (Increment::none(), Vec3([0.0; 3]));
         readings.integrate(&mut increment, (time_s, end_s), [zero; 2], zero, &self.links);
         let duration_s = increment.duration_s;
-        (duration_s > 0.5 * LEVEL_S && count > 2.0).then(|| (increment.velocity * (1.0 / duration_s), scatter))
+        (duration_s > 0.5 * LEVEL_S && count > 2.0).then(|| (increment.velocity * (1.0 / duration_s), std))
     }
 
     /// Whether model or calibration leave the headings of links against each other open.

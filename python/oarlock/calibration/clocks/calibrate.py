@@ -77,8 +77,10 @@ def calibrate_clocks(
         )
     rough = {name: Clock(delay) for name, delay in coarse_delays(measured, fixed).items()}
     start = with_clocks(measured, rough)
-    # Joints of persons slide, so that innovations of a tree show more than clocks. All else is a tree here.
-    if model.structure == "strapdown" and document_of(model).get("links", {}).get("joints") == "bone":
+    # Joints of persons slide, so that innovations of a tree show more than clocks where nothing holds them in the room.
+    is_free = any(joint.kind == "free" for joint in model.describe().joints)
+    is_person = document_of(model).get("links", {}).get("joints") == "bone"
+    if is_free and is_person and model.structure == "strapdown":
         with shown(progress, "calibrating clocks") as told:
             near = offsets_of_units(model, start, bare(known), groups, told or _nobody)
         found = {name: after(rough.get(name, Clock(0.0)), clock) for name, clock in near.items()}

@@ -87,6 +87,7 @@ impl Tracker {
             Some(state) => {
                 links.rivals = rivals;
                 links.alone = self.strapdown.iter().flat_map(|s| &s.alone).flat_map(|a| a.start(&state)).collect();
+                links.checks = (0..links.checks.len()).map(|u| Check::from(state.turn_variance(u))).collect();
                 links.state = state;
                 if let Some(fixing) = self.strapdown.as_ref().and_then(|s| s.fixing) {
                     links.settle(fixing);
