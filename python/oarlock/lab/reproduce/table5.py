@@ -203,7 +203,8 @@ def target_rows(result: StudyResult) -> list[tuple[str, Floats, str, Mark]]:
         ("hands radial, deg", _mean_of(of, live, HANDS["radial"]), (0.0, 0.08)),
         ("hands palmar, deg", _mean_of(of, live, HANDS["palmar"]), (0.0, 0.7)),
         ("NEES per state", of(live, score="nees"), (0.5, 1.5)),
-        ("NIS of all inertial units together", of(live, "all inertial", "nis"), (0.9, 1.1)),
+        # below 1, because the process noise suits faster movements, too
+        ("NIS of all inertial units together", of(live, "all inertial", "nis"), (0.8, 1.1)),
         ("in the 95 % band, eleven angles, %", 100 * of(live, score="coverage_95"), (93.0, 99.5)),
         (
             "in the 95 % band, hands, %",
