@@ -83,7 +83,5 @@ def test_a_robot_with_encoders_alone_is_a_tree():
         HEAD
         + '[[joint]]\nname = "j"\nkind = "hinge"\n[[frame]]\nname = "l"\nparent = "root"\njoint = "j"\naxis = "x"\n'
     )
-    text += (
-        'transform.translation = [0, 0, 0]\n[[sensor]]\nname = "e"\nkind = "encoder"\njoint = "j"\nstd = 0.01\n'
-    )
+    text += 'transform.translation = [0, 0, 0]\n[[sensor]]\nname = "e"\nkind = "encoder"\njoint = "j"\nstd = 0.01\n'
     assert oarlock.Model.from_toml(text, "robot.toml", {}).structure == "tree"
