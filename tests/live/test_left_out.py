@@ -113,6 +113,52 @@ def test_commands_that_fail_are_counted_and_only_the_last_kept(session):
     assert f"nobody {3 * MOST_PROBLEMS - 1}" in session.problems[-1]
 
 
+def test_a_second_sender_of_one_name_is_refused_and_named_while_the_first_speaks(session):
+    watch, second = Watch(session.intake), "10.0.0.2:7000"
+    told = []
+    for k in range(500):
+        if k < 300:
+            session.take(unit(0.01 * k))
+        if k >= 100:
+            session.take(unit(0.01 * k, 0.5, address=second))
+        if k % 50 == 49:
+            told += watch.events(0.01 * k)
+    first, other = (session.intake.devices[LINES, address, "back"] for address in ("10.0.0.1:7000", second))
+    assert first.refused == 0 and first.readings == 300
+    # a second after the first has fallen silent the other one has its streams
+    assert other.refused == pytest.approx(300, abs=2) and other.readings == pytest.approx(100, abs=2)
+    (sentence,) = {
+        one for one in told if one.startswith(f"{second}/back sends as back, too") and "50 read" in one
+    }
+    assert "were not used" in sentence
+
+
+def test_a_sender_with_another_address_for_each_packet_is_one(session):
+    for k in range(200):
+        session.take(unit(0.01 * k, address=f"10.0.0.1:{7000 + k}"))
+    assert sum(device.refused for device in session.intake.devices.values()) == 0
+
+
+@pytest.mark.parametrize(
+    "order",
+    [
+        {"do": "assign", "stream": "back", "device": 5},
+        {"do": "assign", "stream": "nobody", "device": "back"},
+        {"do": "note", "text": "half \ud800", "time_s": 1.0},
+        {"do": "note", "text": "a", "arrival_ns": 3},
+        {"do": "step", "name": "a", "begin_s": float("nan"), "end_s": 1.0},
+        {"do": "sing"},
+        [],
+    ],
+)
+def test_a_command_that_is_none_changes_nothing_live_and_later(session, order):
+    lines = [unit(0.01 * k) for k in range(50)]
+    one = Packet("", "", "", START_NS + 1, json.dumps(order).encode())
+    session.take(one)
+    assert session.refused == 1
+    assert recorded([*lines, one, *lines[-1:]], session.rig, START_NS).sensor("back").time_s.size == 50
+
+
 def test_the_log_keeps_whole_lines(tmp_path):
     log = EventLog(tmp_path)
     log.write(1.234, "back is silent")

@@ -88,17 +88,18 @@ def test_what_a_power_cut_leaves_behind_the_end_hurts_nothing(tmp_path, tail):
 
 
 def test_a_full_disk_is_told_and_nothing_is_lost_when_there_is_room_again(tmp_path, monkeypatch):
-    append, full = recorder_module._append, [True]
+    write, full = recorder_module._write_all, [False]
 
     def refused(file, page):
         if full[0]:
             raise OSError(errno.ENOSPC, "No space left on device")
-        append(file, page)
+        write(file, page)
 
-    monkeypatch.setattr(recorder_module, "_append", refused)
+    monkeypatch.setattr(recorder_module, "_write_all", refused)
     monkeypatch.setattr(recorder_module, "PAGE_S", 0.01)
     sent = packets(300)
     recorder = Recorder(tmp_path)
+    full[0] = True
     for packet in sent[:200]:
         recorder.write(packet)
     while not recorder.problem:

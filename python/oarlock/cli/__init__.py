@@ -5,6 +5,9 @@ Exit status: 0 success, 1 a problem in the data, 2 wrong usage, 130 stopped by C
 
 from __future__ import annotations
 
+import io
+import sys
+
 from oarlock.cli.stopped import stopped_in_words
 
 with stopped_in_words():  # half of the time before a verb starts
@@ -140,6 +143,10 @@ for _name, _short_help in VERBS.items():
 
 def main() -> None:
     """Entry point of the `oarlock` command."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            # A terminal of another encoding shows escapes where it lacks a character.
+            stream.reconfigure(errors="backslashreplace")
     with stopped_in_words():
         app(prog_name="oarlock")
 

@@ -216,13 +216,12 @@ def _wrapped(function: Callable[Parameters, Result], kept: str) -> Callable[Para
             # The reader of the pipe (such as `head`) has closed it. Without this Python prints a second error at exit.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             raise typer.Exit(EXIT_PIPE) from None
-        except (ValueError, OSError) as error:
-            fail(_kind(error), _sentence(error), EXIT_DATA, as_json)
+        except OSError as error:
+            fail("file", _sentence(error), EXIT_DATA, as_json)
         except Exception as error:
-            from oarlock import DivergedError
-
-            if isinstance(error, DivergedError):
-                fail(_kind(error), str(error), EXIT_DATA, as_json)
+            # Only these are about what the user gave.
+            if kind := _kind(error):
+                fail(kind, str(error) or type(error).__name__, EXIT_DATA, as_json)
             if os.environ.get(TRACEBACK_VARIABLE):
                 traceback.print_exc()
             fail("fault", _fault(error), EXIT_DATA, as_json)
@@ -242,15 +241,28 @@ def fail(kind: str, message: str, status: int, as_json: bool) -> NoReturn:
     raise typer.Exit(status)
 
 
+KINDS = {"ModelError": "model", "DataError": "data", "DivergedError": "diverged"}
+"""Kinds of errors about what a user gave, by the name of their class."""
+
+
 def _kind(error: Exception) -> str:
-    names = {"ModelError": "model", "DataError": "data", "DivergedError": "diverged"}
-    return names.get(type(error).__name__, "file" if isinstance(error, OSError) else "data")
+    """Empty for a fault of the program, such as a matrix that cannot be inverted (a ValueError, too)."""
+    if type(error) is ValueError:
+        return "data"
+    return next((KINDS[own.__name__] for own in type(error).__mro__ if own.__name__ in KINDS), "")
 
 
-def _sentence(error: Exception) -> str:
-    if isinstance(error, OSError) and error.strerror and error.filename:
+def _sentence(error: OSError) -> str:
+    if error.strerror and error.filename:
         return f"{error.filename}: {error.strerror.lower()}"
     return str(error) or type(error).__name__
+
+
+def tell_fault(what: str, error: Exception) -> None:
+    """Tells on stderr that something could not be done, while the command goes on."""
+    if os.environ.get(TRACEBACK_VARIABLE):
+        traceback.print_exc()
+    page(stderr=True).print(Text(f"error: {what}: {_fault(error)}"), soft_wrap=True)
 
 
 def _fault(error: Exception) -> str:

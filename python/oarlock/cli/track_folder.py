@@ -48,13 +48,20 @@ def write_folder(
     evaluation: Evaluation | None = None,
     truth: Track | None = None,
 ) -> None:
-    """Write the track's tables, run.toml and report.html into a folder of `output_folder`; `csv` adds CSV tables."""
+    """Write the track's tables, run.toml and report.html into a folder of `output_folder`; `csv` adds CSV tables.
+
+    A report that fails costs no track: the fault is told, and the folder has no report.
+    """
     from oarlock.cli.report import write_any_report
+    from oarlock.cli.terminal import tell_fault
     from oarlock.storage.folder_writer import replaced_folder
 
     with replaced_folder(stage, TRACK) as place:
         result.save(place)
-        write_any_report(result, place / "report.html", evaluation, truth)
+        try:
+            write_any_report(result, place / "report.html", evaluation, truth)
+        except Exception as error:
+            tell_fault("the track is written, and has no report", error)
         if csv:
             from pyarrow import parquet
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+from collections import deque
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 FILE = "events.jsonl"
+MOST_LINES = 10_000
+"""That are written again if somebody removes the file."""
 
 
 class EventLog:
@@ -18,18 +21,26 @@ class EventLog:
     """
 
     def __init__(self, folder: Path) -> None:
-        self._file = (folder / FILE).open("a", encoding="utf-8", buffering=1)
+        self._path = folder / FILE
+        self._lines: deque[str] = deque(maxlen=MOST_LINES)
+        self._file = self._path.open("a", encoding="utf-8", buffering=1)
 
     def write(self, time_s: float, text: str) -> None:
         """Adds a line."""
         # Work of another process may end after the session.
         with suppress(OSError, ValueError):
-            self._file.write(json.dumps({"time_s": round(time_s, 2), "text": text}) + "\n")
+            line = json.dumps({"time_s": round(time_s, 2), "text": text}) + "\n"
+            self._lines.append(line)
+            self._file.write(line)
 
     def close(self) -> None:
-        """Closes the file."""
+        """Closes the file; writes it again if somebody removed it."""
         with suppress(OSError):
             self._file.close()
+        if not self._path.exists():
+            with suppress(OSError):
+                self._path.parent.mkdir(parents=True, exist_ok=True)
+                self._path.write_text("".join(self._lines), encoding="utf-8")
 
 
 def read_events(folder: Path) -> list[dict[str, Any]]:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import shutil
 import time
+import zlib
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -17,13 +17,14 @@ from oarlock.live.channel_tables import Channels
 from oarlock.live.event_log import FILE as EVENTS
 from oarlock.live.guide.steps import timed
 from oarlock.live.reading import Packet
-from oarlock.live.recorder import Damage, read_packets
+from oarlock.live.recorder import Damage, read_packets, require_packets
 from oarlock.live.rig import Rig, rig_document
-from oarlock.live.session import COMMANDS, LiveSession, recorded
+from oarlock.live.session import COMMANDS, LiveSession, order_of, recorded
 from oarlock.recording.calibration import load_calibration, parsed_calibration
-from oarlock.storage.epoch import epoch_text
+from oarlock.storage.epoch import FIRST_S, LAST_S, epoch_text
 from oarlock.storage.errors import DataError
 from oarlock.storage.folder_writer import replaced_folder
+from oarlock.storage.state import state_folder
 from oarlock.storage.toml import TomlTable, write_toml
 
 if TYPE_CHECKING:
@@ -80,6 +81,13 @@ class LiveFolder:
         """
         if (path / SESSION).exists():
             raise DataError(f"{path}: has a live session already. Give another folder with --out")
+        made = cls(path, start_ns, time.time() - (time.monotonic_ns() - start_ns) / 1e9)
+        made.write(rig, calibration, plan)
+        return made
+
+    def write(self, rig: Rig, calibration: Calibration | None, plan: SessionPlan | None) -> None:
+        """Write what the session is run with; again, if somebody removed its folder."""
+        path = self.path
         try:
             path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -90,10 +98,8 @@ class LiveFolder:
             plan.save(path / PLAN)
         own = replace(rig, calibration=Path(CALIBRATION) if calibration is not None else None)
         write_toml(path / RIG, rig_document(own))
-        made = cls(path, start_ns, time.time() - (time.monotonic_ns() - start_ns) / 1e9)
-        keys = {"format": FORMAT, "start_ns": start_ns, "start_epoch_s": made.start_epoch_s}
+        keys = {"format": FORMAT, "start_ns": self.start_ns, "start_epoch_s": self.start_epoch_s}
         write_toml(path / SESSION, keys)
-        return made
 
     def discard(self) -> None:
         """Removes what `create` and the recorder wrote: the session could not begin."""
@@ -114,7 +120,13 @@ class LiveFolder:
             raise DataError(f"{path}: is not the folder of a live session; it has no {SESSION}")
         table = TomlTable.read(path / SESSION)
         table.check_format(FORMAT)
-        return cls(path, table.integer("start_ns", 0), table.number("start_epoch_s", 0.0))
+        epoch_s = table.number("start_epoch_s", 0.0)
+        if epoch_s and not FIRST_S <= epoch_s <= LAST_S:
+            raise DataError(
+                f"{path / SESSION}: start_epoch_s = {epoch_s:g} is no time of a session; expected seconds since 1970 "
+                f"from {FIRST_S:.0f} to {LAST_S:.0f}, or 0 if nobody knows it"
+            )
+        return cls(path, table.integer("start_ns", 0), epoch_s)
 
     @property
     def epoch(self) -> str | None:
@@ -126,13 +138,19 @@ class LiveFolder:
         """The folder of the packets."""
         return self.path / PACKETS
 
+    @property
+    def second(self) -> Path:
+        """Where packets go while that folder cannot be written."""
+        mark = zlib.crc32(str(self.path.absolute()).encode("utf-8", "surrogateescape"))
+        return state_folder() / "live" / f"{self.path.name}-{mark:08x}"
+
     def rig(self, model: Model | None = None) -> Rig:
         """The rig of the session."""
         return Rig.load(self.path / RIG, model)
 
     def read(self, damage: list[Damage] | None = None) -> Iterator[Packet]:
         """The packets in their order."""
-        return read_packets(self.packets, damage)
+        return read_packets(self.packets, damage, self.second)
 
     def session(self, model: Model) -> LiveSession:
         """A session as it was run, before its first packet; giving it the packets repeats it bit for bit."""
@@ -148,6 +166,7 @@ class LiveFolder:
         Raises:
             DataError: the recording or the channels cannot be written.
         """
+        require_packets(self.packets, self.second)
         damage: list[Damage] = []
         guided, others = Guided(), Channels()
         made: Recording | None = None
@@ -185,14 +204,15 @@ class Guided:
         """The same packets; their commands are noted on the way."""
         for packet in packets:
             if packet.source == COMMANDS:
-                with suppress(ValueError, KeyError, TypeError):
-                    self._note(json.loads(packet.data))
+                with suppress(DataError):
+                    self._note(order_of(packet.data))
             yield packet
 
     def _note(self, order: Mapping[str, Any]) -> None:
         if order["do"] == "calibrate":
+            parsed_calibration(order["toml"])
             self.calibration = order["toml"]
-        elif order["do"] == "step" and order["end_s"] is None:
+        elif order["do"] == "step" and None in (order.get("begin_s"), order.get("end_s")):
             self.spans_s.pop(order["name"], None)
         elif order["do"] == "step":
             self.spans_s[order["name"]] = (float(order["begin_s"]), float(order["end_s"]))

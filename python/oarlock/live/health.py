@@ -106,6 +106,13 @@ class Watch:
         for stream, device in self._feeding.items():
             if count := self._news(f"{stream} {device.name}", device.implausible, now_s):
                 yield f"{count} readings of {stream} are beyond what a sensor can measure: check its unit and scale"
+        for device in self.intake.devices.values():
+            if count := self._news(f"second {device.name}", device.refused, now_s):
+                streams = ", ".join(device.streams)
+                yield (
+                    f"{device.name} sends as {streams}, too: its {count} readings were not used. "
+                    f"If it is the right one, give {streams} to it, or switch the other one off"
+                )
 
     def _news(self, what: str, count: int, now_s: float) -> int:
         """By how much a count has grown since it was told; 0 if it is not to be told yet."""
@@ -213,6 +220,8 @@ def health(
         "recorder": {
             "packets": recorder.packets,
             "lost": recorder.lost,
+            "elsewhere": recorder.elsewhere,
+            "failures": recorder.failures,
             "problem": recorder.problem,
             "free_gb": None if free_bytes is None else round(free_bytes / 1e9, 1),
         },

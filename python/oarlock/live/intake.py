@@ -19,7 +19,13 @@ from oarlock.live.mag_units import MagUnit
 from oarlock.live.reading import Decoder, Packet, Reading, Value
 from oarlock.live.rig import Feed, Rig, Source
 from oarlock.recording.plausibility import GYRO_MAX_RAD_S
+from oarlock.storage.errors import DataError
+from oarlock.storage.suggest import did_you_mean
 
+KEEPS_S = 1.0
+"""A device that was heard keeps its streams for so long; another one that sends as them is refused."""
+KNOWN_READINGS = 10
+"""Of a device that can keep a stream: some senders have another address for each packet."""
 _MOST = {"gyro_rad_s": GYRO_MAX_RAD_S, "accel_m_s2": 2000.0, "mag_ut": 10_000.0, "value": 1000.0}
 """Beyond the ranges of sensors: 2000 m/s2 is 200 g, and at 10 mT a magnetometer has a magnet on it."""
 MOST_SENDERS = 256
@@ -125,6 +131,8 @@ class Device:
     readings: int = 0
     lost: int = 0
     """Readings that its counter shows to be missing."""
+    refused: int = 0
+    """Readings that are not used, because another device of this name speaks."""
     implausible: int = 0
     """Readings that no sensor can measure; they are left out."""
     last_arrival_s: float = -math.inf
@@ -233,6 +241,8 @@ class Intake:
     mag_units: dict[str, MagUnit] = field(default_factory=dict)
     """Of the streams with a magnetometer."""
     _fresh: dict[str, Fresh] = field(default_factory=dict)
+    _feeders: dict[str, Device] = field(default_factory=dict)
+    """Which device feeds each stream."""
     _newest_s: dict[str, float] = field(default_factory=dict)
     _heard_s: dict[tuple[str, str], float] = field(default_factory=dict)
     _damaged_before: dict[str, int] = field(default_factory=dict)
@@ -258,6 +268,9 @@ class Intake:
         found: list[Sampled] = []
         for reading in self._decoders[key].decode(packet.data, packet.channel):
             device = self._device(packet, reading.device)
+            if self._is_second(device, arrival_s):
+                device.refused += 1
+                continue
             self._notice(device, reading, arrival_s)
             for heard, time_s in device.hear(reading, arrival_s):
                 found += self._taken(device, heard, time_s)
@@ -277,7 +290,15 @@ class Intake:
         return (arrival_ns - self.start_ns) / 1e9
 
     def assign(self, stream: str, device: str) -> None:
-        """From now on another device feeds a stream: a unit was exchanged."""
+        """From now on another device feeds a stream: a unit was exchanged.
+
+        Raises:
+            DataError: the rig has no such stream.
+        """
+        if stream not in self._feeds:
+            raise DataError(
+                f"the rig has no stream '{stream[:40]}'. {did_you_mean(stream, sorted(self._feeds))}"
+            )
         self._feeds[stream] = replace(self._feeds[stream], device=device)
         for one in self.devices.values():
             self._connect(one)
@@ -325,6 +346,16 @@ class Intake:
             elif device is not None and not device.is_stamped:
                 found[stream] = ARRIVAL_STD_S[self.rig.sources[feed.source].transport]
         return found
+
+    def _is_second(self, device: Device, arrival_s: float) -> bool:
+        """Whether another device that was heard just now feeds a stream of this one; else this one feeds them."""
+        for stream in device.streams:
+            first = self._feeders.get(stream, device)
+            is_known = first.readings >= KNOWN_READINGS and stream in first.streams
+            if first is not device and is_known and arrival_s - first.last_arrival_s < KEEPS_S:
+                return True
+        self._feeders.update(dict.fromkeys(device.streams, device))
+        return False
 
     def _notice(self, device: Device, reading: Reading, arrival_s: float) -> None:
         for stream in device.streams:
@@ -394,7 +425,6 @@ class Intake:
                 continue
             if self._fresh[stream].is_stuck:
                 continue
-            # At an exchange two devices may feed the same stream, but not at the same time.
             if values is not None and time_s != self._newest_s.get(stream):
                 self._newest_s[stream] = time_s
                 one = Sampled(stream, time_s, values, arrival_s)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from oarlock.evaluation.child_process import child_pool
 from oarlock.live.event_log import EventLog
-from oarlock.live.folder import LiveFolder
+from oarlock.live.folder import SESSION, LiveFolder
 from oarlock.live.frame import frame_of
 from oarlock.live.guide.lead import Lead
 from oarlock.live.health import Problems, Watch, health, lost
@@ -25,7 +25,7 @@ from oarlock.live.reading import Packet
 from oarlock.live.recorder import Recorder
 from oarlock.live.rig import Rig, Source
 from oarlock.live.server import PageServer
-from oarlock.live.session import Estimate, LiveSession, command
+from oarlock.live.session import Estimate, LiveSession, command, order_of
 from oarlock.live.swaps.swaps import Swaps, swapping
 from oarlock.live.ties import Look, Ties, looked
 from oarlock.live.time_source import MACHINE_TIME, TimeSource
@@ -136,7 +136,7 @@ class Live:
 
     async def _recorded(self, place: LiveFolder, seconds: float | None) -> None:
         """Runs with a recorder; a session that could not begin leaves no folder."""
-        self._recorder, self._log = Recorder(place.packets), EventLog(place.path)
+        self._recorder, self._log = Recorder(place.packets, place.second), EventLog(place.path)
         for output in self.outputs:
             output.start(Start(place.start_ns, place.start_epoch_s))
         self._pool = None if self.follower is None and self.lead is None else child_pool()
@@ -170,9 +170,14 @@ class Live:
 
     def _finish(self, place: LiveFolder) -> None:
         missing = ""
-        if self._recorder.problem:
-            missing = f"the last {self._recorder.lost:,} packets found no room: {self._recorder.problem}. "
+        if self._recorder.lost:
+            missing = f"{self._recorder.lost:,} packets found no room: {self._recorder.problem}. "
+        if self._recorder.elsewhere:
+            missing += f"{self._recorder.elsewhere:,} packets are in {place.second}. "
         try:
+            if not (place.path / SESSION).exists():
+                missing += f"{place.path} was removed during the session, and written again. "
+                place.write(self.rig, self.calibration, None if self.lead is None else self.lead.guide.plan)
             place.finish(self.model)
         except (DataError, OSError) as error:
             raise DataError(
@@ -180,8 +185,10 @@ class Live:
                 f"What was received before is whole in {place.packets}: make room, then run "
                 f"oarlock live recover {place.path}"
             ) from error
-        if missing:
+        if self._recorder.lost:
             raise DataError(f"{missing}What was received before is whole in {place.path}")
+        if missing:
+            self._tell(f"{missing}The recording has all of it")
 
     @property
     def seconds(self) -> float:
@@ -213,7 +220,11 @@ class Live:
             self.lead.press("leave")
         if told["do"] == "swap":
             return self._swap(told.get("streams"))
-        keys = {str(k): v for k, v in told.items() if k != "do"}
+        try:
+            keys = order_of(told)
+        except DataError as error:
+            return str(error)
+        del keys["do"]
         before = self.session.refused
         self.deliver(command(self.time.now_ns(), told["do"], **keys))
         if self.session.refused > before:

@@ -7,8 +7,10 @@ note, exchange a unit) are packets of the source `COMMANDS`, so they are recorde
 from __future__ import annotations
 
 import json
+import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -31,6 +33,55 @@ if TYPE_CHECKING:
 COMMANDS = ""
 """Source of the packets that a coach or a program sends: JSON objects with the key `do`."""
 MOST_PROBLEMS = 100
+
+
+_NUMBER = (int, float)
+ORDERS: Mapping[str, Mapping[str, type | tuple[type, ...]]] = {
+    "track": {},
+    "stop": {},
+    "note": {"text": str, "time_s": (*_NUMBER, type(None))},
+    "assign": {"stream": str, "device": str},
+    "step": {"name": str, "begin_s": (*_NUMBER, type(None)), "end_s": (*_NUMBER, type(None))},
+    "calibrate": {"toml": str},
+    "clock": {"stream": str, "late_s": _NUMBER, "std_s": _NUMBER},
+}
+"""What a session can be told, with its keys and their types; a key that may be null may be absent."""
+
+
+def order_of(command: bytes | Mapping[str, Any]) -> dict[str, Any]:
+    """A command as an object with the key `do`, checked before it is recorded and whenever it is read.
+
+    Raises:
+        DataError: it is no such object, or a key is unknown, absent or of another type.
+    """
+    try:
+        order: Any = json.loads(command) if isinstance(command, bytes) else command
+    except (ValueError, RecursionError) as error:
+        raise DataError(f"not JSON ({error})") from error
+    do = order.get("do") if isinstance(order, Mapping) else None
+    if not isinstance(do, str) or do not in ORDERS:
+        raise DataError(f"the command {str(do)[:40]!r} is unknown; expected {', '.join(ORDERS)}")
+    keys = ORDERS[do]
+    unknown = [str(name) for name in order if name != "do" and name not in keys]
+    if unknown:
+        raise DataError(
+            f"the command '{do}' has no key {unknown[0][:40]!r}; it has {', '.join(keys) or 'none'}"
+        )
+    for name, types in keys.items():
+        value = order.get(name)
+        if not isinstance(value, types) or isinstance(value, bool):
+            expected = "a text" if types is str else "a number"
+            raise DataError(f"the command '{do}' needs {expected} as '{name}', and has {str(value)[:40]!r}")
+        if isinstance(value, _NUMBER) and not math.isfinite(value):
+            raise DataError(f"the command '{do}' needs a finite number as '{name}', and has {value}")
+        if isinstance(value, str) and not _is_text(value):
+            raise DataError(f"the command '{do}' has characters as '{name}' that are no text")
+    return dict(order)
+
+
+def _is_text(value: str) -> bool:
+    """Whether a file can have it: half a surrogate pair is no character."""
+    return not any("\ud800" <= character <= "\udfff" for character in value)
 
 
 def command(arrival_ns: int, do: str, **keys: object) -> Packet:
@@ -132,7 +183,7 @@ class LiveSession:
 
     def _carry_out(self, packet: Packet) -> list[Estimate]:
         try:
-            order = json.loads(packet.data)
+            order = order_of(packet.data)
             do = order["do"]
             if do == "track":
                 self.config = live_config(self.rig, self.model, self.intake.stamp_stds())
@@ -146,11 +197,7 @@ class LiveSession:
                 self.calibration = parsed_calibration(order["toml"])
             elif do == "clock":
                 self.intake.tie(order["stream"], float(order["late_s"]), float(order["std_s"]))
-            elif do not in ("note", "step"):
-                raise DataError(
-                    f"the command '{do}' is unknown; expected track, stop, assign, note, step, calibrate or clock"
-                )
-        except (ValueError, KeyError, TypeError, DataError) as error:
+        except DataError as error:
             self.refused += 1
             self.problems.append(f"{packet.data[:200]!r}: {error}")
         return []
@@ -211,14 +258,13 @@ def _all_sampled(packets: Iterable[Packet], intake: Intake) -> Iterator[Sampled]
 
 def _follow(intake: Intake, packet: Packet) -> list[Sampled]:
     """Carries out what changes which readings there are."""
-    try:
-        order = json.loads(packet.data)
+    # A command that was refused when it came is refused again.
+    with suppress(DataError):
+        order = order_of(packet.data)
         if order["do"] == "stop":
             return intake.flush()
         if order["do"] == "assign":
             intake.assign(order["stream"], order["device"])
         if order["do"] == "clock":
             intake.tie(order["stream"], float(order["late_s"]), float(order["std_s"]))
-    except (ValueError, KeyError, TypeError):
-        pass
     return []

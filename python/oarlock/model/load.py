@@ -72,8 +72,6 @@ def load_model(
         text = read_text(path)
     except DataError as error:
         raise ModelError(str(error)) from None
-    except UnicodeDecodeError as error:
-        raise ModelError(f"{path}: is not UTF-8 text (byte {error.start}); save it as UTF-8") from None
     except (OSError, ValueError) as error:
         why = error.strerror if isinstance(error, OSError) else str(error)
         raise ModelError(

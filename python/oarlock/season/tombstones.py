@@ -7,7 +7,6 @@ the files that `--tombstones` names, erase again what came back.
 from __future__ import annotations
 
 import datetime
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,6 +16,7 @@ from oarlock.season.entry import parsed_toml
 from oarlock.season.layout import ERASED
 from oarlock.season.store import Season
 from oarlock.storage.errors import DataError
+from oarlock.storage.state import state_folder
 from oarlock.storage.toml import TomlTable, toml_text, write_toml
 from oarlock.storage.write_file import write_file
 
@@ -90,8 +90,7 @@ def put_tombstone(season: Season, one: Tombstone, file: Path | None = None) -> N
 
 def kept_folder(season: Season) -> Path:
     """The folder of the user's state that has the copies of this season's tombstones."""
-    base = os.environ.get("XDG_STATE_HOME") or os.environ.get("LOCALAPPDATA") or Path.home() / ".local/state"
-    return Path(base, "oarlock", "season", season.id, ERASED)
+    return state_folder() / "season" / season.id / ERASED
 
 
 def kept(season: Season, file: Path | None = None) -> dict[str, Tombstone]:

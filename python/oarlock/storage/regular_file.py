@@ -77,10 +77,13 @@ def read_text(file: Path, encoding: str = "utf-8") -> str:
     """The text of a regular file of at most `TEXT_LIMIT_BYTES`, with plain line ends.
 
     Raises:
-        OSError, UnicodeDecodeError: it cannot be read.
-        DataError: it is no regular file, or too large.
+        OSError: it cannot be read.
+        DataError: it is no regular file, too large, or of another encoding.
     """
-    text = read_bytes(file, TEXT_LIMIT_BYTES).decode(encoding)
+    try:
+        text = read_bytes(file, TEXT_LIMIT_BYTES).decode(encoding)
+    except UnicodeDecodeError as error:
+        raise DataError(f"{file}: is not UTF-8 text (byte {error.start}). Save it as UTF-8") from error
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 

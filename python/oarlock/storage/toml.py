@@ -48,8 +48,6 @@ class TomlTable:
             text = read_text(file, "utf-8-sig")
         except OSError as error:
             raise DataError(f"{file}: cannot be read ({error.strerror})") from error
-        except UnicodeDecodeError as error:
-            raise DataError(f"{file}: is not UTF-8 text (byte {error.start}). Save it as UTF-8.") from error
         return cls.parsed(text, file)
 
     @classmethod
