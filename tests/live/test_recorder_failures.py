@@ -26,7 +26,7 @@ def packets(count=COUNT):
     return [Packet("u", f"a{n % 3}", "", n, bytes([n % 256]) * 30) for n in range(count)]
 
 
-def told(recorder, sent, meanwhile=lambda number: None):
+def send(recorder, sent, meanwhile=lambda number: None):
     """Gives the packets one after the other, with time for pages in between."""
     for number, packet in enumerate(sent):
         meanwhile(number)
@@ -66,7 +66,7 @@ def test_a_step_that_fails_once_costs_nothing(step, at, tmp_path, monkeypatch):
     failing = Failing(getattr(owner, name), at, code)
     with monkeypatch.context() as patch:
         patch.setattr(owner, name, lambda *given, **keys: failing(*given, **keys))
-        told(recorder, sent)
+        send(recorder, sent)
         recorder.close()
     assert failing.calls >= at
     assert (recorder.packets, recorder.lost, recorder.problem, recorder.failures) == (COUNT, 0, "", 1)
@@ -92,7 +92,7 @@ def test_a_place_that_fails_for_good_is_replaced_by_the_second(tmp_path, monkeyp
                 time.sleep(0.01)
             assert "No space left" in recorder.problem and str(second) in recorder.problem
 
-    told(recorder, sent, meanwhile)
+    send(recorder, sent, meanwhile)
     recorder.close()
     assert (recorder.packets, recorder.lost, recorder.problem) == (COUNT, 0, "")
     assert recorder.elsewhere > 0 and recorder.failures > 0
@@ -106,7 +106,7 @@ def test_a_folder_that_is_removed_is_written_again(tmp_path):
         if number == 40:
             shutil.rmtree(tmp_path / "today")
 
-    told(recorder, sent, meanwhile)
+    send(recorder, sent, meanwhile)
     recorder.close()
     assert (recorder.packets, recorder.lost) == (60, 0)
     assert [p for p in read_packets(tmp_path / "today" / "packets") if p.arrival_ns >= 40] == sent[40:]
@@ -130,7 +130,7 @@ def test_an_error_that_nobody_foresaw_does_not_end_the_thread(tmp_path, monkeypa
         return whole(given)
 
     monkeypatch.setattr(recorder_module, "_page", page)
-    told(recorder, sent)
+    send(recorder, sent)
     recorder.close()
     assert recorder.packets == 100 and list(read_packets(tmp_path)) == sent
 
@@ -153,6 +153,7 @@ def test_pages_with_a_right_checksum_and_wrong_lengths_are_damage(tmp_path):
         b"x",
         recorder_module._ROW.pack(1, 1 << 31, 0, 0, 0),
         recorder_module._ROW.pack(1, 0, 0, 0, 5) + b"abc",
+        recorder_module._ROW.pack(1, 1, 0, 0, 0) + b"\xff",
     ):
         head = recorder_module._HEAD.pack(b"OARP", len(body), recorder_module.zlib.crc32(body))
         head += recorder_module._CHECK.pack(recorder_module.zlib.crc32(head))
@@ -160,3 +161,11 @@ def test_pages_with_a_right_checksum_and_wrong_lengths_are_damage(tmp_path):
         damage = []
         assert list(read_packets(tmp_path, damage)) == []
         assert [d.length for d in damage] == [len(head + body)]
+
+
+def test_a_text_that_is_none_holds_up_nothing(tmp_path):
+    recorder = Recorder(tmp_path)
+    sent = [Packet("u", "half \ud800, byte \udc80", "c", n, b"x") for n in range(3)]
+    send(recorder, sent)
+    recorder.close()
+    assert recorder.packets == 3 and list(read_packets(tmp_path)) == sent

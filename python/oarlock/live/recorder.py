@@ -40,8 +40,8 @@ SUFFIX = ".packets"
 SYNC = getattr(os, "fdatasync", os.fsync)
 """macOS has no fdatasync."""
 _MAGIC, _HEAD, _CHECK, _ROW = b"OARP", struct.Struct("<4sII"), struct.Struct("<I"), struct.Struct("<qIIII")
-_TEXT = "surrogateescape"
-"""Addresses come from the network."""
+_TEXT = "surrogatepass"
+"""Addresses come from the network; half a surrogate pair must not hold up all that comes after it."""
 _SEARCH_SHARE = 8
 """The search for the next page reads at most so many times the bytes that are left."""
 
@@ -316,7 +316,10 @@ def _unpacked(body: bytes) -> list[Packet] | None:
         if at > len(body):
             return None
         parts = [body[a:b] for a, b in pairwise(ends)]
-        source, address, channel = (part.decode("utf-8", _TEXT) for part in parts[:3])
+        try:
+            source, address, channel = (part.decode("utf-8", _TEXT) for part in parts[:3])
+        except UnicodeDecodeError:
+            return None
         found.append(Packet(source, address, channel, arrival_ns, parts[3]))
     return found
 

@@ -178,11 +178,11 @@ class PageServer:
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
         """A file of the page, a refusal, or None to let the WebSocket open."""
         try:
-            return self._answered(request)
+            return self._response_to(request)
         except ValueError:  # an address or a host that is none
             return _response(HTTPStatus.BAD_REQUEST, "text/plain", b"This is no address.\n")
 
-    def _answered(self, request: Request) -> Response | None:
+    def _response_to(self, request: Request) -> Response | None:
         parts = urlsplit(request.path)
         if not self._may_enter(parts.query):
             self.refused += 1

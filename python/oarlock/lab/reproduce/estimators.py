@@ -8,8 +8,8 @@ ARM = ("shoulder_abduction", "shoulder_rotation", "shoulder_flexion", "elbow_fle
 ELEVEN = ("trunk", *(f"{side}_{joint}" for side in ("r", "l") for joint in ARM))
 """The angles of Table 5."""
 
-# As in the paper: no gates, a known field; so n = 40.
 _TREE: dict[str, object] = {"config.structure": "tree"}
+# As in the paper: no gates, a known field; so n = 40.
 _PLAIN: dict[str, object] = {
     **_TREE,
     "config.gate": False,
