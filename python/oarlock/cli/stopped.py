@@ -12,9 +12,17 @@ EXIT_STOPPED: Final = 130
 
 @contextmanager
 def stopped_in_words() -> Iterator[None]:
-    """Within it Ctrl-C ends the process with one line on stderr instead of a traceback."""
+    """Within it Ctrl-C ends the process with one line on stderr instead of a traceback.
+
+    A command that could not do a part of its work, and said so, ends with status 1.
+    """
     try:
         yield
+    except SystemExit as ended:
+        terminal = sys.modules.get("oarlock.cli.terminal")
+        if not ended.code and terminal is not None and terminal.FAULTS:
+            sys.exit(1)
+        raise
     except KeyboardInterrupt:
         end_by_status()
         sys.stderr.write("error: stopped by Ctrl-C\n")

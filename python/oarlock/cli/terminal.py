@@ -258,8 +258,13 @@ def _sentence(error: OSError) -> str:
     return str(error) or type(error).__name__
 
 
+FAULTS: list[str] = []
+"""What could not be done while a command went on: it ends with status 1."""
+
+
 def tell_fault(what: str, error: Exception) -> None:
     """Tells on stderr that something could not be done, while the command goes on."""
+    FAULTS.append(what)
     if os.environ.get(TRACEBACK_VARIABLE):
         traceback.print_exc()
     page(stderr=True).print(Text(f"error: {what}: {_fault(error)}"), soft_wrap=True)

@@ -189,9 +189,13 @@ def track(
     write_suspects(found, result.notes)
     say(f"Tracked {recordings[0]}", style="bold")
     write_summary(result)
-    tables = ["track", *beside(result)]
-    say(f"\nWrote {out}: {', '.join(tables)} (.parquet), model.toml, run.toml, report.html")
-    steps(f"open {out / 'report.html'}", f"oarlock evaluate {out} TRUTH        if you have a reference")
+    tables, report = ["track", *beside(result)], out / "report.html"
+    say(
+        f"\nWrote {out}: {', '.join(tables)} (.parquet), model.toml, run.toml{', report.html' * report.exists()}"
+    )
+    steps(
+        *[f"open {report}"] * report.exists(), f"oarlock evaluate {out} TRUTH        if you have a reference"
+    )
 
 
 def _measured(folder: Path, only: str | None, without: str | None, low_pass_hz: float | None) -> Recording:

@@ -84,7 +84,7 @@ def document(result: Track, out: Path, found: Sequence[Suspect] = ()) -> dict[st
     summary = summarize(result)
     return {
         "out": out,
-        "report": out / "report.html",
+        "report": out / "report.html" if (out / "report.html").exists() else None,
         "suspects": [suspect.to_dict() for suspect in found],
         **{key: value for key, value in vars(summary).items() if key != "sensors"},
         "sensors": {sensor.name: sensor.to_dict() for sensor in summary.sensors},

@@ -11,6 +11,7 @@ from scipy.signal import correlate, find_peaks
 from oarlock.evaluation.interval import Floats
 from oarlock.evaluation.resample import resample
 from oarlock.storage.errors import DataError
+from oarlock.storage.even_times import even_times
 
 GRID_S: Final = 0.01
 _STRIDE_S: Final = 0.05
@@ -73,7 +74,7 @@ def coarse_offset(
 
 def _speeds(time_s: Floats, points_m: Floats) -> Floats:
     """Speeds on a regular grid from the first time stamp, (G, n), m/s; NaN where unknown."""
-    grid = np.arange(time_s[0], time_s[-1], GRID_S)
+    grid = even_times(time_s, GRID_S, "clocks cannot be aligned")
     found = []
     for k in range(points_m.shape[1]):
         ahead, behind = (

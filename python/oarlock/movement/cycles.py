@@ -15,6 +15,7 @@ import numpy as np
 from scipy.signal import find_peaks
 
 from oarlock.movement.angles import Floats, MovementAngle
+from oarlock.storage.even_times import even_times_of_stretches
 
 WINDOWS_S, HOP_S, RATE_HZ = (10.0, 6.0), 1.0, 25.0
 SHORTEST_S = 0.3
@@ -78,7 +79,7 @@ def find_cycles(
     """
     if len(time_s) < 2 or not angles or time_s[-1] - time_s[0] < LEAST_CYCLES * SHORTEST_S:
         return ()
-    even_s = np.arange(time_s[0], time_s[-1], 1.0 / RATE_HZ)
+    even_s = even_times_of_stretches(time_s, 1.0 / RATE_HZ)
     rows = np.stack([_evenly(even_s, time_s, angle.value_deg) for angle in angles], axis=1)
     found: list[Repetition] = []
     for window_s in WINDOWS_S:

@@ -21,7 +21,11 @@ META_KEY = PACKETS_KEY
 _GAP_STEPS = 1.5
 _REGULAR_SHARE, _REGULAR_STEP = 0.8, 0.3
 """Time stamps show lost packets only if this share of the intervals is within this share of the typical interval."""
+_SHORT, _EVEN_STEP, _EVEN_SHARE = 0.2, 0.1, 0.98
+"""Or if this share of them is a multiple of a short one, which this share of them does not exceed."""
 _LEAST_STEPS = 10
+CLOCK_SET_S = 3600.0
+"""After a longer silence the sensors were off, or a clock was set, s."""
 _SLOWER_SHARE = 0.99
 """A quantity with fewer regular rows than this share of its stream has a rate of its own."""
 
@@ -48,12 +52,23 @@ class Lost:
             return ""
         worst, places = int(np.argmax(self.silent_s)), len(self.after_s)
         length_s, count = float(self.silent_s[worst]), int(self.packets.sum())
+        if length_s > CLOCK_SET_S:
+            return (
+                f"no reading for {_duration_text(length_s)} after {self.after_s[worst]:.1f} s: sensors were off, or a "
+                "clock was set. The track starts anew there; cut the recording, or correct the time stamps."
+            )
         length = f"{1e3 * length_s:.0f} ms" if length_s < 1.0 else f"{length_s:.3g} s"
         source = " by its counter" if self.by_counter else ""
         return (
             f"{count} {'packet' if count == 1 else 'packets'} missing in {places} "
             f"{'place' if places == 1 else 'places'}{source}, longest {length} at {self.after_s[worst]:.1f} s."
         )
+
+
+def _duration_text(duration_s: float) -> str:
+    units = ((3.156e7, "years"), (86400.0, "days"), (3600.0, "h"))
+    length_s, unit = next(pair for pair in units if duration_s >= pair[0])
+    return f"{duration_s / length_s:.3g} {unit}"
 
 
 class Session(Protocol):
@@ -141,7 +156,11 @@ def _by_steps(time_s: FloatArray) -> Lost | None:
         return None
     usual = float(np.median(steps))
     if np.mean(np.abs(steps - usual) < _REGULAR_STEP * usual) < _REGULAR_SHARE:
-        return None
+        # Many packets may be missing from an even clock.
+        usual = float(np.quantile(steps, _SHORT))
+        off = np.abs(steps / usual - np.round(steps / usual)) if usual > 0.0 else np.ones(1)
+        if np.mean(off < _EVEN_STEP) < _EVEN_SHARE:
+            return None
     gaps = np.flatnonzero(steps > _GAP_STEPS * usual)
     packets = np.round(steps[gaps] / usual) - 1.0
     return Lost(time_s[gaps], packets, steps[gaps] - usual, False)

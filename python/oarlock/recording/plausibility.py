@@ -8,8 +8,9 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
-from oarlock.recording.frozen_signals import clipped_texts, moves, stuck_texts
+from oarlock.recording.frozen_signals import STUCK_ROWS, clipped_texts, moves, stuck_texts
 from oarlock.recording.gyro_scale import gyro_per_gravity_turn, row_norms
 from oarlock.recording.packets import expected_quantity_rows, lost_packets
 from oarlock.recording.recording import Recording
@@ -30,6 +31,10 @@ GYRO_MEDIAN_RAD_S = 15.0
 MAG_EXPECTED_UT = (1.0, 200.0)
 MAG_USUAL_UT = (10.0, 150.0)
 SCALAR_MAX = 20.0
+# A reading that is so far from the median of those around it has jumped, rad/s.
+JUMP_ROWS, GYRO_JUMP_RAD_S = 7, 10.0
+# Streams that begin or end so much later or earlier than the recording are named, s.
+OUTSIDE_S = 1.0
 GAP_STEPS = 5.0
 GAP_S = 0.1
 
@@ -58,7 +63,7 @@ class Finding:
         sensor: the stream's name.
         severity: "error" stops a run, "warning" is shown, "note" reports missing data.
         message: one or more sentences: number, unit, and what to do.
-        kind: "stuck" or "clipped" for these faults; otherwise empty.
+        kind: "stuck", "clipped" or "jumps" for these faults; otherwise empty.
         missing: the field with missing readings, such as "mag_ut"; empty for other findings.
     """
 
@@ -77,7 +82,7 @@ def plausibility(recording: Recording) -> list[Finding]:
     # Overflowing sums are no numpy warning here: the checks report such readings.
     with np.errstate(over="ignore", invalid="ignore"):
         findings = [f for stream in recording.streams for f in _stream_findings(recording, stream)]
-        findings += _frozen_findings([s for s in recording.streams if isinstance(s, ImuStream)])
+        findings += _frozen_findings(recording)
     return sorted(findings, key=lambda f: ("error", "warning", "note").index(f.severity))
 
 
@@ -103,7 +108,8 @@ def _stream_findings(recording: Recording, stream: Stream) -> list[Finding]:
     return findings
 
 
-def _frozen_findings(units: list[ImuStream]) -> list[Finding]:
+def _frozen_findings(recording: Recording) -> list[Finding]:
+    units = [stream for stream in recording.streams if isinstance(stream, ImuStream)]
     moving = {unit.name: moves(unit) for unit in units}
     findings = []
     for unit in units:
@@ -111,6 +117,19 @@ def _frozen_findings(units: list[ImuStream]) -> list[Finding]:
         texts = {"stuck": stuck_texts(unit, others_move), "clipped": clipped_texts(unit)}
         findings += [
             Finding(unit.name, "warning", text, kind) for kind, found in texts.items() for text in found
+        ]
+    scalars = [stream for stream in recording.streams if isinstance(stream, ScalarStream)]
+    still = [stream for stream in scalars if len(stream) >= STUCK_ROWS and np.ptp(stream.value) == 0.0]
+    if any(moving.values()) or len(still) < len(scalars):
+        findings += [
+            Finding(
+                stream.name,
+                "warning",
+                f"reads {stream.value[0]:.5g} throughout while others move: it is stuck, or what it reads does not "
+                "move. Check it; a sensor that is stuck is better left out.",
+                "stuck",
+            )
+            for stream in still
         ]
     return findings
 
@@ -149,6 +168,13 @@ def _gyro_findings(stream: ImuStream) -> list[Finding]:
     if norms.size == 0:
         return []
     top, most, middle = float(norms.max()), float(np.quantile(norms, 0.99)), float(np.median(norms))
+    jumps = norms - median_filter(norms, JUMP_ROWS, mode="nearest")
+    if (lasting := norms[jumps <= GYRO_JUMP_RAD_S]).size and lasting.max() <= GYRO_P99_RAD_S < top:
+        text = (
+            f"|gyro| jumps to {top:.4g} rad/s for single readings ({norms.size - lasting.size} of {norms.size}); "
+            "they are not used. Check cable, radio and firmware."
+        )
+        return [Finding(stream.name, "warning", text, "jumps")]
     looks = _looks("deg/s", 'unit = "deg/s"')
     if top > GYRO_MAX_RAD_S or most > GYRO_P99_RAD_S or middle > GYRO_MEDIAN_RAD_S:
         return [
@@ -257,22 +283,28 @@ def _rows_text(stream: Stream, field: str, missing: NDArray[np.bool_]) -> str:
 
 
 def _gap_findings(recording: Recording, stream: Stream) -> list[Finding]:
+    findings = []
+    late_s, early_s = stream.time_s[0] - recording.start_s, recording.end_s - stream.time_s[-1]
+    if late_s > OUTSIDE_S:
+        findings.append(
+            _note(stream, f"its first reading is missing until {late_s:.3g} s after the recording's begin.")
+        )
+    if early_s > OUTSIDE_S:
+        findings.append(_note(stream, f"its readings end {early_s:.3g} s before the recording does."))
     lost = lost_packets(recording, stream)
     if lost is not None:
-        return [_note(stream, text)] if (text := lost.text()) else []
+        return findings + ([_note(stream, text)] if (text := lost.text()) else [])
     if len(stream) < 3:
-        return []
+        return findings
     steps = np.diff(stream.time_s)
     gaps = np.flatnonzero((steps > GAP_STEPS * np.median(steps)) & (steps > GAP_S))
-    if gaps.size == 0:
-        return []
-    worst = int(gaps[np.argmax(steps[gaps])])
-    return [
-        _note(
-            stream,
-            f"has {gaps.size} gaps in time, longest {steps[worst]:.3g} s after {stream.time_s[worst]:.3f} s.",
+    if gaps.size:
+        worst = int(gaps[np.argmax(steps[gaps])])
+        text = (
+            f"has {gaps.size} gaps in time, longest {steps[worst]:.3g} s after {stream.time_s[worst]:.3f} s."
         )
-    ]
+        findings.append(_note(stream, text))
+    return findings
 
 
 def _norms(rows: FloatArray | None) -> tuple[FloatArray, NDArray[np.bool_]]:

@@ -125,7 +125,7 @@ pub struct Links {
 }
 
 /// Standard deviation of a heading that nobody knows: that of a uniform angle, pi / sqrt(3), rad.
-const UNKNOWN_RAD: f64 = 1.8;
+pub const UNKNOWN_RAD: f64 = 1.8;
 
 const KEYS: [&str; 32] = [
     "joints",

@@ -45,6 +45,12 @@ impl Check {
         Check { worth, ..Check::NEW }
     }
 
+    /// The unit starts anew.
+    pub fn restart(&mut self, worth: f64) {
+        let Check { contradicted_s, worst_rad, .. } = *self;
+        *self = Check { contradicted_s, worst_rad, ..Check::from(worth) };
+    }
+
     /// After an update: its duration, the turn by which it moved the unit, what the orientation is worth (rad2), and the difference of tilt to the
     /// unit alone with what that is worth.
     fn take(&mut self, step_s: f64, moved: Vec3<f64>, worth: f64, tilt: [f64; 2]) {

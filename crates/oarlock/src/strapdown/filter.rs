@@ -20,8 +20,9 @@ const UPDATE_ENCODER_S: f64 = 0.008;
 /// And where loops of the model hold the links.
 const UPDATE_LOOP_S: f64 = 0.03;
 /// A unit without readings for longer is silent, s: it goes with its neighbour, and its joints are read only where loops of the model hold it too.
-/// What its orientation is worth when it speaks again, rad.
-pub const SILENT_S: f64 = 0.3;
+/// What its orientation is worth when it speaks again, rad. If all are silent, and for so many of their intervals, the body starts anew.
+const SILENT_S: f64 = 0.3;
+const SILENT_INTERVALS: f64 = 3.0;
 pub const SILENT_RAD: f64 = 1.0;
 /// Above this standard deviation of a unit's turn, rad, an update is read again from where it led, at most so often, until it turns no unit by
 /// more than this, rad.
@@ -30,8 +31,6 @@ const MOST_AGAIN: usize = 5;
 const NEAR_RAD: f64 = 0.02;
 /// Longest prediction without a reading of joints, s.
 const LONGEST_S: f64 = 0.1;
-/// Nor one of minutes without any reading, s: that is one prediction, because each would forget all units.
-const BLIND_S: f64 = 60.0;
 /// Joint state of a link without a unit: random walk, rad per sqrt(s), and correlation time of the spring to its rest, s. Where loops hold the
 /// links they tell its turns from each other, and for how long a posture stays away from rest counts: mounts and lengths would take that up.
 pub const LOOSE_WALK: f64 = 2.0;
@@ -332,12 +331,27 @@ impl StrapdownFilter {
         speaking.fold(newest, f64::min)
     }
 
+    /// Longest time between two samples after which the body goes on, s; after a longer one it starts anew.
+    pub fn longest_s(&self, state: &State) -> f64 {
+        let usual = state.readings.iter().map(|r| r.parts().2).filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min);
+        if usual.is_finite() {
+            SILENT_S.max(SILENT_INTERVALS * usual)
+        } else {
+            SILENT_S
+        }
+    }
+
+    /// Time since anything was read, s.
+    pub fn silence_s(&self, state: &State, time_s: f64) -> f64 {
+        let units = state.readings.iter().map(|r| r.before_s(time_s));
+        let others = state.heard.iter().map(|h| h.before_s(time_s));
+        time_s - units.chain(others).fold(f64::NEG_INFINITY, f64::max)
+    }
+
     /// Moves to a later time; `node` receives each update.
     pub fn advance(&mut self, state: &mut State, to_s: f64, node: &mut dyn FnMut(Node), wants_nodes: bool) {
         while state.row_s < to_s {
-            let reading_s = state.readings.iter().map(|r| r.next_s(state.row_s)).fold(f64::INFINITY, f64::min);
-            let is_blind = reading_s.min(to_s) > state.row_s + BLIND_S;
-            let next_s = to_s.min(if is_blind { reading_s } else { state.time_s + LONGEST_S }).max(state.row_s);
+            let next_s = to_s.min(state.time_s + LONGEST_S).max(state.row_s);
             self.extend(state, next_s);
             let since_s = state.row_s - state.time_s;
             if since_s >= self.update_s * (1.0 - 1e-6) {

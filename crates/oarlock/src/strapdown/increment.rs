@@ -257,6 +257,11 @@ impl Readings {
         true
     }
 
+    /// Forgets all before `time_s`.
+    pub fn begin(&mut self, time_s: f64) {
+        self.all.retain(|r| r.time_s >= time_s - 1e-6);
+    }
+
     /// Forgets what is not needed from `time_s` on.
     pub fn forget(&mut self, time_s: f64) {
         while self.all.len() > 2 && self.all[1].time_s < time_s - MEMORY_S {
@@ -269,10 +274,10 @@ impl Readings {
         self.all.back().map_or(f64::NEG_INFINITY, |r| r.time_s)
     }
 
-    /// Time of the first reading after a time, s.
-    pub fn next_s(&self, time_s: f64) -> f64 {
+    /// Time of the last reading at or before a time, s.
+    pub fn before_s(&self, time_s: f64) -> f64 {
         let next = self.all.partition_point(|r| r.time_s <= time_s + 1e-9);
-        self.all.get(next).map_or(f64::INFINITY, |r| r.time_s)
+        next.checked_sub(1).map_or(f64::NEG_INFINITY, |last| self.all[last].time_s)
     }
 
     /// The last reading.

@@ -6,7 +6,18 @@ use super::increment::{Increment, Readings};
 use super::sensors::{Heard, Sensor, UNKNOWN_AZIMUTH_RAD};
 use super::skeleton::Pose;
 use crate::kernels::dense::Square;
+use crate::model::links::UNKNOWN_RAD;
 use crate::rotation::{Mat3, Vec3};
+
+/// Readings no earlier belong to the same instant, s.
+const SAME_S: f64 = 1e-6;
+/// An azimuth of the magnetic field that is known better tells headings after a silence, rad.
+const AZIMUTH_RAD: f64 = 0.3;
+
+/// By how much a unit may have turned in a silence, rad.
+fn turned_in(silence_s: f64) -> f64 {
+    (SILENT_RAD * silence_s.sqrt()).min(UNKNOWN_RAD)
+}
 
 /// What a constant belongs to.
 #[derive(PartialEq)]
@@ -82,10 +93,46 @@ impl StrapdownFilter {
         admitted
     }
 
-    /// The estimate after everything was silent: orientations from a posture (room from link), constants as before.
-    pub fn start_again(&self, old: &State, time_s: f64, orientation: &[Mat3<f64>]) -> State {
-        let readings = (old.readings.clone(), old.heard.clone());
-        let (mut state, tilts) = self.start(time_s, (orientation, true), readings);
+    /// A start after everything was silent for `silence_s`, at the first reading after it. In a posture (room from
+    /// link) that readings fit; without one, units may have turned since `old` by what a limb does that nothing reads. `None`: headings are open, the
+    /// readings do not decide them, and they need not (`must`).
+    pub fn start_anew(
+        &self,
+        old: &State,
+        (time_s, silence_s): (f64, f64),
+        posture: Option<&[Mat3<f64>]>,
+        must: bool,
+    ) -> Option<State> {
+        let (mut readings, mut heard) = (old.readings.clone(), old.heard.clone());
+        readings.iter_mut().for_each(|r| r.begin(time_s));
+        heard.iter_mut().for_each(|h| h.all.retain(|(t, _)| *t >= time_s - SAME_S));
+        if let Some(posture) = posture {
+            return Some(self.start(time_s, (posture, true), (readings, heard)).0);
+        }
+        let mut wide = self.clone();
+        let turned = turned_in(silence_s);
+        wide.links.start_std_rad = turned.max(self.links.start_std_rad);
+        wide.links.start_tilt_std_rad = turned.max(self.links.start_tilt_std_rad);
+        let azimuth_std = self.azimuth_state().map(|i| old.covariance.at(i, i).sqrt());
+        if azimuth_std.is_some_and(|std| std < AZIMUTH_RAD) {
+            wide.skeleton.azimuth_rad = Some(old.means.azimuth);
+        }
+        let (start, tilts) = wide.start(time_s, (&self.link_rotations(self, &old.means), false), (readings, heard));
+        match wide.seeks_headings(&start.means) {
+            true => wide.with_headings(&start, &tilts, must),
+            false => Some(start),
+        }
+    }
+
+    /// Of means after which nothing was read.
+    pub fn silent_covariance(&self, means: &Means, silence_s: f64) -> Square {
+        let turned = vec![turned_in(silence_s); means.units.len()];
+        self.start_covariance(means, &turned, (&turned, self.azimuth_std()))
+    }
+
+    /// A start that goes on with the constants of `old`. `of_bones`: its orientations are those of links, not of the units on them.
+    pub fn with_constants(&self, start: &State, old: &State, of_bones: bool) -> State {
+        let mut state = start.clone();
         let means = &mut state.means;
         let skins: Vec<usize> = self.skins().collect();
         let constants = means.constants.iter_mut().zip(&old.means.constants).zip(self.constants());
@@ -96,14 +143,15 @@ impl StrapdownFilter {
         for u in 0..means.units.len() {
             let turned = self.skin_of(means, u);
             let (new, old) = (&mut means.units[u], &old.means.units[u]);
-            new.rotation = new.rotation.times_transposed(&turned);
+            if of_bones {
+                new.rotation = new.rotation.times_transposed(&turned);
+            }
             (new.gyro_bias, new.accel_bias) = (old.gyro_bias, old.accel_bias);
         }
-        self.place(means, &mut vec![false; tilts.len()]);
-        let headings = self.heading_stds(&state.means);
-        state.covariance = self.start_covariance(&state.means, &tilts, (&headings, UNKNOWN_AZIMUTH_RAD));
+        self.place(means, &mut vec![false; old.means.units.len()]);
+        self.restate(&mut state.covariance);
         let mut stays = vec![false; self.size];
-        let biases = (0..tilts.len()).flat_map(|u| UNIT * u + 9..UNIT * (u + 1));
+        let biases = (0..old.means.units.len()).flat_map(|u| UNIT * u + 9..UNIT * (u + 1));
         let all = biases.chain(self.lasting()).chain(self.azimuth_state());
         all.for_each(|i| stays[i] = true);
         for (r, c) in (0..self.size).flat_map(|r| (0..self.size).map(move |c| (r, c))) {
@@ -112,6 +160,18 @@ impl StrapdownFilter {
                 (false, false) => {}
                 _ => *state.covariance.at_mut(r, c) = 0.0,
             }
+        }
+        let silence_s = start.time_s - old.time_s;
+        for (u, unit) in self.skeleton.units.iter().enumerate() {
+            for r in 0..6 {
+                let (i, [first, walk]) = (UNIT * u + 9 + r, unit.bias[r / 3]);
+                let variance = state.covariance.at_mut(i, i);
+                *variance = (*variance + walk * walk * silence_s).min(first * first).max(*variance);
+            }
+        }
+        if let Some(i) = self.azimuth_state() {
+            let grown = state.covariance.at(i, i) + self.skeleton.azimuth_walk.powi(2) * silence_s;
+            *state.covariance.at_mut(i, i) = grown.min(UNKNOWN_AZIMUTH_RAD * UNKNOWN_AZIMUTH_RAD);
         }
         state
     }

@@ -117,6 +117,12 @@ impl Heard {
         }
     }
 
+    /// Time of the last reading at or before a time, s.
+    pub fn before_s(&self, time_s: f64) -> f64 {
+        let next = self.all.partition_point(|r| r.0 <= time_s + 1e-9);
+        next.checked_sub(1).map_or(f64::NEG_INFINITY, |last| self.all[last].0)
+    }
+
     pub fn last_s(&self) -> f64 {
         self.all.back().map_or(f64::NEG_INFINITY, |r| r.0)
     }

@@ -15,13 +15,14 @@ use crate::body::Body;
 use crate::config::{Config, Magnetometer};
 use crate::error::Result;
 use crate::estimate::filter::{Diverged, SourceInfo, Verdict};
+use crate::kernels::dense::Square;
 use crate::model::{Fixing, Model, Structure};
 use crate::recording::Sample;
 use crate::rotation::Vec3;
 use crate::sensor::{MountValue, Quantity};
 use crate::strapdown::angles::Coordinates;
 use crate::strapdown::check::{Alone, Check};
-use crate::strapdown::filter::{Means, Node, State, StrapdownFilter, SILENT_S};
+use crate::strapdown::filter::{Means, Node, State, StrapdownFilter};
 use crate::strapdown::increment::{Increment, Jump, Reading, Signal};
 use crate::strapdown::sensors::{Measures, Place};
 use crate::strapdown::skeleton::{Mounts, Skeleton, Unit};
@@ -30,8 +31,6 @@ use std::sync::Arc;
 
 /// Units silent for longer are not waited for, s.
 const PATIENCE_S: f64 = 0.15;
-/// After everything was silent, a body that encoders and closures hold is sought anew in the readings of this time, s.
-const AGAIN_S: f64 = 0.4;
 /// Standard deviations of clipped readings, rad/s and m/s2: they are only a bound.
 const CLIPPED: [f64; 2] = [5.0, 50.0];
 /// What a unit of strapdown links measures.
@@ -113,6 +112,8 @@ pub(super) struct RowMotion {
     pub signals: Vec<Signal>,
     /// See `Means::inputs`.
     pub inputs: Vec<[f64; 2]>,
+    /// For how long nothing had been read, s; 0: less than what the body goes on through.
+    pub silence_s: f64,
 }
 
 /// What smoothed means, carried on by the increments of an update, lack to the smoothed ones after it; from when, s, and over how long, s.
@@ -204,6 +205,12 @@ impl Strapdown {
             filter.shift(&mut means, &error.iter().map(|x| x * share).collect::<Vec<_>>());
         }
         self.coordinates(body, &means, &motion.signals, near)
+    }
+
+    /// Covariance where nothing had been read for so long; `None` if readings had come.
+    pub fn silent_covariance(&self, means: &Means, silence_s: f64) -> Option<Square> {
+        let filter = self.filter.as_ref().filter(|_| silence_s > 0.0)?;
+        Some(filter.silent_covariance(means, silence_s))
     }
 
     /// Coordinates at these means.
@@ -347,12 +354,13 @@ impl Tracker {
         if !is_end && filter.complete_s(&links.state, PATIENCE_S) < time_s - 1e-9 {
             return None;
         }
-        if filter.skeleton.is_held() && time_s - links.state.row_s > SILENT_S {
-            let last_s = links.waiting.back().map_or(time_s, |w| w.sample.time_s);
-            if !is_end && last_s < time_s + AGAIN_S {
-                return None;
-            }
-            self.start_again(one, time_s, node);
+        let longest_s = filter.longest_s(&links.state);
+        if filter.silence_s(&links.state, time_s) > longest_s {
+            return self.pass_silence(one);
+        }
+        let silence_s = time_s - links.state.row_s;
+        if silence_s > longest_s && !self.start_again(one, (time_s, silence_s), is_end, node) {
+            return None;
         }
         let strapdown = self.strapdown.as_mut()?;
         let filter = strapdown.filter.as_mut()?;
@@ -383,13 +391,38 @@ impl Tracker {
             links.spread_s = links.state.time_s;
         }
         let increments = || links.state.increments.clone();
-        let motion =
-            for_smoother.then(|| RowMotion { time_s, increments: increments(), signals, inputs: means.inputs.clone() });
+        let motion = for_smoother.then(|| RowMotion {
+            time_s,
+            increments: increments(),
+            signals,
+            inputs: means.inputs,
+            silence_s: 0.0,
+        });
         links.off_axis = coordinates.off_axis;
         one.belief.mean = coordinates.mean;
         one.belief.time_s = time_s;
         self.report_links(&parts, is_updated);
         Some((sample, motion))
+    }
+
+    /// A row in which nothing has been read for some time: the posture of before, worth what a limb does that nothing reads.
+    fn pass_silence(&mut self, one: &mut Hypothesis) -> Option<(Sample, Option<RowMotion>)> {
+        let strapdown = self.strapdown.as_ref()?;
+        let filter = strapdown.filter.as_ref()?;
+        let links = one.links.as_mut()?;
+        let Waiting { sample, parts } = links.waiting.pop_front()?;
+        let time_s = sample.time_s;
+        let means = filter.present(&links.state);
+        let signals: Vec<Signal> = links.state.readings.iter().map(|r| r.at(links.state.row_s)).collect();
+        let coordinates = strapdown.coordinates(&self.subject.body, &means, &signals, &one.belief.mean);
+        let silence_s = filter.silence_s(&links.state, time_s);
+        one.belief.covariance = coordinates.covariance(&filter.silent_covariance(&means, silence_s));
+        one.belief.mean = coordinates.mean;
+        one.belief.time_s = time_s;
+        links.spread_s = f64::NAN;
+        let increments = links.state.increments.clone();
+        self.report_links(&parts, false);
+        Some((sample, Some(RowMotion { time_s, increments, signals, inputs: means.inputs, silence_s })))
     }
 
     fn report_links(&mut self, parts: &[Verdict], is_updated: bool) {

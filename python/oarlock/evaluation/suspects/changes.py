@@ -169,15 +169,15 @@ class LikeStreams:
     places: tuple[Stream, ...]
 
     @classmethod
-    def of(cls, model: Model, recording: Recording) -> LikeStreams:
+    def of(cls, model: Model, streams: Sequence[Stream]) -> LikeStreams:
         """Sorts the streams by the joints that they read in the model."""
         described = model.describe()
         slides = {joint.name for joint in described.joints if joint.kind == "slide"}
         joint_of = {s.name: s.joint for s in described.encoders}
-        scalars = [s for s in recording.streams if s.kind == "scalar"]
+        scalars = [s for s in streams if s.kind == "scalar"]
         places = [s.name for s in scalars if joint_of.get(s.name, s.name) in slides]
         return cls(
-            tuple(s for s in recording.streams if isinstance(s, ImuStream)),
+            tuple(s for s in streams if isinstance(s, ImuStream)),
             tuple(s for s in scalars if s.name not in places),
             tuple(s for s in scalars if s.name in places),
         )

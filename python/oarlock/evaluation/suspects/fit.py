@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -48,16 +49,28 @@ class Misfit:
 
 
 LOST = Misfit(float("inf"), {})
+AT_ONCE = 4
+"""Recordings that are tracked between two looks at the clock."""
+
+
+class Spent(Exception):
+    """The time of a search is over."""
 
 
 class Judge:
     """Tracks short recordings of one model in parallel and computes the misfit of each."""
 
-    def __init__(self, model: Model, calibration: Calibration | None, closures: bool = True) -> None:
+    def __init__(
+        self,
+        model: Model,
+        calibration: Calibration | None,
+        closures: bool = True,
+        end_s: float = float("inf"),
+    ) -> None:
         described = model.describe()
         self._model, self._rough = (coarse(model, noise) for noise in (1.0, PRESELECTION_NOISE))
         self._calibration = calibration
-        self._closures = closures
+        self._closures, self._end_s = closures, end_s
         self._bases = [base.name for base in described.base_acceleration]
         self._units = {s.name for s in described.inertial_units}
 
@@ -88,7 +101,11 @@ class Judge:
     ) -> list[Misfit]:
         config = self._config(window_s, posture)
         jobs = [(recording, self._calibration, config) for recording in recordings]
-        runs = _core.track_many(model, jobs, False, None, None) if jobs else []
+        runs = []
+        for first in range(0, len(jobs), AT_ONCE):
+            if time.monotonic() > self._end_s:
+                raise Spent
+            runs += _core.track_many(model, jobs[first : first + AT_ONCE], False, None, None)
         return [self._misfit(run[0]) if isinstance(run, tuple) else LOST for run in runs]
 
     def _config(self, window_s: float, posture: tuple[float, ...]) -> _core.Config:

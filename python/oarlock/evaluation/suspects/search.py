@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -51,30 +51,35 @@ Ranking: TypeAlias = list[tuple[Change, Misfit]]
 
 @dataclass(frozen=True, eq=False)
 class Second:
-    """One second of readings on a fine grid, and on a coarse one for the first selection."""
+    """One second of readings on a fine grid, and on a coarse one for the first selection.
+
+    `agreeing` units are not suspected.
+    """
 
     model: Model
     fine: Recording
     coarse: Recording
+    agreeing: frozenset[str] = frozenset()
 
     @property
     def like(self) -> LikeStreams:
-        """Its streams by kind."""
-        return LikeStreams.of(self.model, self.fine)
+        """The streams that may have a fault, by kind."""
+        return LikeStreams.of(self.model, [s for s in self.fine.streams if s.name not in self.agreeing])
 
     def applied(self, change: Change) -> Second:
         """The second with the fault corrected."""
-        return Second(self.model, change.applied(self.fine), change.applied(self.coarse))
+        return replace(self, fine=change.applied(self.fine), coarse=change.applied(self.coarse))
 
     def without(self, names: Sequence[str]) -> Second | None:
         """Without these streams; None if nothing is left."""
         parts = [[s for s in r.streams if s.name not in names] for r in (self.fine, self.coarse)]
-        return Second(self.model, *(Recording(part) for part in parts)) if all(parts) else None
+        fine, coarse = parts
+        return replace(self, fine=Recording(fine), coarse=Recording(coarse)) if all(parts) else None
 
     def without_magnetometers(self, names: Sequence[str]) -> Second | None:
         """The second without the magnetometers of these units."""
         fine, coarse = (without_magnetometers(r, names) for r in (self.fine, self.coarse))
-        return Second(self.model, fine, coarse) if fine is not None and coarse is not None else None
+        return replace(self, fine=fine, coarse=coarse) if fine is not None and coarse is not None else None
 
 
 @dataclass(frozen=True, eq=False)

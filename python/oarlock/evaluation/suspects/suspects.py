@@ -1,18 +1,23 @@
-"""`suspects`: names sensor faults (exchanged, inverted, wrong unit, wrong sign) from one second of readings."""
+"""`suspects`: names sensor faults (exchanged, inverted, wrong unit, sign, clock or mount, bias) from the readings."""
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from dataclasses import dataclass
-from math import isfinite, nan
+from math import degrees, isfinite, isnan, nan
 from typing import TYPE_CHECKING
 
-from oarlock.evaluation.suspects.fit import USUAL, Judge
+from oarlock.evaluation.suspects.fit import USUAL, Judge, Spent
+from oarlock.evaluation.suspects.joint_forces import Explanation, JointForces, explanations
 from oarlock.evaluation.suspects.search import RATE_HZ, SCREEN_HZ, Found, Outcome, Second, search
 from oarlock.evaluation.suspects.second import most_motion, on_grid
 from oarlock.evaluation.suspects.text import SUSPECT_NOTE
+from oarlock.evaluation.suspects.turning import of_unit
 from oarlock.recording.corrections import corrected
 from oarlock.recording.plausibility import plausibility
 from oarlock.recording.recording import Recording
+from oarlock.recording.streams import ImuStream
 from oarlock.storage.progress import Progress, shown
 
 if TYPE_CHECKING:
@@ -33,14 +38,15 @@ class Suspect:
 
     Args:
         streams: names of the affected streams.
-        fault: "exchanged", "unit", "sign", "turned", "axes", "stuck", "clipped", "reading", "contradicts" or
-            "untold".
+        fault: "exchanged", "unit", "sign", "turned", "axes", "clock", "mount", "bias", "scale", "stuck", "clipped",
+            "reading", "contradicts", "untold", or "unfinished".
         message: the fault, and what to change.
         misfit_before: squared innovations relative to those from the usual errors of real recordings; up to 0.5 is
             usual. NaN if the stream alone shows the fault.
         misfit_after: the same after the change.
         start_s: start of the second that shows the fault, s.
         others: other faults that explain the readings nearly as well.
+        error_rad: by how much the orientation of its units is wrong if nothing is changed, rad; NaN if unknown.
     """
 
     streams: tuple[str, ...]
@@ -50,15 +56,18 @@ class Suspect:
     misfit_after: float = nan
     start_s: float = nan
     others: tuple[str, ...] = ()
+    error_rad: float = nan
 
     @property
     def note(self) -> str:
         """The text for the notes of a track."""
-        return str(self) if self.fault == "untold" else f"{SUSPECT_NOTE}{self}"
+        return str(self) if self.fault in ("untold", "unfinished") else f"{SUSPECT_NOTE}{self}"
 
     def to_dict(self) -> dict[str, object]:
         """Plain values for JSON; None where unknown."""
-        values = {name: getattr(self, name) for name in ("misfit_before", "misfit_after", "start_s")}
+        values = {
+            name: getattr(self, name) for name in ("misfit_before", "misfit_after", "start_s", "error_rad")
+        }
         known = {name: value if isfinite(value) else None for name, value in values.items()}
         texts = {"fault": self.fault, "message": self.message, "others": list(self.others)}
         return {"streams": list(self.streams), **texts, **known}
@@ -66,10 +75,9 @@ class Suspect:
     def __str__(self) -> str:
         numbers = ""
         if isfinite(self.misfit_after):
-            numbers = (
-                f" Misfit {_number(self.misfit_before)} as recorded, {_number(self.misfit_after)} after this change; "
-                f"up to {USUAL} is usual."
-            )
+            usual = f"; up to {USUAL} is usual" if isnan(self.error_rad) else ""
+            before, after = _number(self.misfit_before), _number(self.misfit_after)
+            numbers = f" Misfit {before} as recorded, {after} after this change{usual}."
         others = f" Nearly as well fits: {' Or: '.join(self.others)}" if self.others else ""
         return f"{self.message}{numbers}{others}"
 
@@ -81,21 +89,25 @@ def suspects(
     config: Config | None = None,
     *,
     seconds: float = 1.0,
+    budget_s: float = 10.0,
     progress: Progress = None,
 ) -> tuple[Suspect, ...]:
-    """Find sensor faults from one second of a recording.
+    """Find sensor faults in a recording.
 
-    A filter tracks the second with the most movement. It expects the usual errors of real recordings: mounts 5 deg off,
-    soft tissue, nearby iron. If the misfit is large, the second is tracked again with each of about a hundred faults
-    corrected. The fault is reported whose correction gives a usual misfit and a smaller one than any other correction.
-    The search then continues, for up to three faults.
+    Units are compared first: a gyroscope with the magnetic field or gravity that turns in its own unit, then the force
+    at each joint as both of its units read it, with clocks, axes, signs, mounts and biases changed until they agree.
+    If nothing is found, a filter tracks the second with the most movement, which expects the usual errors of real
+    recordings: mounts 5 deg off, soft tissue, nearby iron. If the misfit is large, the second is tracked again with
+    each of about a hundred faults corrected. The fault is reported whose correction gives a usual misfit and a smaller
+    one than any other correction. The search then continues, for up to three faults.
 
     Args:
         model: the body and its sensors.
         recording: measured streams; in a live session those received so far.
         calibration: calibration of this session; its corrections are applied first.
         config: settings for closures and magnetometers; None uses the defaults.
-        seconds: duration of the tested part, s.
+        seconds: duration of the part that the filter tests, s.
+        budget_s: longest search, s. Its end is said by a suspect "unfinished".
         progress: True shows that it runs.
 
     Returns:
@@ -104,6 +116,7 @@ def suspects(
     Raises:
         DataError: as `Calibration.corrected`.
     """
+    end_s = time.monotonic() + budget_s
     measured = corrected(recording, calibration)
     known = _known(model, measured)
     findings = [f for f in plausibility(measured) if f.severity == "error" or f.kind]
@@ -111,10 +124,52 @@ def suspects(
     if known is None:
         return tuple(alone)
     still = None if calibration is None else calibration.for_corrected()
+    spent = Suspect(
+        (), "unfinished", f"the search for faults ended after {budget_s:g} s, before it had tried all."
+    )
     with shown(progress, "searching for faults"):
-        by_tracking = _by_tracking(model, known, still, config, seconds)
+        units, agreeing, is_whole = _by_units(
+            model, known, still, {f.sensor for f in findings}, lambda: time.monotonic() > end_s
+        )
+        try:
+            by_tracking = units or _by_tracking(model, known, still, config, seconds, (end_s, agreeing))
+        except Spent:
+            by_tracking, is_whole = [], False
     named = {name for suspect in by_tracking if suspect.fault != "untold" for name in suspect.streams}
-    return (*by_tracking, *(suspect for suspect in alone if not named.intersection(suspect.streams)))
+    others = [suspect for suspect in alone if not named.intersection(suspect.streams)]
+    return (*by_tracking, *others, *([] if is_whole else [spent]))
+
+
+def _by_units(
+    model: Model,
+    recording: Recording,
+    calibration: Calibration | None,
+    faulty: set[str],
+    spent: Callable[[], bool],
+) -> tuple[list[Suspect], frozenset[str], bool]:
+    """What units show of themselves and of each other; which agree with their neighbours; and whether all was tried."""
+    sound = [s for s in recording if isinstance(s, ImuStream) and s.name not in faulty]
+    own = [explanation for unit in sound if (explanation := of_unit(unit)) is not None]
+    if own and (whole := JointForces.of(model, Recording(sound), calibration)) is not None:
+        own = [e for e in own if e.fault != "scale" or whole.fits_scale(e.streams[0], e.gyro_scale)]
+    others = [s for s in sound if all(s.name not in e.streams or e.fault == "bias" for e in own)]
+    forces = JointForces.of(model, Recording(others), calibration) if others else None
+    joints, is_whole = ([], True) if forces is None else explanations(forces, spent)
+    agreeing = frozenset() if forces is None else forces.agreeing()
+    return [_of_explanation(e) for e in (*own, *joints)], agreeing, is_whole
+
+
+def _of_explanation(e: Explanation) -> Suspect:
+    since = "" if e.from_s is None else f" from about {e.from_s:.0f} s on"
+    units, size = " and ".join(e.streams), f"about {degrees(e.error_rad):.0f} deg"
+    if e.fault == "bias" and "gyroscope" in e.cause:
+        size += " a second"
+    message = (
+        f"{e.cause}{since}: {e.cure}. Until then {units} can be off by {size}, and angles of its joints by more than "
+        "their bands."
+    )
+    numbers = (e.misfit_before, e.misfit_after, nan if e.from_s is None else e.from_s)
+    return Suspect(e.streams, e.fault, message, *numbers, e.others, e.error_rad)
 
 
 def _known(model: Model, recording: Recording) -> Recording | None:
@@ -130,13 +185,16 @@ def _by_tracking(
     calibration: Calibration | None,
     config: Config | None,
     seconds: float,
+    limits: tuple[float, frozenset[str]],
 ) -> list[Suspect]:
+    """`limits`: when the search ends, s, and units that are not suspected."""
+    end_s, agreeing = limits
     start_s, motion_score = most_motion(recording, seconds)
     grids = [on_grid(recording, start_s, seconds, rate) for rate in (RATE_HZ, SCREEN_HZ)]
     if grids[0] is None or grids[1] is None:
         return []
-    judge = Judge(model, calibration, config.closures if config is not None else True)
-    outcome = search(judge, Second(model, grids[0], grids[1]))
+    judge = Judge(model, calibration, config.closures if config is not None else True, end_s)
+    outcome = search(judge, Second(model, grids[0], grids[1], agreeing))
     return _suspects_of(outcome, start_s, motion_score)
 
 

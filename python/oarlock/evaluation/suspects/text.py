@@ -54,8 +54,8 @@ def turn_text(streams: Sequence[str], matrix: FloatArray) -> str:
     half_turn = abs(np.trace(matrix) + 1.0) < 0.5 and np.linalg.det(matrix) > 0
     upside, them = ", upside down," if half_turn else "", "it" if len(streams) == 1 else "them"
     return (
-        f"{_of(streams)} {_look(streams)} mounted{upside} turned by {_angle(matrix)}. Turn {them}, or set "
-        f"axes = {_axes(matrix)} for gyro, accel and mag in the mapping file, or put mounts.{name}.rotation times "
+        f"{_of(streams)} {_look(streams)} mounted{upside} turned by {angle_text(matrix)}. Turn {them}, or set "
+        f"axes = {axes_list(matrix)} for gyro, accel and mag in the mapping file, or put mounts.{name}.rotation times "
         f"{_rows(matrix)} into the calibration."
     )
 
@@ -64,9 +64,9 @@ def axes_text(streams: Sequence[str], quantities: Sequence[str], matrix: FloatAr
     """Text for readings in axes of another convention."""
     one = quantities[0] if len(quantities) == 1 else ""
     keys = _QUANTITY[one] if one else "gyro, accel and mag"
-    what = f"turned by {_angle(matrix)}" if np.linalg.det(matrix) > 0 else _mirrored(matrix)
+    what = f"turned by {angle_text(matrix)}" if np.linalg.det(matrix) > 0 else mirror_text(matrix)
     subject = _of(streams, one)
-    advice = f"set axes = {_axes(matrix)} for {keys} in the mapping file"
+    advice = f"set axes = {axes_list(matrix)} for {keys} in the mapping file"
     return f"{subject} {_look(streams)} in other axes ({what}): {advice}."
 
 
@@ -81,7 +81,7 @@ def _look(streams: Sequence[str]) -> str:
     return "looks" if len(streams) == 1 else "look"
 
 
-def _angle(matrix: FloatArray) -> str:
+def angle_text(matrix: FloatArray) -> str:
     """`180 deg about its x`: the rotation of the readings from recorded to correct axes."""
     cosine = (np.trace(matrix) - 1.0) / 2.0
     angle = round(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
@@ -103,7 +103,8 @@ def _direction(axis: FloatArray) -> str:
     return "diagonal " + " ".join(("-" if value < 0 else "+") + letter for value, letter in parts)
 
 
-def _mirrored(matrix: FloatArray) -> str:
+def mirror_text(matrix: FloatArray) -> str:
+    """`x reversed`, `x and y exchanged`."""
     if np.allclose(matrix, -np.eye(3)):
         return "all three reversed"
     kept = np.flatnonzero(np.diag(matrix) > 0.5)
@@ -112,7 +113,7 @@ def _mirrored(matrix: FloatArray) -> str:
     return " and ".join("xyz"[i] for i in range(3) if i not in kept) + " exchanged"
 
 
-def _axes(matrix: FloatArray) -> str:
+def axes_list(matrix: FloatArray) -> str:
     """`axes` for the mapping file: the recorded axis for each correct axis."""
     found = []
     for row in matrix:

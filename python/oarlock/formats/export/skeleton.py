@@ -21,6 +21,7 @@ from oarlock.formats.export.plain_names import PlainNames
 from oarlock.model.coordinates import with_untold_at_zero
 from oarlock.model.description import pose_of
 from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.even_times import even_times
 from oarlock.tracking.places import poses_of
 
 if TYPE_CHECKING:
@@ -172,6 +173,7 @@ def evenly(skeleton: Skeleton) -> tuple[Skeleton, tuple[str, ...]]:
     step_s = float(np.median(steps))
     if np.abs(steps - step_s).max() <= EVEN_SHARE * step_s:
         return skeleton, ()
+    even_times(time_s, step_s, "animation.bvh")
     even_s = np.linspace(0.0, step_s * int(time_s[-1] / step_s), int(time_s[-1] / step_s) + 1)
     behind = np.clip(np.searchsorted(time_s, even_s, side="right"), 1, len(time_s) - 1)
     share = ((even_s - time_s[behind - 1]) / steps[behind - 1])[:, None, None]

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 from oarlock.storage.errors import DataError
+from oarlock.storage.even_times import even_times
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -57,7 +58,7 @@ def even_signals(time_s: Floats, values: Floats, what: str) -> Signals:
         raise DataError(
             f"{what} is {length:.1f} s long; at least {SHORTEST_S:g} s are needed to align by motion"
         )
-    even = np.arange(time_s[0], time_s[-1], STEP_S)
+    even = even_times(time_s, STEP_S, what)
     behind = np.clip(np.searchsorted(time_s, even, side="right"), 1, len(time_s) - 1)
     valid = time_s[behind] - time_s[behind - 1] <= LONGEST_GAP_S
     if not valid.any():

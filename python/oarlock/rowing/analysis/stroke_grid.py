@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from oarlock import Track
 from oarlock.rowing.analysis.local_cubic import local_cubic
+from oarlock.storage.even_times import even_times_of_stretches
 
 Floats = NDArray[np.float64]
 
@@ -123,7 +124,7 @@ class _Read:
             return None
         time_s, value = time_s[rows], value[rows]
         step = float(np.median(np.diff(time_s)))
-        even = np.arange(time_s[0], time_s[-1] + step, step)
+        even = even_times_of_stretches(time_s, step)
         window = max(5, 2 * round(0.5 * _RATE_WINDOW_S / step) + 1)
         if len(even) <= window:
             return None

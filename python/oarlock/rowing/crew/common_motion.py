@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.signal import correlate
 
 from oarlock import ImuStream, Recording
+from oarlock.storage.even_times import even_times
 
 Floats = NDArray[np.float64]
 
@@ -67,7 +68,7 @@ def _along(recording: Recording) -> tuple[Floats, Floats]:
     if good.sum() < 2:
         raise NoCommonMotion(f"the unit {name} has no readings")
     time_s, accel = stream.time_s[good], stream.accel_m_s2[good]
-    even = np.arange(time_s[0], time_s[-1], 1.0 / _RATE_HZ)
+    even = even_times(time_s, 1.0 / _RATE_HZ, f"the unit {name}")
     readings = np.stack([np.interp(even, time_s, accel[:, k]) for k in range(3)], axis=1)
     readings -= readings.mean(axis=0)
     axis = np.linalg.svd(readings.T @ readings)[0][:, 0]

@@ -24,6 +24,7 @@ _USUAL_ALIKE = 0.4
 """Correlation of neighbours where 20 strokes or fewer do not show it well; it is mixed in as if from 10 strokes."""
 _MIXED_STROKES = 10.0
 _NO_SCATTER = 1e-12
+_LEAST_PRECISION = 1e-12
 FITTED = 4
 """Coefficients of the regression."""
 _BEND_OF_SLOPE = 0.08
@@ -63,7 +64,12 @@ def change(values: Floats, rate: Floats, later: NDArray[np.bool_], slope_sd: flo
     for _ in range(_ROUNDS):
         precision = np.zeros_like(prior)
         precision[prior > 0.0] = scatter**2 / prior[prior > 0.0] ** 2
-        normal = columns.T @ (weights[:, None] * columns) + np.diag(precision)
+        squares = columns.T @ (weights[:, None] * columns)
+        # Where all strokes have one rate, its slope and bend are not determined.
+        precision = np.where(
+            prior > 0.0, np.maximum(precision, _LEAST_PRECISION * np.diag(squares).max()), 0.0
+        )
+        normal = squares + np.diag(precision)
         found = np.linalg.solve(normal, columns.T @ (weights * values))
         residuals = values - columns @ found
         scatter = robust_sd(residuals, FITTED)

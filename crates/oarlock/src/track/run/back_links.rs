@@ -112,7 +112,9 @@ impl Run {
         let mut spread: Option<Square> = None;
         for (row, motion) in rows.iter().rev() {
             let coordinates = strapdown.smoothed(self.tracker.body(), (smoothed, filtered), motion, lack, near);
-            let spread = spread.get_or_insert_with(|| coordinates.covariance(covariance));
+            let silent = strapdown.silent_covariance(smoothed, motion.silence_s).map(|s| coordinates.covariance(&s));
+            let usual = &*spread.get_or_insert_with(|| coordinates.covariance(covariance));
+            let spread = silent.as_ref().unwrap_or(usual);
             self.write_row(*row, &coordinates.mean, |_, variance| spread.diagonal(variance));
             let off_axis: Vec<f64> = coordinates.off_axis.concat();
             self.series.off_axis[*row * off_axis.len()..][..off_axis.len()].copy_from_slice(&off_axis);
@@ -215,7 +217,7 @@ fn first_row(one: &Hypothesis) -> Option<RowMotion> {
     let time_s = one.belief.time_s;
     let signals = state.readings.iter().map(|r| r.at(time_s)).collect();
     let inputs = state.means.inputs.clone();
-    Some(RowMotion { time_s, increments: state.increments.clone(), signals, inputs })
+    Some(RowMotion { time_s, increments: state.increments.clone(), signals, inputs, silence_s: 0.0 })
 }
 
 #[cfg(test)]

@@ -22,6 +22,8 @@ use std::collections::VecDeque;
 
 /// The first rows, which are smoothed, s: a wrong tilt at the start is found within them.
 const START_S: f64 = 1.0;
+/// After everything was silent, a body that encoders and closures hold is sought anew in the readings of this time, s.
+const AGAIN_S: f64 = 0.4;
 /// Longest time for which headings are sought, s, and the factor from one try to the next.
 const LONGEST_START_S: f64 = 5.0;
 const LATER: f64 = 1.7;
@@ -168,31 +170,58 @@ impl Tracker {
         check_number(one)
     }
 
-    /// Finds the posture again after everything was silent, with the constants of before. Where readings fit none, the estimate goes on.
-    pub(super) fn start_again(&mut self, one: &mut Hypothesis, time_s: f64, node: &mut dyn FnMut(Node)) {
-        let Some(links) = &mut one.links else { return };
-        let window = links
-            .waiting
-            .iter()
-            .map(|w| &w.sample)
-            .take_while(|sample| sample.time_s <= time_s + self.config.start_window_s);
-        let window: Vec<Sample> = window.cloned().collect();
-        let Ok(posture) = self.fit_start(&window) else { return };
-        let orientations = self.orientations(&posture.belief.mean);
+    /// Starts anew at the first reading after everything was silent, with the constants of before; false: later readings must say more. Encoders and
+    /// loops hold a body in the posture that its readings fit.
+    pub(super) fn start_again(
+        &mut self,
+        one: &mut Hypothesis,
+        (time_s, silence_s): (f64, f64),
+        is_end: bool,
+        node: &mut dyn FnMut(Node),
+    ) -> bool {
+        let Some(links) = &one.links else { return true };
+        let is_held = self.strapdown_filter().skeleton.is_held();
+        let since_s = links.waiting.back().map_or(0.0, |w| w.sample.time_s) - time_s;
+        let next_s = self.strapdown.as_ref().map_or(0.0, |s| s.next_start_s);
+        let due_s = if is_held { AGAIN_S } else { START_S.max(next_s) };
+        if !is_end && since_s < due_s {
+            return false;
+        }
+        let posture = if is_held { self.posture_again(links, time_s) } else { None };
+        let Some(links) = &mut one.links else { return true };
         let stated = self.subject.body.model.links;
-        let Some(strapdown) = &mut self.strapdown else { return };
-        let Some(filter) = &mut strapdown.filter else { return };
+        let Some(strapdown) = &mut self.strapdown else { return true };
+        let Some(filter) = &mut strapdown.filter else { return true };
+        let must = is_end || since_s >= LONGEST_START_S;
+        let Some(start) = filter.start_anew(&links.state, (time_s, silence_s), posture.as_deref(), must) else {
+            strapdown.next_start_s = due_s * LATER;
+            return false;
+        };
+        strapdown.next_start_s = 0.0;
         let is_decided = links.rivals.is_empty();
         for rival in &mut links.rivals {
             filter.links = filter.stated(&stated.with(rival.fixing, false));
-            rival.state = filter.start_again(&rival.state, time_s, &orientations);
+            rival.state = filter.with_constants(&start, &rival.state, posture.is_some());
         }
         filter.links = filter.stated(&stated.with(links.fixing, is_decided));
-        let state = filter.start_again(&links.state, time_s, &orientations);
+        let state = filter.with_constants(&start, &links.state, posture.is_some());
         node(filter.cut(&links.state, &state));
         links.alone = strapdown.alone.iter().flat_map(|alone| alone.start(&state)).collect();
+        if posture.is_none() {
+            links.checks.iter_mut().enumerate().for_each(|(u, check)| check.restart(state.turn_variance(u)));
+        }
         links.state = state;
         links.spread_s = f64::NAN;
+        true
+    }
+
+    /// Orientation of every link, room from link, in the posture that the first readings from a time on fit.
+    fn posture_again(&mut self, links: &LinkState, time_s: f64) -> Option<Vec<Mat3<f64>>> {
+        let end_s = time_s + self.config.start_window_s;
+        let samples = links.waiting.iter().map(|w| &w.sample);
+        let window: Vec<Sample> = samples.take_while(|sample| sample.time_s <= end_s).cloned().collect();
+        let posture = self.fit_start(&window).ok()?;
+        Some(self.orientations(&posture.belief.mean))
     }
 
     /// Makes the filter larger by units that speak, by source, and did not at the start.

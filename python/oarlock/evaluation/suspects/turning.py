@@ -1,0 +1,184 @@
+"""Faults of a gyroscope that its own unit shows: a direction fixed in the room turns in the unit's axes.
+
+The magnetic field is such a direction, and so is gravity while nothing else accelerates the unit: d' = -w x d. Neither
+a model nor another unit is needed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from oarlock.evaluation.suspects.changes import MIRRORS, PROPER
+from oarlock.evaluation.suspects.joint_forces import RATE_HZ, Explanation, on_grid_of
+from oarlock.evaluation.suspects.text import angle_text, axes_list, mirror_text
+from oarlock.recording.streams import ImuStream
+from oarlock.storage.array_gate import FloatArray
+
+PARTS = 8
+SPAN_S = 0.24
+"""Over which a direction turns, s."""
+NEAR_FIELD, NEAR_REST = 0.1, 0.1
+"""Share by which |mag| and |accel| may differ from their medians."""
+CALM = 0.06
+"""Scatter of |accel| over its median up to which gravity alone is read."""
+LEAST_RATE = 0.08
+"""Root mean square of a direction's change below which nothing is told, per s."""
+FITS, EXPLAINS = 0.3, 3.0
+"""Share of the changes that a right gyroscope leaves unexplained, and factor between a wrong one and a right one."""
+LEAST_SCALE, SURE = 0.07, 4.0
+LEAST_BIAS_RAD_S, LEAST_STEP_RAD_S = np.radians(6.0), np.radians(3.0)
+"""A bias is not told from iron that moves with the unit by less; a change of the bias is."""
+_UNITS = (
+    (1.0, "", ""),
+    (np.pi / 180.0, "in deg/s", 'set unit = "deg/s" for gyro in the mapping file'),
+    (180.0 / np.pi, "converted from deg/s twice", "set scale = 57.2958 for gyro in the mapping file"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class _Sums:
+    """Sums over rows of squares of the slopes by matrix (9, row by row) and shift (3), and of their products."""
+
+    squares: FloatArray
+    products: FloatArray
+    change: float
+    rows: int
+
+    def __add__(self, other: _Sums) -> _Sums:
+        return _Sums(
+            self.squares + other.squares,
+            self.products + other.products,
+            self.change + other.change,
+            self.rows + other.rows,
+        )
+
+    def fit(self, axes: FloatArray) -> tuple[float, FloatArray, float]:
+        """Scale and shift (3,) that fit best with these axes, and the share of the changes that is left."""
+        basis = np.zeros((12, 4))
+        basis[:9, 0], basis[9:, 1:] = axes.ravel(), np.eye(3)
+        squares, products = basis.T @ self.squares @ basis, basis.T @ self.products
+        solved = np.linalg.solve(squares + 1e-9 * np.eye(4) * max(1.0, float(np.trace(squares))), products)
+        return float(solved[0]), solved[1:], max(0.0, 1.0 - float(solved @ products) / self.change)
+
+    def shift(self, matrix: FloatArray) -> FloatArray:
+        """(3,) what is added to the rates with this matrix, rad/s."""
+        squares = self.squares[9:, 9:] + 1e-6 * self.rows * np.eye(3)
+        fixed = np.concatenate([matrix.ravel(), np.zeros(3)])
+        return np.asarray(np.linalg.solve(squares, (self.products - self.squares @ fixed)[9:]))
+
+
+def of_unit(stream: ImuStream) -> Explanation | None:
+    """What is wrong with a unit's gyroscope, or None."""
+    read = on_grid_of(stream)
+    if read is None:
+        return None
+    gyro, accel, field, there = read
+    for rows, near in ((field, NEAR_FIELD), (accel, NEAR_REST)):
+        if rows is None or not there.any():
+            continue
+        norm = np.linalg.norm(rows, axis=1)
+        middle = float(np.median(norm[there]))
+        if middle == 0.0 or (rows is accel and float(np.std(norm[there])) > CALM * middle):
+            continue
+        usable = there & (np.abs(norm / middle - 1.0) < near)
+        parts = [
+            part for part in _parts(gyro, rows / np.maximum(norm, 1e-9)[:, None], usable) if part is not None
+        ]
+        if len(parts) >= PARTS // 2:
+            return _explained(stream, parts, "magnetometer" if rows is field else "accelerometer")
+    return None
+
+
+def _parts(gyro: FloatArray, direction: FloatArray, usable: NDArray[np.bool_]) -> Iterator[_Sums | None]:
+    width = round(SPAN_S * RATE_HZ)
+    change = (direction[width:] - direction[:-width]) / SPAN_S
+    sums = np.cumsum(np.concatenate([np.zeros((1, 3, 12)), _slopes(gyro, direction)]), axis=0)
+    slopes = (sums[width:-1] - sums[: -width - 1]) / width
+    whole = usable[width:] & usable[:-width]
+    edges = np.linspace(0, len(change), PARTS + 1).astype(int)
+    for a, b in pairwise(edges):
+        rows = np.arange(a, b)[whole[a:b]]
+        own, turned = slopes[rows], change[rows]
+        total = float(np.sum(turned**2))
+        if len(rows) < RATE_HZ or total < len(rows) * LEAST_RATE**2:
+            yield None
+            continue
+        yield _Sums(np.einsum("tij,tik->jk", own, own), np.einsum("tij,ti->j", own, turned), total, len(rows))
+
+
+def _slopes(gyro: FloatArray, direction: FloatArray) -> FloatArray:
+    """(T, 3, 12) derivatives of a direction's change by the matrix from readings to rates, and by what is added."""
+    x, y, z = direction.T
+    none = np.zeros(len(x))
+    cross = np.stack(
+        [np.stack([none, -z, y], 1), np.stack([z, none, -x], 1), np.stack([-y, x, none], 1)], axis=1
+    )
+    by_matrix = np.einsum("tir,tc->tirc", cross, gyro).reshape(-1, 3, 9)
+    return np.concatenate([by_matrix, cross], axis=2)
+
+
+def _explained(stream: ImuStream, parts: list[_Sums], by: str) -> Explanation | None:
+    name, whole = stream.name, sum(parts[1:], parts[0])
+    tried = [(whole.fit(axes), axes) for axes in (np.eye(3), -np.eye(3), *MIRRORS, *PROPER)]
+    (scale, _, left), _ = tried[0]
+    (_, _, best_left), axes = min(
+        (t for t in tried if t[0][0] > 0.0), key=lambda t: t[0][2], default=tried[0]
+    )
+    if min(left, best_left) > FITS:
+        return None
+    if best_left * EXPLAINS < left or (scale <= 0.0 and best_left < left):
+        reversed_all = np.allclose(axes, -np.eye(3))
+        turned = angle_text(axes) if np.linalg.det(axes) > 0 else mirror_text(axes)
+        what = "all three reversed" if reversed_all else turned
+        cause = f"gyroscope of {name} looks to have other axes ({what}) than its {by}"
+        cure = f"set axes = {axes_list(axes)} for gyro in the mapping file"
+        return _explanation("axes", name, cause, cure, np.pi / 2)
+    if left > FITS:
+        return None
+    for factor, what, cure in _UNITS[1:]:
+        if 0.6 < scale / factor < 1.6:
+            return _explanation("unit", name, f"gyroscope of {name} looks {what}", cure, np.pi)
+    each = np.array([part.fit(np.eye(3))[0] for part in parts])
+    std = 1.5 * float(np.median(np.abs(each - np.median(each)))) / np.sqrt(len(each))
+    if abs(scale - 1.0) > max(LEAST_SCALE, SURE * std):
+        cause = f"gyroscope of {name} reads {1.0 / scale:.2f} times the rate at which its {by} turns"
+        cure = (
+            f"set scale = {scale:.3f} for gyro in the mapping file, or calibrate the {by}, if that is wrong"
+        )
+        return replace(_explanation("scale", name, cause, cure, abs(1.0 / scale - 1.0)), gyro_scale=scale)
+    return _bias(stream, parts, scale, by)
+
+
+def _bias(stream: ImuStream, parts: list[_Sums], scale: float, by: str) -> Explanation | None:
+    """A bias that all parts of the recording show alike, or one that changes between two of them."""
+    name, count = stream.name, len(parts)
+    cure = "let the unit rest for 10 s before the recording, and subtract what it reads then"
+    each = np.array([part.shift(scale * np.eye(3)) for part in parts])
+    tried = [
+        (_apart(each[:k], each[k:]), LEAST_STEP_RAD_S, "changes its bias by") for k in range(2, count - 1)
+    ]
+    tried.sort(key=lambda one: -one[0][1])
+    whole = _apart(np.zeros((2, 3)), each)
+    for (size, times_std), least, words in (*tried[:1], (whole, LEAST_BIAS_RAD_S, "looks biased by")):
+        if size > least and times_std > SURE:
+            cause = f"gyroscope of {name} {words} {np.degrees(size):.1f} deg/s against its {by}"
+            return _explanation("bias", name, cause, cure, size)
+    return None
+
+
+def _apart(first: FloatArray, second: FloatArray) -> tuple[float, float]:
+    """Distance of the means of two groups (n, 3), and how many standard deviations the surest axis has of it."""
+    away = np.concatenate([first - first.mean(axis=0), second - second.mean(axis=0)])
+    scatter = np.sqrt(np.sum(away**2, axis=0) / max(1, len(away) - 2))
+    difference = second.mean(axis=0) - first.mean(axis=0)
+    std = np.maximum(scatter * np.sqrt(1.0 / len(first) + 1.0 / len(second)), np.radians(0.05))
+    return float(np.linalg.norm(difference)), float((np.abs(difference) / std).max())
+
+
+def _explanation(fault: str, name: str, cause: str, cure: str, error_rad: float) -> Explanation:
+    return Explanation(fault, (name,), cause, cure, error_rad, float("nan"), float("nan"))

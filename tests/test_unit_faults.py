@@ -1,0 +1,157 @@
+"""Units that contradict themselves or each other are named with cause and size, within a budget; sound ones are not."""
+
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import oarlock
+from oarlock import ImuStream, Recording
+from oarlock.evaluation.suspects.joint_forces import JointForces
+
+SEEDS = (11, 12)
+FROM_S = 14.0
+
+Change = Callable[[ImuStream], ImuStream]
+
+
+@cache
+def arm(seed: int) -> tuple[oarlock.Model, Recording]:
+    """Three units on a machine's arm; all joints turn by sums of sines."""
+    model, random = oarlock.load_model("arm7"), np.random.default_rng(seed)
+    time_s, q = np.arange(0.0, 30.0, 0.01), []
+    for _ in model.joint_names:
+        frequency_hz, phase_rad = random.uniform(0.1, 0.8, 4), random.uniform(0.0, 6.28, 4)
+        waves = (
+            0.3 * np.sin(2.0 * np.pi * frequency_hz * time_s[:, None] + phase_rad).sum(axis=1) / np.sqrt(2.0)
+        )
+        q.append(np.minimum(time_s / 2.0, 1.0) * waves)
+    motion = oarlock.Motion(model.joint_names, time_s, np.column_stack(q))
+    return model, oarlock.simulate(model, motion, seed=seed)[1]
+
+
+def changed(name: str, change: Change) -> Callable[[Recording], Recording]:
+    return lambda recording: Recording([change(s) if s.name == name else s for s in recording])
+
+
+def values(**by: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Change:
+    return lambda s: ImuStream(
+        s.name,
+        s.time_s,
+        **{key: by[key](rows, s.time_s) if key in by else rows for key, rows in s.values.items()},
+    )
+
+
+def shifted(by_s: Callable[[np.ndarray], np.ndarray]) -> Change:
+    return lambda s: s.at_rows(slice(None), time_s=by_s(s.time_s))
+
+
+def turned(angle_deg: float, from_s: float = 0.0) -> Change:
+    matrix = Rotation.from_rotvec(np.radians(angle_deg) * np.array([0.6, -0.64, 0.48])).as_matrix()
+    turn = lambda rows, t: np.where(t[:, None] >= from_s, rows @ matrix.T, rows)  # noqa: E731
+    return values(gyro_rad_s=turn, accel_m_s2=turn, mag_ut=turn)
+
+
+def exchanged(a: str, b: str) -> Callable[[Recording], Recording]:
+    other = {a: b, b: a}
+    return lambda recording: Recording(
+        [ImuStream(other.get(s.name, s.name), s.time_s, **s.values) for s in recording]
+    )
+
+
+def times(factor: float) -> Change:
+    return values(gyro_rad_s=lambda rows, t: factor * rows)
+
+
+BIAS = np.radians([4.0, -4.0, 4.0])
+FAULTS = {
+    "late": (changed("hand", shifted(lambda t: t + 0.2)), "clock", {"hand"}, "0.20 s late", (5.0, 90.0)),
+    "drifts": (
+        changed("forearm", shifted(lambda t: 1.01 * t)),
+        "clock",
+        {"forearm"},
+        "% fast",
+        (5.0, 180.0),
+    ),
+    "exchanged": (
+        exchanged("upperarm", "hand"),
+        "exchanged",
+        {"upperarm", "hand"},
+        "exchanged",
+        (90.0, 90.0),
+    ),
+    "gravity": (
+        changed("upperarm", values(accel_m_s2=lambda r, t: -r)),
+        "sign",
+        {"upperarm"},
+        "gravity",
+        (180.0, 180.0),
+    ),
+    "mount": (changed("forearm", turned(40.0)), "mount", {"forearm"}, "turned by about", (20.0, 50.0)),
+    "slips": (changed("forearm", turned(40.0, FROM_S)), "mount", {"forearm"}, "from about", (20.0, 50.0)),
+    "accel": (
+        changed("forearm", values(accel_m_s2=lambda r, t: r + np.array([1.2, -1.2, 1.0]))),
+        "bias",
+        {"forearm"},
+        "biased by 2",
+        (8.0, 15.0),
+    ),
+    "scale": (changed("hand", times(1.2)), "scale", {"hand"}, "1.20 times", (10.0, 13.0)),
+    "twice": (changed("hand", times(np.pi / 180.0)), "unit", {"hand"}, "deg/s twice", (180.0, 180.0)),
+    "axis": (
+        changed("hand", values(gyro_rad_s=lambda r, t: r * [1, -1, 1])),
+        "axes",
+        {"hand"},
+        "y reversed",
+        (90.0, 90.0),
+    ),
+    "bias": (
+        changed("hand", values(gyro_rad_s=lambda r, t: r + 1.5 * BIAS)),
+        "bias",
+        {"hand"},
+        "biased by 10",
+        (9.0, 12.0),
+    ),
+    "step": (
+        changed("hand", values(gyro_rad_s=lambda r, t: r + BIAS * (t[:, None] > FROM_S))),
+        "bias",
+        {"hand"},
+        "changes its bias",
+        (5.0, 9.0),
+    ),
+}
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_fault_is_named_with_its_size(name: str, seed: int) -> None:
+    spoil, fault, streams, words, (least_deg, most_deg) = FAULTS[name]
+    model, recording = arm(seed)
+    first, *others = oarlock.suspects(model, spoil(recording))
+    assert (first.fault, set(first.streams)) == (fault, streams), (first, others)
+    assert words in first.message and "by more than their bands" in first.message
+    assert least_deg <= np.degrees(first.error_rad) <= most_deg
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_sound_units_agree(seed: int) -> None:
+    model, recording = arm(seed)
+    assert oarlock.suspects(model, recording) == ()
+    forces = JointForces.of(model, recording, None)
+    assert forces is not None and forces.agreeing() == {"upperarm", "forearm", "hand"}
+
+
+def test_a_search_without_time_says_so() -> None:
+    model, recording = arm(SEEDS[0])
+    found = oarlock.suspects(model, FAULTS["late"][0](recording), budget_s=0.0)
+    assert [s.fault for s in found] == ["unfinished"] and "0 s" in found[0].message
+
+
+def test_two_units_that_disagree_and_one_that_is_alone() -> None:
+    model, recording = arm(SEEDS[0])
+    pair = recording.only(["forearm", "hand"])
+    (late,) = oarlock.suspects(model, FAULTS["late"][0](pair))
+    assert late.fault == "clock" and set(late.streams) <= {"forearm", "hand"}
+    assert JointForces.of(model, recording.only(["hand"]), None) is None
