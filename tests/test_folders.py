@@ -248,6 +248,37 @@ def test_killed_at_any_step_it_is_the_old_or_the_new_one(
     }
 
 
+def failing(monkeypatch: pytest.MonkeyPatch, name: str, is_it: Callable[[object], bool]) -> None:
+    """Lets the next call of a function of `os` that is it fail."""
+    whole, failures = getattr(os, name), [1]
+
+    def called(what: object, *given: object, **keys: object) -> object:
+        if failures and is_it(what):
+            failures.pop()
+            raise OSError(5, "made to fail")
+        return whole(what, *given, **keys)
+
+    monkeypatch.setattr(os, name, called)
+
+
+def test_a_removal_that_fails_leaves_the_new_recording(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    failing(monkeypatch, "rmdir", lambda what: what == "tree")
+    recording(1.0).save(tmp_path / "rec")
+    assert value_of(tmp_path / "rec") == 1.0 and (tmp_path / "rec" / ".oarlock").is_dir()
+    recording(2.0).save(tmp_path / "rec")
+    assert value_of(tmp_path / "rec") == 2.0 and not (tmp_path / "rec" / ".oarlock").exists()
+
+
+def test_a_lock_that_fails_is_free_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    failing(monkeypatch, "fstat", lambda what: True)
+    with pytest.raises(DataError, match="made to fail"):
+        recording(1.0).save(tmp_path / "rec")
+    recording(2.0).save(tmp_path / "rec")
+    assert value_of(tmp_path / "rec") == 2.0
+
+
 def test_a_limit_on_file_size_leaves_the_old_recording(tmp_path: Path) -> None:
     recording(1.0).save(tmp_path / "rec")
     script = "import oarlock, sys\ntry:\n    oarlock.load_recording(sys.argv[1]).save(sys.argv[2])\n"

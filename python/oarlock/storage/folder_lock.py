@@ -46,18 +46,27 @@ class FolderLock:
                 if self.work.is_dir() or not self.work.exists():
                     continue  # as above
                 raise DataError(f"{self.work}: is a file; remove it, then run the command again") from None
-            if not _locked(number):
-                who = os.pread(number, 20, 0).decode(errors="replace").strip() if hasattr(os, "pread") else ""
+            try:
+                if self._is_owned(folder, number):
+                    return number
+            except BaseException:
                 os.close(number)
-                raise DataError(
-                    f"{folder}: another run{f' (process {who})' if who else ''} is writing into this folder. "
-                    "Wait for its end, or choose another folder."
-                )
-            if self._is_current(number):
-                os.truncate(number, 0)
-                os.write(number, f"{os.getpid()}\n".encode())
-                return number
+                raise
             os.close(number)
+
+    def _is_owned(self, folder: Path, number: int) -> bool:
+        """Locks the open file; false if the writer before has removed it in the meantime."""
+        if not _locked(number):
+            who = os.pread(number, 20, 0).decode(errors="replace").strip() if hasattr(os, "pread") else ""
+            raise DataError(
+                f"{folder}: another run{f' (process {who})' if who else ''} is writing into this folder. "
+                "Wait for its end, or choose another folder."
+            )
+        if not self._is_current(number):
+            return False
+        os.truncate(number, 0)
+        os.write(number, f"{os.getpid()}\n".encode())
+        return True
 
     def _is_current(self, number: int) -> bool:
         """Whether the file that was locked still stands there: the writer before may have removed it."""

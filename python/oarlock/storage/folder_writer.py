@@ -219,7 +219,11 @@ def _finish(folder: Path) -> None:
         touched.add(place.parent)
     for place in touched:
         sync_folder(place)
-    _remove(commit)
+    # What is left where a removal fails half-way must not look like a commit.
+    done = commit.with_name("done")
+    _remove(done)
+    os.rename(commit, done)
+    _remove(done)
 
 
 def _names_gone(file: Path) -> list[str]:
