@@ -7,7 +7,11 @@ import numpy as np
 import oarlock
 from command_line import run
 from oarlock.live.emulators.rig import lines_rig
+from oarlock.live.folder import LiveFolder
+from oarlock.live.reading import Packet
+from oarlock.live.recorder import Recorder
 from oarlock.live.rig import rig_document
+from oarlock.live.session import command
 from oarlock.live.transports.udp import free_port
 from oarlock.storage.toml import write_toml
 
@@ -23,13 +27,34 @@ def test_a_rig_is_recorded_and_the_recording_written_again(sculler, tmp_path):
     assert f"oarlock live doctor {out / 'rig.toml'}" in " ".join(said.split())
     again = run("live", "recover", out).stdout
     assert "no reading of the rig's sensors" in again
-    assert json.loads(run("live", "recover", out, "--json").stdout) == {"recording": None, "damage": []}
+    nothing = {"recording": None, "damage": [], "refused": [], "missing": []}
+    assert json.loads(run("live", "recover", out, "--json").stdout) == nothing
     assert (
         "has a live session already"
         in run(
             "live", "run", tmp_path / "rig.toml", "--no-page", "--seconds", "0.3", "--out", out, status=1
         ).stderr
     )
+
+
+def test_recover_names_commands_that_it_skips_and_fails_where_packets_are_missing(sculler, tmp_path):
+    rig = lines_rig(sculler, "sculler", 9000, 100.0, ("back",))
+    place = LiveFolder.create(tmp_path / "today", rig, None, 0)
+    recorder = Recorder(place.disk)
+    line = b'{"device": "back", "t_us": 1, "accel_m_s2": [9.81, 0, 0], "gyro_rad_s": [0, 0, 0]}'
+    recorder.write(Packet("lines", "", "", 1, line))
+    for device in ("nobody", 5):
+        recorder.write(command(2, "assign", stream="nobody", device=device))
+    recorder.close()
+    (file,) = (tmp_path / "today" / "packets").iterdir()
+    said = run("live", "recover", tmp_path / "today").stdout.replace("\n", " ")
+    for number, reason in ((2, "no stream 'nobody'"), (3, "needs a text as 'device'")):
+        assert f"{file}, packet {number}: the command was skipped: " in said and reason in said
+    assert "Wrote" in said
+    file.rename(file.with_name("0002.packets"))
+    assert "0001.packets is missing" in run("live", "recover", tmp_path / "today", status=1).stdout
+    told = json.loads(run("live", "recover", tmp_path / "today", "--json", status=1).stdout)
+    assert len(told["refused"]) == 2 and len(told["missing"]) == 1
 
 
 def test_the_demo_tracks_emulated_sensors(tmp_path):

@@ -79,7 +79,7 @@ def session(
             parts = force_curve(rowing.force_n()) if kind == 0x3D else [MESSAGES[kind](shown, False)]
             sent += [(time_s, UUID.format(kind), data) for data in parts]
     arrived_s = 0.0
-    recorder = Recorder(live.packets)
+    recorder = Recorder(live.disk)
     for time_s, uuid, data in sorted(sent, key=lambda one: one[0]):
         arrived_s = max(arrived_s, time_s + LEAST_DELAY_S + rng.exponential(JITTER_S))
         recorder.write(Packet("erg", "F0", uuid, START_NS + round(1e9 * arrived_s), data))

@@ -164,14 +164,15 @@ def test_a_session_writes_them_and_its_recording_is_the_same(sculler, rowed, tmp
     packets = packets_of(rowed)
     rig, mixed = with_extras(plain, packets)
     place = LiveFolder.create(tmp_path / "today", rig, None, START_NS)
-    recorder, session = Recorder(place.packets), LiveSession(rig, sculler, START_NS)
+    recorder, session = Recorder(place.disk), LiveSession(rig, sculler, START_NS)
     ordered = sorted([*mixed, command(START_NS + 2_500_000_000, "track")], key=lambda p: p.arrival_ns)
     for packet in ordered:
         recorder.write(packet)
         session.take(packet)
     recorder.close()
-    made, damage = place.finish(sculler)
-    assert damage == []
+    ending = place.finish(sculler)
+    made = ending.recording
+    assert (ending.damage, ending.refused, ending.missing) == ([], [], [])
     alone = recorded(packets, plain, START_NS)
     assert made.names == alone.names
     for stream in alone.streams:
@@ -206,10 +207,10 @@ def test_devices_alone_are_recorded_without_a_recording(sculler, tmp_path, monke
     with_test_format(monkeypatch)
     rig = Rig("sculler", None, {"erg": Source("erg", "test-json", "udp")}, ())
     place = LiveFolder.create(tmp_path / "today", rig, None, START_NS)
-    recorder = Recorder(place.packets)
+    recorder = Recorder(place.disk)
     recorder.write(extra(1.0, "", 0.0, heart_rate_per_min=150.0))
     recorder.close()
-    made, _ = place.finish(sculler)
+    made = place.finish(sculler).recording
     assert made is None
     assert channels(place.path)["erg"].values["heart_rate_per_min"].tolist() == [150.0]
 

@@ -60,7 +60,7 @@ class Led:
         self.place = LiveFolder.create(folder, rig, None, START_NS, trial.plan)
         self.session, self.rows = LiveSession(rig, model, START_NS), Rows(rig)
         self.session.listeners.append(self.rows.add)
-        self.recorder = Recorder(self.place.packets)
+        self.recorder = Recorder(self.place.disk)
         moves = {s.name for s in trial.plan.steps if s.kind == "move"}
         self.plan = timed(
             trial.plan,
@@ -104,8 +104,9 @@ def led(sculler, trial, recording, tmp_path_factory):
     with pytest.MonkeyPatch.context() as patched:
         with_test_format(patched)
         one = Led(sculler, trial, recording, tmp_path_factory.mktemp("guided"))
-        one.recording, damage = one.place.finish(sculler)
-        assert not one.session.problems and not damage
+        ending = one.place.finish(sculler)
+        one.recording = ending.recording
+        assert not one.session.problems and not ending.damage and not ending.refused
         yield one
 
 

@@ -6,6 +6,7 @@ import pytest
 from senders import START_NS
 
 from oarlock.live import health as health_module
+from oarlock.live.disk import Disk
 from oarlock.live.emulators.rig import LINES, lines_rig
 from oarlock.live.event_log import EventLog, read_events
 from oarlock.live.health import Watch
@@ -134,8 +135,11 @@ def test_a_second_sender_of_one_name_is_refused_and_named_while_the_first_speaks
 
 
 def test_a_sender_with_another_address_for_each_packet_is_one(session):
-    for k in range(200):
+    for k in range(2 * MOST_SENDERS):
         session.take(unit(0.01 * k, address=f"10.0.0.1:{7000 + k}"))
+        assert {id(one) for one in session.intake._feeders.values()} <= {
+            *map(id, session.intake.devices.values())
+        }
     assert sum(device.refused for device in session.intake.devices.values()) == 0
 
 
@@ -160,7 +164,7 @@ def test_a_command_that_is_none_changes_nothing_live_and_later(session, order):
 
 
 def test_the_log_keeps_whole_lines(tmp_path):
-    log = EventLog(tmp_path)
+    log = EventLog(Disk(tmp_path))
     log.write(1.234, "back is silent")
     log.close()
     with (tmp_path / "events.jsonl").open("a") as file:

@@ -43,7 +43,7 @@ def session(sculler, names, packets, folder, tracked=((2.5, "track"), (6.0, "sto
     """The folder of a session that received these packets."""
     commands = [command(at_ns(time_s), do) for time_s, do in tracked]
     place = LiveFolder.create(folder, lines_rig(sculler, "sculler", 9000, 100.0, names), None, START_NS)
-    recorder = Recorder(place.packets)
+    recorder = Recorder(place.disk)
     for packet in sorted((*packets, *commands), key=lambda packet: packet.arrival_ns):
         recorder.write(packet)
     recorder.close()

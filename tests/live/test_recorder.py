@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from oarlock.live import recorder as recorder_module
+from oarlock.live.disk import Disk
 from oarlock.live.reading import Packet
 from oarlock.live.recorder import Damage, Recorder, read_packets
 from refusals import assert_refused
@@ -25,12 +26,12 @@ def packets(count, seed=0):
 
 
 def written(folder, sent):
-    recorder = Recorder(folder)
+    recorder = Recorder(Disk(folder))
     for packet in sent:
         recorder.write(packet)
     recorder.close()
-    assert (recorder.packets, recorder.lost, recorder.problem) == (len(sent), 0, "")
-    return sorted(folder.glob("*.packets"))
+    assert (recorder.packets, recorder.lost, recorder.disk.problem) == (len(sent), 0, "")
+    return sorted(folder.glob("packets/*.packets"))
 
 
 def test_packets_come_back_in_order_and_a_second_recorder_adds_a_file(tmp_path):
@@ -46,7 +47,8 @@ def test_packets_come_back_in_order_and_a_second_recorder_adds_a_file(tmp_path):
 def pages(folder, sent, size=50):
     """One file of pages of `size` packets each, with the byte at which each begins."""
     whole = [recorder_module._page(sent[n : n + size]) for n in range(0, len(sent), size)]
-    file = folder / "0001.packets"
+    (folder / "packets").mkdir()
+    file = folder / "packets" / "0001.packets"
     file.write_bytes(b"".join(whole))
     return file, [0, *np.cumsum([len(p) for p in whole])]
 
@@ -88,34 +90,34 @@ def test_what_a_power_cut_leaves_behind_the_end_hurts_nothing(tmp_path, tail):
 
 
 def test_a_full_disk_is_told_and_nothing_is_lost_when_there_is_room_again(tmp_path, monkeypatch):
-    write, full = recorder_module._write_all, [False]
+    write, full = recorder_module.write_all, [False]
 
     def refused(file, page):
         if full[0]:
             raise OSError(errno.ENOSPC, "No space left on device")
         write(file, page)
 
-    monkeypatch.setattr(recorder_module, "_write_all", refused)
+    monkeypatch.setattr(recorder_module, "write_all", refused)
     monkeypatch.setattr(recorder_module, "PAGE_S", 0.01)
     sent = packets(300)
-    recorder = Recorder(tmp_path)
+    recorder = Recorder(Disk(tmp_path))
     full[0] = True
     for packet in sent[:200]:
         recorder.write(packet)
-    while not recorder.problem:
+    while not recorder.disk.problem:
         time.sleep(0.01)
-    assert "No space left on device" in recorder.problem
+    assert "No space left on device" in recorder.disk.problem
     full[0] = False
     for packet in sent[200:]:
         recorder.write(packet)
     recorder.close()
-    assert (recorder.packets, recorder.lost, recorder.problem) == (300, 0, "")
+    assert (recorder.packets, recorder.lost, recorder.disk.problem) == (300, 0, "")
     assert list(read_packets(tmp_path)) == sent
 
 
 def test_what_finds_no_room_in_memory_is_counted(tmp_path, monkeypatch):
     monkeypatch.setattr(recorder_module, "HELD_BYTES", 1000)
-    recorder = Recorder(tmp_path)
+    recorder = Recorder(Disk(tmp_path))
     sent = [Packet("a", "", "", n, bytes(200)) for n in range(20)]
     for packet in sent:
         recorder.write(packet)
@@ -127,9 +129,10 @@ def test_what_finds_no_room_in_memory_is_counted(tmp_path, monkeypatch):
 SENDER = """
 import os, sys, time
 from pathlib import Path
+from oarlock.live.disk import Disk
 from oarlock.live.recorder import Recorder
 from oarlock.live.reading import Packet
-recorder = Recorder(Path(sys.argv[1]))
+recorder = Recorder(Disk(Path(sys.argv[1])))
 while True:
     now_ns = time.monotonic_ns()
     recorder.write(Packet("a", "", "", now_ns, bytes(60)))
@@ -155,5 +158,5 @@ def test_a_kill_loses_what_came_since_the_last_page(tmp_path, alive_s):
 
 def test_a_place_that_cannot_be_written_or_has_no_packets_is_refused(tmp_path):
     (tmp_path / "file").write_text("x")
-    assert_refused(lambda: Recorder(tmp_path / "file"), "file", "cannot be written")
+    assert_refused(lambda: Recorder(Disk(tmp_path / "file")), "file", "cannot be written")
     assert_refused(lambda: list(read_packets(tmp_path)), "has no file of packets")

@@ -7,9 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from oarlock.live import disk as disk_module
 from oarlock.live import recorder as recorder_module
+from oarlock.live.disk import Disk
 from oarlock.live.reading import Packet
-from oarlock.live.recorder import Recorder, read_packets
+from oarlock.live.recorder import Recorder, packet_files, read_packets
 from refusals import assert_refused
 
 COUNT = 400
@@ -52,9 +54,9 @@ STEPS = {
     "open": (Path, "open", errno.EMFILE),
     "mkdir": (Path, "mkdir", errno.EACCES),
     "list": (recorder_module, "_files", errno.EIO),
-    "write": (recorder_module, "_write_all", errno.ENOSPC),
-    "sync": (recorder_module, "SYNC", errno.EIO),
-    "status": (recorder_module, "_is_removed", errno.ESTALE),
+    "write": (recorder_module, "write_all", errno.ENOSPC),
+    "sync": (disk_module, "SYNC", errno.EIO),
+    "status": (recorder_module.os, "stat", errno.ESTALE),
 }
 
 
@@ -62,54 +64,73 @@ STEPS = {
 @pytest.mark.parametrize("at", [2, 3, 4])
 def test_a_step_that_fails_once_costs_nothing(step, at, tmp_path, monkeypatch):
     owner, name, code = STEPS[step]
-    recorder, sent = Recorder(tmp_path / "packets"), packets()
+    recorder, sent = Recorder(Disk(tmp_path)), packets()
     failing = Failing(getattr(owner, name), at, code)
     with monkeypatch.context() as patch:
         patch.setattr(owner, name, lambda *given, **keys: failing(*given, **keys))
         send(recorder, sent)
         recorder.close()
     assert failing.calls >= at
-    assert (recorder.packets, recorder.lost, recorder.problem, recorder.failures) == (COUNT, 0, "", 1)
-    assert list(read_packets(tmp_path / "packets")) == sent
+    assert (recorder.packets, recorder.lost, recorder.disk.problem, recorder.disk.failures) == (
+        COUNT,
+        0,
+        "",
+        1,
+    )
+    assert [text.partition(": ")[2][:7] for text in recorder.disk.news()] == ["nothing", "works a"]
+    assert list(read_packets(tmp_path)) == sent
 
 
 def test_a_place_that_fails_for_good_is_replaced_by_the_second(tmp_path, monkeypatch):
-    monkeypatch.setattr(recorder_module, "PATIENCE_S", 0.05)
-    first, second = tmp_path / "packets", tmp_path / "second"
-    recorder, sent, write, full = Recorder(first, second), packets(), recorder_module._write_all, [False]
+    monkeypatch.setattr(disk_module, "PATIENCE_S", 0.05)
+    first, second = tmp_path / "first", tmp_path / "second"
+    recorder, sent = Recorder(Disk(first, second, {"rig.toml": "x"})), packets()
+    write, full = recorder_module.write_all, [False]
 
     def refused(file, content):
-        if full[0] and Path(file.name).parent == first:
+        if full[0] and first in Path(file.name).parents:
             raise OSError(errno.ENOSPC, "No space left on device")
         write(file, content)
 
-    monkeypatch.setattr(recorder_module, "_write_all", refused)
+    monkeypatch.setattr(recorder_module, "write_all", refused)
 
     def meanwhile(number):
         full[0] = 100 <= number < 300
         if number == 250:
             while not recorder.elsewhere:
                 time.sleep(0.01)
-            assert "No space left" in recorder.problem and str(second) in recorder.problem
+            problem = recorder.disk.problem
+            assert "No space left" in problem and f"recorded elsewhere: {second}" in problem
 
     send(recorder, sent, meanwhile)
     recorder.close()
-    assert (recorder.packets, recorder.lost, recorder.problem) == (COUNT, 0, "")
-    assert recorder.elsewhere > 0 and recorder.failures > 0
+    assert (recorder.packets, recorder.lost, recorder.disk.problem) == (COUNT, 0, "")
+    assert recorder.elsewhere > 0 and recorder.disk.failures > 0
     assert list(read_packets(first, second=second)) == sent
+    assert (second / "rig.toml").read_text() == "x"
 
 
-def test_a_folder_that_is_removed_is_written_again(tmp_path):
-    recorder, sent = Recorder(tmp_path / "today" / "packets"), packets(60)
+@pytest.mark.parametrize("is_moved", [False, True])
+@pytest.mark.parametrize("is_refused", [False, True])
+def test_a_folder_that_is_removed_or_moved_is_written_again(is_moved, is_refused, tmp_path, monkeypatch):
+    monkeypatch.setattr(disk_module, "PATIENCE_S", 0.0)
+    today, second = tmp_path / "today", tmp_path / "second"
+    recorder, sent = Recorder(Disk(today, second, {"rig.toml": "x"})), packets(200)
 
     def meanwhile(number):
-        if number == 40:
-            shutil.rmtree(tmp_path / "today")
+        if number == 140:
+            while recorder.packets < 100:
+                time.sleep(0.01)
+            today.rename(tmp_path / "yesterday") if is_moved else shutil.rmtree(today)
+            if is_refused:
+                today.write_text("in the way")
 
     send(recorder, sent, meanwhile)
     recorder.close()
-    assert (recorder.packets, recorder.lost) == (60, 0)
-    assert [p for p in read_packets(tmp_path / "today" / "packets") if p.arrival_ns >= 40] == sent[40:]
+    place = second if is_refused else today
+    assert (recorder.packets, recorder.lost) == (200, 0)
+    assert list(read_packets(place)) == sent and (place / "rig.toml").read_text() == "x"
+    assert [int(file.stem) for file in packet_files(place)] == [*range(1, 1 + len(packet_files(place)))]
 
 
 def test_a_thread_that_cannot_be_started_is_an_error(tmp_path, monkeypatch):
@@ -117,11 +138,11 @@ def test_a_thread_that_cannot_be_started_is_an_error(tmp_path, monkeypatch):
         raise RuntimeError("can't start new thread")
 
     monkeypatch.setattr(recorder_module.threading.Thread, "start", refused)
-    assert_refused(lambda: Recorder(tmp_path), "cannot be written", "thread")
+    assert_refused(lambda: Recorder(Disk(tmp_path)), "cannot be written", "thread")
 
 
 def test_an_error_that_nobody_foresaw_does_not_end_the_thread(tmp_path, monkeypatch):
-    recorder, sent = Recorder(tmp_path), packets(100)
+    recorder, sent = Recorder(Disk(tmp_path)), packets(100)
     failing = [True]
 
     def page(given, whole=recorder_module._page):
@@ -142,13 +163,15 @@ def test_the_search_for_a_page_is_bounded(head, tmp_path):
         head += recorder_module._CHECK.pack(recorder_module.zlib.crc32(head))
     sent = packets(10)
     whole = recorder_module._page(sent)
-    (tmp_path / "0001.packets").write_bytes(whole + head * ((1 << 20) // len(head)))
+    (tmp_path / "packets").mkdir()
+    (tmp_path / "packets" / "0001.packets").write_bytes(whole + head * ((1 << 20) // len(head)))
     damage = []
     assert list(read_packets(tmp_path, damage)) == sent
     assert [d.at_byte for d in damage] == [len(whole)]
 
 
 def test_pages_with_a_right_checksum_and_wrong_lengths_are_damage(tmp_path):
+    (tmp_path / "packets").mkdir()
     for body in (
         b"x",
         recorder_module._ROW.pack(1, 1 << 31, 0, 0, 0),
@@ -157,14 +180,14 @@ def test_pages_with_a_right_checksum_and_wrong_lengths_are_damage(tmp_path):
     ):
         head = recorder_module._HEAD.pack(b"OARP", len(body), recorder_module.zlib.crc32(body))
         head += recorder_module._CHECK.pack(recorder_module.zlib.crc32(head))
-        (tmp_path / "0001.packets").write_bytes(head + body)
+        (tmp_path / "packets" / "0001.packets").write_bytes(head + body)
         damage = []
         assert list(read_packets(tmp_path, damage)) == []
         assert [d.length for d in damage] == [len(head + body)]
 
 
 def test_a_text_that_is_none_holds_up_nothing(tmp_path):
-    recorder = Recorder(tmp_path)
+    recorder = Recorder(Disk(tmp_path))
     sent = [Packet("u", "half \ud800, byte \udc80", "c", n, b"x") for n in range(3)]
     send(recorder, sent)
     recorder.close()

@@ -33,7 +33,7 @@ def place(pendulum, tmp_path):
         for d in deliveries(sent, Faults())
     ]
     orders = [command(start_ns + round(1e9 * at_s), do) for at_s, do in ((0.5, "track"), (2.0, "stop"))]
-    recorder = Recorder(found.packets)
+    recorder = Recorder(found.disk)
     for packet in sorted((*packets, *orders), key=lambda packet: packet.arrival_ns):
         recorder.write(packet)
     recorder.close()
@@ -52,5 +52,5 @@ def test_an_older_folder_has_no_date(pendulum, place):
     file = place.path / SESSION
     kept = [line for line in file.read_text().splitlines() if "epoch" not in line]
     file.write_text("\n".join(kept) + "\n")
-    made, _ = LiveFolder.load(place.path).finish(pendulum)
+    made = LiveFolder.load(place.path).finish(pendulum).recording
     assert made.epoch is None

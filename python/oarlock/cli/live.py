@@ -17,7 +17,7 @@ import typer
 from oarlock.cli import live_doctor, live_init, live_scan, live_track
 from oarlock.cli.body import Pose
 from oarlock.cli.options import Json, example
-from oarlock.cli.terminal import print_json, say, steps, table, verb
+from oarlock.cli.terminal import EXIT_DATA, print_json, say, steps, table, verb
 
 if TYPE_CHECKING:
     from oarlock import Calibration, Model
@@ -166,24 +166,32 @@ def demo(
 @group.command("recover", epilog=example("oarlock live recover today"))
 @verb
 def recover(folder: Session, json_output: Json = False) -> None:
-    """Write the recording of a session that was killed, or whose machine lost power."""
+    """Write the recording of a session that was killed, or whose machine lost power.
+
+    Status 1: packets that were received are missing; the recording has all the others.
+    """
     import oarlock
     from oarlock.live.folder import LiveFolder
 
     place = LiveFolder.load(folder)
-    model = oarlock.load_model(place.rig().model)
-    recording, damage = place.finish(model)
+    ending = place.finish(oarlock.load_model(place.rig().model))
+    recording = ending.recording
     if json_output:
-        lost = [{"file": d.file.name, "at_byte": d.at_byte, "length": d.length} for d in damage]
-        print_json({"recording": None if recording is None else str(folder / "recording"), "damage": lost})
-        return
-    for one in damage:
+        lost = [{"file": d.file.name, "at_byte": d.at_byte, "length": d.length} for d in ending.damage]
+        where = None if recording is None else str(folder / "recording")
+        print_json({"recording": where, "damage": lost, "refused": ending.refused, "missing": ending.missing})
+        raise typer.Exit(EXIT_DATA if ending.missing else 0)
+    for one in ending.damage:
         say(f"{one.file.name}: {one.length:,} bytes at {one.at_byte:,} are not whole and were left out")
+    for text in (*place.disk.news(), *ending.refused, *ending.missing):
+        say(text)
     if recording is None:
         say("The packets have no reading of the rig's sensors, so there is no recording.")
-        return
-    say(f"Wrote {folder / 'recording'}: {len(recording.streams)} streams, {recording.end_s:.1f} s")
-    steps(f"oarlock live track {folder} --out {folder}/track")
+    else:
+        say(f"Wrote {folder / 'recording'}: {len(recording.streams)} streams, {recording.end_s:.1f} s")
+        steps(f"oarlock live track {folder} --out {folder}/track")
+    if ending.missing:
+        raise typer.Exit(EXIT_DATA)
 
 
 def _lead(model: Model, calibration: Calibration | None, plan: Path | None, pose: str) -> Lead | None:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+import threading
 from collections import deque
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
+
+from oarlock.live.disk import Disk, write_all
 
 FILE = "events.jsonl"
 MOST_LINES = 10_000
@@ -14,39 +17,64 @@ MOST_LINES = 10_000
 
 
 class EventLog:
-    """Appends events to the log of a folder; a full disk costs lines, never the session.
+    """Takes events at once, and writes them when `flush` is called, from the recorder's thread.
 
     Args:
-        folder: of the session; it exists.
+        disk: of the session.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self._path = folder / FILE
-        self._lines: deque[str] = deque(maxlen=MOST_LINES)
-        self._file = self._path.open("a", encoding="utf-8", buffering=1)
+    def __init__(self, disk: Disk) -> None:
+        self._disk = disk
+        self._lines: deque[bytes] = deque(maxlen=MOST_LINES)
+        self._waiting = 0
+        """So many of the last lines are not on the disk."""
+        self._lock = threading.Lock()
 
     def write(self, time_s: float, text: str) -> None:
         """Adds a line."""
-        # Work of another process may end after the session.
-        with suppress(OSError, ValueError):
-            line = json.dumps({"time_s": round(time_s, 2), "text": text}) + "\n"
-            self._lines.append(line)
-            self._file.write(line)
+        with self._lock:
+            self._lines.append(json.dumps({"time_s": round(time_s, 2), "text": text}).encode() + b"\n")
+            self._waiting += 1
+
+    def flush(self, is_last: bool = False) -> None:
+        """Writes the lines that wait; those that cannot be written wait on."""
+        with self._lock:
+            lines, waiting = list(self._lines), self._waiting
+        if not waiting and not is_last:
+            return
+        with suppress(Exception):  # the disk has counted it
+            self._disk.write("log", lambda place: _append(place / FILE, lines, waiting), is_last)
+            with self._lock:
+                self._waiting -= waiting
 
     def close(self) -> None:
-        """Closes the file; writes it again if somebody removed it."""
-        with suppress(OSError):
-            self._file.close()
-        if not self._path.exists():
-            with suppress(OSError):
-                self._path.parent.mkdir(parents=True, exist_ok=True)
-                self._path.write_text("".join(self._lines), encoding="utf-8")
+        """Writes what waits, and the whole file again if somebody removed it."""
+        self.flush(is_last=True)
 
 
-def read_events(folder: Path) -> list[dict[str, Any]]:
-    """The events of a session, `time_s` and `text`; a line that a kill cut is left out."""
+def _append(file: Path, lines: list[bytes], waiting: int) -> None:
+    """The last lines, or all of them if the file is not there; nothing of them if that fails."""
+    content = b"".join(lines[max(len(lines) - waiting, 0) :] if file.exists() else lines)
+    with file.open("ab", buffering=0) as stream:
+        size = stream.tell()
+        try:
+            write_all(stream, content)
+        except OSError:
+            stream.truncate(size)
+            raise
+
+
+def read_events(folder: Path, second: Path | None = None) -> list[dict[str, Any]]:
+    """The events of a session, `time_s` and `text`; a line that a kill cut is left out.
+
+    Args:
+        folder: of the session.
+        second: its second place, if it may have one.
+    """
+    places = [place / FILE for place in (folder, second) if place is not None]
+    texts = [file.read_text(encoding="utf-8") for file in places if file.exists()]
     found = []
-    for line in (folder / FILE).read_text(encoding="utf-8").splitlines():
+    for line in dict.fromkeys("\n".join(texts).splitlines()):
         with suppress(ValueError):
             found.append(json.loads(line))
-    return found
+    return sorted(found, key=lambda event: event["time_s"])

@@ -221,8 +221,9 @@ def health(
             "packets": recorder.packets,
             "lost": recorder.lost,
             "elsewhere": recorder.elsewhere,
-            "failures": recorder.failures,
-            "problem": recorder.problem,
+            "second": str(recorder.disk.second) if recorder.elsewhere else "",
+            "failures": recorder.disk.failures,
+            "problem": recorder.disk.problem,
             "free_gb": None if free_bytes is None else round(free_bytes / 1e9, 1),
         },
     }

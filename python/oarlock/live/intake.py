@@ -371,8 +371,8 @@ class Intake:
         gone = min(known, key=self._heard_s.__getitem__)
         self._damaged_before[source] = self._damaged_before.get(source, 0) + self._decoders.pop(gone).damaged
         del self._heard_s[gone]
-        for device in [device for device in self.devices if device[:2] == gone]:
-            del self.devices[device]
+        self.devices = {key: device for key, device in self.devices.items() if device.sender != gone}
+        self._feeders = {s: device for s, device in self._feeders.items() if device.sender != gone}
 
     def _device(self, packet: Packet, part: str) -> Device:
         key = (packet.source, packet.address, part)

@@ -7,15 +7,16 @@ import shutil
 import time
 from collections.abc import Callable, Coroutine, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from oarlock.evaluation.child_process import child_pool
+from oarlock.live.disk import reason_of
 from oarlock.live.event_log import EventLog
-from oarlock.live.folder import SESSION, LiveFolder
+from oarlock.live.folder import LiveFolder
 from oarlock.live.frame import frame_of
 from oarlock.live.guide.lead import Lead
 from oarlock.live.health import Problems, Watch, health, lost
@@ -116,6 +117,7 @@ class Live:
         self._named = NamedAngles(self.model)
         self.is_tracked_at_once &= bool(self.rig.feeds)
         self._ties = Ties(self.session.intake) if self.rig.ties_clocks else None
+        self._pool: ProcessPoolExecutor | None = None
         self._ties_pool: ProcessPoolExecutor | None = None
         self._swaps = Swaps(self.session, self._tell, self.time) if self.is_placement_watched else None
         self._newest: Estimate | None = None
@@ -128,7 +130,8 @@ class Live:
             await self.server.start()
         plan = None if self.lead is None else self.lead.guide.plan
         try:
-            place = LiveFolder.create(self.folder, self.rig, self.calibration, start_ns, plan)
+            place = LiveFolder.new(self.folder, self.rig, self.calibration, start_ns, plan)
+            place.disk.insist("folder", place.check_free)
             await self._recorded(place, seconds)
         finally:
             if self.server is not None:
@@ -136,17 +139,13 @@ class Live:
 
     async def _recorded(self, place: LiveFolder, seconds: float | None) -> None:
         """Runs with a recorder; a session that could not begin leaves no folder."""
-        self._recorder, self._log = Recorder(place.packets, place.second), EventLog(place.path)
-        for output in self.outputs:
-            output.start(Start(place.start_ns, place.start_epoch_s))
-        self._pool = None if self.follower is None and self.lead is None else child_pool()
-        if self._pool is not None and self.follower is not None:
-            # The process starts and imports now, so that the first repetition is not late.
-            self._pool.submit(_imported, self.follower.work)
-        if self.lead is not None and self.server is not None and self._pool is not None:
-            self.lead.join(
-                self.session, self.picture, self.deliver, self._tell, self.server.publish, self._pool
-            )
+        self._disk, self._log = place.disk, EventLog(place.disk)
+        try:
+            self._recorder = Recorder(self._disk, self._log.flush)
+        except DataError:
+            place.discard()
+            raise
+        self._start_beside(Start(place.start_ns, place.start_epoch_s))
         has_begun = True
         try:
             await self._until_ended(seconds)
@@ -160,7 +159,6 @@ class Live:
             self._pool = self._ties_pool = None
             self.deliver(command(self.time.now_ns(), "stop"))
             self._recorder.close()
-            self._log.close()
             for output in self.outputs:
                 output.close()
             if has_begun:
@@ -168,27 +166,57 @@ class Live:
             else:
                 place.discard()
 
+    def _start_beside(self, start: Start) -> None:
+        """Starts outputs and the process that follows; the session goes on without those that cannot be started."""
+        for output in self.outputs:
+            try:
+                self._disk.insist(output.way.name, partial(output.start, start))
+            except RuntimeError as error:
+                output.problem = f"cannot be started: {error}"
+        if self.follower is None and self.lead is None:
+            return
+        try:
+            self._pool = self._disk.insist("another process", self._follower_pool)
+            if self.lead is not None and self.server is not None:
+                self.lead.join(
+                    self.session, self.picture, self.deliver, self._tell, self.server.publish, self._pool
+                )
+        except (OSError, RuntimeError) as error:
+            self._disk.fail("another process", f"cannot be started: {reason_of(error)}")
+            self.lead = None
+
+    def _follower_pool(self) -> ProcessPoolExecutor:
+        pool = child_pool()
+        if self.follower is not None:
+            # The process starts and imports now, so that the first repetition is not late.
+            pool.submit(_imported, self.follower.work)
+        return pool
+
     def _finish(self, place: LiveFolder) -> None:
+        """Writes the recording, then the last lines of the log."""
         missing = ""
         if self._recorder.lost:
-            missing = f"{self._recorder.lost:,} packets found no room: {self._recorder.problem}. "
+            missing = f"{self._recorder.lost:,} packets found no room: {self._disk.problem}. "
         if self._recorder.elsewhere:
-            missing += f"{self._recorder.elsewhere:,} packets are in {place.second}. "
+            missing += f"{self._recorder.elsewhere:,} packets are in {self._disk.second}. "
         try:
-            if not (place.path / SESSION).exists():
-                missing += f"{place.path} was removed during the session, and written again. "
-                place.write(self.rig, self.calibration, None if self.lead is None else self.lead.guide.plan)
-            place.finish(self.model)
-        except (DataError, OSError) as error:
+            for text in place.finish(self.model).missing:
+                self._tell(text)
+            if missing and not self._recorder.lost:
+                self._tell(f"{missing}The recording has all of it")
+        except Exception as error:  # the packets are there, whatever cannot be made of them
             raise DataError(
                 f"{missing}The recording could not be written: {error}. "
-                f"What was received before is whole in {place.packets}: make room, then run "
+                f"What was received before is whole in {place.path}: make room, then run "
                 f"oarlock live recover {place.path}"
             ) from error
+        finally:
+            for _ in range(2):  # the log has its own failures, too
+                self._tell_news()
+                self._log.close()
+            self._tell_news()
         if self._recorder.lost:
             raise DataError(f"{missing}What was received before is whole in {place.path}")
-        if missing:
-            self._tell(f"{missing}The recording has all of it")
 
     @property
     def seconds(self) -> float:
@@ -272,6 +300,7 @@ class Live:
         for look in count(1):
             await self.time.sleep(LOOK_S)
             now_s = self.seconds
+            self._tell_news()
             sensors = {} if self._newest is None else self._newest.info.sensors
             for text in (
                 *self._watch.events(now_s),
@@ -285,6 +314,9 @@ class Live:
                 self.is_tracked_at_once = False
                 self.deliver(command(self.time.now_ns(), "track"))
                 self._tell("tracking")
+            if why := self.session.divergence:
+                self.deliver(command(self.time.now_ns(), "track"))
+                self._tell(f"tracking begins again: {why}")
             self._tie(now_s)
             if self.server is not None and look % LOOKS == 0:
                 free = _free_bytes(self.folder)
@@ -294,10 +326,9 @@ class Live:
                 self.server.publish({**told, "swapped": swapped, "outputs": outputs})
 
     def _problems_now(self) -> dict[str, str]:
-        """What is wrong with recorder, sources and outputs: empty for those that work, absent for those that try."""
+        """What is wrong with sources and outputs: empty for those that work, absent for those that try."""
         states = {f"source {name}": t.state for name, t in self.transports.items()}
         return {
-            "recorder": self._recorder.problem,
             **{name: problem for name, state in states.items() if (problem := lost(state)) is not None},
             **{output.way.name: output.problem for output in self.outputs},
         }
@@ -319,15 +350,15 @@ class Live:
             return
         look = self._ties.look(now_s, self.session.calibration)
         if look is not None:
-            if self._ties_pool is None:
-                self._ties_pool = child_pool()
-            self._keep(self._tied(self._ties, look, self._ties_pool))
+            self._keep(self._tied(self._ties, look))
 
-    async def _tied(self, ties: Ties, look: Look, pool: ProcessPoolExecutor) -> None:
+    async def _tied(self, ties: Ties, look: Look) -> None:
         loop = asyncio.get_running_loop()
         try:
-            found = await loop.run_in_executor(pool, looked, look, self.model)
-        except (BrokenProcessPool, RuntimeError) as error:
+            if self._ties_pool is None:
+                self._ties_pool = child_pool()
+            found = await loop.run_in_executor(self._ties_pool, looked, look, self.model)
+        except (OSError, RuntimeError) as error:
             self._ties = None
             self._tell(f"clocks are no longer compared: {error}")
             return
@@ -342,7 +373,7 @@ class Live:
         loop = asyncio.get_running_loop()
         try:
             message = await loop.run_in_executor(self._pool, follower.work, task, self.session.calibration)
-        except (BrokenProcessPool, RuntimeError) as error:
+        except (OSError, RuntimeError) as error:
             self._pool = None
             self._tell(f"it is no longer followed what is repeated: {error}")
             return
@@ -352,9 +383,18 @@ class Live:
 
     def _tell(self, text: str) -> None:
         now_s = self.seconds
-        self.on_event(text)
+        try:
+            self.on_event(text)
+            self._disk.works("terminal")
+        except (OSError, ValueError) as error:  # it was closed, or is a file on a disk that is full
+            self._disk.fail("terminal", f"cannot be written: {reason_of(error)}")
         self._log.write(now_s, text)
         self._announce({"type": "event", "time_s": round(now_s, 2), "text": text})
+
+    def _tell_news(self) -> None:
+        """What has failed on the disk, and what works again."""
+        for text in self._disk.news():
+            self._tell(text)
 
     def _announce(self, message: Mapping[str, Any]) -> None:
         """Tells viewers and outputs what happened."""

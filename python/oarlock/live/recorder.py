@@ -12,17 +12,19 @@ from __future__ import annotations
 import os
 import struct
 import threading
-import time
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import IO
 
+from oarlock.live.disk import TRIES, Disk, write_all
 from oarlock.live.reading import Packet
 from oarlock.storage.errors import DataError
 from oarlock.storage.regular_file import open_regular
+from oarlock.storage.write_file import unwritable
 
 PAGE_S = 0.25
 """A page is written and synced this often."""
@@ -34,11 +36,10 @@ FILE_BYTES = 256 << 20
 """A file that is longer is closed, and the next one begun."""
 HELD_BYTES = 64 << 20
 """So much waits in memory while nothing can be written; what comes then is lost and counted."""
-PATIENCE_S = 5.0
-"""After so long without a page the second place is used."""
-SUFFIX = ".packets"
-SYNC = getattr(os, "fdatasync", os.fsync)
-"""macOS has no fdatasync."""
+MOST_OPEN = 64
+"""Files that stay open, so that they can be written again if somebody removes them."""
+PACKETS, SUFFIX = "packets", ".packets"
+"""Folder within that of the session, and the end of its files' names."""
 _MAGIC, _HEAD, _CHECK, _ROW = b"OARP", struct.Struct("<4sII"), struct.Struct("<I"), struct.Struct("<qIIII")
 _TEXT = "surrogatepass"
 """Addresses come from the network; half a surrogate pair must not hold up all that comes after it."""
@@ -47,85 +48,89 @@ _SEARCH_SHARE = 8
 
 
 class Recorder:
-    """Appends packets to numbered files of a folder, from a thread of its own: `write` never waits for the disk.
+    """Appends packets to numbered files, from a thread of its own: `write` never waits for the disk.
 
-    A page that cannot be written stays in memory and is tried again, in the folder and, after `PATIENCE_S` or at the
-    end, in the second place. Numbers of files go on across both, so the files of both together are the session. A file
-    that was removed while it was open is written again.
+    A page that cannot be written stays in memory and is tried again, in both places of the disk. Numbers of files go on
+    across both, so the files of both together are the session. Files that were removed or moved are written again.
 
     Args:
-        folder: made if it does not exist; files that are there stay, and the next number is taken.
-        second: another place, made when it is needed; None: there is none.
+        disk: of the session; files that are there stay, and the next number is taken.
+        beside: is called after each look for packets, as `beside()`: it writes what else waits.
 
     Raises:
         DataError: the folder cannot be made or written, or the thread not started.
     """
 
-    def __init__(self, folder: Path, second: Path | None = None) -> None:
-        self.folder, self.second = folder, second
+    def __init__(self, disk: Disk, beside: Callable[[], None] = lambda: None) -> None:
+        self.disk, self._beside = disk, beside
         self.packets = 0
         """Packets on the disk."""
         self.elsewhere = 0
         """Of these, packets in the second place."""
         self.lost = 0
         """Packets that found no room."""
-        self.failures = 0
-        """How often a page could not be written."""
-        self.problem = ""
-        """Why nothing can be written in the folder at this time; empty if all is well."""
         self._waiting: list[Packet] = []
         self._waiting_bytes = 0
-        self._failing_since_s: float | None = None
-        self._files: dict[Path, tuple[int, IO[bytes]]] = {}
+        self._files: list[_File] = []
         self._newest = 0
         """Number of the file that was written last."""
         self._lock, self._ended = threading.Lock(), threading.Event()
-        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         try:
-            self._open(folder)
-            self._thread.start()
+            self._thread = disk.insist("recorder", self._begin)
         except OSError as error:
-            raise DataError(f"{folder}: cannot be written ({error.strerror})") from error
+            raise unwritable(disk.first, error) from error
         except RuntimeError as error:
-            self._close_files()
-            raise DataError(f"{folder}: cannot be written ({error})") from error
+            raise DataError(f"{disk.first}: cannot be written ({error})") from error
 
     def write(self, packet: Packet) -> None:
         """Takes a packet; it is on the disk within a second."""
         with self._lock:
-            if self._waiting_bytes > HELD_BYTES:
-                self.lost += 1
-                return
-            self._waiting.append(packet)
-            self._waiting_bytes += _size(packet)
+            is_full = self._waiting_bytes > HELD_BYTES
+            self.lost += is_full
+            if not is_full:
+                self._waiting.append(packet)
+                self._waiting_bytes += _size(packet)
+        if is_full:
+            self.disk.say("memory", f"{HELD_BYTES >> 20} MB wait for the disk: packets are lost from now on")
 
     def close(self) -> None:
         """Writes what waits, and ends; packets for which there is no room are counted in `lost`."""
         self._ended.set()
         self._thread.join()
-        self._close_files()
-
-    def _close_files(self) -> None:
-        for _, file in self._files.values():
+        for file in self._files:
             file.close()
+
+    def _begin(self) -> threading.Thread:
+        self.disk.prepare(self.disk.first)
+        self._file(self.disk.first)
+        thread = threading.Thread(target=self._run, name="recorder", daemon=True)
+        try:
+            thread.start()
+        except RuntimeError:
+            self._files.pop().close()
+            raise
+        return thread
 
     def _run(self) -> None:
         while not self._ended.wait(PAGE_S):
             self._write_pages()
-        self._write_pages()
+            self._beside()
+        self._write_pages(is_last=True)
         self.lost += len(self._waiting)
 
-    def _write_pages(self) -> None:
+    def _write_pages(self, is_last: bool = False) -> None:
         while page := self._next_page():
             try:
-                self._write(page)
-            except Exception as error:  # the thread must outlive whatever a file system does
+                content = _page(page)
+                place = self.disk.write("recorder", lambda place: self._append(place, content), is_last)  # noqa: B023
+            except Exception:  # the disk has counted it, and the thread must outlive it
                 with self._lock:
                     self._waiting = page + self._waiting
                     self._waiting_bytes += sum(map(_size, page))
-                reason = error.strerror if isinstance(error, OSError) and error.strerror else repr(error)
-                self.problem = f"nothing is recorded at this time: {reason} ({self.folder})"
                 return
+            self.packets += len(page)
+            self.elsewhere += len(page) if place != self.disk.first else 0
+            self.disk.works("memory")
 
     def _next_page(self) -> list[Packet]:
         """Takes the oldest packets of up to `PAGE_BYTES` from those that wait."""
@@ -141,70 +146,89 @@ class Recorder:
             self._waiting_bytes -= size
         return page
 
-    def _write(self, page: list[Packet]) -> None:
-        content = _page(page)
-        try:
-            self._append(self.folder, content)
-        except OSError as error:
-            self.failures += 1
-            now_s = time.monotonic()
-            self._failing_since_s = now_s if self._failing_since_s is None else self._failing_since_s
-            is_patient = now_s - self._failing_since_s < PATIENCE_S and not self._ended.is_set()
-            if self.second is None or is_patient:
-                raise
-            self._append(self.second, content)
-            self.elsewhere += len(page)
-            self.problem = f"{error.strerror or error} ({self.folder}): packets are written to {self.second}"
-        else:
-            self._failing_since_s, self.problem = None, ""
-        self.packets += len(page)
-
     def _append(self, place: Path, content: bytes) -> None:
         """All of the page, synced, or nothing of it."""
-        number, file = self._open(place)
-        at = file.tell()
-        try:
-            _write_all(file, content)
-        except OSError:
-            file.seek(at)
-            file.truncate()
-            raise
-        self._newest = number
+        for k, file in enumerate(self._files):
+            if file.is_missing(place / PACKETS):
+                self._files[k] = file.copy(place / PACKETS)
+        file = self._file(place)
+        file.append(content)
+        self._newest = file.number
 
-    def _open(self, place: Path) -> tuple[int, IO[bytes]]:
-        """The file of a place; a next one if it is long enough, somebody removed it, or later packets are elsewhere."""
-        removed = b""
-        number, file = self._files.get(place, (0, None))
-        if file is not None and _is_removed(file):
-            file.seek(0)
-            removed = file.read()
-        elif file is not None and number >= self._newest and file.tell() <= FILE_BYTES:
-            return number, file
-        place.mkdir(parents=True, exist_ok=True)
-        number = max([self._newest, number, *(int(f.stem) for f in _files(place))]) + 1
-        path = place / f"{number:04d}{SUFFIX}"
-        made = path.open("x+b", buffering=0)
+    def _file(self, place: Path) -> _File:
+        """The last file of a place; a next one if it is long enough, or if later packets are elsewhere."""
+        folder = place / PACKETS
+        own = [file for file in self._files if file.path.parent == folder]
+        if own and own[-1].number >= self._newest and own[-1].size <= FILE_BYTES:
+            return own[-1]
+        folder.mkdir(exist_ok=True)
+        known = (*(file.number for file in self._files), *(int(file.stem) for file in _files(folder)))
+        self._files.append(_File(folder, max(known, default=0) + 1))
+        if len(self._files) > MOST_OPEN:
+            self._files.pop(0).close()
+        return self._files[-1]
+
+
+class _File:
+    """A file of packets that is new in its folder and grows by whole pages."""
+
+    def __init__(self, folder: Path, number: int) -> None:
+        self.path, self.number = folder / f"{number:04d}{SUFFIX}", number
+        self.size = 0
+        """Bytes of whole pages; what is behind is overwritten."""
+        self._unreadable = 0
+        self._stream = self.path.open("x+b", buffering=0)
+
+    def append(self, content: bytes) -> None:
+        self._stream.seek(self.size)
         try:
-            _write_all(made, removed)
+            write_all(self._stream, content)
+        except OSError:
+            with suppress(OSError):
+                self._stream.truncate(self.size)
+            raise
+        self.size += len(content)
+
+    def close(self) -> None:
+        with suppress(OSError):  # all pages are synced
+            self._stream.close()
+
+    def is_missing(self, folder: Path) -> bool:
+        """Whether the file is no longer in its place; for another folder only if that is certain."""
+        try:
+            return not os.path.samestat(os.fstat(self._stream.fileno()), os.stat(self.path))
+        except (FileNotFoundError, NotADirectoryError):
+            return True
+        except OSError:
+            if self.path.parent == folder:
+                raise
+            return False
+
+    def copy(self, folder: Path) -> _File:
+        """The same pages in a folder, in place of this file."""
+        folder.mkdir(exist_ok=True)
+        made = _File(folder, self.number)
+        try:
+            self._stream.seek(0)
+            while made.size < self.size and (content := self._read(self.size - made.size)):
+                made.append(content)
         except OSError:
             made.close()
-            path.unlink(missing_ok=True)
+            with suppress(OSError):
+                made.path.unlink()
             raise
-        if file is not None:
-            file.close()
-        self._files[place] = (number, made)
-        return number, made
+        self.close()
+        return made
 
-
-def _is_removed(file: IO[bytes]) -> bool:
-    return os.fstat(file.fileno()).st_nlink == 0
-
-
-def _write_all(file: IO[bytes], content: bytes) -> None:
-    rest = memoryview(content)
-    while rest:
-        rest = rest[file.write(rest) :]
-    SYNC(file.fileno())
+    def _read(self, most_bytes: int) -> bytes:
+        """The next bytes; none if its disk is gone for good."""
+        try:
+            return self._stream.read(min(most_bytes, PAGE_BYTES)) or b""
+        except OSError:
+            self._unreadable += 1
+            if self._unreadable < TRIES:
+                raise
+            return b""
 
 
 def _size(packet: Packet) -> int:
@@ -239,7 +263,7 @@ class Damage:
 def read_packets(
     folder: Path, damage: list[Damage] | None = None, second: Path | None = None
 ) -> Iterator[Packet]:
-    """The packets of a folder in the order in which they were received.
+    """The packets of a session in the order in which they were received.
 
     Args:
         folder: of a `Recorder`, finished or killed.
@@ -249,23 +273,34 @@ def read_packets(
     Raises:
         DataError: the folder has no file of packets, or one cannot be read.
     """
-    for file in require_packets(folder, second):
+    return (packet for _, packet in numbered_packets(folder, damage, second))
+
+
+def numbered_packets(
+    folder: Path, damage: list[Damage] | None = None, second: Path | None = None
+) -> Iterator[tuple[str, Packet]]:
+    """As `read_packets`, each with its file and its number there, from 1, for people."""
+    for file in packet_files(folder, second):
         try:
             with open_regular(file) as stream:
-                yield from _packets(stream, file, [] if damage is None else damage)
+                for number, packet in enumerate(_packets(stream, file, [] if damage is None else damage), 1):
+                    yield f"{file}, packet {number}", packet
         except OSError as error:
             raise DataError(f"{file}: cannot be read ({error.strerror})") from error
 
 
-def require_packets(folder: Path, second: Path | None = None) -> list[Path]:
+def packet_files(folder: Path, second: Path | None = None) -> list[Path]:
     """The files of packets of both places, in the order in which they were written.
 
     Raises:
-        DataError: there is none.
+        DataError: there is none, or a folder cannot be read.
     """
-    files = _files(folder) + ([] if second is None else _files(second))
+    try:
+        files = [file for place in (folder, second) if place is not None for file in _files(place / PACKETS)]
+    except OSError as error:
+        raise DataError(f"{error.filename}: cannot be read ({error.strerror})") from error
     if not files:
-        raise DataError(f"{folder}: has no file of packets (*{SUFFIX})")
+        raise DataError(f"{folder / PACKETS}: has no file of packets (*{SUFFIX})")
     return sorted(files, key=lambda file: int(file.stem))
 
 
@@ -343,4 +378,8 @@ def _search(stream: IO[bytes], at: int) -> int:
 
 
 def _files(folder: Path) -> list[Path]:
-    return sorted(f for f in folder.glob(f"*{SUFFIX}") if f.stem.isdigit())
+    try:
+        files = [folder / name for name in sorted(os.listdir(folder)) if name.endswith(SUFFIX)]
+    except FileNotFoundError:
+        return []
+    return [file for file in files if file.stem.isdigit()]

@@ -23,7 +23,7 @@ from oarlock.live.rig import Rig, Source
 from oarlock.live.rows import Rows
 from oarlock.recording.calibration import parsed_calibration
 from oarlock.recording.epoch import CLOCK_KEY
-from oarlock.storage.errors import DataError
+from oarlock.storage.errors import DataError, DivergedError
 from oarlock.storage.suggest import did_you_mean
 
 if TYPE_CHECKING:
@@ -156,6 +156,8 @@ class LiveSession:
     """The last commands that could not be carried out, and why."""
     refused: int = field(init=False, default=0)
     """How many could not."""
+    divergence: str = field(init=False, default="")
+    """Why the filter lost the track, until tracking begins again or is stopped."""
     listeners: list[Callable[[list[Sampled]], None]] = field(init=False, default_factory=list)
     """Get all readings, too; they decide no estimate."""
 
@@ -173,18 +175,22 @@ class LiveSession:
         return [] if self.tracker is None else self._estimates(sampled)
 
     def _estimates(self, sampled: Iterable[Sampled]) -> list[Estimate]:
-        assert self.tracker is not None
         found = []
-        for one in (one for one in sampled if one.time_s >= self.from_s):
-            values: Any = one.values
-            for belief, info in self.tracker.push(one.stream, one.time_s, values):
-                found.append(Estimate(info.time_s, one.arrival_s, belief, info))
+        try:
+            for one in (one for one in sampled if one.time_s >= self.from_s):
+                values: Any = one.values
+                assert self.tracker is not None
+                for belief, info in self.tracker.push(one.stream, one.time_s, values):
+                    found.append(Estimate(info.time_s, one.arrival_s, belief, info))
+        except DivergedError as error:
+            self.tracker, self.divergence = None, str(error)
         return found
 
     def _carry_out(self, packet: Packet) -> list[Estimate]:
         try:
             order = order_of(packet.data)
             do = order["do"]
+            self.divergence = "" if do in ("track", "stop") else self.divergence
             if do == "track":
                 self.config = live_config(self.rig, self.model, self.intake.stamp_stds())
                 self.tracker = oarlock.Tracker(self.model, self.calibration, self.config)
@@ -204,11 +210,12 @@ class LiveSession:
 
     def _stop(self, arrival_s: float) -> list[Estimate]:
         held = self.intake.flush()
-        if self.tracker is None:
-            return []
-        found = self._estimates(held)
-        tracker, self.tracker = self.tracker, None
-        return found + [Estimate(info.time_s, arrival_s, belief, info) for belief, info in tracker.flush()]
+        found = [] if self.tracker is None else self._estimates(held)
+        tracker, self.tracker, self.divergence = self.tracker, None, ""
+        if tracker is not None:
+            with suppress(DivergedError):
+                found += [Estimate(info.time_s, arrival_s, belief, info) for belief, info in tracker.flush()]
+        return found
 
 
 def recorded(
@@ -217,6 +224,7 @@ def recorded(
     start_ns: int,
     keep: Callable[[Spare], None] = lambda spare: None,
     epoch: str | None = None,
+    refuse: Callable[[DataError], None] = lambda error: None,
 ) -> oarlock.Recording:
     """The readings of the model's sensors in a session's packets, as a recording.
 
@@ -226,12 +234,13 @@ def recorded(
         start_ns: the session's start by the clock of arrivals.
         keep: gets what feeds no sensor.
         epoch: the moment of the start as ISO text; None if it is not known.
+        refuse: gets why a command of the last packet cannot be carried out; it was refused when it came, too.
 
     Raises:
         DataError: no packet has a reading of a sensor.
     """
     intake, rows = Intake(rig, start_ns, _new_decoder, keep), Rows(rig)
-    rows.add(_all_sampled(packets, intake))
+    rows.add(_all_sampled(packets, intake, refuse))
     clock = {CLOCK_KEY: {"kind": "utc", "zero": epoch}} if epoch else {}
     return rows.recording({**_mag_scales(intake), **clock})
 
@@ -250,21 +259,29 @@ def _mag_scales(intake: Intake) -> Mapping[str, object]:
     return {SCALE_KEY: known} if known else {}
 
 
-def _all_sampled(packets: Iterable[Packet], intake: Intake) -> Iterator[Sampled]:
+def _all_sampled(
+    packets: Iterable[Packet], intake: Intake, refuse: Callable[[DataError], None]
+) -> Iterator[Sampled]:
     for packet in packets:
-        yield from intake.take(packet) if packet.source != COMMANDS else _follow(intake, packet)
+        if packet.source != COMMANDS:
+            yield from intake.take(packet)
+            continue
+        try:
+            yield from _follow(intake, packet)
+        except DataError as error:
+            refuse(error)
     yield from intake.flush()
 
 
 def _follow(intake: Intake, packet: Packet) -> list[Sampled]:
     """Carries out what changes which readings there are."""
-    # A command that was refused when it came is refused again.
-    with suppress(DataError):
-        order = order_of(packet.data)
-        if order["do"] == "stop":
-            return intake.flush()
-        if order["do"] == "assign":
-            intake.assign(order["stream"], order["device"])
-        if order["do"] == "clock":
-            intake.tie(order["stream"], float(order["late_s"]), float(order["std_s"]))
+    order = order_of(packet.data)
+    if order["do"] == "stop":
+        return intake.flush()
+    if order["do"] == "assign":
+        intake.assign(order["stream"], order["device"])
+    if order["do"] == "clock":
+        intake.tie(order["stream"], float(order["late_s"]), float(order["std_s"]))
+    if order["do"] == "calibrate":
+        parsed_calibration(order["toml"])
     return []

@@ -106,9 +106,15 @@ export class Sensors {
     this.device.select.focus();
   }
 
-  tellRecorder({ packets, lost, problem, free_gb }) {
-    const words = `Recorder: ${plural(packets, "packet")} on disk, ${free_gb === null ? "its disk cannot be read" : `${free_gb} GB free`}${lost ? `, ${plural(lost, "packet")} lost` : ""}.`;
-    this.recorder.textContent = problem ? `${words} Problem: ${problem}` : words;
+  tellRecorder({ packets, lost, elsewhere, second, failures, problem, free_gb }) {
+    const words = [
+      `${plural(packets, "packet")} on disk`,
+      free_gb === null ? "its disk cannot be read" : `${free_gb} GB free`,
+      failures ? plural(failures, "failed write") : "",
+      second ? `${plural(elsewhere, "packet")} recorded elsewhere: ${second}` : "",
+      lost ? `${plural(lost, "packet")} lost` : "",
+    ];
+    write(this.recorder, `Recorder: ${words.filter(Boolean).join(", ")}.`);
     this.recorder.classList.toggle("ol-alarm", Boolean(problem || lost));
   }
 

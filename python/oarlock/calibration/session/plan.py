@@ -179,18 +179,24 @@ class SessionPlan:
 
     def save(self, file: str | PathLike[str]) -> None:
         """Write as TOML; `load_session_plan` reads it back."""
-        from oarlock.storage.toml import write_toml
+        from oarlock.storage.write_file import write_file
 
-        write_toml(
-            Path(file),
-            {
-                "format": FORMAT,
-                "name": self.name,
-                "posture_std_rad": self.posture_std_rad,
-                "any_order": self.any_order,
-                "step": [_told(step) for step in self.steps],
-            },
-        )
+        write_file(Path(file), plan_text(self))
+
+
+def plan_text(plan: SessionPlan) -> str:
+    """The text of a plan's file."""
+    from oarlock.storage.toml import toml_text
+
+    return toml_text(
+        {
+            "format": FORMAT,
+            "name": plan.name,
+            "posture_std_rad": plan.posture_std_rad,
+            "any_order": plan.any_order,
+            "step": [_told(step) for step in plan.steps],
+        }
+    )
 
 
 def load_session_plan(file: str | PathLike[str], pose: str = STANDING) -> SessionPlan:

@@ -9,8 +9,9 @@ import tempfile
 import time
 from pathlib import Path
 
+from oarlock.live.disk import SYNC
 from oarlock.live.doctor.check import NOTE, OK, PROBLEM, Check
-from oarlock.live.recorder import PAGE_S, SYNC
+from oarlock.live.recorder import PAGE_S
 
 _PAGES, _PAGE_BYTES = 8, 256 << 10
 _LEAST_BYTES, _FEW_BYTES = 200 << 20, 4 << 30

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
+from oarlock.live.disk import reason_of
 from oarlock.live.frame import frame_of
 from oarlock.live.named_angles import NamedAngles
 
@@ -76,9 +77,14 @@ class Output:
         self._thread: threading.Thread | None = None
 
     def start(self, start: Start) -> None:
-        """Begins to send."""
-        self._thread = threading.Thread(target=self._run, args=(start,), name=self.way.name, daemon=True)
-        self._thread.start()
+        """Begins to send.
+
+        Raises:
+            RuntimeError: the system starts no thread.
+        """
+        thread = threading.Thread(target=self._run, args=(start,), name=self.way.name, daemon=True)
+        thread.start()
+        self._thread = thread
 
     def put(self, estimate: Estimate) -> None:
         """Takes an estimate, and does not wait."""
@@ -113,8 +119,8 @@ class Output:
             try:
                 self.way.open(start)
                 self._send_all()
-            except OSError as error:
-                self.problem = error.strerror or str(error) or type(error).__name__
+            except Exception as error:  # the thread must outlive it
+                self.problem = reason_of(error)
                 self._ended.wait(RETRY_S)
                 self._leave_out()
             finally:
@@ -126,7 +132,7 @@ class Output:
         while (message := self._next()) is not None:
             try:
                 self.way.send(message)
-            except OSError:
+            except Exception:
                 if message["type"] != "frame":
                     self._told.appendleft(message)
                 raise

@@ -7,7 +7,6 @@ import math
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -103,18 +102,20 @@ class Swaps:
         """Looks until it is cancelled."""
         if len(self._units) < 2:
             return
-        loop, pool = asyncio.get_running_loop(), _pool()
+        loop, pool = asyncio.get_running_loop(), None
         try:
+            pool = _pool()
             while True:
                 await self.time.sleep(STEP_S if self.verdicts.calm < CALM_AFTER else CALM_STEP_S)
                 look = self.look()
                 if look is not None:
                     self._judge(look, await loop.run_in_executor(pool, looked, look, self.session.model))
-        except (BrokenProcessPool, RuntimeError, ValueError, ArithmeticError) as error:
+        except (OSError, RuntimeError, ValueError, ArithmeticError) as error:
             # The session itself goes on, whatever its readings did here.
             self.tell(f"swapped units are no longer looked for: {error}")
         finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+            if pool is not None:
+                pool.shutdown(wait=False, cancel_futures=True)
 
     def look(self) -> Look | None:
         """What is to be looked at now; None if nothing is tracked, or too little was heard of two units."""
