@@ -2,6 +2,7 @@
 
 import errno
 import shutil
+import threading
 import time
 from pathlib import Path
 
@@ -84,6 +85,8 @@ def test_a_step_that_fails_once_costs_nothing(step, at, tmp_path, monkeypatch):
 def test_a_place_that_fails_for_good_is_replaced_by_the_second(tmp_path, monkeypatch):
     monkeypatch.setattr(disk_module, "PATIENCE_S", 0.05)
     first, second = tmp_path / "first", tmp_path / "second"
+    first.mkdir()
+    (first / "rig.toml").write_text("of an earlier session")
     recorder, sent = Recorder(Disk(first, second, {"rig.toml": "x"})), packets()
     write, full = recorder_module.write_all, [False]
 
@@ -107,7 +110,7 @@ def test_a_place_that_fails_for_good_is_replaced_by_the_second(tmp_path, monkeyp
     assert (recorder.packets, recorder.lost, recorder.disk.problem) == (COUNT, 0, "")
     assert recorder.elsewhere > 0 and recorder.disk.failures > 0
     assert list(read_packets(first, second=second)) == sent
-    assert (second / "rig.toml").read_text() == "x"
+    assert (first / "rig.toml").read_text() == (second / "rig.toml").read_text() == "x"
 
 
 @pytest.mark.parametrize("is_moved", [False, True])
@@ -119,7 +122,7 @@ def test_a_folder_that_is_removed_or_moved_is_written_again(is_moved, is_refused
 
     def meanwhile(number):
         if number == 140:
-            while recorder.packets < 100:
+            while recorder.packets < number:  # then nothing is written meanwhile
                 time.sleep(0.01)
             today.rename(tmp_path / "yesterday") if is_moved else shutil.rmtree(today)
             if is_refused:
@@ -131,6 +134,23 @@ def test_a_folder_that_is_removed_or_moved_is_written_again(is_moved, is_refused
     assert (recorder.packets, recorder.lost) == (200, 0)
     assert list(read_packets(place)) == sent and (place / "rig.toml").read_text() == "x"
     assert [int(file.stem) for file in packet_files(place)] == [*range(1, 1 + len(packet_files(place)))]
+
+
+def test_a_disk_that_hangs_is_named_and_holds_up_nobody(tmp_path, monkeypatch):
+    monkeypatch.setattr(disk_module, "ANSWER_S", 0.01)
+    answers, write = threading.Event(), recorder_module.write_all
+    monkeypatch.setattr(recorder_module, "write_all", lambda *given: answers.wait() and write(*given))
+    recorder, sent, said = Recorder(Disk(tmp_path)), packets(50), []
+    for packet in sent:
+        recorder.write(packet)
+    while not said:
+        said += recorder.disk.news()
+        time.sleep(0.01)
+    assert "disk: has not answered" in said[0] and "has not answered" in recorder.disk.problem
+    answers.set()
+    recorder.close()
+    assert recorder.disk.news() == ["disk: works again"]
+    assert list(read_packets(tmp_path)) == sent
 
 
 def test_a_thread_that_cannot_be_started_is_an_error(tmp_path, monkeypatch):

@@ -5,6 +5,7 @@ import errno
 import shutil
 from contextlib import suppress
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -350,6 +351,29 @@ def test_a_terminal_that_is_closed_ends_no_session(session_in, clean, tmp_path):
     session.run()
     assert session.packets == clean[2]
     assert session.page.events.count("terminal: cannot be written: Broken pipe") == 1
+
+
+def test_a_process_or_a_thread_that_cannot_be_started_ends_no_session(
+    session_in, clean, tmp_path, monkeypatch
+):
+    def refused(*given):
+        raise OSError(errno.EAGAIN, REASON)
+
+    def no_thread(start):
+        raise RuntimeError(REASON)
+
+    monkeypatch.setattr("oarlock.live.live.child_pool", refused)
+    session = session_in(tmp_path / "today")
+    session.live.follower = SimpleNamespace(work=dict, step=lambda time_s, belief: None)
+    output = SimpleNamespace(way=SimpleNamespace(name="UDP"), start=no_thread, problem="")
+    output.put = output.tell = output.close = lambda *given: None
+    output.health = lambda: {"name": "UDP", "problem": output.problem, "sent": 0, "skipped": 0}
+    session.live.outputs = [output]
+    session.run()
+    assert session.packets == clean[2] and output.problem == f"cannot be started: {REASON}"
+    for what in ("UDP", "another process"):
+        assert f"{what}: {REASON}; it was given up" in session.page.events
+        assert what in session.page.health[-1]["problem"]
 
 
 def test_a_filter_that_loses_the_track_begins_again_live_and_from_the_packets(

@@ -319,7 +319,8 @@ async def _until_stopped(
     await asyncio.wait([running, started], return_when=asyncio.FIRST_COMPLETED)
     started.cancel()
     if live.server is not None and not running.done():
-        _say_addresses(live.server)
+        with suppress(OSError):  # a terminal that is gone ends no session
+            _say_addresses(live.server)
     waiting = asyncio.ensure_future(_say_who_is_awaited(live))
     with suppress(asyncio.CancelledError):
         await running

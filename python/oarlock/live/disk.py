@@ -6,6 +6,7 @@ becomes a sentence for terminal, page and log.
 
 from __future__ import annotations
 
+import math
 import os
 import threading
 import time
@@ -21,6 +22,8 @@ PATIENCE_S = 5.0
 """After so long without success the second place is used."""
 TRIES, PAUSE_S = 3, 0.1
 """At the begin and at the end of a session nothing can wait for later."""
+ANSWER_S = 2.0
+"""A disk that takes longer for one write is named: it may be a network that hangs."""
 MOST_SENTENCES = 100
 SYNC = getattr(os, "fdatasync", os.fsync)
 """macOS has no fdatasync."""
@@ -45,7 +48,10 @@ class Disk:
         self._problems: dict[str, str] = {}
         self._failing_since_s: dict[str, float] = {}
         self._sentences: deque[str] = deque(maxlen=MOST_SENTENCES)
+        self._prepared: set[Path] = set()
         self._lock = threading.Lock()
+        self._asked_s = math.inf
+        """When the write began that has not ended yet."""
 
     @property
     def problem(self) -> str:
@@ -55,18 +61,23 @@ class Disk:
 
     def news(self) -> list[str]:
         """Sentences about what has failed, and what works again, since the last call."""
+        if time.monotonic() - self._asked_s > ANSWER_S:
+            self.say("disk", f"has not answered for {ANSWER_S:g} s: what is received waits in memory")
+        else:
+            self.works("disk")
         return [self._sentences.popleft() for _ in range(len(self._sentences))]
 
     def prepare(self, place: Path) -> None:
-        """Makes a place with its files; those that are there stay.
+        """Makes a place with its files, and those again that somebody removed.
 
         Raises:
             OSError, DataError: it cannot be written.
         """
         place.mkdir(parents=True, exist_ok=True)
         for name, text in self.files.items():
-            if not (place / name).exists():
+            if place not in self._prepared or not (place / name).exists():
                 write_file(place / name, text)
+        self._prepared.add(place)
 
     def write(self, what: str, write: Callable[[Path], None], is_last: bool = False) -> Path:
         """Calls `write` with the first place; if that fails, and has failed for `PATIENCE_S`, with the second.
@@ -131,6 +142,7 @@ class Disk:
 
     def _write(self, what: str, place: Path, write: Callable[[Path], None], is_last: bool) -> None:
         for left in range(TRIES - 1 if is_last else 0, -1, -1):
+            self._asked_s = time.monotonic()
             try:
                 self.prepare(place)
                 write(place)
@@ -141,6 +153,8 @@ class Disk:
                     raise
                 self.say(what, _waits(error, place))
                 time.sleep(PAUSE_S)
+            finally:
+                self._asked_s = math.inf
 
     def _write_second(
         self, what: str, write: Callable[[Path], None], error: Exception, is_last: bool
@@ -160,9 +174,8 @@ class Disk:
 
 
 def _waits(error: Exception, place: Path) -> str:
-    return (
-        f"nothing is recorded at this time: {reason_of(error)} ({place}). It waits in memory: make room there"
-    )
+    why = f"{reason_of(error)} ({place})"
+    return f"nothing is recorded at this time: {why}. It waits in memory until the folder can be written"
 
 
 def is_failure(error: BaseException) -> bool:

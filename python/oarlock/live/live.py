@@ -145,9 +145,9 @@ class Live:
         except DataError:
             place.discard()
             raise
-        self._start_beside(Start(place.start_ns, place.start_epoch_s))
         has_begun = True
         try:
+            self._start_beside(Start(place.start_ns, place.start_epoch_s))
             await self._until_ended(seconds)
         except DataError:
             has_begun = bool(self.session.intake.devices)

@@ -132,7 +132,7 @@ export class App {
     const swapped = (health.swapped ?? []).join(" and ");
     this.bar.alarm("swapped", swapped && `${swapped} are swapped. Exchange the units on the body, or press the button beside the sensors.`);
     this.bar.alarm("awaited", awaited && `Not heard yet: ${awaited}. Switch these units on.`, "odd");
-    this.bar.alarm("recorder", health.recorder.problem && `The disk has a problem. ${health.recorder.problem}`);
+    this.bar.alarm("recorder", health.recorder.problem && `The session has a problem. ${health.recorder.problem}`);
   }
 
   /** Five times a second: numbers and states as words. */
