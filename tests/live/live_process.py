@@ -23,7 +23,7 @@ from oarlock.storage.toml import write_toml
 RATE_HZ = 25.0
 """Low, so that a busy machine keeps up."""
 HANGS_S = 300.0
-ENVIRONMENT = {**os.environ, "PYTHONUNBUFFERED": "1", "COLUMNS": "200"}
+ENVIRONMENT = {"PYTHONUNBUFFERED": "1", "COLUMNS": "200"}
 
 
 class LiveProcess:
@@ -44,7 +44,7 @@ class LiveProcess:
         ]
         pipe = subprocess.PIPE
         self.process = subprocess.Popen(
-            words, stdout=pipe, stderr=pipe, text=True, env=ENVIRONMENT, start_new_session=True
+            words, stdout=pipe, stderr=pipe, text=True, env={**os.environ, **ENVIRONMENT}, start_new_session=True
         )
         self.said = ""
         self._readers = [
