@@ -44,7 +44,12 @@ class LiveProcess:
         ]
         pipe = subprocess.PIPE
         self.process = subprocess.Popen(
-            words, stdout=pipe, stderr=pipe, text=True, env={**os.environ, **ENVIRONMENT}, start_new_session=True
+            words,
+            stdout=pipe,
+            stderr=pipe,
+            text=True,
+            env={**os.environ, **ENVIRONMENT},
+            start_new_session=True,
         )
         self.said = ""
         self._readers = [

@@ -174,6 +174,7 @@ def test_an_error_that_nobody_foresaw_does_not_end_the_thread(tmp_path, monkeypa
     send(recorder, sent)
     recorder.close()
     assert recorder.packets == 100 and list(read_packets(tmp_path)) == sent
+    assert recorder.disk.failures == 1 and "nobody foresaw this" in recorder.disk.news()[0]
 
 
 @pytest.mark.parametrize("head", [b"OARP", recorder_module._HEAD.pack(b"OARP", 1 << 20, 7)])

@@ -16,6 +16,7 @@ import zlib
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import IO
@@ -121,8 +122,7 @@ class Recorder:
     def _write_pages(self, is_last: bool = False) -> None:
         while page := self._next_page():
             try:
-                content = _page(page)
-                place = self.disk.write("recorder", lambda place: self._append(place, content), is_last)  # noqa: B023
+                place = self.disk.write("recorder", partial(self._append, page), is_last)
             except Exception:  # the disk has counted it, and the thread must outlive it
                 with self._lock:
                     self._waiting = page + self._waiting
@@ -146,13 +146,13 @@ class Recorder:
             self._waiting_bytes -= size
         return page
 
-    def _append(self, place: Path, content: bytes) -> None:
+    def _append(self, page: list[Packet], place: Path) -> None:
         """All of the page, synced, or nothing of it."""
         for k, file in enumerate(self._files):
             if file.is_missing(place / PACKETS):
                 self._files[k] = file.copy(place / PACKETS)
         file = self._file(place)
-        file.append(content)
+        file.append(_page(page))
         self._newest = file.number
 
     def _file(self, place: Path) -> _File:
