@@ -1,93 +1,92 @@
-"""Sensors that fall silent together: the posture is found again when they come back."""
+"""Seconds, minutes and years in which nothing is read: the estimate is wide meanwhile, starts anew, and is soon right."""
+
+from functools import cache
 
 import numpy as np
 import pytest
 
 import oarlock
-from exact_recording import STRUCTURES, UNITS, load_excerpt
-from oarlock import rowing
+from oarlock import Recording, Track, rowing
 
-ANGLES = (1, 2, 3, 4, 5, 6, 9, 10, 11, 12, 13)
-SILENT_FROM_S = 4.0
-DURATION_S = 10.0
-# Two seconds after the sensors' return the filter is as good as if nothing had been, with room for chance: the tree has
-# 0.02 deg, strapdown links 0.2 to 0.35 deg with bands of 7 deg, because 10 s do not decide whether there is skin.
-RECOVERED_DEG = {"tree": 0.04, "strapdown": 0.6}
-# One second after, with readings of one sample to begin from.
-FOUND_DEG = {"tree": 0.5, "strapdown": 1.0}
+FROM_S = 14.0
 
 
-@pytest.fixture(scope="module")
-def rowed(sculler):
-    return oarlock.simulate(
-        sculler, rowing.sculling(sculler, duration_s=DURATION_S), seed=1, gyro_bias_rad_s=0.01
+@cache
+def body(name: str) -> tuple[oarlock.Model, Recording, Track]:
+    model = oarlock.load_model(name)
+    if name == "sculler":
+        truth, recording = oarlock.simulate(model, rowing.sculling(model, duration_s=24.0), seed=3)
+        return model, recording, truth
+    random, time_s = np.random.default_rng(3), np.arange(0.0, 24.0, 0.01)
+    waves = [
+        0.4
+        * np.minimum(time_s / 2.0, 1.0)
+        * np.sin(2.0 * np.pi * random.uniform(0.3, 0.7) * time_s + random.uniform(0.0, 6.0))
+        for _ in model.joint_names
+    ]
+    truth, recording = oarlock.simulate(
+        model, oarlock.Motion(model.joint_names, time_s, np.column_stack(waves)), seed=3
     )
+    return model, recording, truth
 
 
-def without(recording, silent_s, names, from_s=SILENT_FROM_S):
-    """The recording without the rows of `names` from `from_s` on."""
-    streams = []
-    for stream in recording.streams:
-        gap = (stream.time_s >= from_s) & (stream.time_s < from_s + silent_s)
-        kept = ~gap if stream.name in names else np.ones(len(stream), dtype=bool)
-        values = {field: rows[kept] for field, rows in stream.values.items()}
-        streams.append(type(stream)(stream.name, stream.time_s[kept], **values))
-    return oarlock.Recording(streams)
+def hinges(track: Track) -> list[str]:
+    """Hinges that encoders do not read."""
+    return [
+        n for n in track.joint_names if hasattr(track[n], "angle_rad") and "oar" not in n and "hand" not in n
+    ]
 
 
-def errors_deg(track, truth):
-    columns = np.array(ANGLES)
-    true = np.stack([np.interp(track.time_s, truth.time_s, truth.q[:, j]) for j in columns], axis=1)
-    return np.degrees(track.q[:, columns] - true)
+def is_right(track: Track, truth: Track, from_s: float, later_s: float = 0.0) -> bool:
+    """Whether the truth lies within three standard deviations, and these are no wider than a heading that is sought."""
+    rows = track.time_s > from_s + later_s + 3.0
+    assert rows.sum() > 200
+    for name in hinges(track):
+        error = track[name].angle_rad[rows] - np.interp(
+            track.time_s[rows] - later_s, truth.time_s, truth[name].angle_rad
+        )
+        if (
+            np.mean(np.abs(error) < 3.0 * track[name].std_rad[rows]) < 0.95
+            or np.degrees(np.median(np.abs(error))) > 30.0
+        ):
+            return False
+    return True
 
 
-@pytest.mark.parametrize("silent_s", [0.3, 0.6, 1.0, 2.0, 3.0])
-@pytest.mark.parametrize("names", [UNITS, None], ids=["units", "all"])
-@pytest.mark.parametrize("structure", STRUCTURES)
-def test_posture_is_found_again(sculler, rowed, silent_s, names, structure):
-    truth, recording = rowed
-    spoilt = without(recording, silent_s, names or recording.names)
-    track = oarlock.track(sculler, spoilt, config=oarlock.Config(structure=structure))
-    after = track.time_s > SILENT_FROM_S + silent_s + 2.0
-    assert np.sqrt(np.mean(errors_deg(track, truth)[after] ** 2)) < RECOVERED_DEG[structure]
+@pytest.mark.parametrize("smooth", [False, True])
+@pytest.mark.parametrize("silence_s", [1.0, 5.0])
+@pytest.mark.parametrize("name", ["sculler", "arm7"])
+def test_seconds_without_any_reading(name: str, silence_s: float, smooth: bool) -> None:
+    model, recording, truth = body(name)
+    cut = Recording(
+        [s.at_rows(np.flatnonzero((s.time_s < FROM_S) | (s.time_s >= FROM_S + silence_s))) for s in recording]
+    )
+    track = oarlock.track(model, cut)
+    track = oarlock.smooth(track) if smooth else track
+    within = (track.time_s > FROM_S + 0.5) & (track.time_s < FROM_S + silence_s - 0.1)
+    if within.any():
+        # A limb turns by about a radian in a second in which nothing reads it.
+        assert float(np.degrees(np.median(track.q_std[within]))) > 15.0
+    # Lost, it is 30 to 150 deg off for the rest of the recording, with bands of 2 deg.
+    assert is_right(track, truth, FROM_S + silence_s)
 
 
-@pytest.mark.parametrize(
-    ("from_s", "silent_s"), [(3.3, 0.5), (3.5, 0.5), (6.2, 0.5), (6.4, 0.5), (6.2, 0.6), (6.6, 0.6)]
-)
-@pytest.mark.parametrize("structure", STRUCTURES)
-def test_a_posture_of_nobody_is_not_taken(sculler, from_s, silent_s, structure):
-    """The belief is wide by then; a fit from its mean ends in a mirror image, or far off."""
-    exact = load_excerpt()
-    recording = without(exact.recording, silent_s, exact.recording.names, from_s)
-    piece = recording.slice(from_s - 1.5, from_s + silent_s + 1.5)
-    track = oarlock.track(sculler, piece, config=oarlock.Config(structure=structure))
-    after = track.time_s > from_s + silent_s + 1.0
-    assert np.sqrt(np.mean(errors_deg(track, exact.truth)[after] ** 2)) < FOUND_DEG[structure]
+@pytest.mark.parametrize("by_s", [100.0, 1e4, 3.15e8])
+@pytest.mark.parametrize("name", ["sculler", "arm7"])
+def test_a_clock_that_was_set_splits_a_recording(name: str, by_s: float) -> None:
+    model, recording, truth = body(name)
+    later = [s.at_rows(slice(None), time_s=s.time_s + by_s * (s.time_s >= FROM_S)) for s in recording]
+    track = oarlock.track(model, Recording(later))
+    assert is_right(track, truth, FROM_S, by_s)
+    notes = [note for note in track.notes if "no reading for" in note or "packets missing" in note]
+    assert len(notes) == len(recording)
+    if by_s > 1e6:
+        assert all("no reading for 9.98 years after 14.0 s" in note for note in notes), notes
 
 
-def test_bands_widen_meanwhile(sculler, rowed):
-    truth, recording = rowed
-    track = oarlock.track(sculler, without(recording, 2.0, UNITS))
-    silent = (track.time_s > SILENT_FROM_S + 0.5) & (track.time_s < SILENT_FROM_S + 2.0)
-    std_deg = np.degrees(track.q_std[:, np.array(ANGLES)])[silent]
-    held = np.abs(errors_deg(track, truth)[silent]) < 1.96 * std_deg
-    # The band is that of a prior, not of readings: it need not hold the truth 95 % of the time, but it must be wide.
-    assert std_deg.mean() > 10.0
-    assert held.mean() > 0.8
-
-
-@pytest.mark.parametrize("structure", STRUCTURES)
-def test_closures_alone_claim_little_about_arms(sculler, rowed, structure):
-    """The tree claims nothing. Strapdown links find the elbow by the distance to the handle."""
-    truth, recording = rowed
-    oars = [name for name in recording.names if "oar" in name]
-    config = oarlock.Config(structure=structure)
-    track = oarlock.track(sculler, recording.only(["back", "seat", *oars]), config=config)
-    if structure == "tree":
-        assert not track["r_elbow_flexion"].observed[track.time_s > 1.0].any()
-    else:
-        held = np.abs(errors_deg(track, truth)) < 1.96 * np.degrees(track.q_std[:, np.array(ANGLES)])
-        assert held[track.time_s > 1.0].mean() > 0.95
-        assert not track["r_elbow_rotation"].observed.all()
-    assert track["trunk"].observed.all()
+def test_each_reading_a_second_is_no_silence() -> None:
+    model, recording, _ = body("arm7")
+    slow = Recording([s.at_rows(slice(None, None, 50)) for s in recording])
+    track = oarlock.track(model, slow)
+    assert len(track.time_s) > 40
+    assert np.isfinite(track.q).all()
