@@ -11,7 +11,7 @@ import numpy as np
 from oarlock.recording.epoch import epoch_of, from_zero
 from oarlock.recording.folder import read_folder, write_folder
 from oarlock.recording.html import rate_and_missing, recording_html
-from oarlock.recording.streams import Stream
+from oarlock.recording.streams import MOST_STREAMS, Stream
 from oarlock.storage.copies import copied_notes
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
@@ -33,7 +33,8 @@ class Recording:
             booleans, and lists and tables of these, so that `save` can write them.
 
     Raises:
-        DataError: There is no stream, an element is not a stream, or two streams have the same name.
+        DataError: There is no stream, an element is not a stream, two streams have the same name, or there are more
+            than `MOST_STREAMS`.
     """
 
     streams: tuple[Stream, ...]
@@ -49,6 +50,11 @@ class Recording:
     def _check_streams(self) -> None:
         if not self.streams:
             raise DataError("the recording is empty: it has no stream. Give at least one.")
+        if len(self.streams) > MOST_STREAMS:
+            raise DataError(
+                f"the recording has {len(self.streams):,} streams; at most {MOST_STREAMS:,} are kept. "
+                "Give the streams of the sensors alone."
+            )
         seen: dict[str, int] = {}
         for index, stream in enumerate(self.streams):
             if not isinstance(stream, Stream):

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     import polars as pl
 
 ScalarUnit: TypeAlias = Literal["m", "rad"]
+MOST_STREAMS = 2000
+"""Streams of one recording; a few bytes of a damaged file announce any number of channels."""
 
 
 class _Stream:

@@ -23,7 +23,6 @@ from oarlock.storage.paths import place_of
 
 EVENTS_KEY = "events"
 """`Recording.meta[EVENTS_KEY][stream]` has the texts of a stream of markers: `time_s` and `text`."""
-_MOST_EVENTS = 10_000
 
 
 def read_xdf(path: str | PathLike[str]) -> Recording:
@@ -99,12 +98,12 @@ class _Reading:
     def take(self, name: str, stream: XdfStream, time_s: FloatArray) -> None:
         """Add a stream of numbers or of texts."""
         if stream.is_text:
-            if len(time_s) > _MOST_EVENTS:
+            texts = [" | ".join(sample) for sample in stream.texts]
+            if len(time_s) > len(texts):
                 self.notes.append(
-                    f"{name}: only the first {_MOST_EVENTS:,} of {len(time_s):,} texts were kept."
+                    f"{name}: only the first {len(texts):,} of {len(time_s):,} texts were kept."
                 )
-            texts = [" | ".join(sample) for sample in stream.texts[:_MOST_EVENTS]]
-            self.events[name] = {"time_s": time_s[:_MOST_EVENTS].tolist(), "text": texts}
+            self.events[name] = {"time_s": time_s[: len(texts)].tolist(), "text": texts}
             return
         values = _numbers(name, stream, self.notes)
         labels, units = ([getattr(c, key) for c in stream.channels] for key in ("label", "unit"))
@@ -154,15 +153,15 @@ def _plain(text: str) -> str:
 
 def _distinct(names: Sequence[str]) -> list[str]:
     """The names without control characters, the second and later ones of each with a number."""
-    found: list[str] = []
+    found: dict[str, None] = {}
     for name in names:
         short = " ".join(_plain(name).split("_"))[: LONGEST_NAME // 2] or "stream"
         number, candidate = 1, short
         while candidate in found:
             number += 1
             candidate = f"{short} {number}"
-        found.append(candidate)
-    return found
+        found[candidate] = None
+    return list(found)
 
 
 def _apart(streams: Sequence[Stream]) -> list[Stream]:

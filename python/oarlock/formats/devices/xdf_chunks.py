@@ -6,7 +6,7 @@ Source: "XDF: Extensible Data Format", version 1.0 (sccn/xdf on GitHub, wiki pag
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -15,6 +15,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
+from oarlock.recording.streams import MOST_STREAMS
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
 from oarlock.storage.regular_file import TABLE_LIMIT_BYTES, read_bytes
@@ -28,7 +29,7 @@ _NUMBERS = MappingProxyType(
 )
 _STAMPED = 8
 _MOST_NOTES = 5
-MOST_CHANNELS = 2**16
+MOST_TEXTS = 10_000
 _LATEST_S = 1e11
 """Stamps are seconds since a machine was started, or since 1970."""
 
@@ -55,7 +56,7 @@ class XdfStream:
         values_are: a numpy type, or "string".
         stamps: (n,) s of the sender's clock, one array a chunk.
         values: (n, channels), one array a chunk.
-        texts: of each sample of a stream of texts, one for each channel.
+        texts: of the first `MOST_TEXTS` samples of a stream of texts, one for each channel.
         offsets_before: clock measurements that the file has before each chunk of samples.
         measured: (time of the sender's clock, what to add to reach the recorder's clock), s, in the order of the file.
     """
@@ -164,7 +165,7 @@ def _part(content: bytes, at: int, count: int) -> bytes:
 def _take(tag: int, body: bytes, streams: dict[int, XdfStream]) -> None:
     (number,) = struct.unpack_from("<I", body)
     if tag == _STREAM_HEADER:
-        streams[number] = _stream(number, body[4:])
+        streams[number] = _stream(number, body[4:], streams)
     elif tag == _CLOCK_OFFSET:
         time_s, offset_s = struct.unpack_from("<2d", body, 4)
         _check_times(np.array([time_s, offset_s]))
@@ -173,15 +174,16 @@ def _take(tag: int, body: bytes, streams: dict[int, XdfStream]) -> None:
         _samples(streams[number], body, 4)
 
 
-def _stream(number: int, body: bytes) -> XdfStream:
+def _stream(number: int, body: bytes, streams: Mapping[int, XdfStream]) -> XdfStream:
     info = xml_of(body)
     values_are = text_of(info, "channel_format")
     if values_are != _TEXT and values_are not in _NUMBERS:
         raise ValueError(f'the format of its channels is "{values_are}"')
     count = int(text_of(info, "channel_count"))
     rate_hz = float(text_of(info, "nominal_srate") or 0.0)
-    if not 0 < count <= MOST_CHANNELS:
-        raise ValueError(f"it has {count} channels")
+    others = sum(len(stream.channels) for stream in streams.values() if stream.number != number)
+    if not 0 < count <= MOST_STREAMS - others:
+        raise ValueError(f"it has {count} channels after {others} others; at most {MOST_STREAMS} are read")
     name = text_of(info, "name") or f"stream {number}"
     rate_hz = rate_hz if 0.0 < rate_hz < 1e9 else 0.0
     return XdfStream(number, name, text_of(info, "type"), rate_hz, channels_of(info, count), values_are)
@@ -211,8 +213,9 @@ def text_of(element: ElementTree.Element, key: str) -> str:
 def _samples(stream: XdfStream, body: bytes, at: int) -> None:
     """One chunk of samples: each has a stamp, or is one nominal interval after the one before."""
     count, at = _length(body, at)
-    if count > len(body):
-        raise ValueError(f"it announces {count} samples")
+    cell_bytes = 2 if stream.is_text else np.dtype(_NUMBERS[stream.values_are]).itemsize
+    if count * (1 + cell_bytes * len(stream.channels)) > len(body) - at:
+        raise ValueError(f"it announces {count} samples in {len(body) - at} bytes")
     stamps = np.full(count, np.nan)
     texts: list[list[str]] = []
     values: list[NDArray[np.generic]] = []
@@ -224,7 +227,7 @@ def _samples(stream: XdfStream, body: bytes, at: int) -> None:
     else:
         values.append(_numbers(stream, body, at, stamps))
     _check_times(stamps[~np.isnan(stamps)])
-    stream.texts += texts
+    stream.texts += texts[: MOST_TEXTS - len(stream.texts)]
     stream.values += values
     stream.stamps.append(_deduced(stamps, stream))
     stream.offsets_before.append(len(stream.measured))

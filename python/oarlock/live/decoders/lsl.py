@@ -13,9 +13,10 @@ from xml.etree import ElementTree
 import numpy as np
 
 from oarlock.formats.arbitrary_units import ARBITRARY
-from oarlock.formats.devices.xdf_chunks import MOST_CHANNELS, channels_of, text_of, xml_of
+from oarlock.formats.devices.xdf_chunks import channels_of, text_of, xml_of
 from oarlock.formats.labelled_channels import Triple, inertial_triples
 from oarlock.live.reading import Reading, Value
+from oarlock.recording.streams import MOST_STREAMS
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.units import to_held_unit
 
@@ -57,7 +58,7 @@ class LslDecoder:
         try:
             info = xml_of(data)
             count = int(text_of(info, "channel_count"))
-            if not 0 < count <= MOST_CHANNELS:
+            if not 0 < count <= MOST_STREAMS:
                 raise ValueError
             told = channels_of(info, count)
         except (ElementTree.ParseError, ValueError, struct.error):
