@@ -23,6 +23,7 @@ _RESET_S = 1.0
 _SIGMA = 1.4826
 _WINDOW, _LEAST_SIDE, _LONG = 200, 10, 500
 _STEPS = 50
+_MOST_RESETS, _MOST_GAPS = 100, 5000
 _LEAST_LAG, _WANDERS = 10, 2.0
 _LEAST_SPACING_S = 2 * LEAST_INTERVAL_S
 
@@ -74,12 +75,12 @@ def on_the_recorders_clock(stream: XdfStream) -> Clock:
 
 
 def _parts(measured: Sequence[tuple[float, float]]) -> list[tuple[int, int]]:
-    """Ranges of measurements between resets."""
+    """Ranges of measurements between resets; none if so many are resets that no clock was measured."""
     if not measured:
         return []
     steps = np.diff(np.array(measured), axis=0)
     resets = np.flatnonzero((steps[:, 0] < -_RESET_S) | (np.abs(steps[:, 1]) > _RESET_S)) + 1
-    return _ranges(resets.tolist(), len(measured))
+    return [] if len(resets) > _MOST_RESETS else _ranges(resets.tolist(), len(measured))
 
 
 def _ranges(cuts: Sequence[int], count: int) -> list[tuple[int, int]]:
@@ -180,7 +181,7 @@ def _gaps(time_s: FloatArray) -> list[int]:
     away = np.abs(steps - step_s)
     odd = np.flatnonzero(away > max(0.5 * step_s, 4.0 * _spread(steps)))
     found = [0, len(time_s)]
-    for index in (odd[np.argsort(-away[odd], kind="stable")] + 1).tolist():
+    for index in (odd[np.argsort(-away[odd], kind="stable")][:_MOST_GAPS] + 1).tolist():
         place = bisect(found, index)
         left = _late(time_s, max(found[place - 1], index - _WINDOW), index, step_s)
         right = _late(time_s, index, min(found[place], index + _WINDOW), step_s)
