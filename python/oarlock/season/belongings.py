@@ -7,14 +7,13 @@ from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
-import pyarrow as pa
 import pyarrow.compute as pc
-from pyarrow import parquet
 
 from oarlock.season.compact import Current
 from oarlock.season.layout import ATHLETES, ENTRY_FILE, EXPORTS, RUN_FILE, recording_folder, result_folder
 from oarlock.season.store import Season
 from oarlock.storage.errors import DataError
+from oarlock.storage.parquet_table import read_table
 
 _READERS = 16
 _SOURCES = (ENTRY_FILE, "session.toml", "recording.toml")
@@ -108,8 +107,8 @@ def _rows(season: Season, athlete: str) -> int:
         return 0
     for name in names:
         try:
-            column = parquet.read_table(season.place.on_disk([name])[0], columns=["athlete"])["athlete"]
-        except (OSError, pa.ArrowException):
+            column = read_table(season.place.on_disk([name])[0], columns=["athlete"])["athlete"]
+        except (DataError, OSError, KeyError):
             continue  # damaged or gone; the next compaction makes it anew
         total += pc.sum(pc.equal(column, athlete)).as_py() or 0
     return total

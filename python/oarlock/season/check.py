@@ -9,9 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-import pyarrow as pa
-from pyarrow import parquet
-
 from oarlock.season.compact import Current
 from oarlock.season.layout import (
     ATHLETES,
@@ -29,6 +26,7 @@ from oarlock.season.place import OWN_WORK
 from oarlock.season.store import Season
 from oarlock.season.tombstones import erased_hashes
 from oarlock.storage.errors import DataError
+from oarlock.storage.parquet_table import read_table
 
 What: TypeAlias = Literal["damaged", "missing", "unfinished", "erased", "unknown"]
 Told: TypeAlias = Callable[[float], None]
@@ -160,9 +158,9 @@ def _erased(athlete: str) -> str:
 def _athletes_in(season: Season, name: str) -> list[str]:
     """Athletes in a file of a table, whether the table counts or not."""
     try:
-        contents = pa.BufferReader(season.place.read(name))
-        return list(parquet.read_table(contents, columns=["athlete"])["athlete"].unique().to_pylist())
-    except (FileNotFoundError, pa.ArrowException, OSError, KeyError):
+        table = read_table(season.place.read(name), columns=["athlete"])
+        return list(table["athlete"].unique().to_pylist())
+    except (DataError, OSError, KeyError):
         return []  # no table, or none with athletes
 
 
@@ -184,11 +182,13 @@ def _tables(season: Season) -> Iterator[Finding]:
         return
     for name in current.files.values():
         try:
-            parquet.read_table(pa.BufferReader(season.place.read(name)))
+            read_table(
+                season.place.read(name), "; `--repair` makes it again", season.where(name), without_lists=True
+            )
         except FileNotFoundError:
             yield Finding("missing", name, "is missing; the next compaction makes it again")
-        except (pa.ArrowException, OSError) as error:
-            yield Finding("damaged", name, f"cannot be read as Parquet ({error}); `--repair` makes it again")
+        except (DataError, OSError) as error:
+            yield Finding("damaged", name, str(error))
 
 
 def is_repairable(finding: Finding) -> bool:

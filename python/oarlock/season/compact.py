@@ -14,7 +14,6 @@ from functools import partial
 
 import pyarrow as pa
 import pyarrow.compute as pc
-from pyarrow import parquet
 
 from oarlock.season.athletes import Athlete
 from oarlock.season.entry import Entry, parsed_toml, texts
@@ -27,10 +26,20 @@ from oarlock.season.layout import (
     result_folder,
 )
 from oarlock.season.run_record import RunRecord
-from oarlock.season.schema import SCHEMA, joined, parquet_bytes, recording_rows, run_rows, stroke_rows
+from oarlock.season.schema import (
+    RECORDINGS,
+    RUNS,
+    SCHEMA,
+    joined,
+    parquet_bytes,
+    recording_rows,
+    run_rows,
+    stroke_rows,
+)
 from oarlock.season.store import Season
 from oarlock.season.tombstones import restore_tombstones
 from oarlock.storage.errors import DataError
+from oarlock.storage.parquet_table import read_table, with_plain_texts
 from oarlock.storage.toml import toml_text
 
 _READERS = 8
@@ -170,10 +179,10 @@ def _are_up_to_date(season: Season, current: Current, erased: frozenset[str], ma
         recordings, runs, people = (
             place.on_disk([files[name]])[0] for name in ("recordings", "runs", "athletes")
         )
-        held = set(parquet.read_table(recordings, columns=["recording"])["recording"].to_pylist())
-        made = _pairs(parquet.read_table(runs, columns=["recording", "run"]))
-        tabled = set(parquet.read_table(people, columns=["athlete"])["athlete"].to_pylist())
-    except (FileNotFoundError, OSError, pa.ArrowException):
+        held = set(read_table(recordings, columns=["recording"])["recording"].to_pylist())
+        made = _pairs(read_table(runs, columns=["recording", "run"]))
+        tabled = set(read_table(people, columns=["athlete"])["athlete"].to_pylist())
+    except (DataError, OSError, KeyError):
         return False
     here, results = set(season.recordings()), set(season.results())
     if not (held <= here and made <= results):
@@ -235,8 +244,9 @@ def _old(season: Season, current: Current) -> Known:
         return Known({}, ())
     try:
         files = season.place.on_disk([current.files["recordings"], current.files["runs"]])
-        recordings, runs = (parquet.read_table(file).to_pylist() for file in files)
-    except (FileNotFoundError, OSError, pa.ArrowException):
+        recordings = read_table(files[0], columns=RECORDINGS.names).to_pylist()
+        runs = read_table(files[1], columns=RUNS.names).to_pylist()
+    except (DataError, OSError):
         return Known({}, ())  # damaged or gone: all is read anew
     entries = {
         row["recording"]: Entry(
@@ -315,8 +325,8 @@ def _kept(season: Season, before: str | None, wanted: set[tuple[str, str]]) -> p
     if before is None:
         return None
     try:
-        table = parquet.read_table(season.place.on_disk([before])[0])
-    except (FileNotFoundError, OSError, pa.ArrowException):
+        table = with_plain_texts(read_table(season.place.on_disk([before])[0]), before)
+    except (DataError, OSError):
         return None
     text = pc.binary_join_element_wise(table["recording"], table["run"], ".")
     return table.filter(pc.is_in(text, pa.array([f"{recording}.{run}" for recording, run in wanted])))

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pyarrow as pa
-from pyarrow import csv, parquet
+from pyarrow import csv
 
 from oarlock.season.athletes import check_scope
 from oarlock.season.belongings import belongings, folders
@@ -24,6 +24,7 @@ from oarlock.season.schema import joined, recording_rows, run_rows, stroke_rows
 from oarlock.season.sealed import opened
 from oarlock.season.store import Season, not_in_season
 from oarlock.storage.errors import DataError
+from oarlock.storage.parquet_table import read_table, with_plain_texts
 from oarlock.storage.toml import TomlTable, toml_text, write_toml
 from oarlock.storage.write_file import write_file
 
@@ -169,12 +170,10 @@ def _folder_files(season: Season, folder: str, reading: _Reading) -> Iterator[tu
         yield f"stored/{full}", contents
         if full.endswith(".parquet"):
             try:
-                yield (
-                    f"csv/{full.removesuffix('.parquet')}.csv",
-                    _csv(parquet.read_table(pa.BufferReader(contents))),
-                )
-            except (pa.ArrowException, OSError):
+                table = with_plain_texts(read_table(contents, where=full, without_lists=True), full)
+            except DataError:
                 continue  # damaged; it is there as stored
+            yield f"csv/{full.removesuffix('.parquet')}.csv", _csv(table)
 
 
 def _tables(

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from pyarrow import parquet
 
 from oarlock.storage.errors import DataError
+from oarlock.storage.parquet_table import read_table
 
 EARTH_RADIUS_M = 6_371_008.8
 """Mean radius (IUGG)."""
@@ -94,7 +95,7 @@ class GpsCut:
         if name.endswith(".fit"):
             raise DataError(f"{where}: positions in FIT files are not cut; export it as TCX or CSV first")
         if name.endswith(".parquet"):
-            return self._parquet(contents)
+            return self._parquet(contents, where)
         if name.endswith((".tcx", ".gpx", ".xml")):
             return self._xml(contents, where)
         return self._table(contents, where)
@@ -117,9 +118,11 @@ class GpsCut:
         kept = iter(self._kept(points, where))
         return _POINT.sub(lambda one: one[0] if next(kept) else b"", contents)
 
-    def _parquet(self, contents: bytes) -> bytes:
-        table = parquet.read_table(pa.BufferReader(contents))
-        pairs = list(_pairs(table.column_names))
+    def _parquet(self, contents: bytes, where: str) -> bytes:
+        pairs = list(_pairs(read_table(contents, where=where, without_lists=True).column_names))
+        if not pairs:
+            return contents
+        table = read_table(contents, "; positions beside lists are not cut", where)
         for pair in pairs:
             degrees = [table.column(k).cast(pa.float64()).to_numpy() for k in pair]
             kept = kept_positions(degrees[0], degrees[1], self.cut_m, self.secret)
@@ -127,8 +130,6 @@ class GpsCut:
                 missing = pa.scalar(float("nan"), table.schema.field(k).type)
                 column = pc.if_else(pa.array(kept), table.column(k), missing)
                 table = table.set_column(k, table.schema.field(k), column)
-        if not pairs:
-            return contents
         sink = pa.BufferOutputStream()
         parquet.write_table(table, sink)
         return bytes(sink.getvalue().to_pybytes())

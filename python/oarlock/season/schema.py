@@ -14,7 +14,7 @@ from pyarrow import parquet
 
 from oarlock.season.entry import Entry
 from oarlock.season.run_record import RunRecord
-from oarlock.storage.errors import DataError
+from oarlock.storage.parquet_table import read_table
 
 SCHEMA: Final = 1
 """Version of the columns below. Tables of another version are made anew from the results at the next compaction."""
@@ -98,12 +98,9 @@ def stroke_rows(contents: bytes, entry: Entry, run: RunRecord, where: str) -> pa
     Raises:
         DataError: the file is damaged.
     """
-    try:
-        found = parquet.ParquetFile(pa.BufferReader(contents)).read(use_threads=False)
-    except (pa.ArrowException, OSError) as error:
-        raise DataError(
-            f"{where}: cannot be read as Parquet ({error}); `oarlock season check` lists all damaged files"
-        ) from None
+    found = read_table(
+        contents, "; `oarlock season check` lists all damaged files", where, without_lists=True
+    )
     names = [field.name for field in found.schema if _is_number(field.type)]
     keys = {
         **{key: getattr(run, key) for key in ("recording", "run", "comparable")},

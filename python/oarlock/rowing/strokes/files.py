@@ -15,6 +15,7 @@ from oarlock.rowing.analysis.features import FEATURES
 from oarlock.rowing.strokes.table import StrokeTable
 from oarlock.storage.errors import DataError
 from oarlock.storage.folder_writer import replaced_folder
+from oarlock.storage.parquet_table import columns_of, numbers_of, read_table
 from oarlock.storage.regular_file import read_bytes
 
 CSV_NAME = "strokes.csv"
@@ -93,16 +94,17 @@ def parsed_strokes(contents: bytes, where: str) -> StrokeTable:
     Raises:
         DataError: they are no such file.
     """
-    try:
-        found = pq.read_table(pa.BufferReader(contents))
-    except (OSError, pa.ArrowException) as error:
-        raise DataError(f"{where}: cannot be read as Parquet ({error})") from error
-    about = {key.decode(): text.decode() for key, text in (found.schema.metadata or {}).items()}
-    numbers = {
-        field.name: np.asarray(found[field.name].to_numpy(), dtype=np.float64)
-        for field in found.schema
-        if pa.types.is_floating(field.type)
+    found = read_table(contents, where=where, without_lists=True)
+    about = {
+        key.decode(errors="replace"): text.decode(errors="replace")
+        for key, text in (found.schema.metadata or {}).items()
     }
+    with columns_of(Path(where)):
+        numbers = {
+            field.name: np.asarray(numbers_of(found[field.name]), dtype=np.float64)
+            for field in found.schema
+            if pa.types.is_floating(field.type)
+        }
     stds = {name: numbers.pop(f"{name}_std") for name in list(numbers) if f"{name}_std" in numbers}
     words = {name: found[f"{name}_reason"] for name in numbers if f"{name}_reason" in found.column_names}
     return StrokeTable(
