@@ -300,17 +300,32 @@ def test_a_c3d_parameter_that_announces_gigabytes(c3d):
 
 @pytest.mark.parametrize("kept", [0.25, 0.9])
 def test_a_c3d_that_was_cut_off(tmp_path, kept, monkeypatch):
-    """ezc3d reads on without end; the limit of processor time that ends it is 1 s here instead of 10."""
+    """ezc3d reads on without end; the limit of processor time that ends it is 1 s here instead of 6."""
     text = child_process._CHILD.read_text(encoding="utf-8")
-    assert text.count("_BYTES_PER_SECOND = 10,") == 1
+    assert text.count("_BYTES_PER_SECOND = 6,") == 1
     child = tmp_path / "reader_child.py"
-    child.write_text(text.replace("_BYTES_PER_SECOND = 10,", "_BYTES_PER_SECOND = 1,"), encoding="utf-8")
+    child.write_text(text.replace("_BYTES_PER_SECOND = 6,", "_BYTES_PER_SECOND = 1,"), encoding="utf-8")
     monkeypatch.setattr(child_process, "_CHILD", child)
     file = tmp_path / "trial.c3d"
     c3d_file(file, [f"M{k}" for k in range(20)])
     content = file.read_bytes()
     file.write_bytes(content[: int(kept * len(content))])
     assert_refused(lambda: oarlock.load_markers(file), "trial.c3d")
+
+
+@pytest.mark.parametrize(
+    ("child", "limits", "said"),
+    [
+        ("import time; a = b'x' * 300_000_000; time.sleep(60)", (10**8, 600), "more than 100.0 MB of memory"),
+        ("import time; time.sleep(60)", (10**9, 0.1), "more than 0 s"),
+    ],
+)
+def test_the_parent_ends_a_reader_without_limits_of_its_own(child, limits, said, c3d, tmp_path, monkeypatch):
+    """As on Windows and macOS, whose systems limit no child's memory."""
+    (tmp_path / "child.py").write_text(child, encoding="utf-8")
+    monkeypatch.setattr(child_process, "_CHILD", tmp_path / "child.py")
+    monkeypatch.setattr(child_process, "limits_of", lambda file: limits)
+    assert_refused(lambda: oarlock.load_markers(c3d), f"its reader took {said}")
 
 
 def test_a_c3d_parameter_that_should_hold_a_number_and_holds_none(c3d):

@@ -282,6 +282,32 @@ def test_impossible_stamps_are_damage(tmp_path):
     assert "a stamp is 1e+300 s" in recording.meta["source"]["notes"][0]
 
 
+def test_announced_counts_are_compared_with_the_bytes(tmp_path):
+    """0.1 MB announced 44 GB of samples, and the headers of 0.5 MB took 2.4 GB."""
+    many = header(1, "double64", [("a", "")] * 1500, 100.0)
+    announced = chunk(3, struct.pack("<IBI", 1, 4, 90_000) + bytes(100_000))
+    file = written(tmp_path, many, announced, samples(1, "double64", [1.0], [[1.0] * 1500]))
+    assert len(read_xdf(file)) == 1500
+    assert "announces 90000 samples in 100000 bytes" in read_xdf(file).meta["source"]["notes"][0]
+    file = written(
+        tmp_path,
+        header(1, "int8", [("a", "")]),
+        samples(1, "int8", [1.0], [[1]]),
+        header(2, "int8", [("b", "")] * 2000),
+    )
+    assert (
+        "it has 2000 channels after 1 others; at most 2000 are read"
+        in read_xdf(file).meta["source"]["notes"][0]
+    )
+
+
+def test_a_clock_with_more_resets_than_a_session_has_counts_as_not_measured():
+    stream = XdfStream(1, "a", "IMU", 0.0, (), "int8", [np.arange(500.0)], offsets_before=[500])
+    stream.measured = [(k * 7919.0 % 500.0, 0.001 * k) for k in range(500)]
+    clock = on_the_recorders_clock(stream)
+    assert clock.resets == 0 and np.isnan(clock.offset_s) and np.array_equal(clock.time_s, stream.raw_time_s)
+
+
 def test_what_is_refused(tmp_path):
     file = tmp_path / "trial.xdf"
     for content, words in (

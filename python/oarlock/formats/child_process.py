@@ -1,4 +1,8 @@
-"""Runs readers of MATLAB, C3D, HDF5 and MCAP files in a child process: a crash of the library becomes a DataError."""
+"""Runs readers of MATLAB, C3D, HDF5 and MCAP files in a child process: a crash of the library becomes a DataError.
+
+The child limits itself where the system can (`reader_child`). The parent also watches its memory and its time, which
+works on every system.
+"""
 
 from __future__ import annotations
 
@@ -7,16 +11,22 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from oarlock.formats.reader_child import limits_of
 from oarlock.storage.errors import DataError
-from oarlock.storage.regular_file import open_regular
+from oarlock.storage.memory_limit import memory_of
+from oarlock.storage.regular_file import open_regular, shown_bytes
 
 _CHILD = Path(__file__).with_name("reader_child.py")
+_WATCH_S = 0.2
+_PATIENCE = 5
+"""The child may wait for the processor this many times as long as it may use it."""
 _NAMES = {"c3d": "C3D", "c3d_analogue": "C3D", "hdf5": "HDF5", "mat": "MATLAB", "mcap": "MCAP"}
 
 
@@ -30,24 +40,48 @@ def arrays_of(
     """
     try:
         open_regular(file).close()
+        most_bytes, most_s = limits_of(file)
     except DataError:
         raise
     except (OSError, ValueError) as error:
         raise DataError(f"{file}: cannot be read ({getattr(error, 'strerror', None) or error})") from error
     # -P: do not import from the folder of the script. The child's address space is limited, and each thread of
     # BLAS would use some.
-    done = subprocess.run(
+    with subprocess.Popen(
         [sys.executable, "-P", str(_CHILD), kind, str(file)],
-        capture_output=True,
-        check=False,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
         env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
-    )
-    if done.returncode != 0:
-        said = done.stderr.decode(errors="replace").strip().splitlines() if done.returncode == 1 else []
-        why = said[-1] if said else f"its reader {_end(done.returncode)}"
+    ) as child:
+        try:
+            output, errors, why = _watched(child, most_bytes, _PATIENCE * most_s)
+        except BaseException:
+            child.kill()
+            raise
+    if child.returncode != 0:
+        said = errors.decode(errors="replace").strip().splitlines() if child.returncode == 1 else []
+        why = why or (said[-1] if said else f"its reader {_end(child.returncode)}")
         raise DataError(f"{file}: is not a {_NAMES[kind]} file, or is damaged ({why})")
-    with np.load(io.BytesIO(done.stdout)) as arrays:
+    with np.load(io.BytesIO(output)) as arrays:
         return dict(arrays)
+
+
+def _watched(child: subprocess.Popen[bytes], most_bytes: int, most_s: float) -> tuple[bytes, bytes, str]:
+    """What the child writes, and why it was ended; "" if it was not."""
+    end = time.monotonic() + most_s
+    while True:
+        try:
+            return *child.communicate(timeout=_WATCH_S), ""
+        except subprocess.TimeoutExpired:
+            why = ""
+            if memory_of(child) > most_bytes:
+                why = f"its reader took more than {shown_bytes(most_bytes)} of memory"
+            elif time.monotonic() > end:
+                why = f"its reader took more than {most_s:.0f} s"
+        if why:
+            child.kill()
+            return *child.communicate(), why
 
 
 def _end(status: int) -> str:

@@ -4,7 +4,7 @@ Used by `oarlock.formats.child_process`. It imports nothing of oarlock, so that 
 to standard output as .npz. If the library refuses the file, it writes the reason to standard error and exits with 1.
 """
 
-import io
+import contextlib
 import os
 import struct
 import sys
@@ -14,25 +14,31 @@ from typing import Any
 import numpy as np
 
 _LEAST_BYTES, _BYTES_PER_BYTE = 1 << 30, 64
-_LEAST_SECONDS, _BYTES_PER_SECOND = 10, 1 << 20
+_LEAST_SECONDS, _BYTES_PER_SECOND = 6, 1 << 20
 _BLOCK, _MIPS = 512, 86
 _MOST_HEADER = 256 * _BLOCK
 
 
+def limits_of(file: str | os.PathLike[str]) -> tuple[int, int]:
+    """Memory in bytes and processor time in s that the reading of a file may take."""
+    size = os.path.getsize(file)
+    return _LEAST_BYTES + _BYTES_PER_BYTE * size, _LEAST_SECONDS + size // _BYTES_PER_SECOND
+
+
 def limit_resources(file: str) -> None:
-    """Limit memory and processor time: a damaged byte may request gigabytes or cause an endless loop."""
+    """Limit memory and processor time: a damaged byte may request gigabytes or cause an endless loop.
+
+    Windows has no such limits, and macOS none of memory: there the parent's watch alone ends the child.
+    """
     try:
         import resource
-    except ImportError:  # Windows has no such limits
+    except ImportError:
         return
-    size = os.path.getsize(file)
-    for limit, most in (
-        (resource.RLIMIT_AS, _LEAST_BYTES + _BYTES_PER_BYTE * size),
-        (resource.RLIMIT_CPU, _LEAST_SECONDS + size // _BYTES_PER_SECOND),
-    ):
+    for limit, most in zip((resource.RLIMIT_AS, resource.RLIMIT_CPU), limits_of(file), strict=True):
         soft, hard = resource.getrlimit(limit)
         bounds = [value for value in (most, soft, hard) if value != resource.RLIM_INFINITY]
-        resource.setrlimit(limit, (min(bounds), hard))
+        with contextlib.suppress(ValueError, OSError):
+            resource.setrlimit(limit, (min(bounds), hard))
 
 
 def read_mat(file: str) -> dict[str, Any]:
@@ -193,13 +199,10 @@ def main(kind: str, file: str) -> int:
     """Read one file; the exit status."""
     try:
         limit_resources(file)
-        arrays = _READERS[kind](file)
+        np.savez(sys.stdout.buffer, **_READERS[kind](file))
     except Exception as error:  # the library may raise any exception
         print(str(error) or type(error).__name__, file=sys.stderr)
         return 1
-    held = io.BytesIO()
-    np.savez(held, **arrays)
-    sys.stdout.buffer.write(held.getvalue())
     return 0
 
 

@@ -23,7 +23,7 @@ from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
 from oarlock.storage.folder_writer import check_files, read_manifest, replaced_folder
 from oarlock.storage.names import file_names
-from oarlock.storage.parquet_table import columns_of, read_table
+from oarlock.storage.parquet_table import columns_of, read_table, texts_of
 from oarlock.storage.paths import place_of
 
 FOLDER, KIND = "channels", "channels"
@@ -195,7 +195,7 @@ def _read(file: Path) -> Channel:
         raise DataError(f"{file}: was not written by a live session")
     with columns_of(file):
         time_s, arrival_s, clock_s = (table[name].to_numpy() for name in _STAMPS)
-        address, values = _texts(table["address"]), dict(_values(table))
+        address, values = np.array(texts_of(table["address"]), dtype=object), dict(_values(table))
         return Channel(title.decode(), time_s, arrival_s, clock_s, address, values)
 
 
@@ -209,9 +209,4 @@ def _values(table: pa.Table) -> Iterator[tuple[str, NDArray[Any]]]:
         elif pa.types.is_floating(kind):
             yield name, table[name].to_numpy()
         else:
-            yield name, _texts(table[name])
-
-
-def _texts(column: pa.ChunkedArray) -> NDArray[Any]:
-    found: NDArray[Any] = np.array(column.to_pylist(), dtype=object)
-    return found
+            yield name, np.array(texts_of(table[name]), dtype=object)

@@ -104,6 +104,16 @@ def numbers_of(column: pa.ChunkedArray) -> NDArray[Any]:
     return np.asarray(array.to_numpy(zero_copy_only=False))
 
 
+def texts_of(column: pa.ChunkedArray) -> list[str | None]:
+    """The texts of a column. Equal ones are one object: a small file can repeat a long text any number of times."""
+    found: list[str | None] = []
+    for chunk in column.chunks:
+        words = [*chunk.dictionary.to_pylist(), None] if pa.types.is_dictionary(chunk.type) else None
+        rows = chunk.indices.to_pylist() if words else chunk.to_pylist()
+        found += [words[-1 if row is None else row] for row in rows] if words else rows
+    return found
+
+
 def arrow_numbers(values: NDArray[Any]) -> pa.Array:
     """An array of numbers, (T,), as a column; without a copy where it is contiguous.
 

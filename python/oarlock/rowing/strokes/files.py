@@ -15,7 +15,7 @@ from oarlock.rowing.analysis.features import FEATURES
 from oarlock.rowing.strokes.table import StrokeTable
 from oarlock.storage.errors import DataError
 from oarlock.storage.folder_writer import replaced_folder
-from oarlock.storage.parquet_table import columns_of, numbers_of, read_table
+from oarlock.storage.parquet_table import columns_of, numbers_of, read_table, texts_of
 from oarlock.storage.regular_file import read_bytes
 
 CSV_NAME = "strokes.csv"
@@ -110,7 +110,7 @@ def parsed_strokes(contents: bytes, where: str) -> StrokeTable:
     return StrokeTable(
         numbers,
         stds,
-        {name: tuple(text or "" for text in texts.to_pylist()) for name, texts in words.items()},
+        {name: tuple(text or "" for text in texts_of(texts)) for name, texts in words.items()},
         source=about.get("source", Path(where).name),
         notes=_notes(about.get("notes", "[]")),
         epoch=about.get("epoch", ""),
