@@ -8,7 +8,17 @@ import pyarrow as pa
 from pyarrow import parquet
 
 import oarlock
-from oarlock.storage.parquet_table import arrow_numbers, arrow_words, numbers_of
+from oarlock.rowing.strokes.files import parsed_strokes
+from oarlock.storage import parquet_table
+from oarlock.storage.parquet_table import (
+    arrow_numbers,
+    arrow_words,
+    numbers_of,
+    read_table,
+    texts_of,
+    with_plain_texts,
+)
+from refusals import assert_refused
 
 READ_EACH = """
 import sys
@@ -38,6 +48,37 @@ def test_no_damaged_footer_ends_the_process(tmp_path):
     read = subprocess.run([sys.executable, "-c", READ_EACH, file], capture_output=True, text=True)
     assert read.returncode == 0, read.stderr
     assert int(read.stdout) > 100
+
+
+def contents_of(table):
+    sink = pa.BufferOutputStream()
+    parquet.write_table(table, sink)
+    return sink.getvalue().to_pybytes()
+
+
+def test_columns_of_lists_are_refused_left_out_or_named():
+    contents = contents_of(pa.table({"a": [1.0, 2.0], "curve": [[1.0], [2.0, 3.0]]}))
+    assert_refused(lambda: read_table(contents, where="x"), "x: cannot be read as Parquet (a column of lists")
+    assert read_table(contents, without_lists=True).column_names == ["a"]
+    assert read_table(contents, columns=["curve", "gone"]).to_pydict() == {"curve": [[1.0], [2.0, 3.0]]}
+
+
+def test_a_long_text_of_many_rows_is_one_object(monkeypatch):
+    reason = "no oar " * 100
+    table = read_table(contents_of(pa.table({"reason": [reason, None, reason] * 10, "a": [1.0] * 30})))
+    first, missing, other = texts_of(table["reason"])[:3]
+    assert first == reason and missing is None and other is first
+    plain = with_plain_texts(table, "x")
+    assert plain.schema.field("reason").type == pa.string() and plain["reason"].to_pylist()[2] == reason
+    monkeypatch.setattr(parquet_table, "_MOST_TEXT_BYTES", 20_000)
+    assert_refused(lambda: with_plain_texts(table, "x"), "x: its texts unpack to more than 20.0 kB")
+
+
+def test_strokes_whose_columns_have_damaged_names_are_refused():
+    contents = contents_of(pa.table({"time_s": [1.0], "rate_per_min": [30.0]})).replace(
+        b"rate_per", b"rate_\xffer"
+    )
+    assert_refused(lambda: parsed_strokes(contents, "strokes.parquet"), "cannot be read as Parquet")
 
 
 def test_numbers_are_the_same_in_parts_and_missing_ones_are_nan():

@@ -127,6 +127,12 @@ def test_nan_is_missing_and_infinity_is_refused():
     assert_refused(lambda: imu(gyro_rad_s=rows), "gyro_rad_s[3, 2] is -inf at 0.03 s")
 
 
+def test_a_recording_has_at_most_2000_streams():
+    streams = [ScalarStream(f"s{k}", TIME_S, TIME_S) for k in range(2001)]
+    assert len(Recording(streams[:2000])) == 2000
+    assert_refused(lambda: Recording(streams), "has 2,001 streams; at most 2,000 are kept")
+
+
 def test_imu_without_quantity():
     assert_refused(lambda: ImuStream("back", TIME_S), "no gyro_rad_s, accel_m_s2 or mag_ut")
 
