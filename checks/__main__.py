@@ -3,12 +3,13 @@
 import sys
 from collections.abc import Callable
 
-from checks import arrows, engine_arrows, links, portability, registered, rowing_words, sizes
+from checks import arrows, engine_arrows, file_gate, links, portability, registered, rowing_words, sizes
 
 CHECKS: dict[str, Callable[[], list[str]]] = {
     "package arrows": arrows.findings,
     "engine arrows": engine_arrows.findings,
     "rowing words": rowing_words.findings,
+    "opening of files": file_gate.findings,
     "file sizes": sizes.long_files,
     "function sizes": sizes.long_functions,
     "file names": sizes.vague_names,

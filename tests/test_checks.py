@@ -4,7 +4,17 @@ import re
 from pathlib import Path
 
 import pytest
-from checks import arrows, engine_arrows, links, portability, project_files, registered, rowing_words, sizes
+from checks import (
+    arrows,
+    engine_arrows,
+    file_gate,
+    links,
+    portability,
+    project_files,
+    registered,
+    rowing_words,
+    sizes,
+)
 
 
 def test_arrow_reader_reads_every_way_to_write_an_arrow():
@@ -102,6 +112,35 @@ def test_words_of_rowing_are_found_and_names_are_not(tmp_path):
     file = tmp_path / "part.py"
     file.write_text('load_model("sculler")\nthrow = arrow\nthe_boat = 1\n# an oar\n')
     assert rowing_words.words_of_rowing(file) == [(3, "boat"), (4, "oar")]
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        *("open(file)", "io.open(file)", "os.open(file, 0)", "Path(file).open()", "file.open('rb')"),
+        *("file.read_text()", "(folder / name).read_bytes()", "np.load(file)", "numpy.genfromtxt(file)"),
+        *("pd.read_csv(file)", "pl.scan_parquet(file)", "parquet.read_table(file)", "pq.ParquetFile(file)"),
+        *("h5py.File(file)", "zipfile.ZipFile(file)", "gzip.open(file)", "mmap.mmap(number, 0)"),
+        *(
+            "sqlite3.connect(file)",
+            "loadmat(file)",
+            "av.open(file)",
+            "ElementTree.parse(file)",
+            "csv.open_csv(file)",
+        ),
+    ],
+)
+def test_files_that_are_opened_beside_the_gate_are_found(call, tmp_path):
+    package = planted(tmp_path, model__a=f"def f():\n    return {call}\n", storage__regular_file="open(file)")
+    assert [hit.split(": ")[0] for hit in file_gate.findings(package, {})] == ["model/a.py:2"]
+    assert file_gate.findings(package, {"model/a.py": (1, "a reason")}) == []
+    assert "opens 1 files now" in file_gate.findings(package, {"model/a.py": (2, "a reason")})[0]
+
+
+def test_what_opens_no_file_of_a_user_passes_the_gate():
+    calls = "webbrowser.open(page)\nway.open(start)\narchive.open(entry)\nread_text(file)\nread_table(file)\n"
+    calls += "files('oarlock').joinpath('a').read_text()\nopen_regular(file)\ncsv.reader(lines)\n"
+    assert list(file_gate.openings(calls)) == []
 
 
 def test_lines_are_named(monkeypatch, tmp_path):

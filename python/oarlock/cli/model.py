@@ -168,13 +168,14 @@ def copy(
 ) -> None:
     """Copy a shipped model to a file that you can edit."""
     from oarlock.model.shipped_files import model_names, model_path
+    from oarlock.storage.regular_file import read_text
     from oarlock.storage.suggest import did_you_mean
     from oarlock.storage.write_file import write_file
 
     if name not in model_names():
         raise UsageError(f"no shipped model is called '{name}'. {did_you_mean(name, model_names())}")
     free_file(file, force)
-    write_file(file, model_path(name).read_text(encoding="utf-8"))
+    write_file(file, read_text(model_path(name)))
     if json_output:
         print_json({"model": name, "written": file})
         return

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from oarlock.cli.terminal import heading, say, table
+from oarlock.storage.regular_file import read_bytes
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -129,7 +130,7 @@ def write_table(rows: pa.Table, file: Path, kind: Literal["csv", "parquet"]) -> 
     ]
     with scratch_folder() as scratch:
         write_csv(pa.table(columns, rows.column_names), scratch / "rows.csv")
-        write_file(file, (scratch / "rows.csv").read_bytes())
+        write_file(file, read_bytes(scratch / "rows.csv"))
 
 
 def _cell(value: object, scale: float) -> str:

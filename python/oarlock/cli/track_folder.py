@@ -63,12 +63,11 @@ def write_folder(
         except Exception as error:
             tell_fault("the track is written, and has no report", error)
         if csv:
-            from pyarrow import parquet
-
             from oarlock.storage.csv_cells import write_csv
+            from oarlock.storage.parquet_table import read_table
 
             for name in ("track", *(n for n in beside(result) if n == "sensors")):
-                write_csv(parquet.read_table(place / f"{name}.parquet"), place / f"{name}.csv")
+                write_csv(read_table(place / f"{name}.parquet"), place / f"{name}.csv")
 
 
 def beside(result: Track) -> list[str]:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from oarlock.live.disk import Disk, write_all
+from oarlock.storage.regular_file import read_bytes
 
 FILE = "events.jsonl"
 MOST_LINES = 10_000
@@ -72,9 +73,9 @@ def read_events(folder: Path, second: Path | None = None) -> list[dict[str, Any]
         second: its second place, if it may have one.
     """
     places = [place / FILE for place in (folder, second) if place is not None]
-    texts = [file.read_text(encoding="utf-8") for file in places if file.exists()]
+    texts = [read_bytes(file) for file in places if file.exists()]
     found = []
-    for line in dict.fromkeys("\n".join(texts).splitlines()):
+    for line in dict.fromkeys(b"\n".join(texts).splitlines()):
         with suppress(ValueError):
             found.append(json.loads(line))
     return sorted(found, key=lambda event: event["time_s"])

@@ -256,4 +256,4 @@ def _saved(recording: Recording) -> dict[str, bytes]:
         folder = scratch / "recording"
         recording.save(folder)
         names = (file.relative_to(folder).as_posix() for file in folder.rglob("*") if file.is_file())
-        return {name: (folder / name).read_bytes() for name in sorted(names)}
+        return {name: read_bytes(folder / name) for name in sorted(names)}

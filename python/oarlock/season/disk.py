@@ -12,6 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from oarlock.season.place import OWN_WORK, checked_name
+from oarlock.storage.regular_file import open_regular, read_bytes
 from oarlock.storage.write_file import sync_folder, unwritable, write_file
 
 _ATTEMPTS = 50
@@ -27,7 +28,7 @@ class Disk:
     def read(self, name: str) -> bytes:
         """As `Place.read`."""
         try:
-            return self._at(name).read_bytes()
+            return read_bytes(self._at(name))
         except NotADirectoryError as error:
             raise FileNotFoundError(name) from error
 
@@ -84,7 +85,7 @@ class Disk:
             file.parent.mkdir(parents=True, exist_ok=True)
             with file.open("xb") as stream:
                 if isinstance(contents, Path):
-                    with contents.open("rb") as source:
+                    with open_regular(contents) as source:
                         shutil.copyfileobj(source, stream)
                 else:
                     stream.write(contents)

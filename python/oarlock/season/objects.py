@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 from oarlock.season.place import Place, checked_name
 from oarlock.storage.errors import DataError
+from oarlock.storage.regular_file import read_bytes
 from oarlock.storage.write_file import TEMPORARY, write_file
 
 if TYPE_CHECKING:
@@ -125,7 +126,7 @@ class Objects:
         names = sorted(files, key=lambda name: (name == record, name))
         wholes = ((f"{folder}/{name}", files[name]) for name in names)
         for name, contents in wholes:
-            whole = contents.read_bytes() if isinstance(contents, Path) else contents
+            whole = read_bytes(contents) if isinstance(contents, Path) else contents
             if self._create(name, whole):
                 continue
             if name.endswith(f"/{record}"):

@@ -13,6 +13,8 @@ from typing import Any
 import pyarrow as pa
 from pyarrow import parquet
 
+from oarlock.storage.regular_file import shown_bytes
+
 _TEXTS = ("BYTE_ARRAY", "FIXED_LEN_BYTE_ARRAY")
 _CODECS = {"SNAPPY": "snappy", "GZIP": "gzip", "BROTLI": "brotli", "ZSTD": "zstd", "LZ4": "lz4_raw"}
 _END = b"PAR1"
@@ -25,6 +27,7 @@ _FRAME = re.compile(re.escape(b"\x28\xb5\x2f\xfd") + b"|" + _GZIP)
 """Beginnings of zstd and gzip."""
 _NO_PAGES = (ValueError, IndexError, pa.ArrowException, OSError, OverflowError, MemoryError)
 SEPARATOR = b"\x00\xff\x00"
+_ROWS_AT_ONCE, _MOST_BYTES = 2**16, 2**29
 
 
 def parquet_parts(contents: bytes) -> Iterator[tuple[str, bytes]]:
@@ -53,11 +56,20 @@ def _table(file: Any, contents: bytes, texts: list[str]) -> pa.Table:
     """The table; columns of texts as dictionaries where their encoding allows, so that a word is searched once."""
     if texts:
         try:
-            read = parquet.ParquetFile(pa.BufferReader(contents), read_dictionary=texts)
-            return read.read(use_threads=False)
+            return _bounded(parquet.ParquetFile(pa.BufferReader(contents), read_dictionary=texts))
         except (pa.ArrowException, OSError):
             pass  # not every encoding can be read so
-    return file.read(use_threads=False)
+    return _bounded(file)
+
+
+def _bounded(file: Any) -> pa.Table:
+    batches, left = [], _MOST_BYTES
+    for batch in file.iter_batches(_ROWS_AT_ONCE, use_threads=False):
+        left -= batch.nbytes
+        if left < 0:
+            raise ValueError(f"it unpacks to more than {shown_bytes(_MOST_BYTES)}")
+        batches.append(batch)
+    return pa.Table.from_batches(batches, file.schema_arrow)
 
 
 def _is_text(kind: pa.DataType) -> bool:
@@ -145,7 +157,7 @@ def pages(contents: bytes, codec: str | None) -> Iterator[bytes]:
 
 
 def _unpacked(body: bytes, codec: str | None, size: int) -> bytes:
-    if not 0 <= size <= 2**31:
+    if not 0 <= size <= _MOST_BYTES:
         raise ValueError("no size of a page")
     return bytes(pa.Codec(codec).decompress(body, size).to_pybytes())
 

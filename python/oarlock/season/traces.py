@@ -13,6 +13,7 @@ import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any, BinaryIO
 
 import numpy as np
 import pyarrow as pa
@@ -20,6 +21,7 @@ import pyarrow as pa
 from oarlock.season.parquet_parts import parquet_parts
 from oarlock.season.sealed import opened
 from oarlock.storage.errors import DataError
+from oarlock.storage.regular_file import shown_bytes
 
 _ID = re.compile(rb"[0-9a-f]{20,}")
 _ID_LENGTH = 20
@@ -27,13 +29,14 @@ _IS_HEX = np.isin(np.arange(256), list(b"0123456789abcdef"))
 _SHORT = 6
 """Names of fewer bytes would be found by chance in compressed numbers: as words of text only."""
 _DEPTH = 4
-_LARGEST_BYTES = 2**31
-_PACKED: tuple[tuple[bytes, str, Callable[[bytes], bytes]], ...] = (
-    (b"\x1f\x8b", "gzip", gzip.decompress),
-    (b"BZh", "bzip2", bz2.decompress),
-    (b"\xfd7zXZ\x00", "xz", lzma.decompress),
-    (b"\x28\xb5\x2f\xfd", "zstd", lambda packed: _stream(packed, "zstd")),
-    (b"\x04\x22\x4d\x18", "lz4", lambda packed: _stream(packed, "lz4")),
+_MOST_UNPACKED_BYTES = 2**28
+"""Of one file with all that is packed in it: a few kilobytes can unpack to any number of bytes."""
+_PACKED: tuple[tuple[bytes, str, Callable[[BinaryIO], Any]], ...] = (
+    (b"\x1f\x8b", "gzip", lambda packed: gzip.GzipFile(fileobj=packed)),
+    (b"BZh", "bzip2", bz2.BZ2File),
+    (b"\xfd7zXZ\x00", "xz", lzma.LZMAFile),
+    (b"\x28\xb5\x2f\xfd", "zstd", lambda packed: pa.CompressedInputStream(packed, "zstd")),
+    (b"\x04\x22\x4d\x18", "lz4", lambda packed: pa.CompressedInputStream(packed, "lz4")),
 )
 _UNREADABLE = (
     pa.ArrowException,
@@ -137,21 +140,42 @@ class Sought:
 def traces_in(name: str, contents: bytes, sought: Sought) -> list[Trace]:
     """The traces in one file: in its name, its bytes, and all that can be decoded from them."""
     found = [Trace(name, "its name", what)] if (what := sought.found(name.encode())) else []
-    return found + list(_contents(name, "", contents, sought, 0))
+    return found + list(_contents(name, "", contents, sought, 0, _Allowance()))
 
 
-def _contents(name: str, inside: str, contents: bytes, sought: Sought, depth: int) -> Iterator[Trace]:
+@dataclass
+class _Allowance:
+    """What may still be unpacked of a file."""
+
+    left_bytes: int = _MOST_UNPACKED_BYTES
+
+    def read(self, stream: Any) -> bytes:
+        """What a stream unpacks.
+
+        Raises:
+            DataError: it is more than may be unpacked.
+        """
+        part = bytes(stream.read(self.left_bytes + 1))
+        self.left_bytes -= len(part)
+        if self.left_bytes < 0:
+            raise DataError(f"unpacks to more than {shown_bytes(_MOST_UNPACKED_BYTES)}")
+        return part
+
+
+def _contents(
+    name: str, inside: str, contents: bytes, sought: Sought, depth: int, allowance: _Allowance
+) -> Iterator[Trace]:
     if what := sought.found(contents, is_text=b"\x00" not in contents[:4096]):
         yield Trace(name, f"{inside}its bytes", what)
     try:
         contents = opened(contents, name)
-        for where, part in _parts(contents):
+        for where, part in _parts(contents, allowance):
             here = f"{inside}{where}"
             if where.startswith("member"):
-                if depth == _DEPTH or len(part) > _LARGEST_BYTES:
+                if depth == _DEPTH:
                     yield Trace(name, here, "is packed too deep to be searched", is_unsearched=True)
                 else:
-                    yield from _contents(name, f"{here}: ", part, sought, depth + 1)
+                    yield from _contents(name, f"{here}: ", part, sought, depth + 1, allowance)
             elif what := sought.found(part, is_text="number" not in where):
                 yield Trace(name, here, what)
     except _UNREADABLE as error:
@@ -159,14 +183,15 @@ def _contents(name: str, inside: str, contents: bytes, sought: Sought, depth: in
         yield Trace(name, f"{inside}its contents", f"cannot be decoded ({first})", is_unsearched=True)
 
 
-def _parts(contents: bytes) -> Iterator[tuple[str, bytes]]:
+def _parts(contents: bytes, allowance: _Allowance) -> Iterator[tuple[str, bytes]]:
     """What can be decoded from a file, and where."""
     if contents[:4] == b"PAR1":
         yield from parquet_parts(contents)
         return
     for magic, kind, unpack in _PACKED:
         if contents.startswith(magic):
-            yield f"member of {kind}", unpack(contents)
+            with unpack(io.BytesIO(contents)) as stream:
+                yield f"member of {kind}", allowance.read(stream)
             return
     if contents[:2] == b"PK" or (
         b"PK\x05\x06" in contents[-66_000:] and zipfile.is_zipfile(io.BytesIO(contents))
@@ -174,7 +199,8 @@ def _parts(contents: bytes) -> Iterator[tuple[str, bytes]]:
         with zipfile.ZipFile(io.BytesIO(contents)) as archive:
             for one in archive.infolist():
                 yield "names of members", one.filename.encode()
-                yield f"member {one.filename}", archive.read(one)
+                with archive.open(one) as stream:
+                    yield f"member {one.filename}", allowance.read(stream)
         return
     if b"\\u" in contents:  # letters that JSON writes as numbers
         text = contents.decode("utf-8", "replace")
@@ -182,11 +208,6 @@ def _parts(contents: bytes) -> Iterator[tuple[str, bytes]]:
             "escaped letters",
             re.sub(r"\\u([0-9a-fA-F]{4})", lambda one: chr(int(one[1], 16)), text).encode("utf-8", "replace"),
         )
-
-
-def _stream(packed: bytes, codec: str) -> bytes:
-    with pa.CompressedInputStream(pa.BufferReader(packed), codec) as stream:
-        return bytes(stream.read())
 
 
 def _maybe_hex(contents: bytes) -> bool:

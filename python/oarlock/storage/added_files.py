@@ -10,6 +10,7 @@ from pathlib import Path
 
 from oarlock.storage.errors import DataError
 from oarlock.storage.folder_writer import FolderWriter, read_manifest
+from oarlock.storage.regular_file import read_bytes
 from oarlock.storage.write_file import check_replaceable, unwritable, write_file
 
 
@@ -35,7 +36,7 @@ def added_files(folder: Path, force: bool = False, kind: str | None = None) -> I
         except OSError as error:
             raise unwritable(folder, error) from error
         before = read_manifest(folder)
-        files = {file.name: file.read_bytes() for file in sorted(stage.iterdir())}
+        files = {file.name: read_bytes(file) for file in sorted(stage.iterdir())}
         if before is not None or kind is not None:
             writer = FolderWriter(folder, kind or next(iter(before.kinds if before else ()), "page"), force)
             try:

@@ -64,7 +64,10 @@ def read_bytes(file: Path, limit_bytes: int = TABLE_LIMIT_BYTES) -> bytes:
     """
     with open_regular(file) as stream:
         size = os.fstat(stream.fileno()).st_size
-        found = stream.read(limit_bytes + 1) if size <= limit_bytes else b""
+        # Not `read(limit_bytes + 1)`, which takes that memory first. Files of the system have more than their size.
+        found = stream.read(size + 1) if size <= limit_bytes else b""
+        while len(found) <= limit_bytes and (more := stream.read(LINE_LIMIT_BYTES)):
+            found += more
     if max(size, len(found)) > limit_bytes:
         raise DataError(
             f"{file}: has {shown_bytes(max(size, len(found)))}, more than the {shown_bytes(limit_bytes)} that are "

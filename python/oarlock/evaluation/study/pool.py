@@ -15,6 +15,7 @@ from oarlock.evaluation.study.run import Group, Row, groups, run_group
 from oarlock.evaluation.study.spec import Study, stable_text
 from oarlock.storage.errors import DataError
 from oarlock.storage.progress import Told
+from oarlock.storage.regular_file import read_bytes
 
 UNFINISHED = "unfinished.jsonl"
 """File with the rows of finished groups, one line each, while a study runs."""
@@ -128,10 +129,10 @@ def _read(folder: Path | None) -> dict[tuple[str, str], list[Row]]:
     if folder is None or not (folder / UNFINISHED).is_file():
         return {}
     found = {}
-    for line in (folder / UNFINISHED).read_text(encoding="utf-8").splitlines():
+    for line in read_bytes(folder / UNFINISHED).splitlines():
         try:
             kept = json.loads(line)
-        except json.JSONDecodeError:  # the process was stopped while it wrote the line
+        except ValueError:  # the process was stopped while it wrote the line
             continue
         found[kept["study"], kept["group"]] = kept["rows"]
     return found

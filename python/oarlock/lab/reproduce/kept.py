@@ -95,9 +95,9 @@ class Kept:
 def _package_hash() -> str:
     """A hash of the engine, the Python files and the models: between two versions they change, too."""
     root, engine = Path(oarlock.__file__).parent, Path(str(_core.__file__))
-    found = hashlib.sha256(engine.read_bytes())
+    found = hashlib.sha256(read_bytes(engine))
     for file in sorted(f for end in ("py", "toml") for f in root.rglob(f"*.{end}")):
-        found.update(file.relative_to(root).as_posix().encode() + file.read_bytes())
+        found.update(file.relative_to(root).as_posix().encode() + read_bytes(file))
     return found.hexdigest()
 
 

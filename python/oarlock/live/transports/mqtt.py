@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from oarlock.live.reading import RETAINED, Packet
 from oarlock.live.transports.transport import Deliver, Options, again_and_again, now_ns
 from oarlock.storage.errors import DataError
+from oarlock.storage.regular_file import read_text
 
 if TYPE_CHECKING:
     from paho.mqtt.client import Client
@@ -121,8 +122,8 @@ def _password(options: Options) -> str | None:
     if not file:
         return None
     try:
-        return Path(file).expanduser().read_text(encoding="utf-8").split("\n")[0].rstrip("\r")
-    except (OSError, UnicodeDecodeError) as error:
+        return read_text(Path(file).expanduser()).split("\n")[0]
+    except (OSError, DataError) as error:
         raise DataError(
             f"source '{options.source}': the password_file {file} cannot be read ({error})"
         ) from error

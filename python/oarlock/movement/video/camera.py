@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from oarlock.storage.errors import DataError
+from oarlock.storage.regular_file import read_text
 
 Floats = NDArray[np.float64]
 
@@ -90,8 +91,10 @@ def load_camera(file: Path) -> Camera:
         DataError: no such file, not TOML or JSON, or a value is missing or impossible.
     """
     try:
-        text = file.read_text(encoding="utf-8")
+        text = read_text(file)
         read = json.loads(text) if file.suffix.lower() == ".json" else tomllib.loads(text)
+    except DataError:
+        raise
     except OSError as error:
         raise DataError(
             f"{file}: cannot be read ({error.strerror}); a camera file is needed, TOML or JSON"

@@ -23,6 +23,7 @@ from typing import IO
 from oarlock.season.run.child_main import READY
 from oarlock.season.run.job import Job, Loss, Reply, Task
 from oarlock.storage.errors import DataError
+from oarlock.storage.regular_file import read_bytes
 
 START_LIMIT_S = 300.0
 _STOPPED = "the run was stopped"
@@ -120,7 +121,7 @@ class Child:
     def _errors(self) -> str:
         assert self._scratch is not None
         file = self._scratch / "errors.txt"
-        return file.read_bytes()[-_SHOWN_BYTES:].decode(errors="replace").strip() if file.exists() else ""
+        return read_bytes(file)[-_SHOWN_BYTES:].decode(errors="replace").strip() if file.exists() else ""
 
     def _end(self) -> None:
         if self._process is not None:

@@ -25,6 +25,7 @@ from oarlock.season.run_record import RunRecord, Setup
 from oarlock.season.sealed import opened
 from oarlock.season.store import Season, open_season
 from oarlock.storage.errors import DataError
+from oarlock.storage.regular_file import read_bytes
 
 _LONGEST_FAULT = 600
 _NOT_ITS_FAULT = (OSError, KeyboardInterrupt, SystemExit)
@@ -193,7 +194,7 @@ def _recorded(job: Job, entry: Entry, tools: Tools, compute: Compute) -> tuple[R
 def stroke_bytes(table: StrokeTable) -> bytes:
     """The file of a table of strokes: the same bytes for the same numbers."""
     with TemporaryDirectory() as scratch:
-        return save_strokes(table, Path(scratch, "strokes"))[1].read_bytes()
+        return read_bytes(save_strokes(table, Path(scratch, "strokes"))[1])
 
 
 @lru_cache(maxsize=64)
