@@ -102,6 +102,15 @@ def leaves(command: Any, words: tuple[str, ...]) -> list[str]:
     return [leaf for name, verb in command.commands.items() for leaf in leaves(verb, (*words, name))]
 
 
+def app_verb(leaf: str) -> Any:
+    """The command of some words, such as `calibrate axes`; `import PATH` is that of `import` itself."""
+    first, *rest = leaf.split()
+    command = load_verb(first)
+    for word in rest:
+        command = command.commands[word]
+    return command
+
+
 ALL = [leaf for name in typer.main.get_group(app).commands for leaf in leaves(load_verb(name), (name,))]
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.storage.errors import DataError
+from oarlock.storage.regular_file import open_regular
 
 if TYPE_CHECKING:
     from av.container import InputContainer
@@ -25,6 +26,8 @@ Grey = NDArray[np.float32]
 
 SOUND_HZ = 16_000
 LOOKED_AT = 100
+_MOST_PIXELS = 7680 * 4320
+"""Of a picture (8K): a few bytes of a damaged file announce 16 times as many, and decoders keep 16 pictures."""
 
 
 @dataclass(frozen=True)
@@ -57,12 +60,12 @@ def video_info(file: Path) -> VideoInfo:
     with _opened(file) as container:
         stream = container.streams.video[0]
         width, height = stream.codec_context.width, stream.codec_context.height
-        frames = list(islice(container.decode(stream), LOOKED_AT))
-        if len(frames) < 2:
+        first = [(frame.time, frame.rotation) for frame in islice(container.decode(stream), LOOKED_AT)]
+        if len(first) < 2:
             raise DataError(f"{file}: fewer than two pictures can be decoded; convert it again")
-        if abs(frames[0].rotation) % 180 == 90:
+        if abs(first[0][1]) % 180 == 90:
             width, height = height, width
-        steps = np.diff([frame.time for frame in frames])
+        steps = np.diff([time_s for time_s, _ in first])
         length = 1e-6 * container.duration if container.duration else 0.0
         return VideoInfo(
             width_px=width,
@@ -136,14 +139,16 @@ def _opened(file: Path) -> Iterator[InputContainer]:
         import av
     except ImportError:
         raise DataError('reading a video needs the package av: pip install "oarlock[video]"') from None
-    if not file.is_file():
+    if not file.exists():
         raise DataError(f"{file}: no such file; give the path of a video, such as piece.mp4")
     try:
-        with av.open(str(file)) as container:
-            if not container.streams.video:
+        open_regular(file).close()
+        with av.open(str(file), metadata_errors="replace") as container:
+            if not container.streams.video or container.streams.video[0].codec_context is None:
                 raise DataError(f"{file}: no picture in it; give a video file, such as piece.mp4")
+            container.streams.video[0].codec_context.options = {"max_pixels": str(_MOST_PIXELS)}
             yield container
-    except av.FFmpegError as error:
+    except (av.FFmpegError, OSError) as error:
         raise DataError(
             f"{file}: cannot be read as a video ({error.strerror}); convert it, for example to MP4 or WebM"
         ) from None
