@@ -337,3 +337,9 @@ def test_steady_strokes_are_found_or_said_to_be_ambiguous(seed):
 def test_a_camera_is_plain_data():
     camera: Camera = side_camera()
     assert json.loads(json.dumps(camera.described()))["width_px"] == 320
+
+
+def test_a_picture_of_more_pixels_than_8k_is_not_decoded(drawn, monkeypatch):
+    assert video_info(drawn / "piece.webm").width_px == 160
+    monkeypatch.setattr("oarlock.movement.video.reading._MOST_PIXELS", 1000)
+    assert_refused(lambda: video_info(drawn / "piece.webm"), "cannot be read as a video")
