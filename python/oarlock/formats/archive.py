@@ -12,7 +12,7 @@ from pathlib import Path, PurePosixPath
 
 from oarlock.formats.listing import MAX_FILES
 from oarlock.storage.errors import DataError
-from oarlock.storage.regular_file import open_regular, shown_bytes
+from oarlock.storage.regular_file import begins_with, open_regular, shown_bytes
 
 LIMIT_BYTES = 4 * 2**30
 """The largest contents of a zip file that are unpacked."""
@@ -25,11 +25,7 @@ _MARKS = (b"PK\x03\x04", b"PK\x05\x06")
 
 def is_zip(file: Path) -> bool:
     """True for a file that begins as a zip file does."""
-    try:
-        with open_regular(file) as stream:
-            return stream.read(4) in _MARKS
-    except (OSError, DataError):
-        return False
+    return any(begins_with(file, mark) for mark in _MARKS)
 
 
 class Unpacked:

@@ -38,13 +38,8 @@ def arrays_of(
     Raises:
         DataError: The file cannot be read, or its library refuses it or crashes.
     """
-    try:
-        open_regular(file).close()
-        most_bytes, most_s = limits_of(file)
-    except DataError:
-        raise
-    except (OSError, ValueError) as error:
-        raise DataError(f"{file}: cannot be read ({getattr(error, 'strerror', None) or error})") from error
+    open_regular(file).close()
+    most_bytes, most_s = limits_of(file)
     # -P: do not import from the folder of the script. The child's address space is limited, and each thread of
     # BLAS would use some.
     with subprocess.Popen(

@@ -98,11 +98,8 @@ def listed(path: str | Path) -> Listing:
 
 
 def _listed_file(path: Path) -> ListedFile:
-    try:
-        with open_regular(path) as stream:
-            return ListedFile(path, path.stat().st_size, stream.read(HEAD_BYTES))
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror})") from error
+    with open_regular(path) as stream:
+        return ListedFile(path, path.stat().st_size, stream.read(HEAD_BYTES))
 
 
 def _decoded(head: bytes) -> str:

@@ -49,10 +49,7 @@ def read_text(file: Path) -> str:
     Raises:
         DataError: the file cannot be read, is empty, or is not text.
     """
-    try:
-        raw = read_bytes(file)
-    except OSError as error:
-        raise DataError(f"{file}: cannot be read ({error.strerror})") from error
+    raw = read_bytes(file)
     if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
         text = raw.decode("utf-16", errors="replace")
     else:

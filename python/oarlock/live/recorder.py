@@ -281,12 +281,9 @@ def numbered_packets(
 ) -> Iterator[tuple[str, Packet]]:
     """As `read_packets`, each with its file and its number there, from 1, for people."""
     for file in packet_files(folder, second):
-        try:
-            with open_regular(file) as stream:
-                for number, packet in enumerate(_packets(stream, file, [] if damage is None else damage), 1):
-                    yield f"{file}, packet {number}", packet
-        except OSError as error:
-            raise DataError(f"{file}: cannot be read ({error.strerror})") from error
+        with open_regular(file) as stream:
+            for number, packet in enumerate(_packets(stream, file, [] if damage is None else damage), 1):
+                yield f"{file}, packet {number}", packet
 
 
 def packet_files(folder: Path, second: Path | None = None) -> list[Path]:

@@ -13,7 +13,7 @@ from oarlock.model.mirror import with_mirror
 from oarlock.model.part import with_part
 from oarlock.model.shipped_files import model_names, model_path
 from oarlock.storage.errors import DataError, ModelError
-from oarlock.storage.regular_file import read_text
+from oarlock.storage.regular_file import UnreadableFileError, read_text
 from oarlock.storage.suggest import did_you_mean
 from oarlock.storage.toml import key_lines, toml_text
 
@@ -102,10 +102,9 @@ def _base(where: str, path: Path, name: Any, above: tuple[Path, ...]) -> ModelFi
     try:
         text = read_text(base)
         tomllib.loads(text)
-    except OSError as error:
+    except UnreadableFileError as error:
         raise ModelError(
-            f"{where}: no shipped model is called '{name}', and {base} cannot be read ({error.strerror}). "
-            f"{did_you_mean(name, shipped)}"
+            f"{where}: no shipped model is called '{name}', and {error}. {did_you_mean(name, shipped)}"
         ) from None
     except DataError as error:
         raise ModelError(str(error)) from None

@@ -16,7 +16,7 @@ from oarlock.model.extends import model_file
 from oarlock.model.html import model_html
 from oarlock.model.shipped_files import model_names, model_path
 from oarlock.storage.errors import DataError, ModelError
-from oarlock.storage.regular_file import read_text
+from oarlock.storage.regular_file import UnreadableFileError, read_text
 from oarlock.storage.suggest import did_you_mean
 
 setattr(Model, "_repr_html_", model_html)  # noqa: B010  the class is the engine's, which writes no HTML
@@ -70,14 +70,14 @@ def load_model(
     path = model_path(str(name)) if str(name) in shipped else Path(name)
     try:
         text = read_text(path)
-    except DataError as error:
-        raise ModelError(str(error)) from None
-    except (OSError, ValueError) as error:
-        why = error.strerror if isinstance(error, OSError) else str(error)
+    except UnreadableFileError as error:
+        why = getattr(error.__cause__, "strerror", None) or error.__cause__
         raise ModelError(
             f"{str(name)[:80]}: no shipped model has this name, and no file can be read there ({why}). "
             f"{did_you_mean(str(name), shipped)}"
         ) from None
+    except DataError as error:
+        raise ModelError(str(error)) from None
     file = model_file(path, text)
     try:
         if stature_m is None and mass_kg is None:

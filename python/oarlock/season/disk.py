@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from oarlock.season.place import OWN_WORK, checked_name
-from oarlock.storage.regular_file import open_regular, read_bytes
+from oarlock.storage.regular_file import UnreadableFileError, open_regular, read_bytes
 from oarlock.storage.write_file import sync_folder, unwritable, write_file
 
 _ATTEMPTS = 50
@@ -29,8 +29,10 @@ class Disk:
         """As `Place.read`."""
         try:
             return read_bytes(self._at(name))
-        except NotADirectoryError as error:
-            raise FileNotFoundError(name) from error
+        except UnreadableFileError as error:
+            if isinstance(error.__cause__, FileNotFoundError | NotADirectoryError):
+                raise FileNotFoundError(name) from error
+            raise
 
     def write(self, name: str, contents: bytes) -> None:
         """As `Place.write`."""

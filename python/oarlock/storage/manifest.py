@@ -107,7 +107,7 @@ class Manifest:
             DataError: a file was changed or cannot be read; names it.
         """
         for name in names:
-            if name in self.sha256 and _read_hash(self.folder / name) != self.sha256[name]:
+            if name in self.sha256 and sha256_of(self.folder / name) != self.sha256[name]:
                 raise DataError(
                     f"{self.folder / name}: is not the file that was written here (its SHA-256 differs from "
                     f"{MANIFEST}). Write the folder again; if you changed the file on purpose, remove its line from "
@@ -132,10 +132,3 @@ def _hashes(table: TomlTable) -> dict[str, str]:
 
 def _leads_out(folder: Path, place: Path) -> bool:
     return any((folder / part).is_symlink() for part in (place, *list(place.parents)[:-1]))
-
-
-def _read_hash(file: Path) -> str:
-    try:
-        return sha256_of(file)
-    except OSError as error:
-        raise DataError(f"{file}: cannot be read ({error.strerror})") from error

@@ -17,15 +17,24 @@ TABLE_LIMIT_BYTES = 2 * 2**30
 """The largest file that is read into memory as a whole, other than Parquet."""
 
 
+class UnreadableFileError(DataError):
+    """A file that the system does not open; `__cause__` is the system's error."""
+
+
 def open_regular(file: Path) -> io.BufferedReader:
     """The file, open for reading bytes.
 
     Raises:
-        OSError: it cannot be opened.
+        UnreadableFileError: it cannot be opened.
         DataError: it is a folder, a pipe, a socket or a device, whose end may never come.
     """
-    # O_NONBLOCK: the opening of a pipe that nobody writes to would not return.
-    number = os.open(file, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    try:
+        # O_NONBLOCK: the opening of a pipe that nobody writes to would not return.
+        number = os.open(file, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    except (OSError, ValueError) as error:  # a zero byte in a path is a ValueError
+        raise UnreadableFileError(
+            f"{file}: cannot be read ({getattr(error, 'strerror', None) or error})"
+        ) from error
     try:
         _require_regular(file, os.fstat(number).st_mode)
         return os.fdopen(number, "rb")
@@ -38,7 +47,7 @@ def open_text(file: Path, encoding: str) -> TextIO:
     """The file, open for reading lines as they are; their ends are kept for `csv`.
 
     Raises:
-        OSError, LookupError: it cannot be opened, or the encoding is not known.
+        LookupError: the encoding is not known.
         DataError: as `open_regular`, or the first line does not end within `LINE_LIMIT_BYTES`.
     """
     stream = open_regular(file)
@@ -59,8 +68,7 @@ def read_bytes(file: Path, limit_bytes: int = TABLE_LIMIT_BYTES) -> bytes:
     """The contents of a regular file.
 
     Raises:
-        OSError: it cannot be read.
-        DataError: it is no regular file, or larger than the limit.
+        DataError: as `open_regular`, or it is larger than the limit.
     """
     with open_regular(file) as stream:
         size = os.fstat(stream.fileno()).st_size
@@ -80,14 +88,22 @@ def read_text(file: Path, encoding: str = "utf-8") -> str:
     """The text of a regular file of at most `TEXT_LIMIT_BYTES`, with plain line ends.
 
     Raises:
-        OSError: it cannot be read.
-        DataError: it is no regular file, too large, or of another encoding.
+        DataError: as `open_regular`, or it is too large, or of another encoding.
     """
     try:
         text = read_bytes(file, TEXT_LIMIT_BYTES).decode(encoding)
     except UnicodeDecodeError as error:
         raise DataError(f"{file}: is not UTF-8 text (byte {error.start}). Save it as UTF-8") from error
     return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def begins_with(file: Path, mark: bytes, at: int = 0) -> bool:
+    """Whether a file has these bytes at a place near its beginning; False if it cannot be read."""
+    try:
+        with open_regular(file) as stream:
+            return stream.read(at + len(mark))[at:] == mark
+    except (OSError, DataError):
+        return False
 
 
 def shown_bytes(count: float) -> str:

@@ -44,11 +44,7 @@ class TomlTable:
     @classmethod
     def read(cls, file: Path) -> "TomlTable":
         """Parse a file; a `DataError` tells where it is no TOML."""
-        try:
-            text = read_text(file, "utf-8-sig")
-        except OSError as error:
-            raise DataError(f"{file}: cannot be read ({error.strerror})") from error
-        return cls.parsed(text, file)
+        return cls.parsed(read_text(file, "utf-8-sig"), file)
 
     @classmethod
     def parsed(cls, text: str, file: Path) -> "TomlTable":

@@ -110,8 +110,6 @@ def _open(file: Path) -> tuple[Layout, float]:
     try:
         with open_text(file, "utf-8") as stream:
             first = stream.readline()
-    except OSError as error:
-        raise DataError(f"{file}: cannot be read ({error.strerror})") from error
     except UnicodeDecodeError as error:
         raise DataError(f"{file}: is not a text file ({error})") from error
     found = _RATE.fullmatch(first)

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
+from oarlock.storage.errors import DataError
 from oarlock.storage.regular_file import open_regular
 
 _HEADER_BYTES, _TAG_BYTES, _START_BYTES = 128, 8, 1024
@@ -23,7 +24,7 @@ def mat_names(file: Path) -> dict[str, tuple[str, ...]]:
     try:
         with open_regular(file) as stream:
             return dict(_variables(stream))
-    except OSError:
+    except (OSError, DataError):
         return {}
 
 

@@ -13,7 +13,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from oarlock.formats.devices.apdm_hdf5 import MAGIC, hdf5_orientations, hdf5_recording, is_hdf5
+from oarlock.formats.devices.apdm_hdf5 import MAGIC, hdf5_orientations, hdf5_recording
 from oarlock.formats.listing import Found, Listing
 from oarlock.formats.times import on_one_axis, parsed_stamps, relative_stamps
 from oarlock.recording.recording import Recording
@@ -22,7 +22,7 @@ from oarlock.storage.array_gate import FloatArray, disorder_text
 from oarlock.storage.delimited import Dialect, Layout, numbers
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
-from oarlock.storage.regular_file import open_text
+from oarlock.storage.regular_file import begins_with, open_text
 from oarlock.storage.units import plain_unit
 
 # sensor label -> quantity -> position of each column in the file
@@ -68,7 +68,7 @@ def read_apdm(path: str | PathLike[str]) -> Recording:
     Raises:
         DataError: Another layout or unit, a missing column, or a cell that is not a number, with file and line.
     """
-    if is_hdf5(place_of(path)):
+    if begins_with(place_of(path), MAGIC):
         return hdf5_recording(place_of(path))
     export = _open(place_of(path))
     time_s, columns, clock = _read(export, set(_NEEDED_UNITS))
@@ -97,7 +97,7 @@ def read_apdm_orientations(path: str | PathLike[str]) -> dict[str, FloatArray]:
     Raises:
         DataError: As `read_apdm`.
     """
-    if is_hdf5(place_of(path)):
+    if begins_with(place_of(path), MAGIC):
         return hdf5_orientations(place_of(path))
     export = _open(place_of(path))
     _, columns, _ = _read(export, {"quat_wxyz"})
@@ -131,8 +131,6 @@ def _first_lines(file: Path, count: int) -> list[list[str]]:
     try:
         with open_text(file, "utf-8-sig") as stream:
             return [row for row, _ in zip(csv.reader(stream), range(count), strict=False)]
-    except OSError as error:
-        raise DataError(f"{file}: cannot be read ({error.strerror})") from error
     except (UnicodeDecodeError, csv.Error) as error:
         raise DataError(f"{file}: is not an APDM export in text form ({error})") from error
 

@@ -24,7 +24,6 @@ from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
-from oarlock.storage.regular_file import open_regular
 from oarlock.storage.units import plain_unit
 
 MAGIC = b"\x89HDF\r\n\x1a\n"
@@ -36,15 +35,6 @@ _FIELDS = MappingProxyType(
     }
 )
 _NEWEST_US = 2**62 // 1000
-
-
-def is_hdf5(file: Path) -> bool:
-    """Whether a file begins as HDF5 does; False if it cannot be read."""
-    try:
-        with open_regular(file) as stream:
-            return stream.read(len(MAGIC)) == MAGIC
-    except OSError:
-        return False
 
 
 def hdf5_recording(file: Path) -> Recording:

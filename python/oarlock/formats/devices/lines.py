@@ -95,10 +95,7 @@ def _looks_like_lines(file: ListedFile) -> bool:
 
 def _samples(file: Path) -> tuple[FloatArray, int]:
     """(T, 11) numbers of the samples in the order of the file, and how many other lines there are."""
-    try:
-        content = read_bytes(file).removeprefix(_BYTE_ORDER_MARK)
-    except OSError as error:
-        raise DataError(f"{file}: cannot be read ({error.strerror})") from error
+    content = read_bytes(file).removeprefix(_BYTE_ORDER_MARK)
     lines = [line for line in content.replace(b"\r", b"\n").split(b"\n") if line.strip()]
     if lines and lines[0].replace(b" ", b"").decode("ascii", "replace") in (HEADER, SHORT_HEADER):
         del lines[0]

@@ -135,7 +135,7 @@ def _unit(folder: Path) -> _Unit:
         return _Unit(folder, name or folder.name, serial if name else "", {})
     try:
         root = ElementTree.fromstring(read_text(file, "utf-8-sig"))
-    except (OSError, ValueError, ElementTree.ParseError) as error:
+    except (ValueError, ElementTree.ParseError) as error:
         raise DataError(f"{file}: is not XML ({error})") from error
     device, stamps = root.find("DeviceInformation"), root.find("TimeStamps")
     told = {} if device is None else device.attrib

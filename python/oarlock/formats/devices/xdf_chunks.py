@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from oarlock.recording.streams import MOST_STREAMS
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
-from oarlock.storage.regular_file import TABLE_LIMIT_BYTES, read_bytes
+from oarlock.storage.regular_file import read_bytes
 
 MAGIC = b"XDF:"
 _BOUNDARY = bytes.fromhex("43A546DCCBF5410FB30ED5467383CBE4")
@@ -99,10 +99,7 @@ def read_chunks(file: Path) -> XdfFile:
     Raises:
         DataError: the file cannot be read, is no XDF file or has no stream.
     """
-    try:
-        content = read_bytes(file, TABLE_LIMIT_BYTES)
-    except OSError as error:
-        raise DataError(f"{file}: cannot be read ({error.strerror})") from error
+    content = read_bytes(file)
     if content[:2] == b"\x1f\x8b":
         raise DataError(f"{file}: is compressed. Unpack it with `gunzip` and import the .xdf file")
     if content[:4] != MAGIC:

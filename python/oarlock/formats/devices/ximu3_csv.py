@@ -60,7 +60,7 @@ def _commands(file: Path) -> dict[str, object]:
         return {}
     try:
         found = json.loads(read_text(file, "utf-8-sig"))
-    except (OSError, ValueError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:
         raise DataError(f"{file}: is not JSON ({error})") from error
     if not isinstance(found, list) or not all(isinstance(answer, dict) for answer in found):
         raise DataError(f'{file}: expected a list of objects such as [{{"ping": ...}}, {{"time": ...}}]')

@@ -15,7 +15,7 @@ import numpy as np
 
 from oarlock.formats.devices.ximu3_unit import COLUMNS, Messages, Unit
 from oarlock.storage.errors import DataError
-from oarlock.storage.regular_file import TABLE_LIMIT_BYTES, read_bytes
+from oarlock.storage.regular_file import read_bytes
 
 _END, _ESCAPE = b"\n", b"\xdb"
 _ESCAPED_END, _ESCAPED_ESCAPE = b"\xdb\xdc", b"\xdb\xdd"
@@ -44,10 +44,7 @@ def file_units(file: Path) -> list[Unit]:
     Raises:
         DataError: the file cannot be read or has no message that can be decoded.
     """
-    try:
-        content = read_bytes(file, TABLE_LIMIT_BYTES)
-    except OSError as error:
-        raise DataError(f"{file}: cannot be read ({error.strerror})") from error
+    content = read_bytes(file)
     lines = content.split(_END)
     channels: dict[bytes, _Channel] = {}
     for line in lines[:-1]:

@@ -63,11 +63,8 @@ def table_start(file: Path) -> TableStart:
 
 
 def _text(file: Path) -> tuple[str, str]:
-    try:
-        with open_regular(file) as stream:
-            start = stream.read(START_BYTES)
-    except OSError as error:
-        raise DataError(f"{file}: cannot be read ({error.strerror})") from error
+    with open_regular(file) as stream:
+        start = stream.read(START_BYTES)
     if not start:
         raise DataError(f"{file}: is empty")
     if start.startswith((b"\xff\xfe", b"\xfe\xff")):

@@ -123,7 +123,7 @@ def _password(options: Options) -> str | None:
         return None
     try:
         return read_text(Path(file).expanduser()).split("\n")[0]
-    except (OSError, DataError) as error:
+    except DataError as error:
         raise DataError(
             f"source '{options.source}': the password_file {file} cannot be read ({error})"
         ) from error

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from oarlock.storage.errors import DataError
-from oarlock.storage.regular_file import read_text
+from oarlock.storage.regular_file import UnreadableFileError, read_text
 
 Floats = NDArray[np.float64]
 
@@ -93,12 +93,10 @@ def load_camera(file: Path) -> Camera:
     try:
         text = read_text(file)
         read = json.loads(text) if file.suffix.lower() == ".json" else tomllib.loads(text)
+    except UnreadableFileError as error:
+        raise DataError(f"{error}; a camera file is needed, TOML or JSON") from None
     except DataError:
         raise
-    except OSError as error:
-        raise DataError(
-            f"{file}: cannot be read ({error.strerror}); a camera file is needed, TOML or JSON"
-        ) from None
     except ValueError as error:
         raise DataError(f"{file}: {error}; a camera file looks like this:\n{EXAMPLE}") from None
     if not isinstance(read, dict):

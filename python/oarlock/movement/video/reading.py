@@ -141,14 +141,14 @@ def _opened(file: Path) -> Iterator[InputContainer]:
         raise DataError('reading a video needs the package av: pip install "oarlock[video]"') from None
     if not file.exists():
         raise DataError(f"{file}: no such file; give the path of a video, such as piece.mp4")
+    open_regular(file).close()
     try:
-        open_regular(file).close()
         with av.open(str(file), metadata_errors="replace") as container:
             if not container.streams.video or container.streams.video[0].codec_context is None:
                 raise DataError(f"{file}: no picture in it; give a video file, such as piece.mp4")
             container.streams.video[0].codec_context.options = {"max_pixels": str(_MOST_PIXELS)}
             yield container
-    except (av.FFmpegError, OSError) as error:
+    except av.FFmpegError as error:
         raise DataError(
             f"{file}: cannot be read as a video ({error.strerror}); convert it, for example to MP4 or WebM"
         ) from None

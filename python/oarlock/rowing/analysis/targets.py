@@ -71,7 +71,7 @@ def load_targets(which: str | PathLike[str]) -> Mapping[str, Target]:
         )
     try:
         classes = tomllib.loads(read_text(place))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except tomllib.TOMLDecodeError as error:
         raise DataError(f"targets: {place}: {error}") from None
     if chosen not in classes and len(classes) != 1:
         raise DataError(f"targets: {place} has the classes {', '.join(classes)}; name one: {place}:CLASS")

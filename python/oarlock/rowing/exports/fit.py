@@ -26,15 +26,13 @@ from oarlock.rowing.strokes.fit_fields import (
 )
 from oarlock.rowing.strokes.table import StrokeTable
 from oarlock.storage.errors import DataError
-from oarlock.storage.regular_file import open_regular, read_bytes
+from oarlock.storage.regular_file import begins_with, read_bytes
 
 if TYPE_CHECKING:
     from fitdecode import FitDataMessage
 
 TITLE = "FIT file"
 _MOST_BYTES = 200_000_000
-_MARK = slice(8, 12)
-_HEAD = 14
 _ABSOLUTE_S = 0x10000000
 """Smaller time stamps count from when the device was switched on (FIT profile, date_time)."""
 _SEMICIRCLE_DEG = 180.0 / 2**31
@@ -70,14 +68,8 @@ class _Found:
 
 
 def is_fit(file: Path) -> bool:
-    """Whether a file begins as FIT files do.
-
-    Raises:
-        OSError: it cannot be read.
-        DataError: it is no regular file.
-    """
-    with open_regular(file) as stream:
-        return stream.read(_HEAD)[_MARK] == b".FIT"
+    """Whether a file begins as FIT files do."""
+    return begins_with(file, b".FIT", 8)
 
 
 def read_fit(file: Path) -> StrokeTable | Activity:
@@ -109,10 +101,7 @@ def _messages(file: Path) -> Iterator[FitDataMessage]:
         import fitdecode
     except ImportError:
         raise DataError(f"{file}: FIT files are read with fitdecode: pip install 'oarlock[fit]'") from None
-    try:
-        contents = read_bytes(file, _MOST_BYTES)
-    except OSError as error:
-        raise DataError(f"{file}: cannot be read ({error.strerror})") from error
+    contents = read_bytes(file, _MOST_BYTES)
     place = 0
     options = {"check_crc": fitdecode.CrcCheck.RAISE, "error_handling": fitdecode.ErrorHandling.RAISE}
     try:

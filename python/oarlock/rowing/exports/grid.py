@@ -103,10 +103,7 @@ def text_of(file: Path) -> str:
     Raises:
         DataError: it cannot be read, is too large, or is no text.
     """
-    try:
-        raw = read_bytes(file, _MOST_BYTES)
-    except OSError as error:
-        raise DataError(f"{file}: cannot be read ({error.strerror})") from error
+    raw = read_bytes(file, _MOST_BYTES)
     for encoding in ("utf-16",) if raw[:2] in _BYTE_ORDER_MARKS else ("utf-8-sig", "cp1252", "latin-1"):
         try:
             return _without_zeros(file, raw.decode(encoding))

@@ -86,7 +86,7 @@ def load_export(
     if format is not None and format not in (*EXPORT_FORMATS, *FILE_KINDS):
         known = ", ".join((*EXPORT_FORMATS, *FILE_KINDS))
         raise DataError(f'the format "{format}" is not known; known are {known}')
-    if format == "fit" or (format is None and _begins_as_fit(file)):
+    if format == "fit" or (format is None and is_fit(file)):
         return read_fit(file)
     text = "" if format == "tcx" else text_of(file)
     if format == "tcx" or (format is None and ROOT in text[:_HEAD]):
@@ -125,13 +125,6 @@ def _by_tabs(file: Path, found: Sequence[Grid]) -> Grid:
     raise DataError(
         f"{file}: has no section that begins with {BEGIN}, so it is no text export of Peach PowerLine"
     )
-
-
-def _begins_as_fit(file: Path) -> bool:
-    try:
-        return is_fit(file)
-    except OSError as error:
-        raise DataError(f"{file}: cannot be read ({error.strerror})") from error
 
 
 def _unknown(file: Path, text: str, found: Sequence[Grid], format: str | None) -> str:

@@ -13,7 +13,6 @@ import pyarrow.parquet as pq
 
 from oarlock.rowing.analysis.features import FEATURES
 from oarlock.rowing.strokes.table import StrokeTable
-from oarlock.storage.errors import DataError
 from oarlock.storage.folder_writer import replaced_folder
 from oarlock.storage.parquet_table import columns_of, numbers_of, read_table, texts_of
 from oarlock.storage.regular_file import read_bytes
@@ -81,11 +80,7 @@ def load_strokes(path: str | PathLike[str]) -> StrokeTable:
     """
     given = Path(path)
     file = given / PARQUET_NAME if given.is_dir() else given
-    try:
-        contents = read_bytes(file)
-    except OSError as error:
-        raise DataError(f"{file}: cannot be read ({error})") from error
-    return parsed_strokes(contents, str(file))
+    return parsed_strokes(read_bytes(file), str(file))
 
 
 def parsed_strokes(contents: bytes, where: str) -> StrokeTable:
