@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, TypeVar
 
 import pytest
@@ -21,10 +22,10 @@ from oarlock.storage.errors import DataError, ModelError
 EXAMPLES = 25
 EXAMPLES_A_ROUND = 100
 # Of the processor: the slowest of an hour take about two seconds, which a crowded machine may spread over minutes.
-HANG_S = 60
+HANG_S = 20
 SILENT_S = 600
-# Of address space: a file of some kilobytes that asks for gigabytes is a fault, and must not take the machine with it.
-MOST_BYTES = 6 << 30
+# More than the process has: a file of some kilobytes that asks for gigabytes is a fault.
+MOST_BYTES = 2 << 30
 Answer = TypeVar("Answer")
 
 _SETTINGS = settings(
@@ -95,7 +96,8 @@ def ended_if_it_hangs() -> Iterator[None]:
         raise AssertionError(f"no answer within {HANG_S} s of the processor")
 
     limits = resource.getrlimit(resource.RLIMIT_AS)
-    resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, limits[1]))
+    own = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (own + MOST_BYTES, limits[1]))
     before = signal.signal(signal.SIGPROF, hung)
     signal.setitimer(signal.ITIMER_PROF, HANG_S)
     faulthandler.dump_traceback_later(SILENT_S, exit=True)

@@ -14,7 +14,20 @@ Wound = tuple[str, float, float, str]
 
 _TOKEN = re.compile(r"[\w.+-]+")
 _SCRAPS = (
-    *("", "0", "-1", "1e308", "-1e309", "1e-320", "nan", "NaN", "inf", "9" * 20, "9007199254740993"),
+    *(
+        "",
+        "0",
+        "-1",
+        "1e308",
+        "-1e309",
+        "1e-320",
+        "nan",
+        "NaN",
+        "inf",
+        "9" * 20,
+        "9" * 400,
+        "9007199254740993",
+    ),
     *("true", "false", '""', "[]", "{}", '"x"', "x", "²", "١", "1_0", "0x10", "1,5", "-", "--", "1 2 3"),
     *("[1, 2]", "[[1]]", ",", ";", "\t", "\n", "\r", "\r\n", " ", "\x00", '"', "'", "[", "]", "[[", "="),
     *("#", "\\", "é", "\u2028", "\ufeff", "\U0001f6a3", "2026-02-30T25:00:00", "1979-05-27", "time_s"),
@@ -33,11 +46,19 @@ wounds = st.lists(
 )
 """For `wounded`: kind, two places as shares of the file's length, and what is put there."""
 
+# What counts and lengths may say.
+_COUNTS = [
+    number.to_bytes(width, order)
+    for width in (1, 2, 4, 8)
+    for order in ("little", "big")
+    for number in {0, 1, 255, 2 ** (8 * width - 1), 2 ** (8 * width) - 1, 50_000 % 2 ** (8 * width)}
+]
+
 byte_wounds = st.lists(
     st.tuples(
-        st.sampled_from(("flip", "flip", "set", "delete", "insert", "cut")),
+        st.sampled_from(("flip", "flip", "set", "set", "delete", "insert", "cut", "again")),
         _SHARE,
-        st.binary(min_size=1, max_size=4),
+        st.binary(min_size=1, max_size=4) | st.sampled_from(_COUNTS),
     ),
     min_size=1,
     max_size=6,
@@ -119,6 +140,8 @@ def wounded_bytes(content: bytes, harm: Sequence[tuple[str, float, bytes]]) -> b
             del data[at : at + scrap[0]]
         elif kind == "insert":
             data[at:at] = scrap
+        elif kind == "again":
+            data[at:at] = data[at : at + 1 + 64 * scrap[0]] * len(scrap)
         elif kind == "cut":
             del data[at:]
     return bytes(data)

@@ -2,6 +2,7 @@
 
 import struct
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,9 +16,12 @@ from oarlock.formats.datasets.mat import read_mat
 from oarlock.formats.devices.apdm import read_apdm
 from oarlock.recording.packets import lost_packets
 from oarlock.recording.plausibility import plausibility
+from oarlock.rowing import SIMULATORS
 from oarlock.storage.errors import DataError
 from refusals import assert_refused
 from test_markers_io import NEXUS, c3d_file
+
+STUDIES = Path(__file__).parents[1] / "examples/studies"
 
 
 @pytest.mark.parametrize("field", ["parameters", "mounts", "mag_offsets_ut"])
@@ -207,6 +211,15 @@ def test_a_note_that_is_a_type_is_refused_when_it_is_written(tmp_path):
     noted = oarlock.Calibration(noted={"kind": np.float64})
     with pytest.raises(DataError, match=r'"noted\.kind" is .*float64.*TOML cannot hold'):
         noted.save(tmp_path / "cal.toml")
+
+
+def test_a_strength_of_400_digits_in_a_study_is_refused(tmp_path):
+    text = (STUDIES / "robustness_quick.toml").read_text(encoding="utf-8")
+    (tmp_path / "study.toml").write_text(
+        text.replace("[1, 2, 5, 10, 20]", f"[1, 2, 5, 1{'0' * 400}]"), encoding="utf-8"
+    )
+    with pytest.raises(DataError, match="expected a finite number"):
+        oarlock.load_study(tmp_path / "study.toml", SIMULATORS)
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
@@ -69,7 +70,8 @@ class StudyKey:
         return int(number) if self.kind == "integer" else number
 
     def _number(self, value: Value) -> float:
-        if not isinstance(value, int | float) or isinstance(value, bool) or not math.isfinite(value):
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not is_number or not abs(value) <= sys.float_info.max:
             table = " or a table { name = number }" if self.kind == "by_name" else ""
             raise DataError(f"is {value!r}; expected a finite number{table}")
         if not self.least <= value <= self.most:
