@@ -357,3 +357,9 @@ def test_notes_that_are_nested_too_deeply_are_refused(tmp_path):
     index = tmp_path / "recording.toml"
     index.write_text(index.read_text(encoding="utf-8").replace("[meta]", "") + deep, encoding="utf-8")
     assert_refused(lambda: oarlock.load_recording(tmp_path), "recording, meta: tables are nested too deeply")
+
+
+def test_a_small_matlab_file_that_unpacks_to_hundreds_of_megabytes(tmp_path):
+    file = matlab_file(tmp_path, compressed=True, imu_gyr=np.zeros((12_000_000, 3)))
+    assert file.stat().st_size < 400_000
+    assert_refused(lambda: read_broad(file), "it unpacks to 288 MB, more than the 27")

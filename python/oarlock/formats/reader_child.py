@@ -15,6 +15,8 @@ import numpy as np
 
 _LEAST_BYTES, _BYTES_PER_BYTE = 1 << 30, 64
 _LEAST_SECONDS, _BYTES_PER_SECOND = 6, 1 << 20
+_COPIES = 4
+"""Of the arrays, which the parent makes while it reads them: together they stay within the same memory."""
 _BLOCK, _MIPS = 512, 86
 _MOST_HEADER = 256 * _BLOCK
 
@@ -199,7 +201,13 @@ def main(kind: str, file: str) -> int:
     """Read one file; the exit status."""
     try:
         limit_resources(file)
-        np.savez(sys.stdout.buffer, **_READERS[kind](file))
+        arrays = _READERS[kind](file)
+        size, most = sum(np.asarray(one).nbytes for one in arrays.values()), limits_of(file)[0] // _COPIES
+        if size > most:
+            raise ValueError(
+                f"it unpacks to {size / 1e6:,.0f} MB, more than the {most / 1e6:,.0f} MB of any recording"
+            )
+        np.savez(sys.stdout.buffer, **arrays)
     except Exception as error:  # the library may raise any exception
         print(str(error) or type(error).__name__, file=sys.stderr)
         return 1

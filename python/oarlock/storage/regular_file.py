@@ -10,8 +10,8 @@ from typing import TextIO
 
 from oarlock.storage.errors import DataError
 
-TEXT_LIMIT_BYTES = 16 * 2**20
-"""The largest TOML file that is read. A model has 10 kB, a calibration 100 kB."""
+TEXT_LIMIT_BYTES = 8 * 2**20
+"""The largest TOML file that is read, in 10 s. A model has 10 kB, a calibration 100 kB."""
 LINE_LIMIT_BYTES = 2**20
 TABLE_LIMIT_BYTES = 2 * 2**30
 """The largest file that is read into memory as a whole, other than Parquet."""

@@ -70,8 +70,11 @@ class StudyKey:
         return int(number) if self.kind == "integer" else number
 
     def _number(self, value: Value) -> float:
-        is_number = isinstance(value, int | float) and not isinstance(value, bool)
-        if not is_number or not abs(value) <= sys.float_info.max:
+        if (
+            not isinstance(value, int | float)
+            or isinstance(value, bool)
+            or not abs(value) <= sys.float_info.max
+        ):
             table = " or a table { name = number }" if self.kind == "by_name" else ""
             raise DataError(f"is {value!r}; expected a finite number{table}")
         if not self.least <= value <= self.most:
