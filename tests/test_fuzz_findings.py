@@ -1,6 +1,7 @@
 """What fuzzing found in readers and settings, each kept as a test of its own."""
 
 import struct
+import zipfile
 from functools import partial
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from scipy.sparse import csc_array
 
 import oarlock
 from oarlock.formats import child_process
+from oarlock.formats.contents import find_recordings
 from oarlock.formats.datasets.broad import read_broad
 from oarlock.formats.datasets.mat import read_mat
 from oarlock.formats.devices.apdm import read_apdm
@@ -18,6 +20,7 @@ from oarlock.recording.packets import lost_packets
 from oarlock.recording.plausibility import plausibility
 from oarlock.rowing import SIMULATORS
 from oarlock.storage.errors import DataError
+from oarlock.storage.names import numbered
 from refusals import assert_refused
 from test_markers_io import NEXUS, c3d_file
 
@@ -363,3 +366,15 @@ def test_a_small_matlab_file_that_unpacks_to_hundreds_of_megabytes(tmp_path):
     file = matlab_file(tmp_path, compressed=True, imu_gyr=np.zeros((12_000_000, 3)))
     assert file.stat().st_size < 400_000
     assert_refused(lambda: read_broad(file), "it unpacks to 288 MB, more than the 27")
+
+
+def test_a_zip_file_with_an_entry_without_a_name(tmp_path):
+    """`zipfile` raises an IndexError."""
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as packed:
+        packed.writestr("", "x")
+    assert_refused(lambda: find_recordings(tmp_path / "a.zip"), "a.zip: cannot be unpacked (")
+
+
+def test_names_that_repeat_get_numbers():
+    assert numbered(["a", "a", "a_2", "a", "b"], taken=["b"]) == ["a", "a_2", "a_2_2", "a_3", "b_2"]
+    assert len(set(numbered(["a"] * 50_000))) == 50_000

@@ -7,7 +7,6 @@ import stat
 import tempfile
 import weakref
 import zipfile
-import zlib
 from pathlib import Path, PurePosixPath
 
 from oarlock.formats.listing import MAX_FILES
@@ -54,15 +53,7 @@ def unpacked(file: Path) -> Unpacked:
             _check_sizes(file, entries, made.folder)
             for entry, place in zip(entries, places, strict=True):
                 _unpack(archive, entry, made.folder / place)
-    except (
-        OSError,
-        zipfile.BadZipFile,
-        zlib.error,
-        RuntimeError,
-        NotImplementedError,
-        ValueError,
-        EOFError,
-    ) as error:
+    except Exception as error:  # of damaged bytes zipfile raises whatever Python does
         made.remove()
         if isinstance(error, DataError):
             raise

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 
 from oarlock.storage.errors import DataError
 
@@ -45,6 +46,20 @@ def check_text(text: str, where: str) -> None:
             f"{where}: {text[:40]!a} contains half of a character (a lone surrogate) at place {error.start}, "
             "which no file can store. Read the text with its right encoding, or remove it."
         ) from None
+
+
+def numbered(names: Iterable[str], joint: str = "_", taken: Iterable[str] = ()) -> list[str]:
+    """The names, the second and later ones of each with a number behind the joint, and none of those taken."""
+    used, last = set(taken), Counter[str]()
+    found = []
+    for name in names:
+        one = name
+        while one in used:
+            last[name] += 1
+            one = f"{name[: LONGEST_NAME - 6]}{joint}{last[name] + 1}"
+        used.add(one)
+        found.append(one)
+    return found
 
 
 def file_names(names: Sequence[str], suffix: str) -> list[str]:

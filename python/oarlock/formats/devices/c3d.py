@@ -20,7 +20,7 @@ from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream, ScalarStream, Stream
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
-from oarlock.storage.names import LONGEST_NAME
+from oarlock.storage.names import LONGEST_NAME, numbered
 from oarlock.storage.paths import place_of
 
 _SIGNATURE = b"\x50"
@@ -93,12 +93,8 @@ def _padded(texts: np.ndarray, count: int) -> list[str]:
 
 def _distinct(labels: list[str], taken: list[str]) -> list[str]:
     """Names for the channels: their labels, the second and later ones of each with a number."""
-    found: list[str] = []
-    for place, label in enumerate(labels):
-        plain = "_".join(label.split())[: LONGEST_NAME - 6] or f"channel_{place + 1}"
-        number, name = 1, plain
-        while name in found or name in taken:
-            number += 1
-            name = f"{plain}_{number}"
-        found.append(name)
-    return found
+    plain = (
+        "_".join(label.split())[: LONGEST_NAME - 6] or f"channel_{place}"
+        for place, label in enumerate(labels, 1)
+    )
+    return numbered(plain, taken=taken)

@@ -18,7 +18,7 @@ from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream, ScalarStream, Stream
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
-from oarlock.storage.names import LONGEST_NAME
+from oarlock.storage.names import LONGEST_NAME, numbered
 from oarlock.storage.paths import place_of
 
 EVENTS_KEY = "events"
@@ -44,7 +44,9 @@ def read_xdf(path: str | PathLike[str]) -> Recording:
     file = place_of(path)
     content = read_chunks(file)
     read = _Reading(list(content.notes))
-    named = dict(zip(_distinct([stream.name for stream in content.streams]), content.streams, strict=True))
+    named = dict(
+        zip(numbered((_short(stream.name) for stream in content.streams), " "), content.streams, strict=True)
+    )
     clocks = {
         name: on_the_recorders_clock(stream)
         for name, stream in named.items()
@@ -151,31 +153,15 @@ def _plain(text: str) -> str:
     return "_".join("".join(c if c.isprintable() else " " for c in text).split())
 
 
-def _distinct(names: Sequence[str]) -> list[str]:
-    """The names without control characters, the second and later ones of each with a number."""
-    found: dict[str, None] = {}
-    for name in names:
-        short = " ".join(_plain(name).split("_"))[: LONGEST_NAME // 2] or "stream"
-        number, candidate = 1, short
-        while candidate in found:
-            number += 1
-            candidate = f"{short} {number}"
-        found[candidate] = None
-    return list(found)
+def _short(name: str) -> str:
+    return " ".join(_plain(name).split("_"))[: LONGEST_NAME // 2] or "stream"
 
 
 def _apart(streams: Sequence[Stream]) -> list[Stream]:
     """The streams, those whose labels repeat with a number."""
-    taken: set[str] = set()
-    found = []
-    for stream in streams:
-        name, number = stream.name, 1
-        while name in taken:
-            number += 1
-            name = f"{stream.name[: LONGEST_NAME - 6]}_{number}"
-        taken.add(name)
-        found.append(stream if name == stream.name else replace(stream, name=name))
-    return found
+    names = numbered(stream.name for stream in streams)
+    pairs = zip(streams, names, strict=True)
+    return [stream if stream.name == name else replace(stream, name=name) for stream, name in pairs]
 
 
 def _about(stream: XdfStream, clock: Clock | None) -> Mapping[str, object]:
