@@ -371,7 +371,8 @@ def test_a_small_matlab_file_that_unpacks_to_hundreds_of_megabytes(tmp_path):
 def test_a_zip_file_with_an_entry_without_a_name(tmp_path):
     """`zipfile` raises an IndexError."""
     with zipfile.ZipFile(tmp_path / "a.zip", "w") as packed:
-        packed.writestr("", "x")
+        packed.writestr("Z", "x")
+    damaged(tmp_path / "a.zip", b"Z", b"\x00")
     assert_refused(lambda: find_recordings(tmp_path / "a.zip"), "a.zip: cannot be unpacked (")
 
 
