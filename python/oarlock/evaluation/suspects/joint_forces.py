@@ -205,7 +205,7 @@ class JointForces:
                 parts.append((units[a].force(first) - units[b].force(second))[there])
         return np.concatenate(parts)
 
-    def cost_of_lags(self, k: int, name: str, lags: FloatArray) -> FloatArray:
+    def cost_of_lags(self, k: int, name: str, lags: NDArray[np.int_]) -> FloatArray:
         """(n_lags,) misfit of a joint if one of its units is late by so many rows."""
         (a, b), levers = self.joints[k], self.levers[k]
         own, other = (0, 1) if a == name else (1, 0)
@@ -378,12 +378,12 @@ def _late(forces: JointForces, name: str) -> Iterator[_Cause]:
         lag_s = lag / RATE_HZ
         cause = f"clock of {name} is {abs(lag_s):.2f} s {'late' if lag > 0 else 'early'} against {others}"
         cure = f"subtract {lag_s:.2f} s from its time stamps, or find its offset (`oarlock calibrate clocks`)"
-        change: Change = lambda units: {name: units[name].later(np.full(1, lag))}  # noqa: E731
+        change: Change = lambda units: {name: units[name].later(np.array([lag], dtype=np.float64))}  # noqa: E731
         yield _Cause("clock", (name,), cause, cure, min(np.pi, abs(lag_s) * rate), change)
     if lags.line is not None:
         first, slope = lags.line
         rows = np.arange(len(forces.units[name].there))
-        warp = first + slope * rows
+        warp = np.asarray(first + slope * rows, dtype=np.float64)
         end_s = np.abs(warp).max() / RATE_HZ
         if abs(slope) * len(rows) >= 2.0 * LEAST_LAG_S * RATE_HZ:
             speed = f"{abs(100.0 * slope):.2g} % {'slow' if slope < 0 else 'fast'}"

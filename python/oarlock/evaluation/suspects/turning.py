@@ -63,7 +63,11 @@ class _Sums:
         basis[:9, 0], basis[9:, 1:] = axes.ravel(), np.eye(3)
         squares, products = basis.T @ self.squares @ basis, basis.T @ self.products
         solved = np.linalg.solve(squares + 1e-9 * np.eye(4) * max(1.0, float(np.trace(squares))), products)
-        return float(solved[0]), solved[1:], max(0.0, 1.0 - float(solved @ products) / self.change)
+        return (
+            float(solved[0]),
+            np.asarray(solved[1:], dtype=np.float64),
+            max(0.0, 1.0 - float(solved @ products) / self.change),
+        )
 
     def shift(self, matrix: FloatArray) -> FloatArray:
         """(3,) what is added to the rates with this matrix, rad/s."""
