@@ -10,7 +10,7 @@ SHELL := /bin/bash
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes
 
 # Validation data beside the checkout. Tests that need it skip, and say so, when the variable is empty.
 OARLOCK_DATA ?= $(abspath $(wildcard ../shared))
@@ -19,7 +19,7 @@ export PYO3_PYTHON := $(CURDIR)/$(BIN)/python
 
 RUST_SOURCES := Cargo.toml Cargo.lock $(wildcard crates/*/Cargo.toml) $(shell find crates/*/src -name '*.rs')
 
-.PHONY: help demo test test-all test-long fuzz bench bench-others bench-page bench-live soak pages player pictures lint format docs site validation wheel sdist release-checks lock clean
+.PHONY: help demo test test-all test-long fuzz memcheck bench bench-others bench-page bench-live soak pages player pictures lint format docs site validation wheel sdist release-checks lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -51,6 +51,13 @@ fuzz: $(VENV)/.package $(VENV)/.dev ## feed parsers, readers, arrays and filters
 	@echo "seeds from $$OARLOCK_FUZZ_SEED, $$OARLOCK_FUZZ_SECONDS s a campaign"
 	cargo test --locked --quiet --package oarlock --test fuzz -- --nocapture --test-threads 1
 	$(BIN)/python -m pytest --timeout 0 -s $(sort $(wildcard tests/test_fuzz_*.py))
+
+# All `unsafe` lines of the engine are in its kernels.
+MEMCHECK := target."cfg(all())".runner = ["valgrind", "--quiet", "--error-exitcode=9"]
+memcheck: ## run the tests of the engine's unsafe lines under valgrind, which reports every access outside of an array
+	if command -v valgrind > /dev/null; then \
+		cargo test --locked --quiet --package oarlock --lib --config '$(MEMCHECK)' -- --test-threads 1 kernels::; \
+	else echo "memcheck: NOT RUN, valgrind is missing"; fi
 
 bench: $(VENV)/.package ## time steps, parts, recordings, latency and memory, and print one table
 	OARLOCK_BENCH_OUT=$(CURDIR)/out/bench cargo bench --locked --package oarlock
@@ -124,12 +131,12 @@ release-checks: $(VENV)/.release $(VENV)/.deny ## check workflows and citation, 
 	$(VENV)/release/bin/cffconvert --validate
 	PATH=$(CURDIR)/$(VENV)/deny/bin:$$PATH cargo deny --locked --all-features check licenses bans sources
 
-# `make lock UPGRADE=--upgrade` moves every pin to its newest version.
-COMPILE := CUSTOM_COMPILE_COMMAND="make lock" $(VENV)/lock/bin/pip-compile --quiet --strip-extras --allow-unsafe \
-	--no-emit-index-url --no-emit-find-links --no-emit-trusted-host --annotation-style=line $(UPGRADE)
+# `make lock UPGRADE=--upgrade` moves every pin to its newest version. Pins and hashes are those of every system and Python.
+COMPILE := UV_CUSTOM_COMPILE_COMMAND="make lock" $(VENV)/lock/bin/uv pip compile --quiet --no-config --universal --python-version 3.11 \
+	--strip-extras --generate-hashes --no-emit-index-url --annotation-style=line $(UPGRADE)
 lock: $(VENV)/.created ## compute the pinned versions in requirements/ again
 	$(BIN)/python -m venv $(VENV)/lock
-	$(VENV)/lock/bin/python -m pip install --quiet --disable-pip-version-check pip-tools
+	$(VENV)/lock/bin/python -m pip install --quiet --disable-pip-version-check uv
 	$(COMPILE) --extra test --extra lint --extra dataframe --extra xarray --extra c3d --extra hdf5 --extra mcap --extra compare \
 		--extra ble --extra serial --extra mqtt --extra emulate --extra season --extra s3 --extra dask --extra fit \
 		--extra polars --extra plot --extra notebooks --extra video --extra site \
@@ -172,7 +179,7 @@ $(VENV)/.bench: requirements/bench.txt | $(VENV)/.run
 RELEASE := $(VENV)/release/bin/python -m release
 $(VENV)/.release: requirements/release.txt | $(VENV)/.created
 	$(BIN)/python -m venv $(VENV)/release
-	$(VENV)/release/bin/python -m pip install --quiet --disable-pip-version-check --requirement $<
+	$(VENV)/release/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes --requirement $<
 	@touch $@
 
 # Without optimisation it builds in a third of the time; it runs for half a second. The workflow advisories.yml has the same version.
