@@ -84,6 +84,7 @@ USUAL_S = {
     "test_viewer_browser": 70.0,
     # Estimates from a run of all tests on two cores.
     "engine": 90.0,
+    "memcheck": 60.0,
     "fuzz engine": 70.0,
     "fuzz decoders": 90.0,
     "fuzz messages": 65.0,
@@ -93,7 +94,7 @@ NEW_S = 60.0
 # A machine that is shared is slower than the one that was measured.
 ALLOWANCE = 1.5
 SUMMARY = re.compile(
-    r"^(?:=+ .*\d+ (?:passed|skipped).* =+|test result: .*|\d+ test functions.*|[\w-]+: NOT RUN .*)$", re.M
+    r"^(?:=+ .*\d+ (?:passed|skipped).* =+|test result: .*|\d+ test functions.*|[\w-]+: NOT RUN.*)$", re.M
 )
 
 
@@ -121,6 +122,7 @@ def parts() -> list[Part]:
     )
     return [
         Part("engine", [*cargo, "--test", "engine", "--", "--ignored"]),
+        Part("memcheck", ["make", "--no-print-directory", "memcheck"]),
         *(Part(path.stem, [*pytest, "-m", "long", str(path.relative_to(ROOT))]) for path in files),
         Part("fuzz engine", [*cargo, "--test", "fuzz", "--", "--test-threads", "1"], fuzzing),
         *(Part(f"fuzz {name}", [*pytest, f"tests/test_fuzz_{name}.py"], fuzzing) for name in FUZZED),
