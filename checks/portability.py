@@ -40,7 +40,7 @@ def registries() -> list[str]:
 
 
 def loose_pins() -> list[str]:
-    """Requirements without one version, and a build requirement that differs between its two places."""
+    """Requirements without one version or hashes, and a build requirement that differs between its two places."""
     found = [
         f"{name_of(pins)}: {line}"
         for pins in sorted((ROOT / "requirements").glob("*.txt"))
@@ -54,6 +54,11 @@ def loose_pins() -> list[str]:
 
 
 def loose(requirements: str) -> list[str]:
-    """Lines of a requirements file that do not pin one version."""
-    lines = [line.split("#")[0].strip() for line in requirements.splitlines()]
-    return [line for line in lines if line and not re.fullmatch(r"[\w.\-]+==[\w.]+(?: ; .+)?", line)]
+    """Packages of a requirements file without one version and hashes of its files."""
+    lines = re.sub(r" *\\\n *", " ", requirements).splitlines()
+    pinned = re.compile(r"[\w.\-]+==[\w.!]+( ; .+?)?( --hash=sha256:[0-9a-f]{64})+")
+    return [
+        line[:80]
+        for line in lines
+        if line and not line.lstrip().startswith("#") and not pinned.fullmatch(line)
+    ]

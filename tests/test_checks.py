@@ -89,7 +89,13 @@ def test_paths_of_one_windows_machine_are_found():
 
 
 def test_loose_pins_are_found():
-    assert portability.loose("a==1.0\nb>=2 # soon\n\nc==3 ; python_version < '3.12'\n") == ["b>=2"]
+    files = f" \\\n    --hash=sha256:{'0' * 64} \\\n    --hash=sha256:{'1' * 64}\n    # via d\n"
+    good = f"a==4!1.0{files}c==3 ; python_version < '3.12'{files}"
+    assert portability.loose(good) == []
+    assert portability.loose(f"{good}b>=2 \\\n    --hash=sha256:2\ne==5\n") == [
+        "b>=2 --hash=sha256:2",
+        "e==5",
+    ]
 
 
 def test_links_that_lead_nowhere_are_found(tmp_path):
