@@ -2,6 +2,9 @@
 
 import json
 import re
+import signal
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -302,3 +305,18 @@ def test_a_fault_of_our_own_is_told_from_a_fault_of_the_data(capsys):
 
 def test_json_has_no_nan():
     assert terminal.json_ready({"a": float("nan"), "b": (float("inf"), 1.5)}) == {"a": None, "b": [None, 1.5]}
+
+
+def typed_with(before):
+    code = f"import faulthandler, sys\nfrom oarlock import cli\n{before}\ncli.main()"
+    return subprocess.run([sys.executable, "-c", code, "--version"], capture_output=True, text=True)
+
+
+def test_a_crash_of_compiled_code_says_where_it_was():
+    done = typed_with("cli.app = lambda **_: faulthandler._sigabrt()")
+    assert done.returncode == -signal.SIGABRT and "Fatal Python error: Aborted" in done.stderr
+
+
+def test_a_program_without_stderr_has_verbs_too():
+    done = typed_with("sys.stderr = None")
+    assert done.returncode == 0 and done.stdout.startswith("oarlock ")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import resource
 import subprocess
@@ -32,9 +33,11 @@ from oarlock.model.load import load_model
 from oarlock.model.shipped_files import model_path
 from oarlock.recording.streams import ImuStream, ScalarStream
 from oarlock.rowing import SIMULATORS, load_stroke_export
+from oarlock.storage import folder_lock
 from oarlock.storage.folder_writer import FolderWriter, replaced_folder
 from oarlock.storage.manifest import MANIFEST, Manifest
 from oarlock.storage.names import LONGEST_NAME, file_names
+from oarlock.storage.write_file import sync
 
 TIME_S = np.arange(5) / 100.0
 
@@ -277,6 +280,40 @@ def test_a_lock_that_fails_is_free_again(tmp_path: Path, monkeypatch: pytest.Mon
         recording(1.0).save(tmp_path / "rec")
     recording(2.0).save(tmp_path / "rec")
     assert value_of(tmp_path / "rec") == 2.0
+
+
+def test_where_an_open_file_cannot_be_removed_the_lock_is_closed_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plain, is_open = Path.unlink, lambda number: os.path.exists(f"/proc/self/fd/{number}")
+
+    def unlink(file: Path, missing_ok: bool = False) -> None:
+        if file.name == "lock" and is_open(lock._number):
+            raise PermissionError("open, as Windows has it")
+        plain(file, missing_ok)
+
+    monkeypatch.setattr(Path, "unlink", unlink)
+    monkeypatch.setattr(folder_lock, "OPEN_FILES_STAY", True)
+    lock = folder_lock.FolderLock(tmp_path)
+    with pytest.raises(DataError, match="another run"):
+        folder_lock.FolderLock(tmp_path)
+    lock.release()
+    assert not list(tmp_path.iterdir())
+
+
+def test_files_are_flushed_to_the_disk_itself_where_that_is_another_call(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls: list[tuple[str, int]] = []
+    monkeypatch.setattr(fcntl, "F_FULLFSYNC", 51, raising=False)
+    monkeypatch.setattr(fcntl, "fcntl", lambda number, what: calls.append(("full", what)))
+    monkeypatch.setattr(os, "fsync", lambda number: calls.append(("fsync", 0)))
+    with (tmp_path / "file").open("wb") as file:
+        sync(file.fileno())
+        assert calls == [("full", 51)]
+        monkeypatch.delattr(fcntl, "F_FULLFSYNC")
+        sync(file.fileno())
+    assert calls == [("full", 51), ("fsync", 0)]
 
 
 def test_a_limit_on_file_size_leaves_the_old_recording(tmp_path: Path) -> None:

@@ -5,8 +5,10 @@ Exit status: 0 success, 1 a problem in the data, 2 wrong usage, 130 stopped by C
 
 from __future__ import annotations
 
+import faulthandler
 import io
 import sys
+from contextlib import suppress
 
 from oarlock.cli.stopped import stopped_in_words
 
@@ -143,6 +145,8 @@ for _name, _short_help in VERBS.items():
 
 def main() -> None:
     """Entry point of the `oarlock` command."""
+    with suppress(AttributeError, RuntimeError, OSError, ValueError):  # stderr is no file, or there is none
+        faulthandler.enable()  # a crash of compiled code prints where it was
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             # A terminal of another encoding shows escapes where it lacks a character.

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import IO, TypeVar
 
 from oarlock.storage.errors import DataError
-from oarlock.storage.write_file import write_file
+from oarlock.storage.write_file import sync, write_file
 
 PATIENCE_S = 5.0
 """After so long without success the second place is used."""
@@ -25,7 +25,7 @@ TRIES, PAUSE_S = 3, 0.1
 ANSWER_S = 2.0
 """A disk that takes longer for one write is named: it may be a network that hangs."""
 MOST_SENTENCES = 100
-SYNC = getattr(os, "fdatasync", os.fsync)
+SYNC = getattr(os, "fdatasync", sync)
 """macOS has no fdatasync."""
 Result = TypeVar("Result")
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from oarlock.season.place import OWN_WORK, checked_name
 from oarlock.storage.regular_file import UnreadableFileError, open_regular, read_bytes
-from oarlock.storage.write_file import sync_folder, unwritable, write_file
+from oarlock.storage.write_file import sync, sync_folder, unwritable, write_file
 
 _ATTEMPTS = 50
 
@@ -92,7 +92,7 @@ class Disk:
                 else:
                     stream.write(contents)
                 stream.flush()
-                os.fsync(stream.fileno())
+                sync(stream.fileno())
         sync_folder(stage)
 
     def _commit(self, stage: Path, target: Path, record: str) -> bool:

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import os
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 from oarlock.storage.errors import DataError
 
 WORK = ".oarlock"
 """Folder inside an output folder while it is written: the lock, the new files, the files on their way."""
+
+OPEN_FILES_STAY = os.name == "nt"
+"""Whether the system refuses to remove a file that is open."""
 
 TREE = "tree"
 """Folder inside `.oarlock/new` and `.oarlock/commit` with the new files."""
@@ -77,12 +81,13 @@ class FolderLock:
 
     def release(self) -> None:
         """Remove the folder `.oarlock` unless files on their way are in it, and end the lock."""
-        try:
+        if OPEN_FILES_STAY:  # there a file that the next writer has opened stays too
+            os.close(self._number)
+        with suppress(OSError):
             self._file.unlink(missing_ok=True)
             self.work.rmdir()
-        except OSError:
-            pass
-        os.close(self._number)
+        if not OPEN_FILES_STAY:
+            os.close(self._number)
 
 
 if sys.platform == "win32":
