@@ -169,11 +169,15 @@ def _without_own_folders(listing: Listing) -> Listing:
 
 def _refuse_own_recording(path: Path, listing: Listing) -> None:
     root = listing.root if listing.root.is_dir() else listing.root.parent
-    index = root / INDEX_FILE
-    if any(one.path == index for one in listing.files):
-        raise DataError(
-            f"{path}: is a recording of Oarlock already. Use it as it is: `oarlock track {path} --model MODEL`."
-        )
+    files = {one.path for one in listing.files}
+    for own, place in (
+        (root, path),
+        (root / "recording", root / "recording"),
+    ):  # the second is a live session's
+        if own / INDEX_FILE in files:
+            raise DataError(
+                f"{place}: is a recording of Oarlock already. Use it as it is: `oarlock track {place} --model MODEL`."
+            )
 
 
 def _with_own_names(found: list[Found], root: Path) -> list[Found]:

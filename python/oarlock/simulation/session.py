@@ -182,10 +182,12 @@ def _true_calibration(
         put("gyro_biases_rad_s", name, rng.normal(0.0, errors.gyro_bias_rad_s, 3))
         put("accel_biases_m_s2", name, rng.normal(0.0, errors.accel_bias_m_s2, 3))
         put("accel_scales", name, 1.0 + rng.normal(0.0, errors.accel_scale, 3))
-        put("mag_offsets_ut", name, rng.normal(0.0, errors.hard_iron_ut, 3))
+        hard = rng.normal(0.0, errors.hard_iron_ut, 3)
         soft = np.triu(rng.normal(0.0, errors.soft_iron, (3, 3)))
         soft = np.eye(3) + soft + np.triu(soft, 1).T
-        put("mag_matrices", name, np.linalg.inv(3.0 * soft / np.trace(soft)))
+        if sensor.mag_std_ut is not None:
+            put("mag_offsets_ut", name, hard)
+            put("mag_matrices", name, np.linalg.inv(3.0 * soft / np.trace(soft)))
         clock = rng.normal(0.0, 1.0, 2) * (errors.clock_offset_s, errors.clock_drift)
         if clock.any():
             put("clocks", name, Clock(float(clock[0]), float(clock[1])))

@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::model::suggest::hint;
 use crate::model::SensorKind;
 use crate::recording::Sample;
-use crate::sensor::{Quantity, Source};
+use crate::sensor::Quantity;
 use std::ops::Range;
 
 /// The corrections of one body, by position in the sample.
@@ -70,12 +70,12 @@ fn inputs(body: &Body, corrections: &Corrections) -> Vec<(usize, EncoderScale)> 
     inputs.filter_map(scale).collect()
 }
 
+/// A unit of which the model leaves out the magnetometer is corrected in what it has.
 fn check_magnetometers(body: &Body, corrections: &Corrections) -> Result<()> {
-    let is_magnetometer = |s: &&Source| s.parts.iter().any(|p| p.quantity == Quantity::Mag);
-    let known: Vec<&str> = body.suite.sources.iter().filter(is_magnetometer).map(|s| s.name.as_str()).collect();
+    let known: Vec<&str> = body.suite.sources.iter().map(|s| s.name.as_str()).collect();
     match corrections.mag_offsets.keys().find(|name| !known.contains(&name.as_str())) {
         Some(name) => Err(Error::Data(format!(
-            "magnetometer offset '{name}': model '{}' has no magnetometer of that name; {}",
+            "magnetometer offset '{name}': model '{}' has no sensor of that name; {}",
             body.model.name,
             hint(name, &known)
         ))),

@@ -47,7 +47,8 @@ def read_c3d(path: str | PathLike[str]) -> Recording:
     values, rate_hz = content["channels"].T, float(content["rate_hz"])
     if not values.size:
         raise DataError(
-            f"{file}: has no analogue channels. Its markers are read by `oarlock evaluate --markers`."
+            f"{file}: has no analogue channels. Its markers are read by `oarlock markers show` and "
+            "`oarlock evaluate TRACK FILE`."
         )
     if not rate_hz > 0.0:
         raise DataError(f"{file}: the rate of its analogue channels is {rate_hz:g} Hz (ANALOG:RATE)")

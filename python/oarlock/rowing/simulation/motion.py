@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from oarlock.rowing.simulation.arms import WEIGHTS, preferred_arms
 from oarlock.rowing.simulation.boat import Boat, HullMotion, hull_motion
-from oarlock.rowing.simulation.grip import Body, GripSolver
+from oarlock.rowing.simulation.grip import ARM_JOINTS, SIDES, Body, GripSolver
 from oarlock.rowing.simulation.holding import Holding
 from oarlock.rowing.simulation.stroke_shape import StrokeShape, body_and_oars
 from oarlock.rowing.simulation.timing import StrokeTiming, stroke_timing
@@ -151,9 +151,9 @@ def knots(duration_s: float, start_s: float, knots_hz: float, variation: float) 
 
 
 def check_joints(model: Body, needed: Iterable[str], activity: str) -> None:
-    """Refuses a model that lacks a joint, before its hands are looked for."""
+    """Refuses a model that lacks a joint, of the arms or another, before its hands are looked for."""
     names = list(model.joint_names)
-    for name in needed:
+    for name in (*needed, *(f"{side}_{joint}" for side in SIDES for joint in ARM_JOINTS)):
         if name not in names:
             raise DataError(
                 f"{activity}: the model has no joint {name!r}; it has {', '.join(names)}. "
