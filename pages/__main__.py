@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
-from . import coverage, emulated, record, robustness, status, structures, validation
+from . import coverage, emulated, faults, record, robustness, status, structures, validation
 from .sections import into_page
 from .site import tutorials
 
@@ -16,6 +16,7 @@ SECTIONS: Mapping[str, Callable[[record.Record], Mapping[str, Mapping[str, str]]
     "structures": structures.sections,
     "coverage": coverage.sections,
     "validation": validation.sections,
+    "faults": faults.sections,
     "robustness_quick": robustness.sections,
     "robustness": robustness.sections,
     "emulated": emulated.sections,
@@ -27,8 +28,8 @@ def main(arguments: list[str] | None = None) -> int:
     """Exit 0; a measurement that cannot run raises."""
     parser = argparse.ArgumentParser(prog="python -m pages", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"{', '.join(SECTIONS)}; default: all")
-    parser.add_argument("--seeds", type=int, help="robustness, coverage: only N seeds")
-    parser.add_argument("--jobs", type=int, help="robustness: processes; else all cores")
+    parser.add_argument("--seeds", type=int, help="robustness, coverage, faults: only N seeds")
+    parser.add_argument("--jobs", type=int, help="robustness, faults: processes; else all cores")
     parser.add_argument("--sets", nargs="+", choices=list(validation.SETS), help="validation: only these")
     parser.add_argument("--python", type=Path, help="tutorials: a Python in which a wheel is installed")
     parser.add_argument("--recorded", action="store_true", help="write the pages, measure nothing")
@@ -55,6 +56,8 @@ def _measured(name: str, asked: argparse.Namespace) -> Iterator[record.Record]:
     elif name == "coverage":
         seeds = coverage.SEEDS if asked.seeds is None else coverage.SEEDS[: asked.seeds]
         yield record.stamped(coverage.measured(seeds))
+    elif name == "faults":
+        yield record.stamped(faults.measured(faults.SEEDS[: asked.seeds], asked.jobs))
     elif name == "tutorials":
         yield record.stamped(tutorials.measured(asked.python or Path(sys.executable)))
     elif name == "emulated":

@@ -89,7 +89,7 @@ def suspects(
     config: Config | None = None,
     *,
     seconds: float = 1.0,
-    budget_s: float = 10.0,
+    budget_s: float = 8.0,
     progress: Progress = None,
 ) -> tuple[Suspect, ...]:
     """Find sensor faults in a recording.
@@ -107,7 +107,7 @@ def suspects(
         calibration: calibration of this session; its corrections are applied first.
         config: settings for closures and magnetometers; None uses the defaults.
         seconds: duration of the part that the filter tests, s.
-        budget_s: longest search, s. Its end is said by a suspect "unfinished".
+        budget_s: after which no further fault is tried, s. This is said by a suspect "unfinished".
         progress: True shows that it runs.
 
     Returns:
