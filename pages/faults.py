@@ -1,8 +1,8 @@
 """The table of docs/sensor-faults.md: thirty kinds of faults in simulated recordings, and what is said of them.
 
 Half of the runs are a sculler of the field simulator (`careful`), half a machine's arm with three units. A run is
-certain but wrong if the error of a hinge is above three of its standard deviations in a fifth of the rows. Oars are left
-out: their bands know no error of an encoder.
+certain but wrong if the error of a hinge is above three of its standard deviations in a fifth of the rows. Oars are
+left out: their bands know no error of an encoder.
 """
 
 from __future__ import annotations
