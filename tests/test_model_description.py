@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import FrozenInstanceError, fields, is_dataclass
+from inspect import cleandoc
 from typing import Any, get_type_hints
 
 import numpy as np
@@ -96,7 +97,8 @@ def test_every_field_is_typed_and_documented() -> None:
         inherited = {f.name for base in part.__bases__ if is_dataclass(base) for f in fields(base)}
         for name, hint in get_type_hints(part).items():
             assert hint is not Any, f"{part.__name__}.{name}"
-            assert name in inherited or f"        {name}: " in (part.__doc__ or ""), f"{part.__name__}.{name}"
+            about = cleandoc(part.__doc__ or "")
+            assert name in inherited or f"    {name}: " in about, f"{part.__name__}.{name}"
         assert getattr(oarlock, part.__name__) is part
 
 
