@@ -138,4 +138,4 @@ def test_a_session_of_a_unit_whose_magnetometer_the_model_leaves_out_is_tracked(
     (tmp_path / "cal.toml").write_text(
         (tmp_path / "cal.toml").read_text("utf-8").replace("back", "bakc"), "utf-8"
     )
-    assert "did you mean 'back'" in run(*words, "--out", tmp_path / "other", status=1).output
+    assert "did you mean `back`" in run(*words, "--out", tmp_path / "other", status=1).output
