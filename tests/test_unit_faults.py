@@ -155,3 +155,10 @@ def test_two_units_that_disagree_and_one_that_is_alone() -> None:
     (late,) = oarlock.suspects(model, FAULTS["late"][0](pair))
     assert late.fault == "clock" and set(late.streams) <= {"forearm", "hand"}
     assert JointForces.of(model, recording.only(["hand"]), None) is None
+
+
+@pytest.mark.parametrize("length_s", [0.05, 0.4, 1.2, 2.5])
+def test_short_recordings_are_searched_too(length_s: float) -> None:
+    model, recording = arm(SEEDS[0])
+    found = oarlock.suspects(model, FAULTS["gravity"][0](recording).slice(5.0, 5.0 + length_s))
+    assert all(s.fault != "unfinished" for s in found)

@@ -17,7 +17,7 @@ from oarlock.cli.settings import (
     settings_of_file,
     split,
 )
-from oarlock.cli.suspects import explained, write_suspects
+from oarlock.cli.suspects import explained, searched, write_suspects
 from oarlock.cli.tables import write_summary
 from oarlock.cli.terminal import UsageError, output_folder, print_json, say, steps, verb
 from oarlock.cli.track_folder import RECORDING_FILE, TRACK, beside, document, run_filter, write_folder
@@ -137,7 +137,6 @@ def track(
 ) -> None:
     """Track a recording: write joint angles with uncertainty, run.toml and report.html into a folder."""
     from oarlock import load_calibration, load_model
-    from oarlock import suspects as find_suspects
 
     body = load_model(model)
     parameters, chosen = split(settings, body.parameters)
@@ -179,7 +178,7 @@ def track(
     if (out / RECORDING_FILE).exists():
         raise UsageError(f"{out} is a recording; choose another folder for the results")
     with explained(out, f"Track of {body.name}", force) as found, output_folder(out, TRACK, force) as stage:
-        found += find_suspects(body, measured, wearing, config) if suspects else ()
+        found += searched(body, measured, wearing, config) if suspects else ()
         result = run_filter(body, measured, wearing, config, smooth, asked)
         result = result.with_notes(*(suspect.note for suspect in found), *map(ball_note, balls or ()))
         write_folder(result, stage, csv)

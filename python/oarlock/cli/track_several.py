@@ -117,7 +117,7 @@ def _results(
     told: Told,
 ) -> Iterator[tuple[Path, Track | Failure, tuple[Suspect, ...]]]:
     """Tracks as many recordings at a time as there are threads, to limit memory."""
-    from oarlock import suspects
+    from oarlock.cli.suspects import searched
     from oarlock.tracking.many import outcomes
 
     width = threads or os.cpu_count() or 1
@@ -132,7 +132,7 @@ def _results(
         found = broken | dict(zip(jobs, tracked, strict=True))
         for path in batch:
             job = jobs.get(str(path)) if look else None
-            looked = () if job is None else suspects(body, *job)
+            looked = () if job is None else searched(body, *job)
             yield path, _with_reason(found[str(path)], looked), looked
 
 

@@ -211,15 +211,19 @@ class JointForces:
         own, other = (0, 1) if a == name else (1, 0)
         force, still = (self.units[(a, b)[i]].force(levers[i]) for i in (own, other))
         there, whole = self.units[name].there, self.units[(a, b)[other]].there
-        changes, costs = min(float(np.var(force)), float(np.var(still))) + LEAST_M_S2**2, []
+        changes, costs = min(float(np.var(force)), float(np.var(still))) + LEAST_M_S2**2, list[float]()
         for lag in lags:
+            if 2 * abs(int(lag)) > len(force):
+                costs.append(np.inf)
+                continue
             late, now = (
                 slice(max(0, lag), len(force) + min(0, lag)),
                 slice(max(0, -lag), len(force) + min(0, -lag)),
             )
             both = there[late] & whole[now]
             enough = np.count_nonzero(both) > 0.5 * len(force)
-            costs.append(np.mean((force[late] - still[now])[both] ** 2) / changes if enough else np.inf)
+            squared = float(np.mean((force[late] - still[now])[both] ** 2)) if enough else np.inf
+            costs.append(squared / changes)
         return np.array(costs)
 
     def part(self, rows: slice) -> JointForces:
