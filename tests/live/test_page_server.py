@@ -9,7 +9,7 @@ import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from oarlock.live.server import MOST_RUBBISH, PageServer
+from oarlock.live.server import MOST_AT_ONCE, MOST_RUBBISH, PageServer
 from oarlock.storage.errors import DataError
 
 FILES = {"/": b"<!doctype html><title>live</title>", "/live.js": b"1"}
@@ -176,3 +176,22 @@ def test_the_address_for_others_has_their_way_here_and_the_token():
     (here, there, port), _ = served(work, host="0.0.0.0", token="a&b")
     assert here == f"http://127.0.0.1:{port}/?token=a%26b"
     assert there == f"http://192.168.1.5:{port}/?token=a%26b"
+
+
+def test_a_viewer_that_floods_the_session_with_notes_is_left_out():
+    async def work(server):
+        async with connect(socket_url(server)) as flood, connect(socket_url(server)) as other:
+            await got(flood), await got(other)
+            with pytest.raises(ConnectionClosed):
+                for number in range(20_000):
+                    await flood.send(json.dumps({"do": "note", "text": str(number)}))
+                await flood.wait_closed()
+                await flood.send("{}")
+            await other.send(json.dumps({"do": "note", "text": "other"}))
+            await asyncio.sleep(0.1)
+
+    _, commands = served(work)
+    texts = [command["text"] for command in commands]
+    # A few more come in while the flood lasts.
+    assert MOST_AT_ONCE <= len(texts) < 3 * MOST_AT_ONCE
+    assert texts[:30] == [str(number) for number in range(30)] and texts[-1] == "other"

@@ -30,6 +30,8 @@ OWN_NAMES = ("127.0.0.1", "localhost", "::1")
 LONGEST_MESSAGE = 1 << 16
 MOST_RUBBISH = 100
 """A viewer that sends more messages than this that are none is disconnected."""
+COMMANDS_PER_S, MOST_AT_ONCE = 5.0, 30.0
+"""Commands that a viewer may send: each is recorded, and goes to all viewers."""
 LONGEST_CLOSE_S = 1.0
 """A viewer that does not answer holds up the end of a session for so long."""
 MOST_TOLD = 1000
@@ -58,6 +60,9 @@ class Viewer:
     skipped: int = 0
     """Messages that newer ones replaced before it had shown the last."""
     rubbish: int = 0
+    allowance: float = MOST_AT_ONCE
+    """Commands that it may send, as of `allowed_s`."""
+    allowed_s: float = 0.0
     _newest: dict[str, str] = field(default_factory=dict)
     _is_ready: bool = True
     _news: asyncio.Event = field(default_factory=asyncio.Event)
@@ -74,6 +79,16 @@ class Viewer:
         if len(self._told) < MOST_TOLD:
             self._told.append(message)
         self._news.set()
+
+    def may_command(self) -> bool:
+        """Whether a further command keeps to `COMMANDS_PER_S`; it counts as one."""
+        now_s = time.monotonic()
+        self.allowance = min(MOST_AT_ONCE, self.allowance + COMMANDS_PER_S * max(0.0, now_s - self.allowed_s))
+        self.allowed_s = now_s
+        if self.allowance < 1.0:
+            return False
+        self.allowance -= 1.0
+        return True
 
     def shown(self) -> None:
         """It has shown the last frame."""
@@ -249,6 +264,11 @@ class PageServer:
         except (ValueError, KeyError, TypeError, RecursionError):
             viewer.rubbish += 1
             viewer.tell(json.dumps({"type": "problem", "text": "a message was not understood"}))
+            return
+        if not viewer.may_command():
+            viewer.rubbish += 1
+            text = f"a command was left out: more than {COMMANDS_PER_S:g} a second"
+            viewer.tell(json.dumps({"type": "problem", "text": text}))
             return
         problem = self.command(told)
         if problem:
