@@ -54,7 +54,7 @@ def is_right(track: Track, truth: Track, from_s: float, later_s: float = 0.0) ->
 
 
 @pytest.mark.parametrize("smooth", [False, True])
-@pytest.mark.parametrize("silence_s", [1.0, 5.0])
+@pytest.mark.parametrize("silence_s", [pytest.param(1.0, marks=pytest.mark.long), 5.0])
 @pytest.mark.parametrize("name", ["sculler", "arm7"])
 def test_seconds_without_any_reading(name: str, silence_s: float, smooth: bool) -> None:
     model, recording, truth = body(name)
@@ -71,7 +71,7 @@ def test_seconds_without_any_reading(name: str, silence_s: float, smooth: bool) 
     assert is_right(track, truth, FROM_S + silence_s)
 
 
-@pytest.mark.parametrize("by_s", [100.0, 1e4, 3.15e8])
+@pytest.mark.parametrize("by_s", [pytest.param(100.0, marks=pytest.mark.long), 3.15e8])
 @pytest.mark.parametrize("name", ["sculler", "arm7"])
 def test_a_clock_that_was_set_splits_a_recording(name: str, by_s: float) -> None:
     model, recording, truth = body(name)
