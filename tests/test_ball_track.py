@@ -12,8 +12,6 @@ from ball_body import BallBody, noisy, true_track
 from oarlock.evaluation.summary import summarize
 from oarlock.model.angle_sequence import quat_from_angles
 from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec, rotvec_between
-from oarlock.storage.manifest import MANIFEST
-from oarlock.storage.toml import TomlTable, write_toml
 from oarlock.tracking.joint_series import BallSeries, FreeSeries, HingeSeries, SlideSeries
 from refusals import assert_refused
 
@@ -93,7 +91,7 @@ def test_columns_say_what_they_hold(track):
 
 
 def test_tables_of_others_take_them(track):
-    frame = pytest.importorskip("pandas") and track.to_dataframe()
+    frame = pytest.importorskip("pandas") and track.to_pandas()
     assert len(frame) == len(track)
     assert frame["shoulder.rx_rad"].iloc[3] == track.q[3, 8]
     pytest.importorskip("xarray")
@@ -149,22 +147,6 @@ def test_a_track_comes_back_from_a_pickle(track):
     loaded = pickle.loads(pickle.dumps(replace(track, model=None)))
     assert np.array_equal(loaded["pelvis"].quat_wxyz, track["pelvis"].quat_wxyz)
     assert loaded["shoulder"].angle_sequence == "YXY"
-
-
-def test_folders_from_before_ball_joints_are_read(tmp_path):
-    """They have no [coordinates]: their coordinates are the joints."""
-    body = BallBody({"trunk": "hinge", "rail": "slide"})
-    track = noisy(true_track(body, 3.0), 0.01)
-    replace(track, model=None).save(tmp_path)
-    run = TomlTable.read(tmp_path / "run.toml").values
-    (tmp_path / MANIFEST).unlink()  # older versions wrote none
-    write_toml(
-        tmp_path / "run.toml", {k: v for k, v in run.items() if k not in ("coordinates", "angle_sequences")}
-    )
-    loaded = oarlock.load_track(tmp_path)
-    assert loaded.coordinate_names == loaded.joint_names == ("trunk", "rail")
-    assert loaded.coordinate_units == ("rad", "m")
-    assert np.array_equal(loaded.q, track.q)
 
 
 def test_coordinates_without_units_are_named(saved):

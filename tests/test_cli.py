@@ -236,12 +236,6 @@ def test_an_earlier_run_gives_its_settings(trial):
     }.keys() == by_itself
 
 
-@pytest.mark.parametrize("flag", settings.NOW_SETTINGS)
-def test_a_flag_that_became_a_setting_says_so(flag):
-    refused = run("track", "nowhere", "--model", "sculler", flag, "--out", "unused", status=2)
-    assert f"{flag} is a setting now: {settings.NOW_SETTINGS[flag]}" in " ".join(refused.stderr.split())
-
-
 # --- errors -------------------------------------------------------------------------------------------
 
 

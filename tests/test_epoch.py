@@ -279,27 +279,3 @@ def test_tracks_with_epochs_are_compared_as_moments(pair, tmp_path):
     apart = later(dated, 0.0, "2023-11-14T23:13:20.000000000Z")
     with pytest.raises(DataError, match=r"truth 3600\.000 to .* time 0 is 2023-11-14 22:13:20\.00 UTC"):
         evaluate(dated, apart, 0.2)
-
-
-def test_an_older_track_with_such_stamps_loads_from_0(pair, tmp_path):
-    (_, plain), (_, dated) = pair.values()
-    old = replace(
-        plain,
-        time_s=plain.time_s + EPOCH_S,
-        beliefs=replace(plain.beliefs, time_s=plain.beliefs.time_s + EPOCH_S),
-    )
-    old.save(tmp_path / "old")
-    (tmp_path / "old/oarlock-manifest.toml").unlink()
-    found = load_track(tmp_path / "old")
-    first_s = float(plain.time_s[0])
-    assert found.time_s[0] == 0.0
-    assert found.time_s == pytest.approx(plain.time_s - first_s, abs=STAMP_S)
-    assert found.beliefs.time_s == pytest.approx(plain.beliefs.time_s - first_s, abs=STAMP_S)
-    assert apart_s(found.epoch, dated.epoch) == pytest.approx(first_s, abs=STAMP_S)
-    assert "they now start at 0 s" in found.notes[-1]
-    assert (found.q == plain.q).all()
-    scores = evaluate(found, dated, 0.2)
-    assert [score.rmse for score in scores.joints] == pytest.approx([0.0] * 3, abs=1e-6)
-    found.save(tmp_path / "again")
-    again = load_track(tmp_path / "again")
-    assert again.epoch == found.epoch and again.notes == found.notes

@@ -6,7 +6,6 @@ import pytest
 import oarlock
 from exact_recording import figures, load_excerpt
 from oarlock import rowing
-from oarlock.storage.manifest import MANIFEST
 
 FILTERS = ("ukf", "ekf", "factorised")
 
@@ -59,24 +58,6 @@ def test_each_is_smoothed(name, rowed, tracks):
 def test_the_filter_comes_back_with_its_track(name, tracks, tmp_path):
     tracks[name].save(tmp_path)
     assert oarlock.load_track(tmp_path).provenance["config"]["filter"] == name
-
-
-def test_a_track_of_the_removed_iterated_filter_still_loads(tracks, tmp_path):
-    tracks["ekf"].save(tmp_path)
-    run = tmp_path / "run.toml"
-    text = run.read_text(encoding="utf-8")
-    assert text.count('filter = "ekf"') == 1
-    (tmp_path / MANIFEST).unlink()  # older versions wrote none
-    run.write_text(text.replace('filter = "ekf"', 'filter = "iekf"'), encoding="utf-8")
-    loaded = oarlock.load_track(tmp_path)
-    assert loaded.provenance["config"]["filter"] == "iekf"
-    assert np.array_equal(loaded.q, tracks["ekf"].q, equal_nan=True)
-
-
-def test_a_pickled_config_of_the_removed_iterated_filter_takes_the_extended_one():
-    make, (keys,) = oarlock.Config(alpha=0.2).__reduce__()
-    config = make({**keys, "filter": "iekf"})
-    assert (config.filter, config.alpha) == ("ekf", 0.2)
 
 
 # The project's targets on this recording, deg; 93 % leaves room for what 8 s of one motion can tell of a 95 % band.

@@ -82,7 +82,7 @@ def test_tables_of_a_track_have_its_columns(track):
     pandas, polars = pytest.importorskip("pandas"), pytest.importorskip("polars")
     assert isinstance(track.to_pandas(), pandas.DataFrame)
     assert isinstance(track.to_polars(), polars.DataFrame)
-    for table in (track.to_pandas(), track.to_polars(), track.to_dataframe()):
+    for table in (track.to_pandas(), track.to_polars()):
         assert list(table.columns) == list(track.columns())
         assert np.array_equal(np.asarray(table["trunk_rad"]), track.column("trunk_rad"))
 

@@ -18,6 +18,5 @@ def __getattr__(name: str) -> object:
 
 
 def _config_from_dict(keys: dict[str, object]) -> object:
-    """Unpickle a Config; in one of 0.1.0 that names the iterated filter, `ekf` takes its place."""
-    known = {key: "ekf" if (key, value) == ("filter", "iekf") else value for key, value in keys.items()}
-    return __getattr__("Config")(**known)
+    """Unpickle a Config."""
+    return __getattr__("Config")(**keys)

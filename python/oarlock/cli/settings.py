@@ -1,4 +1,4 @@
-"""Parses the filter settings of one run: `--config FILE`, `--set KEY=VALUE`, and former flags."""
+"""Parses the filter settings of one run: `--config FILE` and `--set KEY=VALUE`."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ import tomllib
 from collections.abc import Container, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-from typer.core import TyperCommand
 
 from oarlock._core import Config
 from oarlock.cli.model import posture
@@ -41,36 +39,6 @@ MEANINGS = {
     "kappa": "scaling, usually 0",
 }
 """Settings without a flag of their own, with one line of help."""
-NOW_SETTINGS = {
-    "--estimate": "--set estimate=NAMES",
-    "--closures": "--set closures=true",
-    "--no-closures": "--set closures=false",
-    "--process-noise": "--set process_noise=NAME",
-    "--magnetometer": "--set magnetometer=NAME",
-    "--initial-q": "--set initial_q.JOINT=VALUE",
-    "--gate": "--set gate=true",
-    "--no-gate": "--set gate=false",
-    "--gate-patience-s": "--set gate_patience_s=S",
-    "--start-window-s": "--set start_window_s=S",
-    "--merge-s": "--set merge_s=S",
-    "--belief-interval-s": "--set belief_interval_s=S",
-    "--alpha": "--set alpha=X",
-    "--beta": "--set beta=X",
-    "--kappa": "--set kappa=X",
-}
-"""Flags of version 0.1.0 and what replaces them."""
-
-
-class ConfiguredCommand(TyperCommand):
-    """A verb that prints the replacement of a removed flag."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse the arguments; return the remaining ones."""
-        for text in args:
-            flag = text.partition("=")[0]
-            if flag in NOW_SETTINGS:
-                ctx.fail(f"{flag} is a setting now: {NOW_SETTINGS[flag]}")
-        return super().parse_args(ctx, args)
 
 
 def settings_help() -> str:

@@ -11,7 +11,6 @@ from oarlock.cli.body import Balls, Mass, Plays, Stature, Units, ball_note, chos
 from oarlock.cli.options import CalibrationFile, Force, Json, ModelName, OutFolder, example, names
 from oarlock.cli.settings import (
     DEFAULTS,
-    ConfiguredCommand,
     configuration,
     settings_help,
     settings_of_file,
@@ -37,7 +36,6 @@ def add_to(app: typer.Typer) -> None:
     """Registers the verb."""
     app.command(
         "track",
-        cls=ConfiguredCommand,
         epilog=example(
             "oarlock track trial --model sculler --out out",
             "oarlock track trial --model my.toml --set l_ua_r=0.31 --smooth --csv --out out",

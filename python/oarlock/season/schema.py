@@ -5,7 +5,6 @@ from __future__ import annotations
 import datetime
 import io
 from collections.abc import Mapping, Sequence
-from types import MappingProxyType
 from typing import Final
 
 import pyarrow as pa
@@ -18,8 +17,6 @@ from oarlock.storage.parquet_table import read_table
 
 SCHEMA: Final = 1
 """Version of the columns below. Tables of another version are made anew from the results at the next compaction."""
-RENAMED: Mapping[str, str] = MappingProxyType({})
-"""Columns of results by earlier releases that have another name now, by their name then."""
 
 KEYS: Final = pa.schema(
     [
@@ -93,7 +90,7 @@ def run_rows(records: Sequence[RunRecord]) -> pa.Table:
 
 
 def stroke_rows(contents: bytes, entry: Entry, run: RunRecord, where: str) -> pa.Table:
-    """Rows of `strokes` of one result, with the names of today; `joined` brings their numbers to float32.
+    """Rows of `strokes` of one result; `joined` brings their numbers to float32.
 
     Raises:
         DataError: the file is damaged.
@@ -112,7 +109,7 @@ def stroke_rows(contents: bytes, entry: Entry, run: RunRecord, where: str) -> pa
     columns.append(pa.array(range(1, count + 1), pa.int32()))
     return pa.Table.from_arrays(
         [*columns, *(found[name] for name in names)],
-        [*KEYS.names, *(RENAMED.get(name, name) for name in names)],
+        [*KEYS.names, *names],
     )
 
 

@@ -36,7 +36,7 @@ class Manifest:
 
     @classmethod
     def read(cls, folder: Path) -> Manifest | None:
-        """The manifest of a folder; None if there is none, as in folders of version 0.1.0 or of a person.
+        """The manifest of a folder; None if there is none, as in folders that a person made.
 
         Raises:
             DataError: it is damaged.

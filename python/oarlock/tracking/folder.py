@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,6 @@ from pyarrow import parquet
 
 from oarlock._core import Model
 from oarlock.recording.session_info import SESSION_KEY, read_session, without_session, write_session
-from oarlock.storage.epoch import epoch_of_stamps, shifted_text
 from oarlock.storage.errors import DataError
 from oarlock.storage.folder_writer import check_files, read_manifest, replaced_folder
 from oarlock.storage.parquet_table import arrow_numbers, arrow_words, columns_of, numbers_of, read_table
@@ -73,8 +71,7 @@ def read_track(folder: str | PathLike[str]) -> dict[str, Any]:
     top = _read_description(place / "run.toml")
     session = dict(read_session(place))
     table = read_table(place / "track.parquet", _AGAIN)
-    # earlier versions wrote no coordinates for models with only hinges and slides; there each joint is a coordinate
-    coordinates = top.get("coordinates", top["joints"])
+    coordinates = top["coordinates"]
     names, units = tuple(coordinates["names"]), tuple(coordinates["units"])
     with columns_of(place / "track.parquet", _AGAIN):
         arrays: dict[str, Any] = {
@@ -94,7 +91,7 @@ def read_track(folder: str | PathLike[str]) -> dict[str, Any]:
         "joint_units": tuple(top["joints"]["units"]),
         "coordinate_names": names,
         "coordinate_units": units,
-        "angle_sequences": dict(top.get("angle_sequences", {})),
+        "angle_sequences": dict(top["angle_sequences"]),
         "observed": observed,
         "slow": slow,
         "info": _info(place / "sensors.parquet", tuple(top["sensors"])),
@@ -102,32 +99,19 @@ def read_track(folder: str | PathLike[str]) -> dict[str, Any]:
         "notes": tuple(top["notes"]),
         "provenance": _with_none_read(top["provenance"]) | ({SESSION_KEY: session} if session else {}),
         "smoothed": bool(top["smoothed"]),
-        "counts": _counts(place / "run.toml", top.get("streams", {})),
+        "counts": _counts(place / "run.toml", top["streams"]),
     }
     check_files(manifest, [name for name in _FILES if (place / name).is_file()])
-    return _from_zero(found)
-
-
-def _from_zero(found: dict[str, Any]) -> dict[str, Any]:
-    """With rows from 0 s and an epoch, if the stamps are seconds since 1970, as earlier versions wrote them."""
-    time_s, beliefs, provenance = found["time_s"], found["beliefs"], found["provenance"]
-    if not len(time_s) or "epoch" in provenance:
-        return found
-    zero = epoch_of_stamps(float(time_s[0]), float(time_s[-1]))
-    if zero is None:
-        return found
-    return found | {
-        "time_s": time_s - time_s[0],
-        "beliefs": None if beliefs is None else replace(beliefs, time_s=beliefs.time_s - time_s[0]),
-        "provenance": {**provenance, "epoch": zero},
-        "notes": (*found["notes"], shifted_text(zero)),
-    }
+    return found
 
 
 def _read_description(file: Path) -> Mapping[str, Any]:
     top: Mapping[str, Any] = TomlTable.read(file).values
     expected = {
         "joints": dict,
+        "coordinates": dict,
+        "angle_sequences": dict,
+        "streams": dict,
         "slow": dict,
         "provenance": dict,
         "sensors": list,
@@ -141,8 +125,7 @@ def _read_description(file: Path) -> Mapping[str, Any]:
                 f"{file}: key '{key}' is missing or not a {kind.__name__}; track the recording again"
             )
     for table in ("joints", "coordinates"):
-        given = top.get(table, top["joints"])
-        if not isinstance(given, Mapping) or not {"names", "units"} <= set(given):
+        if not {"names", "units"} <= set(top[table]):
             raise DataError(
                 f"{file}: [{table}] needs the lists 'names' and 'units'; track the recording again"
             )
@@ -150,7 +133,6 @@ def _read_description(file: Path) -> Mapping[str, Any]:
 
 
 def _counts(file: Path, streams: Any) -> tuple[StreamCount, ...]:
-    # earlier versions wrote no counts
     try:
         return tuple(StreamCount(name, **count) for name, count in streams.items())
     except (AttributeError, TypeError):
@@ -230,9 +212,6 @@ def _info(file: Path, names: tuple[str, ...]) -> SensorInfo | None:
 
 
 def _words(table: pa.Table, name: str, known: tuple[str, ...]) -> NDArray[np.int64]:
-    # earlier versions did not write this column
-    if name not in table.column_names:
-        return np.zeros(len(table), dtype=np.int64)
     words = table[name].combine_chunks()
     places = np.array([known.index(word) for word in words.dictionary.to_pylist()], dtype=np.int64)
     return np.asarray(places[words.indices.to_numpy(zero_copy_only=False)])

@@ -156,10 +156,6 @@ class Track(Estimates):
         """All columns as a pandas DataFrame (needs the extra `oarlock[dataframe]`)."""
         return pandas_table(self.columns())
 
-    def to_dataframe(self) -> pd.DataFrame:
-        """Earlier name of `to_pandas`."""
-        return self.to_pandas()
-
     def to_polars(self) -> pl.DataFrame:
         """All columns as a polars DataFrame (needs the extra `oarlock[polars]`). Missing numbers are NaN, not null."""
         return polars_table(self.columns())

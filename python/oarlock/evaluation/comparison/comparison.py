@@ -152,7 +152,6 @@ def compare(
     start_s: float = 2.0,
     repeats: int = 1,
     progress: Displays = None,
-    told: Displays = None,
 ) -> Comparison:
     """Run estimators on the same recording and score each.
 
@@ -172,13 +171,11 @@ def compare(
         repeats: number of runs of each estimator.
         progress: True shows a bar or lines for each estimator. A function of its name returns a context manager, which
             gives what is called with the share done.
-        told: earlier name of `progress`.
 
     Raises:
         DataError: a requested estimator cannot run, none can, or ground truth and recording do not overlap.
     """
-    asked, shows = estimators is not None, progress or told or None
-    shows = display if shows is True else shows
+    asked, shows = estimators is not None, display if progress is True else progress or None
     chosen = [estimator(e) if isinstance(e, str) else e for e in (estimators or usual_estimators())]
     if repeats < 1:
         raise DataError(f"compare: repeats = {repeats}; expected 1 or more")
