@@ -1,4 +1,4 @@
-"""The drawn pose: what stands where, in a terminal and in SVG."""
+"""The pose of a model: what stands where, in words and in SVG."""
 
 import xml.etree.ElementTree as ElementTree
 
@@ -9,7 +9,6 @@ from oarlock import load_model
 from oarlock.model.layout import blocks, quantities, rows_of
 from oarlock.report.pose_picture.skeleton import Skeleton, skeleton, views
 from oarlock.report.pose_picture.svg import draw_svg
-from oarlock.report.pose_picture.text import draw_text
 
 SHIPPED = ("sculler", "pendulum3")
 
@@ -18,15 +17,6 @@ SHIPPED = ("sculler", "pendulum3")
 def body(request: pytest.FixtureRequest) -> Skeleton:
     model = load_model(request.param)
     return skeleton(model, np.zeros(len(model.joint_names)))
-
-
-@pytest.mark.parametrize("ascii_only", [False, True])
-@pytest.mark.parametrize("columns", [60, 80, 100])
-def test_text_keeps_its_width(body: Skeleton, columns: int, ascii_only: bool) -> None:
-    picture = draw_text(body, columns=columns, ascii_only=ascii_only)
-    assert max(map(len, picture.splitlines())) <= columns
-    assert picture.isascii() is ascii_only
-    assert "from its right side" in picture and "from the front" in picture
 
 
 def test_every_line_has_an_extent_and_joins_the_body(body: Skeleton) -> None:
@@ -41,9 +31,6 @@ def test_front_view_shows_the_left_on_the_right() -> None:
     _, front = views(body)
     across = {spot.name: front.project(spot.point)[0] for spot in body.spots}
     assert across["l_shoulder"] > 0 > across["r_shoulder"]
-    picture = draw_text(body, columns=80)
-    row = next(line for line in picture.splitlines() if "l_shoulder" in line)
-    assert row.index("r_shoulder") < row.index("l_shoulder")
 
 
 def test_frames_with_a_sensor_are_marked() -> None:
@@ -65,7 +52,6 @@ def test_a_body_without_extent_is_a_point() -> None:
     model = load_model("pendulum3")
     whole = skeleton(model, np.zeros(len(model.joint_names)))
     point = Skeleton((), whole.spots[:1], (), whole.up, whole.forward)
-    assert "root" in draw_text(point)
     assert "root" in draw_svg(point, "point")
 
 

@@ -83,10 +83,9 @@ def show(
     force: Replace = False,
     json_output: Json = False,
 ) -> None:
-    """Frames, joints, sensors, parameters, layout of state and measurement, and the pose, drawn."""
+    """Frames, joints, sensors, parameters, layout of state and measurement, and where the frames are in a pose."""
     from oarlock.report.pose_picture.skeleton import skeleton
     from oarlock.report.pose_picture.svg import draw_svg
-    from oarlock.report.pose_picture.text import draw_text
     from oarlock.storage.write_file import write_file
 
     if svg is not None:
@@ -100,8 +99,7 @@ def show(
         print_json(description.to_dict())
         return
     model_sheet.write(description)
-    encoding = page().encoding.lower()
-    model_sheet.write_pose(draw_text(body, ascii_only=not encoding.startswith("utf")), at or [])
+    model_sheet.write_pose(body, at or [])
     if svg is not None:
         say(f"\nPose written to {svg}")
 

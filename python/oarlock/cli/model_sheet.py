@@ -17,6 +17,7 @@ from oarlock.model.description import (
     SensorDescription,
 )
 from oarlock.model.layout import blocks, parts_of, quantities, rows_of
+from oarlock.report.pose_picture.skeleton import Skeleton, views
 
 _SI = {"hinge": "rad", "slide": "m"}
 
@@ -36,11 +37,16 @@ def write(model: ModelDescription) -> None:
     _layout(model)
 
 
-def write_pose(picture: str, given: Sequence[str]) -> None:
-    """Prints the drawn pose under its heading."""
-    heading("Pose", ", ".join(["at rest", *given]) if given else "at rest")
-    for line in picture.splitlines():
-        say(f"  {line}".rstrip())
+def write_pose(body: Skeleton, given: Sequence[str]) -> None:
+    """Prints where the frames are in a pose; frames at one point have one row."""
+    heading("Pose", ", ".join(["at rest", *given, "--svg FILE draws it"]))
+    side, front = views(body)
+    factor, unit = presentation("m")
+    points = [(spot.name, *side.project(spot.point), front.project(spot.point)[0]) for spot in body.spots]
+    table(
+        ["frame", f">forward {unit}", f">up {unit}", f">left {unit}"],
+        [(name, *(number(value * factor, ".0f") for value in place)) for name, *place in points],
+    )
 
 
 def checked(model: ModelDescription) -> list[str]:
