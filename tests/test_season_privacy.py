@@ -1,4 +1,4 @@
-"""What leaves a season: exports of one athlete, consent, positions near somebody's home, sealed files."""
+"""What leaves a season: exports of one athlete, consent, positions near somebody's home."""
 
 from __future__ import annotations
 
@@ -15,13 +15,10 @@ from pyarrow import parquet
 import season_support as support
 from command_line import run
 from oarlock import DataError, load_recording
-from oarlock.season import Admission, Season, changed_athlete, create_season
+from oarlock.season import Season, changed_athlete, create_season
 from oarlock.season.check import check
-from oarlock.season.compact import compact
-from oarlock.season.erase import erase
 from oarlock.season.exports import export_athlete, may_share
 from oarlock.season.gps import EARTH_RADIUS_M, GpsCut, kept_positions
-from oarlock.season.sealed import KEYS_VARIABLE, Key, is_sealed, new_key
 
 ONE, OTHER = "K7QMVA", "R9TWXB"
 METRE_DEG = 180.0 / (np.pi * EARTH_RADIUS_M)
@@ -205,66 +202,3 @@ def test_positions_are_cut_when_an_export_is_added_and_when_it_leaves(season: Se
     texts = [file.read_bytes() for file in (tmp_path / "o").rglob("*.csv")]
     assert texts
     assert not any(b"47.0" in text for text in texts)
-
-
-def sealed_season(season: Season, keys: Path, tmp_path: Path) -> tuple[str, str]:
-    """The pseudonym and a recording of an athlete with a key."""
-    shown = run("season", "athlete", tmp_path / "season", "--encrypt", keys)
-    pseudonym = shown.stdout.strip()
-    name = support.add_noise(season, pseudonym, 5)
-    support.add_strokes(season, name, tmp_path, 5)
-    return pseudonym, name
-
-
-def test_sealed_files_are_unreadable_without_their_key(
-    season: Season, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    keys = tmp_path / "keys"
-    monkeypatch.setenv(KEYS_VARIABLE, str(keys))
-    athlete, name = sealed_season(season, keys, tmp_path)
-    plain = [
-        file for file, _ in season.place.files(f"recordings/{name}") if not is_sealed(season.place.read(file))
-    ]
-    assert plain == [f"recordings/{name}/entry.toml"]
-    export_athlete(season, athlete, tmp_path / "out")
-    read = load_recording(tmp_path / "out" / athlete / "stored/recordings" / name)
-    np.testing.assert_array_equal(read["trunk"].gyro_rad_s, support.noise(5)["trunk"].gyro_rad_s)
-    compact(season)
-    monkeypatch.delenv(KEYS_VARIABLE)
-    assert check(season) == []
-    with pytest.raises(DataError, match=f"is encrypted, and its key .* not found. Set {KEYS_VARIABLE}"):
-        export_athlete(season, athlete, tmp_path / "again")
-    with pytest.raises(DataError, match="is encrypted, and its key"):
-        support.add_noise(season, athlete, 6)
-    unproven = erase(season, ONE, dry_run=False)
-    assert {one.is_unsearched for one in unproven.left} == {True}
-    assert "is encrypted, and its key" in unproven.left[0].what
-    monkeypatch.setenv(KEYS_VARIABLE, str(keys))
-    assert erase(season, ONE, dry_run=False).is_proven
-    assert erase(season, athlete, dry_run=False).left == []
-    assert list(keys.iterdir()) == []
-
-
-def test_a_key_opens_what_it_sealed_and_nothing_else(tmp_path: Path) -> None:
-    key, other = new_key(), new_key()
-    sealed = key.sealed(b"contents")
-    assert key.opened(sealed, "x") == b"contents"
-    assert key.sealed(b"contents") != sealed
-    file = key.write(tmp_path)
-    assert (file.stat().st_mode & 0o777, Key.read(file).opened(sealed, "x")) == (0o600, b"contents")
-    with pytest.raises(DataError, match=r"is encrypted with the key .*; the key given is"):
-        other.opened(sealed, "x")
-    for damaged in (sealed[:-1], sealed[:-20] + bytes([sealed[-20] ^ 1]) + sealed[-19:], sealed[:40]):
-        with pytest.raises(DataError, match="was changed afterwards"):
-            key.opened(damaged, "x")
-    file.write_text('format = 1\nkey = "12"\n')
-    with pytest.raises(DataError, match="is not a key"):
-        Key.read(file)
-
-
-def test_keys_stay_outside_and_are_made_with_an_athlete(season: Season, tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="lies inside the season; keys stay outside"):
-        changed_athlete(season, None, {}, keys=tmp_path / "season/keys")
-    with pytest.raises(DataError, match="Only a new athlete can get a key"):
-        changed_athlete(season, ONE, {}, keys=tmp_path / "keys")
-    assert Admission(season, ONE)

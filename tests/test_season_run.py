@@ -427,20 +427,3 @@ def test_typed_mistakes_say_what_to_do(season: Season, tmp_path: Path) -> None:
     support.squad(other, "AAAAAA")
     support.add_noise(other, "AAAAAA", 1)
     assert "oarlock season setup" in typed("season", "run", tmp_path / "other", status=2).stderr
-
-
-def test_recordings_under_a_key_are_computed_by_whoever_has_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("OARLOCK_SEASON_KEYS", str(tmp_path / "keys"))
-    at = tmp_path / "season"
-    season = create_season(str(at), "club")
-    athlete = typed("season", "athlete", at, "--encrypt", tmp_path / "keys").stdout.strip()
-    export = Path(__file__).parents[1] / "examples/strokes/rp3.csv"
-    name = Admission(season, athlete).add(export, {"date": "2026-05-01"}).entry.recording
-    monkeypatch.delenv("OARLOCK_SEASON_KEYS")
-    typed("season", "run", at, "--workers", 1, status=1)
-    assert "is encrypted, and its key" in known_now(season).current(season)[name].fault
-    monkeypatch.setenv("OARLOCK_SEASON_KEYS", str(tmp_path / "keys"))
-    typed("season", "run", at, "--workers", 1, "--again-failed")
-    assert known_now(season).current(season)[name].strokes > 1

@@ -277,14 +277,6 @@ def athlete(
     names: Annotated[
         Path | None, typer.Option("--names", metavar="FILE", help="File of names, outside the season.")
     ] = None,
-    keys: Annotated[
-        Path | None,
-        typer.Option(
-            "--encrypt",
-            metavar="DIR",
-            help="Seal this new athlete's files; their key is written into this folder, outside the season.",
-        ),
-    ] = None,
     json_output: Json = False,
 ) -> None:
     """Make a pseudonym for an athlete, or change attributes and consent.
@@ -299,7 +291,7 @@ def athlete(
         key: value for key, value in (("stature_m", stature_m), ("mass_kg", mass_kg)) if value is not None
     }
     one = changed_athlete(
-        season, pseudonym, known, consent or [], withdrawn=withdraw, guardian=guardian, on=on, keys=keys
+        season, pseudonym, known, consent or [], withdrawn=withdraw, guardian=guardian, on=on
     )
     if name is not None or names is not None:
         keep_name(season, one.pseudonym, name, names)

@@ -18,7 +18,6 @@ from oarlock.season.erase_again import erase_again
 from oarlock.season.gps import GpsCut
 from oarlock.season.layout import ENTRY_FILE, STROKES_FILE, named_by, recording_folder
 from oarlock.season.run_record import RunRecord, Setup
-from oarlock.season.sealed import key_called
 from oarlock.season.store import Season
 from oarlock.storage.epoch import moment_of
 from oarlock.storage.errors import DataError
@@ -169,15 +168,9 @@ class Admission:
 def put_entry(season: Season, entry: Entry, files: Mapping[str, bytes]) -> Added:
     """Store the files of a recording with their commit record.
 
-    Files of an athlete who has a key are sealed; their hashes are of what is stored.
-
     Raises:
-        DataError: the athlete was erased meanwhile, or has a key that is not here.
+        DataError: the athlete was erased meanwhile.
     """
-    one = season.athlete(entry.athlete)
-    if one is not None and one.key:
-        key = key_called(one.key, f"{entry.athlete}: every new recording")
-        files = {name: key.sealed(contents) for name, contents in files.items()}
     hashes = {name: hashlib.sha256(contents).hexdigest() for name, contents in files.items()}
     whole = replace(entry, files=hashes)
     folder = recording_folder(entry.recording)

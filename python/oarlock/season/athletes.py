@@ -38,7 +38,6 @@ class Athlete:
         consent: for each scope of `SCOPES` the day on which it was given, as ISO text.
         withdrawn: the day on which all consent was withdrawn; empty if it was not.
         guardian: whether a guardian gave the consent.
-        key: name of the key under which the files of recordings are sealed; empty if they are not.
     """
 
     pseudonym: str
@@ -46,7 +45,6 @@ class Athlete:
     consent: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     withdrawn: str = ""
     guardian: bool = False
-    key: str = ""
 
     def allows(self, scope: str) -> bool:
         """Whether the athlete consents to a use."""
@@ -55,8 +53,7 @@ class Athlete:
     def toml(self) -> bytes:
         """The contents of the athlete's file."""
         consent = {**self.consent, "withdrawn": self.withdrawn, "guardian": self.guardian}
-        key = {"key": self.key} if self.key else {}
-        return toml_text({**self.attributes, **key, "consent": consent}).encode()
+        return toml_text({**self.attributes, "consent": consent}).encode()
 
     @classmethod
     def parsed(cls, contents: bytes, pseudonym: str, where: str) -> Athlete:
@@ -66,7 +63,7 @@ class Athlete:
             DataError: it is damaged.
         """
         table = parsed_toml(contents, where)
-        table.check_keys((*_ATTRIBUTES, "key", "consent"))
+        table.check_keys((*_ATTRIBUTES, "consent"))
         consent = table.table("consent", {})
         consent.check_keys((*SCOPES, "withdrawn", "guardian"))
         return cls(
@@ -75,7 +72,6 @@ class Athlete:
             {key: checked_day(consent.string(key), where) for key in SCOPES if key in consent.values},
             consent.string("withdrawn", ""),
             consent.boolean("guardian", False),
-            table.string("key", ""),
         )
 
 

@@ -15,7 +15,6 @@ from oarlock.season.compact import compact, known_now, remove_unused
 from oarlock.season.exports import remove_export
 from oarlock.season.layout import ATHLETES, RUN_FILE, SEASON_FILE, SETUPS
 from oarlock.season.remains import remove_remains
-from oarlock.season.sealed import keys_folder
 from oarlock.season.search import search
 from oarlock.season.store import Season, not_in_season
 from oarlock.season.tombstones import Tombstone, kept_folder, new_tombstone, put_tombstone
@@ -157,7 +156,6 @@ def _remove(work: _Work) -> None:
     """Remove what is known to be the athlete's."""
     season, own = work.season, work.own
     place = season.place
-    work.elsewhere += _remove_key(season, own.athlete)
     place.remove([f"{ATHLETES}/{own.athlete}.toml"])
     if own.athlete in season.setup:
         others = {name: of for name, of in season.setup.items() if name != own.athlete}
@@ -174,20 +172,6 @@ def _remove(work: _Work) -> None:
     work.removed["copies in caches"] = place.forget_copies()
     _compact(work)
     _remove_setups(work)
-
-
-def _remove_key(season: Season, athlete: str) -> list[str]:
-    """Remove the key of the athlete's sealed files: copies in backups are unreadable without it."""
-    one = season.athlete(athlete)
-    if one is None or not one.key:
-        return []
-    file = None if (folder := keys_folder()) is None else folder / f"{one.key}.toml"
-    if file is None or not file.exists():
-        return [
-            f"the key {one.key}: is not here; destroy it where it is kept, so that backups stay unreadable"
-        ]
-    file.unlink()
-    return []
 
 
 def _compact(work: _Work) -> None:

@@ -21,7 +21,6 @@ from oarlock.season.belongings import belongings, folders
 from oarlock.season.gps import CUT_FILES, GpsCut
 from oarlock.season.layout import ATHLETES, EXPORTS, STROKES_FILE
 from oarlock.season.schema import joined, recording_rows, run_rows, stroke_rows
-from oarlock.season.sealed import opened
 from oarlock.season.store import Season, not_in_season
 from oarlock.storage.errors import DataError
 from oarlock.storage.parquet_table import read_table, with_plain_texts
@@ -75,8 +74,8 @@ def export_athlete(
         told: called with the share done, 0 to 1.
 
     Raises:
-        DataError: the athlete is unknown or was erased, the folder lies in the season or is there, a file is sealed
-            and its key is not here, or positions cannot be cut.
+        DataError: the athlete is unknown or was erased, the folder lies in the season or is there, or positions cannot
+            be cut.
     """
     if season.is_erased_now(athlete):
         raise DataError(f"{athlete} was erased from this season; there is nothing to export")
@@ -91,7 +90,7 @@ def export_athlete(
     written: dict[str, int] = {}
     sources = [folder for folder, _ in folders(own)]
     for done, folder in enumerate(sources, start=1):
-        for name, contents in _folder_files(season, folder, _Reading(cut)):
+        for name, contents in _folder_files(season, folder, cut):
             write_file(target / name, contents)
             written[name] = len(contents)
         told(done / max(1, len(sources)))
@@ -146,27 +145,15 @@ def remove_export(season: Season, athlete: str, note: str) -> list[str]:
     return [f"{where}: contains files that were not exported; look at them"] if where.exists() else []
 
 
-@dataclass(frozen=True)
-class _Reading:
-    """How files are read for an export."""
-
-    cut: GpsCut | None
-
-    def opened(self, contents: bytes, where: str) -> bytes:
-        """The contents, without the seal and with positions cut."""
-        contents = opened(contents, where)
-        if self.cut is None or not where.lower().endswith(CUT_FILES):
-            return contents
-        return self.cut.file(contents, where)
-
-
-def _folder_files(season: Season, folder: str, reading: _Reading) -> Iterator[tuple[str, bytes]]:
+def _folder_files(season: Season, folder: str, cut: GpsCut | None) -> Iterator[tuple[str, bytes]]:
     """Files of a recording or a result as they are stored, and what is Parquet as CSV too."""
     for full, _ in season.place.files(folder):
         try:
-            contents = reading.opened(season.place.read(full), season.where(full))
+            contents = season.place.read(full)
         except FileNotFoundError:
             continue  # gone meanwhile
+        if cut is not None and full.lower().endswith(CUT_FILES):
+            contents = cut.file(contents, season.where(full))
         yield f"stored/{full}", contents
         if full.endswith(".parquet"):
             try:

@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from oarlock.season.athletes import Athlete, NamesFile, check_scope, checked_day, new_pseudonym
-from oarlock.season.sealed import new_key
 from oarlock.season.store import Season, not_in_season
 from oarlock.storage.errors import DataError
 
@@ -24,7 +23,6 @@ def changed_athlete(
     withdrawn: bool = False,
     guardian: bool = False,
     on: str | None = None,
-    keys: Path | None = None,
 ) -> Athlete:
     """Store a new athlete, or what changed about one.
 
@@ -36,12 +34,9 @@ def changed_athlete(
         withdrawn: whether all consent is withdrawn.
         guardian: whether a guardian consents.
         on: day of the consent or of its withdrawal, such as 2026-05-01; None is today.
-        keys: a folder outside the season, for a new key under which the files of this new athlete's recordings are
-            sealed.
 
     Raises:
-        DataError: the pseudonym or a scope is unknown, a number is no person's, the day is none, or the athlete has
-            recordings already and cannot be given a key.
+        DataError: the pseudonym or a scope is unknown, a number is no person's, or the day is none.
     """
     known = season.athletes()
     if pseudonym is not None and pseudonym not in known:
@@ -61,16 +56,6 @@ def changed_athlete(
         withdrawn=day if withdrawn else "" if consent else one.withdrawn,
         guardian=one.guardian or guardian,
     )
-    if keys is not None:
-        if pseudonym is not None:
-            raise DataError(
-                f"{pseudonym} exists already. Only a new athlete can get a key, because it must encrypt all of an "
-                "athlete's recordings. Leave out --encrypt, or leave out --athlete to make a new one"
-            )
-        _refuse_inside(season, keys, "keys stay outside")
-        sealing = new_key()
-        sealing.write(keys)
-        changed = replace(changed, key=sealing.name)
     season.put_athlete(changed)
     return changed
 
@@ -85,7 +70,11 @@ def keep_name(season: Season, pseudonym: str, name: str | None, file: Path | Non
         raise DataError(
             "give --name and --names together: the name, and the file outside the season that keeps it"
         )
-    _refuse_inside(season, file, "names of people stay outside")
+    inside = Path(season.place.address).resolve() if "://" not in season.place.address else None
+    if inside is not None and (inside == file.resolve() or inside in file.resolve().parents):
+        raise DataError(
+            f"{file}: lies inside the season; names of people stay outside. Choose another place."
+        )
     names = NamesFile.read(file)
     if names.pseudonyms.get(name, pseudonym) != pseudonym:
         raise DataError(
@@ -93,9 +82,3 @@ def keep_name(season: Season, pseudonym: str, name: str | None, file: Path | Non
             f"To change that athlete: --athlete {names.pseudonyms[name]}"
         )
     names.with_name(name, pseudonym).write()
-
-
-def _refuse_inside(season: Season, file: Path, words: str) -> None:
-    inside = Path(season.place.address).resolve() if "://" not in season.place.address else None
-    if inside is not None and (inside == file.resolve() or inside in file.resolve().parents):
-        raise DataError(f"{file}: lies inside the season; {words}. Choose another place.")

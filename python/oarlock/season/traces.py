@@ -19,7 +19,6 @@ import numpy as np
 import pyarrow as pa
 
 from oarlock.season.parquet_parts import parquet_parts
-from oarlock.season.sealed import opened
 from oarlock.storage.errors import DataError
 from oarlock.storage.regular_file import shown_bytes
 
@@ -168,7 +167,6 @@ def _contents(
     if what := sought.found(contents, is_text=b"\x00" not in contents[:4096]):
         yield Trace(name, f"{inside}its bytes", what)
     try:
-        contents = opened(contents, name)
         for where, part in _parts(contents, allowance):
             here = f"{inside}{where}"
             if where.startswith("member"):

@@ -22,7 +22,6 @@ from oarlock.season.layout import RUN_FILE, STROKES_FILE, recording_folder, resu
 from oarlock.season.run.job import Job, Reply, versions
 from oarlock.season.run.setups import opened_setup
 from oarlock.season.run_record import RunRecord, Setup
-from oarlock.season.sealed import opened
 from oarlock.season.store import Season, open_season
 from oarlock.storage.errors import DataError
 from oarlock.storage.regular_file import read_bytes
@@ -142,7 +141,7 @@ def fetch(season: Season, entry: Entry, folder: Path) -> None:
         if hashlib.sha256(contents).hexdigest() != expected:
             raise DataError(f"{full}: is damaged: its SHA-256 differs from the recorded one; {advice}")
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(opened(contents, full))
+        (folder / name).write_bytes(contents)
 
 
 def commit(season: Season, record: RunRecord, files: dict[str, bytes], setup: Setup, again: bool) -> bool:
