@@ -84,7 +84,7 @@ def pendulum_motion(pendulum: oarlock.Model, tmp_path_factory: pytest.TempPathFa
 
 @pytest.fixture(scope="session", autouse=True)
 def own_state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Copies of tombstones lie in the state folder of a user."""
+    """No test writes into the state folder of a user."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
         yield

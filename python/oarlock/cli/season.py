@@ -9,7 +9,7 @@ import typer
 
 from oarlock.cli import season_page, season_privacy, season_questions, season_run, season_synthetic
 from oarlock.cli.options import Json, example
-from oarlock.cli.season_options import CutGps, SeasonAt, Tombstones, opened
+from oarlock.cli.season_options import CutGps, SeasonAt, opened
 from oarlock.cli.season_tables import MOST_SHOWN, say_more, show_list
 from oarlock.cli.terminal import (
     EXIT_DATA,
@@ -192,7 +192,6 @@ def check(
     repair: Annotated[
         bool, typer.Option("--repair", help="Remove damaged results and tables; `run` makes them again.")
     ] = False,
-    tombstones: Tombstones = None,
     json_output: Json = False,
 ) -> None:
     """Compare every file with its hash; list damaged and unfinished files, and erased athletes who came back."""
@@ -202,7 +201,7 @@ def check(
 
     season = opened(at)
     with progress("checking") as share:
-        findings = findings_of(season, share, tombstones)
+        findings = findings_of(season, share)
     removed = repaired(season, findings) if repair else []
     if json_output:
         print_json({"findings": findings, "removed": removed})

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -13,15 +12,6 @@ if TYPE_CHECKING:
 SeasonAt = Annotated[
     str,
     typer.Argument(metavar="SEASON", help="Folder of the season, or its address, such as s3://club/season."),
-]
-
-Tombstones = Annotated[
-    Path | None,
-    typer.Option(
-        "--tombstones",
-        metavar="FILE",
-        help="File outside the season that keeps copies of tombstones, for backups that are restored.",
-    ),
 ]
 
 CutGps = Annotated[

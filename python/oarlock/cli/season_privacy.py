@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from oarlock.cli.options import Json, example
-from oarlock.cli.season_options import CutGps, SeasonAt, Tombstones, opened
+from oarlock.cli.season_options import CutGps, SeasonAt, opened
 from oarlock.cli.season_tables import show_list
 from oarlock.cli.terminal import (
     EXIT_DATA,
@@ -29,7 +28,6 @@ from oarlock.storage.regular_file import shown_bytes
 if TYPE_CHECKING:
     from oarlock.season.erase import Erasure
     from oarlock.season.exports import Exported
-    from oarlock.season.traces import Trace
 
 
 def add_to(group: typer.Typer) -> None:
@@ -46,7 +44,6 @@ def add_to(group: typer.Typer) -> None:
         epilog=example(
             "oarlock season erase season --athlete K7QMVA --dry-run",
             "oarlock season erase season --athlete K7QMVA --names ~/names.toml --yes",
-            "oarlock season erase season --again --yes",
         ),
     )(erase)
 
@@ -108,89 +105,58 @@ def export(
 @continuing_verb
 def erase(
     at: SeasonAt,
-    athlete: Annotated[
-        str | None, typer.Option("--athlete", metavar="PSEUDONYM", help="Who is erased.")
-    ] = None,
-    again: Annotated[
-        bool, typer.Option("--again", help="Erase again all who came back with a restored backup.")
-    ] = False,
+    athlete: Annotated[str, typer.Option("--athlete", metavar="PSEUDONYM", help="Who is erased.")],
     names: Annotated[
         Path | None,
-        typer.Option(
-            "--names", metavar="FILE", help="File of names: the person's name is searched and removed."
-        ),
+        typer.Option("--names", metavar="FILE", help="File of names: the person's name is removed from it."),
     ] = None,
-    tombstones: Tombstones = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only show what would be removed.")] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Remove it; it cannot be undone.")] = False,
     json_output: Json = False,
 ) -> None:
-    """Remove all data of an athlete for good, then search every file of the season for traces.
+    """Remove all data of an athlete for good; then list all files and query all tables for what is left.
 
-    A hash of the pseudonym, the date and counts stay. With them, the athlete is also erased from a restored backup.
+    A hash of the pseudonym and the date stay. Backups, and texts of other athletes, are not searched.
     """
     from oarlock.season.athletes import NamesFile
     from oarlock.season.erase import erase as erased
-    from oarlock.season.erase_again import came_back, erase_again
 
-    if (athlete is None) == (not again):
-        raise UsageError("give --athlete PSEUDONYM, or --again after a backup was restored")
     if dry_run == yes:
         raise UsageError("give --dry-run to see what would be removed, or --yes to remove it for good")
     if names is not None and not names.exists():
         raise UsageError(f"--names {names}: there is no such file")
     season = opened(at)
     known = None if names is None else NamesFile.read(names)
-    persons = [] if known is None else [name for name, of in known.pseudonyms.items() if of == athlete]
-    with progress("searching") as share:
-        if athlete is not None:
-            found = [
-                erased(season, athlete, names=persons, tombstones=tombstones, dry_run=dry_run, told=share)
-            ]
-        elif dry_run:
-            found = [
-                erased(season, name, dry_run=True, told=share) for name in came_back(season, tombstones, True)
-            ]
-        else:
-            found = erase_again(season, tombstones, True, share)
-    proven = all(one.is_proven for one in found)
-    if known is not None and athlete is not None and not dry_run and persons:
+    is_named = known is not None and athlete in known.pseudonyms.values()
+    found = erased(season, athlete, dry_run=dry_run)
+    if known is not None and is_named and not dry_run:
         known.without(athlete).write()
     if json_output:
-        print_json({"erased": found, "is_proven": proven})
+        print_json({"erased": found, "is_proven": found.is_proven})
     else:
         _say_erased(found, at, names)
-        if persons and not dry_run:
+        if is_named and not dry_run:
             say(f"Removed the name from {names}")
-        elif names is not None and not persons and athlete is not None:
-            say(f"{names} has no name for {athlete}; only the pseudonym and recordings were searched")
-    if not dry_run and not proven:
+        elif names is not None and not is_named:
+            say(f"{names} has no name for {athlete}")
+    if not dry_run and not found.is_proven:
         raise typer.Exit(EXIT_DATA)
 
 
-def _say_erased(found: Sequence[Erasure], at: str, names: Path | None) -> None:
-    if not found:
-        say("Nobody who was erased is in this season.")
-    for one in found:
-        told = "" if names is None else f" --names {names}"
-        again = f"oarlock season erase {at} --athlete {one.athlete}{told} --yes"
-        heading(f"{'Would erase' if one.is_dry_run else 'Erased'} {one.athlete}")
-        pairs([(words, count) for words, count in one.removed.items()])
-        _show_counted("Found by the search and removed", _traces(one.cleared))
-        _show_counted("Also found in" if one.is_dry_run else "Not erased", _traces(one.left))
-        _show_counted("Copies that could not be removed", one.elsewhere)
-        if one.is_proven:
-            say(f"Searched {one.files} files: nothing of {one.athlete} is left.")
-        elif one.is_dry_run:
-            steps(again)
-        else:
-            say("The erasure is not proven: remove what is listed above, then erase again.")
-            steps(f"oarlock season check {at}", again)
-
-
-def _traces(traces: Sequence[Trace]) -> list[str]:
-    return [f"{one.file}: {one.where}: {one.what}" for one in traces]
-
-
-def _show_counted(title: str, lines: Sequence[str]) -> None:
-    show_list(f"{title}: {len(lines)}", lines)
+def _say_erased(one: Erasure, at: str, names: Path | None) -> None:
+    option = "" if names is None else f" --names {names}"
+    again = f"oarlock season erase {at} --athlete {one.athlete}{option} --yes"
+    heading(f"{'Would erase' if one.is_dry_run else 'Erased'} {one.athlete}")
+    pairs([(words, count) for words, count in one.removed.items()])
+    left = [f"{trace.file}: {trace.what}" for trace in one.left]
+    show_list(f"Not erased: {len(left)}", left)
+    show_list(f"Copies that could not be removed: {len(one.elsewhere)}", one.elsewhere)
+    if one.is_proven:
+        say(
+            f"Listed {one.files} files and queried {one.tables} files of tables: nothing of {one.athlete} is left."
+        )
+    elif one.is_dry_run:
+        steps(again)
+    else:
+        say("The erasure is not proven: remove what is listed above, then erase again.")
+        steps(f"oarlock season check {at}", again)

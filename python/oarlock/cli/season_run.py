@@ -116,15 +116,12 @@ def run(
 
     Stop it with Ctrl-C; the same command continues. Recordings that fail are listed with the reason.
     """
-    from oarlock.season.erase_again import erase_again
     from oarlock.season.run.plan import make_plan
     from oarlock.season.run.runner import run_season
 
     if workers is not None and scheduler is not None:
         raise UsageError("--workers and --scheduler contradict each other: the cluster has its own workers")
     season = opened(at)
-    if not dry_run:
-        erase_again(season)  # a restored backup contains who was erased since
     plan = make_plan(season, again, limit_s)
     if plan.without_setup and not plan.jobs and not plan.there and not plan.failed:
         raise UsageError(f"no model was chosen yet. Choose one: `oarlock season setup {at} --model sculler`")

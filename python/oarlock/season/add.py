@@ -14,7 +14,6 @@ import numpy as np
 from oarlock.recording.recording import Recording, load_recording
 from oarlock.recording.session_info import SESSION_KEY, checked_session, read_session, session_info
 from oarlock.season.entry import Entry
-from oarlock.season.erase_again import erase_again
 from oarlock.season.gps import GpsCut
 from oarlock.season.layout import ENTRY_FILE, STROKES_FILE, named_by, recording_folder
 from oarlock.season.run_record import RunRecord, Setup
@@ -57,7 +56,6 @@ class Admission:
         names: Mapping[str, str] | None = None,
         cut_gps_m: float | None = None,
     ) -> None:
-        erase_again(season)  # a restored backup contains who was erased since
         self.season = season
         self._athlete, self._names = athlete, dict(names or {})
         self._cut_gps_m = cut_gps_m

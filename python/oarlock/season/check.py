@@ -6,7 +6,6 @@ import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal, TypeAlias
 
 from oarlock.season.compact import Current
@@ -14,7 +13,6 @@ from oarlock.season.layout import (
     ATHLETES,
     CURRENT_FILE,
     ENTRY_FILE,
-    ERASED,
     RESULTS,
     RUN_FILE,
     SETUPS,
@@ -24,7 +22,6 @@ from oarlock.season.layout import (
 )
 from oarlock.season.place import OWN_WORK
 from oarlock.season.store import Season
-from oarlock.season.tombstones import erased_hashes
 from oarlock.storage.errors import DataError
 from oarlock.storage.parquet_table import read_table
 
@@ -54,16 +51,15 @@ class Finding:
         return self.what in ("damaged", "missing", "erased")
 
 
-def check(season: Season, told: Told = lambda share: None, tombstones: Path | None = None) -> list[Finding]:
+def check(season: Season, told: Told = lambda share: None) -> list[Finding]:
     """All findings of a season; empty if it is in order. Every file is read.
 
     Args:
         season: which.
         told: called with the share done, 0 to 1.
-        tombstones: a file outside the season that keeps copies of tombstones.
     """
     recordings, results = season.recordings(), season.results()
-    erased = erased_hashes(season, tombstones)
+    erased = season.erased()
     jobs = [lambda name=name: list(_recording(season, name, erased)) for name in recordings]
     jobs += [lambda one=one: list(_result(season, one[0], one[1], set(recordings))) for one in results]
     found: list[Finding] = []
@@ -132,14 +128,7 @@ def _files(season: Season, folder: str, files: Mapping[str, str], record: str) -
 
 
 def _came_back(season: Season, erased: frozenset[str]) -> Iterator[Finding]:
-    """Signs of a restored backup other than recordings: missing tombstones, erased athletes, their table rows."""
-    for name in sorted(erased - season.erased()):
-        yield Finding(
-            "erased",
-            f"{ERASED}/{name}.toml",
-            "is missing, but its copy outside the season shows that an athlete was erased: a backup was restored. Run "
-            "`oarlock season erase SEASON --again --yes`.",
-        )
+    """What of erased athletes came back, other than recordings: their files, and rows of tables."""
     if not erased:
         return
     for file in season.place.children(ATHLETES):
@@ -152,7 +141,8 @@ def _came_back(season: Season, erased: frozenset[str]) -> Iterator[Finding]:
 
 
 def _erased(athlete: str) -> str:
-    return f"{athlete} was erased and came back; `oarlock season erase SEASON --again --yes` removes it again"
+    again = f"`oarlock season erase SEASON --athlete {athlete} --yes`"
+    return f"{athlete} was erased and came back; {again} removes it again"
 
 
 def _athletes_in(season: Season, name: str) -> list[str]:

@@ -37,7 +37,6 @@ from oarlock.season.schema import (
     stroke_rows,
 )
 from oarlock.season.store import Season
-from oarlock.season.tombstones import restore_tombstones
 from oarlock.storage.errors import DataError
 from oarlock.storage.parquet_table import read_table, with_plain_texts
 from oarlock.storage.toml import toml_text
@@ -108,9 +107,8 @@ class Known:
 def compact(season: Season) -> Current:
     """Bring the tables up to date with what is stored; nothing is written if they are.
 
-    A recording whose result is damaged counts as failed. Tombstones that a restored season lacks are written again.
+    A recording whose result is damaged counts as failed.
     """
-    restore_tombstones(season)
     disturbed = 0
     while True:
         erased = season.erased()
@@ -123,6 +121,8 @@ def compact(season: Season) -> Current:
                 raise
             continue
         if season.erased() == erased and all(map(season.place.exists, after.files.values())):
+            if erased:  # perhaps from another machine: copies of former tables have the athlete
+                season.place.forget_copies(after.files.values())
             return after
         # Somebody was erased meanwhile: what was just written may contain rows of this athlete.
         for name in after.files.values():

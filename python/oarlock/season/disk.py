@@ -7,7 +7,7 @@ import os
 import secrets
 import shutil
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -139,7 +139,7 @@ class Disk:
         """As `Place.on_disk`: the files themselves."""
         return [self._at(name) for name in names]
 
-    def forget_copies(self) -> int:
+    def forget_copies(self, but: Collection[str] = ()) -> int:
         """As `Place.forget_copies`: none are made."""
         return 0
 

@@ -1,4 +1,4 @@
-"""`erase`: removes everything of an athlete from a season, and proves by a search that nothing is left.
+"""`erase`: removes an athlete from a season; a listing of its files and a query of its tables are the proof.
 
 The order makes it safe against other writers: the tombstone comes first, and whoever stores something looks for a
 tombstone afterwards, so one of the two removes it. An erasure that is interrupted is repeated; it goes on.
@@ -6,26 +6,31 @@ tombstone afterwards, so one of the two removes it. An erasure that is interrupt
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import datetime
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from oarlock.season.athletes import pseudonym_hash
 from oarlock.season.belongings import Belongings, belongings, folders
 from oarlock.season.compact import compact, known_now, remove_unused
+from oarlock.season.entry import parsed_toml
 from oarlock.season.exports import remove_export
-from oarlock.season.layout import ATHLETES, RUN_FILE, SEASON_FILE, SETUPS
-from oarlock.season.remains import remove_remains
-from oarlock.season.search import search
+from oarlock.season.layout import ATHLETES, ERASED, LOGS, RUN_FILE, SEASON_FILE, SETUPS, TABLES
+from oarlock.season.place import OWN_WORK
 from oarlock.season.store import Season, not_in_season
-from oarlock.season.tombstones import Tombstone, kept_folder, new_tombstone, put_tombstone
-from oarlock.season.traces import Sought, Trace
-from oarlock.season.versions import Versions, versions_of
+from oarlock.season.versions import Trace, Versions, versions_of
 from oarlock.storage.errors import DataError
-from oarlock.storage.toml import TomlTable, write_toml
+from oarlock.storage.parquet_table import read_table
+from oarlock.storage.toml import toml_text
 
-Told = Callable[[float], None]
+_FORMAT = 1
 _ROUNDS = 3
-"""Searches after which what other writers still add is left to be named."""
+"""Removals after which what other writers still add is left to be named."""
+_WORD = re.compile(rb"\w+")
 
 
 @dataclass(frozen=True)
@@ -36,23 +41,23 @@ class Erasure:
         athlete: the pseudonym.
         is_dry_run: whether nothing was removed.
         removed: how many of what were removed, or would be.
-        cleared: traces that the search found, such as notes of others, and that were removed then.
-        left: traces that are still there, and files that could not be searched.
+        left: names and rows of the athlete that are still there, and what could not be looked at.
         elsewhere: copies that are out of reach, each with what to do.
-        files: how many files were searched.
+        files: how many names of files were listed for the proof.
+        tables: how many files of tables were queried for the proof.
     """
 
     athlete: str
     is_dry_run: bool
     removed: Mapping[str, int]
-    cleared: Sequence[Trace] = ()
     left: Sequence[Trace] = ()
     elsewhere: Sequence[str] = ()
     files: int = 0
+    tables: int = 0
 
     @property
     def is_proven(self) -> bool:
-        """Whether every file was searched and nothing was found."""
+        """Whether no file name and no row of the athlete is left."""
         return not self.is_dry_run and not self.left
 
 
@@ -62,63 +67,53 @@ class _Work:
 
     season: Season
     own: Belongings
-    sought: Sought
     versions: Versions
-    removed: dict[str, int] = field(default_factory=dict)
-    cleared: list[Trace] = field(default_factory=list)
+    removed: dict[str, int]
     elsewhere: list[str] = field(default_factory=list)
 
+    @property
+    def names(self) -> frozenset[str]:
+        """The pseudonym and the names of the recordings."""
+        return frozenset((self.own.athlete, *self.own.recordings))
 
-def erase(
-    season: Season,
-    athlete: str,
-    *,
-    names: Sequence[str] = (),
-    tombstones: Path | None = None,
-    dry_run: bool = True,
-    told: Told = lambda share: None,
-) -> Erasure:
+
+def erase(season: Season, athlete: str, *, dry_run: bool = True) -> Erasure:
     """Erase an athlete, or say what would be removed.
 
     Args:
         season: which.
         athlete: the pseudonym.
-        names: of the person, which are searched too.
-        tombstones: a further file that keeps copies of tombstones, for restored backups.
         dry_run: remove nothing.
-        told: called with the share of files searched, 0 to 1.
 
     Raises:
         DataError: nothing is known of this athlete, or something cannot be removed.
     """
-    pending = kept_folder(season).parent / "pending" / f"{new_tombstone(season, athlete).hash}.toml"
     versions = versions_of(season.place)
-    began = {*_read_pending(pending), *versions.recordings_of(athlete)}
+    day, unfinished = _read_tombstone(season, athlete)
+    began = {*unfinished, *versions.recordings_of(athlete)}
     is_known = bool(began) or season.is_erased_now(athlete) or season.athlete(athlete) is not None
     if not is_known and belongings(season, athlete).is_empty:
         raise not_in_season("athlete", athlete, season.athletes())
-    if not dry_run:
-        # Before anything is listed: what is stored later is removed by its writer, who looks for tombstones.
-        put_tombstone(season, _with_former(season, new_tombstone(season, athlete)), tombstones)
-    found = belongings(season, athlete, began)
-    known = sorted(began.union(found.recordings))
-    own = replace(found, recordings=known)
-    work = _Work(season, own, Sought.of(athlete, known, names), versions, _counts(found))
     if dry_run:
-        files = _files(season)
-        mine = tuple(f"{folder}/" for folder, _ in folders(own))
-        aside = (*mine, *found.exports, "tables/", f"{ATHLETES}/{athlete}.")
-        others = [name for name in files if not name.startswith(aside)]
-        traces = search(season.place, work.sought, others, told)
-        return Erasure(athlete, True, work.removed, left=traces, files=len(files))
-    write_toml(pending, {"recordings": known})
-    tombstone = replace(new_tombstone(season, athlete), removed=work.removed)
-    put_tombstone(season, _with_former(season, tombstone), tombstones)
-    _remove(work)
-    left, files_searched = _proof(work, told)
+        return Erasure(athlete, True, _counts(belongings(season, athlete, began)))
+    # Before anything is listed: what is stored later is removed by its writer, who looks for tombstones.
+    _put_tombstone(season, athlete, day, sorted(began))
+    found = belongings(season, athlete, began)
+    work = _Work(season, found, versions, _counts(found))
+    for _ in range(_ROUNDS):
+        began |= set(found.recordings)
+        work.own = replace(found, recordings=sorted(began))
+        _put_tombstone(season, athlete, day, work.own.recordings)
+        _remove(work)
+        left, files, tables = _left(work)
+        if not left:
+            break
+        found = belongings(season, athlete, began)
     if not left:
-        pending.unlink(missing_ok=True)
-    return Erasure(athlete, False, work.removed, work.cleared, left, work.elsewhere, files_searched)
+        _put_tombstone(season, athlete, day)
+    _remove_versions(work)
+    left += versions.left(athlete, work.own.recordings)
+    return Erasure(athlete, False, work.removed, left, work.elsewhere, files, tables)
 
 
 def _counts(found: Belongings) -> dict[str, int]:
@@ -130,26 +125,25 @@ def _counts(found: Belongings) -> dict[str, int]:
     }
 
 
-def _with_former(season: Season, one: Tombstone) -> Tombstone:
-    """The tombstone with the date and the counts of the first erasure, if this one is repeated."""
+def _tombstone(season: Season, athlete: str) -> str:
+    return f"{ERASED}/{pseudonym_hash(season.id, athlete)}.toml"
+
+
+def _read_tombstone(season: Season, athlete: str) -> tuple[str, list[str]]:
+    """The day of the first erasure, and the recordings of one that was interrupted or is not proven."""
+    today, file = datetime.date.today().isoformat(), _tombstone(season, athlete)
     try:
-        former = Tombstone.of(
-            TomlTable.parsed(season.place.read(one.file).decode(), Path(one.file)), one.file
-        )
-    except (FileNotFoundError, UnicodeDecodeError, DataError):
-        return one
-    keys = {*former.removed, *one.removed}
-    return replace(
-        former, removed={key: max(former.removed.get(key, 0), one.removed.get(key, 0)) for key in keys}
-    )
+        table = parsed_toml(season.place.read(file), file)
+        listed = table.values.get("recordings", [])
+        return table.string("date", today), list(map(str, listed)) if isinstance(listed, list) else []
+    except (FileNotFoundError, DataError):
+        return today, []
 
 
-def _read_pending(file: Path) -> list[str]:
-    """Recordings of an erasure that was interrupted, or is not proven yet."""
-    if not file.exists():
-        return []
-    listed = TomlTable.read(file).values.get("recordings", [])
-    return [str(name) for name in listed] if isinstance(listed, list) else []
+def _put_tombstone(season: Season, athlete: str, day: str, recordings: Sequence[str] = ()) -> None:
+    unfinished = {"recordings": list(recordings)} if recordings else {}
+    contents = toml_text({"format": _FORMAT, "date": day, **unfinished}).encode()
+    season.place.write(_tombstone(season, athlete), contents)
 
 
 def _remove(work: _Work) -> None:
@@ -159,8 +153,8 @@ def _remove(work: _Work) -> None:
     place.remove([f"{ATHLETES}/{own.athlete}.toml"])
     if own.athlete in season.setup:
         others = {name: of for name, of in season.setup.items() if name != own.athlete}
-        work.season = replace(season, setup=others)
-        place.write(SEASON_FILE, work.season.toml())
+        season = work.season = replace(season, setup=others)
+        place.write(SEASON_FILE, season.toml())
     for folder, record in folders(own):
         place.remove_folder(folder, record)
     # Results that were committed after they were listed.
@@ -169,18 +163,36 @@ def _remove(work: _Work) -> None:
             place.remove_folder(f"results/{recording}.{run}", RUN_FILE)
     for note in own.exports:
         work.elsewhere += remove_export(season, own.athlete, note)
-    work.removed["copies in caches"] = place.forget_copies()
-    _compact(work)
+    _clean_work(work)
+    work.removed["copies in caches"] = work.removed.get("copies in caches", 0) + place.forget_copies()
+    compact(season)
+    remove_unused(season, 0.0)
+    place.forget_copies()
+    _remove_versions(work)
     _remove_setups(work)
 
 
-def _compact(work: _Work) -> None:
-    compact(work.season)
-    remove_unused(work.season, 0.0)
-    work.season.place.forget_copies()
-    work.removed["object versions"] = work.removed.get("object versions", 0) + work.versions.remove(
-        work.own.athlete, work.own.recordings
-    )
+def _clean_work(work: _Work) -> None:
+    """Remove the lines of logs with a name of the athlete, and half-written folders whose texts have one."""
+    place, names = work.season.place, {name.encode() for name in work.names}
+    for file, _ in list(place.files(LOGS)):
+        lines = place.read(file).splitlines(keepends=True)
+        others = [line for line in lines if names.isdisjoint(_WORD.findall(line))]
+        if len(others) < len(lines):
+            place.write(file, b"".join(others))
+    for folder in place.children(OWN_WORK):
+        texts = [name for name, _ in place.files(f"{OWN_WORK}/{folder}") if name.endswith(".toml")]
+        try:
+            is_own = any(not names.isdisjoint(_WORD.findall(place.read(name))) for name in texts)
+        except FileNotFoundError:
+            continue  # its writer has ended
+        if is_own:
+            place.remove_folder(f"{OWN_WORK}/{folder}")
+
+
+def _remove_versions(work: _Work) -> None:
+    count = work.versions.remove(work.own.athlete, work.own.recordings)
+    work.removed["object versions"] = work.removed.get("object versions", 0) + count
 
 
 def _remove_setups(work: _Work) -> None:
@@ -190,38 +202,37 @@ def _remove_setups(work: _Work) -> None:
     only = [name for name in work.own.setups if name not in used]
     for name in only:
         season.place.remove_folder(f"{SETUPS}/{name}")
-    work.removed["setups"] = len(only)
+    work.removed["setups"] = work.removed.get("setups", 0) + len(only)
 
 
-def _proof(work: _Work, told: Told) -> tuple[list[Trace], int]:
-    """What is left after a search of every file, and how many files were searched.
-
-    Traces that can be removed are, such as notes of others; then these files and those that are new are searched again.
-    """
-    season = work.season
-    seen: set[str] = set()
-    left: list[Trace] = []
-    for round_ in range(_ROUNDS):
-        files = _files(season)
-        again = {one.file for one in left}
-        left = search(
-            season.place, work.sought, [name for name in files if name not in seen or name in again], told
-        )
-        seen |= set(files)
-        found = [one for one in left if not one.is_unsearched]
-        if not found or round_ == _ROUNDS - 1:
-            break
-        cleared, needs_tables = remove_remains(season, work.sought, work.own, found)
-        if not cleared:
-            break
-        work.cleared += cleared
-        if needs_tables:
-            season.place.remove(["tables/current.toml"])
-        _compact(work)
-    left = [one for one in left if one.is_unsearched or season.place.exists(one.file)]
-    left += work.versions.search(work.sought)
-    return left, len(seen)
+def _left(work: _Work) -> tuple[list[Trace], int, int]:
+    """What a listing and a query of all tables find of the athlete; how many files and tables they looked at."""
+    season, names = work.season, work.names
+    files = [name for name, _ in season.place.files("")]
+    left = [Trace(name, "its name") for name in files if not names.isdisjoint(re.findall(r"\w+", name))]
+    left += [
+        Trace(f"recordings/{name}", "its session") for name in belongings(season, work.own.athlete).recordings
+    ]
+    tables = [name for name in files if name.startswith(f"{TABLES}/") and name.endswith(".parquet")]
+    for name in tables:
+        try:
+            rows = _rows(
+                read_table(season.place.read(name), where=season.where(name), without_lists=True), names
+            )
+        except FileNotFoundError:
+            continue  # another compaction has removed it
+        except DataError as error:
+            left.append(Trace(name, f"cannot be read ({error})"))
+            continue
+        if rows:
+            left.append(Trace(name, f"{rows} rows"))
+    return left, len(files), len(tables)
 
 
-def _files(season: Season) -> list[str]:
-    return [name for name, _ in season.place.files("")]
+def _rows(table: pa.Table, names: frozenset[str]) -> int:
+    """How many rows are of an athlete or one of the recordings."""
+    sought = pa.array(sorted(names), pa.string())
+    columns = [
+        table[name].cast(pa.string()) for name in ("athlete", "recording") if name in table.column_names
+    ]
+    return max((pc.sum(pc.is_in(column, sought)).as_py() or 0 for column in columns), default=0)

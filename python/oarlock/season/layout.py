@@ -6,7 +6,7 @@
 - `results/ID.RUN/`: what one run found in one recording; `run.toml` is written last
 - `setups/SETUP/`: the model, calibration and settings of runs, named by their contents
 - `tables/`: compacted tables; `current.toml` says which files count
-- `erased/HASH.toml`: tombstones: hashes of pseudonyms
+- `erased/HASH.toml`: tombstones: that the athlete of this hash was erased
 - `exports/PSEUDONYM/`: what `export` wrote
 - `logs/`: times, hosts and durations of runs: nothing that results depend on
 """

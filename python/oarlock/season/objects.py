@@ -10,7 +10,7 @@ import datetime
 import hashlib
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
@@ -188,11 +188,13 @@ class Objects:
         """As `Place.on_disk`: copies under the user's cache. Table names contain their hash, so a copy is never old."""
         return [self._copy(name) for name in names]
 
-    def forget_copies(self) -> int:
+    def forget_copies(self, but: Collection[str] = ()) -> int:
         """As `Place.forget_copies`."""
-        found = 0
+        found, kept = 0, {self._cache() / name for name in but}
         for file in list(self._cache().rglob("*")):
-            if file.is_file():  # folders stay, because another process may write into them
+            if (
+                file.is_file() and file not in kept
+            ):  # folders stay, because another process may write into them
                 file.unlink(missing_ok=True)
                 found += not file.name.startswith(TEMPORARY)
         return found

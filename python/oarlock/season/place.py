@@ -5,7 +5,7 @@ Names are relative, with `/` between their parts, such as `results/0f3a.91cc/run
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Protocol
 
@@ -63,8 +63,8 @@ class Place(Protocol):
     def on_disk(self, names: Sequence[str]) -> list[Path]:
         """Files of the same contents that other programs can open: these, or copies in the cache."""
 
-    def forget_copies(self) -> int:
-        """Remove the copies that `on_disk` has made; returns how many there were."""
+    def forget_copies(self, but: Collection[str] = ()) -> int:
+        """Remove the copies that `on_disk` has made, but not of these files; returns how many were removed."""
 
 
 def checked_name(name: str) -> str:

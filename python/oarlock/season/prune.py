@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from oarlock.season.compact import Known, compact, known_now, remove_unused
-from oarlock.season.erase_again import erase_again
 from oarlock.season.layout import ENTRY_FILE, RECORDINGS, RESULTS, RUN_FILE, recording_folder, result_folder
 from oarlock.season.place import OWN_WORK
 from oarlock.season.store import Season
@@ -33,8 +32,6 @@ def prune(season: Season, today: datetime.date, dry_run: bool = True) -> list[Pr
         today: the day from which months of retention are counted back.
         dry_run: only say what would be removed.
     """
-    if not dry_run:
-        erase_again(season)  # a restored backup contains who was erased since
     known = known_now(season)
     found = [*_unfinished(season), *_superseded(season, known), *_ended(season, known, today)]
     if not dry_run:

@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from oarlock.season.layout import ENTRY_FILE, EXPORTS, LOGS, RECORDINGS, SEASON_FILE, TABLES
+from oarlock.season.layout import ENTRY_FILE, ERASED, EXPORTS, LOGS, RECORDINGS, SEASON_FILE, TABLES
 from oarlock.season.place import Place
-from oarlock.season.traces import Sought, Trace, traces_in
 
 _AT_ONCE = 1000
-_READERS = 16
-_REWRITTEN = (f"{TABLES}/", f"{LOGS}/", f"{EXPORTS}/", SEASON_FILE)
+_REWRITTEN = (f"{TABLES}/", f"{LOGS}/", f"{EXPORTS}/", f"{ERASED}/", SEASON_FILE)
 """What an erasure writes anew: its former versions may have the athlete."""
+
+
+@dataclass(frozen=True)
+class Trace:
+    """What is left of an athlete after an erasure: a file in the season, and what of it or why it cannot be seen."""
+
+    file: str
+    what: str
 
 
 class Versions(Protocol):
@@ -28,8 +33,8 @@ class Versions(Protocol):
     def remove(self, athlete: str, recordings: Collection[str]) -> int:
         """Remove all versions of the athlete's files and former ones of what was written anew; returns how many."""
 
-    def search(self, sought: Sought) -> list[Trace]:
-        """Traces in former versions; a reason if they cannot be seen."""
+    def left(self, athlete: str, recordings: Collection[str]) -> list[Trace]:
+        """Versions that `remove` should have removed and that are there; a reason if they cannot be seen."""
 
 
 class NoVersions:
@@ -51,9 +56,9 @@ class NoVersions:
         """As `Versions.remove`."""
         return 0
 
-    def search(self, sought: Sought) -> list[Trace]:
-        """As `Versions.search`."""
-        return [Trace(self.where, "former versions", self.unseen, is_unsearched=True)] if self.unseen else []
+    def left(self, athlete: str, recordings: Collection[str]) -> list[Trace]:
+        """As `Versions.left`."""
+        return [Trace(self.where, f"former versions {self.unseen}")] if self.unseen else []
 
 
 def versions_of(place: Place) -> Versions:
@@ -120,18 +125,19 @@ class S3Versions:
             try:
                 self.client.delete_objects(Bucket=self.bucket, Delete={"Objects": part, "Quiet": True})
             except _errors():
-                return first  # what is left is found by the search
+                return first  # what is left is listed by the proof
         self._abort_uploads()
         return len(gone)
 
-    def search(self, sought: Sought) -> list[Trace]:
-        """As `Versions.search`."""
+    def left(self, athlete: str, recordings: Collection[str]) -> list[Trace]:
+        """As `Versions.left`."""
+        own = set(recordings)
         listed, why = self._listed()
-        former = [one for one in listed if not one.is_latest or one.is_marker]
         if why:
-            return [Trace(self.address, "former versions", why, is_unsearched=True)]
-        with ThreadPoolExecutor(_READERS) as pool:
-            return [trace for own in pool.map(lambda one: self._traces(one, sought), former) for trace in own]
+            return [Trace(self.address, f"former versions {why}")]
+        return [
+            Trace(one.name, f"version {one.version}") for one in listed if self._is_to_go(one, athlete, own)
+        ]
 
     def _is_to_go(self, one: _Version, athlete: str, own: set[str]) -> bool:
         top, _, rest = one.name.partition("/")
@@ -141,17 +147,6 @@ class S3Versions:
         if second == athlete:
             return True
         return one.name.startswith(_REWRITTEN) and (not one.is_latest or one.is_marker)
-
-    def _traces(self, one: _Version, sought: Sought) -> Iterator[Trace]:
-        where = f"version {one.version}: "
-        try:
-            contents = b"" if one.is_marker else self._read(one)
-        except _errors() as error:
-            return iter([Trace(one.name, where.strip(": "), f"cannot be read ({error})", is_unsearched=True)])
-        found = traces_in(one.name, contents, sought)
-        return iter(
-            [Trace(trace.file, where + trace.where, trace.what, trace.is_unsearched) for trace in found]
-        )
 
     def _read(self, one: _Version) -> bytes:
         answer = self.client.get_object(Bucket=self.bucket, Key=one.key, VersionId=one.version)
