@@ -22,10 +22,12 @@ from oarlock.rowing.analysis.stroke_means import FeatureMean
 from oarlock.rowing.analysis.technique import Technique, technique
 from oarlock.rowing.findings.find import findings
 from oarlock.rowing.report.averages import Average, beyond, difference, feature_of
+from oarlock.rowing.report.called import called, piece_of
 from oarlock.rowing.report.compared import counts, differences, first_sentence, largest_first
 from oarlock.rowing.report.front import front_of
 from oarlock.rowing.report.piece import Piece
-from oarlock.rowing.report.write import is_of_rower, rowing_sections, write_rowing_report
+from oarlock.rowing.report.sections import sections_of
+from oarlock.rowing.report.write import is_of_rower, write_rowing_report
 from oarlock.rowing.simulation.experiment import simulate_sweep
 from oarlock.storage.errors import DataError
 from rowed_truth import rowed
@@ -209,7 +211,8 @@ def test_rates_too_far_apart_are_said_with_what_can_still_be_read(track, found, 
 
 
 def test_a_piece_beside_itself_differs_in_nothing_but_its_name(other):
-    sections = rowing_sections(other, other, names=("out", "out"))
+    names = ("out", "out")
+    sections = sections_of(called([piece_of(other, name) for name in names], names), ("a.csv", "b.csv"))
     same = next(section for section in sections if section.key == "compared-pieces")
     assert "<b>clear</b>" not in same.markup
     told = sections[0].sentences[0]

@@ -1,5 +1,6 @@
 """The scene holds what the track says, to the step of its numbers, and the page holds everything that it needs."""
 
+import base64
 import json
 import re
 from dataclasses import replace
@@ -13,7 +14,7 @@ from oarlock import DataError, Look, Motion, Shape
 from oarlock.model.shapes import PARTS, box, ellipsoid, loft, tube
 from oarlock.report.viewer import Curve, embed, joint_curves, page, player_assets, scene
 from oarlock.report.viewer.marks import marks_and_spans
-from oarlock.report.viewer.packing import packed, packed_times, unpacked, unpacked_times
+from oarlock.report.viewer.packing import packed, packed_times, unpacked
 from oarlock.report.viewer.scene import shown_rows
 from oarlock.rowing import find_strokes, rowing_look, stroke_marks
 from oarlock.rowing.simulation.experiment import simulate_sculling
@@ -60,6 +61,11 @@ def place_of(drawn, name: str) -> np.ndarray:
             return np.tile(here, (len(table), 1)) if here else table[:, column : column + 3]
         column += 0 if here else 3
     raise KeyError(name)
+
+
+def unpacked_times(packet):
+    """Unpack the times (N,), s, of `packed_times`."""
+    return np.frombuffer(base64.b64decode(packet["data"]), dtype="<f8")
 
 
 @pytest.mark.parametrize("seed", [0, 7])

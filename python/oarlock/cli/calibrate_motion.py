@@ -49,15 +49,6 @@ def motion(
     end_s: Annotated[
         float | None, typer.Option("--until", metavar="S", help="End of the interval, s.")
     ] = None,
-    held_out: Annotated[
-        float,
-        typer.Option(
-            "--held-out",
-            metavar="SHARE",
-            show_default="1/3",
-            help="Share of the data held out to judge results.",
-        ),
-    ] = 1.0 / 3.0,
     force: Replace = False,
     json_output: Json = False,
 ) -> None:
@@ -70,7 +61,6 @@ def motion(
         calibration=known,
         start_s=start_s,
         end_s=end_s,
-        held_out=held_out,
         progress=True,
     )
     calibrated(search, write_motion, recording, model, out, settings, force, json_output, shows_progress=True)

@@ -65,17 +65,9 @@ def evaluate(
             "--attachments", "-a", metavar="FILE", help="Markers: their positions on the model, .toml."
         ),
     ] = None,
-    relative_to: Annotated[
-        str,
-        typer.Option("--relative-to", metavar="FRAME", help="Markers: compare in the axes of this frame."),
-    ] = "root",
     clock: Annotated[
         str, typer.Option("--clock", metavar="offset|drift|same", help="Markers: clock errors to fit.")
     ] = "offset",
-    largest_offset_s: Annotated[
-        float | None,
-        typer.Option("--largest-offset-s", metavar="S", help="Markers: largest clock offset to search."),
-    ] = None,
     align_frame: Annotated[
         bool,
         typer.Option(
@@ -99,11 +91,9 @@ def evaluate(
             track,
             oarlock.load_markers(truth, unit),
             _pairs(frames, attachments),
-            relative_to=relative_to,
             align_clock=CLOCKS[clock],
             align_frame=align_frame,
             start_s=start_s,
-            largest_offset_s=largest_offset_s,
         )
         if json_output:
             print_json(against.to_dict())

@@ -168,12 +168,6 @@ def simulate(
             help="Fit first: lengths by name, `offsets` of all markers, `root`: position of the model.",
         ),
     ] = "",
-    from_s: Annotated[
-        float | None, typer.Option("--from-s", metavar="S", help="Start of the used interval.")
-    ] = None,
-    to_s: Annotated[
-        float | None, typer.Option("--to-s", metavar="S", help="End of the used interval.")
-    ] = None,
     longest_s: LongestGap = 0.2,
     cutoff_hz: Annotated[
         float,
@@ -190,9 +184,6 @@ def simulate(
     accel_bias_m_s2: Annotated[
         float, typer.Option("--accel-bias-m-s2", metavar="M/S2", help="Constant, on every axis.")
     ] = 0.0,
-    noise: Annotated[
-        bool, typer.Option("--noise/--no-noise", help="Add the white noise of the model file.")
-    ] = True,
     seed: Annotated[int, typer.Option("--seed", help="Seed of the noise.")] = 0,
     force: Force = False,
     json_output: Json = False,
@@ -208,8 +199,6 @@ def simulate(
     values = assignments(settings, "--set")
     loaded = oarlock.load_model(model, parameters=values)
     markers = oarlock.load_markers(file, unit, axes=axes)
-    if from_s is not None or to_s is not None:
-        markers = markers.between(*(s if s is not None else d for s, d in ((from_s, -1e12), (to_s, 1e12))))
     placed = oarlock.load_attachments(attachments)
     check_folder(out, (), force)
     body = None
@@ -228,7 +217,6 @@ def simulate(
             root_from_markers=None if body is None else body.root_from_markers,
             seed=seed,
             rate_hz=rate_hz,
-            noise=noise,
             gyro_bias_rad_s=gyro_bias_rad_s,
             accel_bias_m_s2=accel_bias_m_s2,
             progress=told,

@@ -30,12 +30,6 @@ def synthetic(
     ] = 1000,
     athletes: Annotated[int, typer.Option("--athletes", metavar="N", min=1, help="Athletes.")] = 60,
     seed: Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Seed of all numbers.")] = 1,
-    classes: Annotated[
-        int,
-        typer.Option(
-            "--classes", metavar="N", min=1, max=2, help="2: later results cannot be compared with earlier."
-        ),
-    ] = 1,
     jobs: Jobs = None,
     json_output: Json = False,
 ) -> None:
@@ -45,7 +39,7 @@ def synthetic(
     """
     from oarlock.season.synthetic.make import Synthetic, make_synthetic
 
-    what = Synthetic(recordings, athletes, seed, classes)
+    what = Synthetic(recordings, athletes, seed)
     with progress("making recordings") as share:
         season = make_synthetic(at, what, jobs, share)
     if json_output:

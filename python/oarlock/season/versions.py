@@ -6,7 +6,7 @@ import os
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, TypeAlias
 
 from oarlock.season.layout import ENTRY_FILE, ERASED, EXPORTS, LOGS, RECORDINGS, SEASON_FILE, TABLES
 from oarlock.season.place import Place
@@ -24,19 +24,6 @@ class Trace:
     what: str
 
 
-class Versions(Protocol):
-    """Former versions of the files of a season."""
-
-    def recordings_of(self, athlete: str) -> list[str]:
-        """Names of recordings of an athlete of which only former versions are there."""
-
-    def remove(self, athlete: str, recordings: Collection[str]) -> int:
-        """Remove all versions of the athlete's files and former ones of what was written anew; returns how many."""
-
-    def left(self, athlete: str, recordings: Collection[str]) -> list[Trace]:
-        """Versions that `remove` should have removed and that are there; a reason if they cannot be seen."""
-
-
 class NoVersions:
     """A place that keeps none, or of which nobody can see them.
 
@@ -49,15 +36,15 @@ class NoVersions:
         self.where, self.unseen = where, unseen
 
     def recordings_of(self, athlete: str) -> list[str]:
-        """As `Versions.recordings_of`."""
+        """As `S3Versions.recordings_of`."""
         return []
 
     def remove(self, athlete: str, recordings: Collection[str]) -> int:
-        """As `Versions.remove`."""
+        """As `S3Versions.remove`."""
         return 0
 
     def left(self, athlete: str, recordings: Collection[str]) -> list[Trace]:
-        """As `Versions.left`."""
+        """As `S3Versions.left`."""
         return [Trace(self.where, f"former versions {self.unseen}")] if self.unseen else []
 
 
@@ -108,7 +95,7 @@ class S3Versions:
         self.prefix = f"{prefix}/" if prefix else ""
 
     def recordings_of(self, athlete: str) -> list[str]:
-        """As `Versions.recordings_of`."""
+        """Names of recordings of an athlete of which only former versions are there."""
         line = re.compile(rb'^athlete = "' + re.escape(athlete.encode()) + rb'"\r?$', re.MULTILINE)
         listed, _ = self._listed(f"{RECORDINGS}/")
         entries = [one for one in listed if one.name.endswith(f"/{ENTRY_FILE}") and not one.is_marker]
@@ -116,7 +103,7 @@ class S3Versions:
         return sorted({one.name.split("/")[1] for one in found})
 
     def remove(self, athlete: str, recordings: Collection[str]) -> int:
-        """As `Versions.remove`."""
+        """Remove all versions of the athlete's files and former ones of what was written anew; returns how many."""
         own = set(recordings)
         listed, _ = self._listed()
         gone = [one for one in listed if self._is_to_go(one, athlete, own)]
@@ -130,7 +117,7 @@ class S3Versions:
         return len(gone)
 
     def left(self, athlete: str, recordings: Collection[str]) -> list[Trace]:
-        """As `Versions.left`."""
+        """Versions that `remove` should have removed and that are there; a reason if they cannot be seen."""
         own = set(recordings)
         listed, why = self._listed()
         if why:
@@ -181,6 +168,9 @@ class S3Versions:
                 )
         except _errors():
             return
+
+
+Versions: TypeAlias = NoVersions | S3Versions
 
 
 def _errors() -> tuple[type[Exception], ...]:

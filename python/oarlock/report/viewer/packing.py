@@ -53,8 +53,3 @@ def unpacked(packet: Mapping[str, Any]) -> Floats:
 def packed_times(time_s: Floats) -> dict[str, Any]:
     """Times (N,) s without loss."""
     return {"data": base64.b64encode(np.asarray(time_s, dtype="<f8").tobytes()).decode("ascii")}
-
-
-def unpacked_times(packet: Mapping[str, Any]) -> Floats:
-    """Unpack the times (N,), s, of `packed_times`."""
-    return np.frombuffer(base64.b64decode(packet["data"]), dtype="<f8").astype(np.float64)

@@ -83,25 +83,3 @@ NUMBERS = tuple(feature.name for kind, feature in _KINDS if kind == "technique")
 """Columns of every table of technique."""
 CURVES = tuple(feature.name for kind, feature in _KINDS if kind == "curve")
 """Curves of technique over the stroke."""
-
-
-def feature_table() -> str:
-    """All features as a Markdown table, one line per number; both sides share a line."""
-    lines = ["| column | name | shown in | positive | definition | source |", "|---|---|---|---|---|---|"]
-    for _, feature in _KINDS:
-        stem = feature.name.removeprefix("l_")
-        if feature.name != stem or (feature.name.startswith("r_") and feature.name[2:] in FEATURES):
-            continue
-        name, label = feature.name, feature.label
-        if name.startswith("r_"):
-            name, label = (
-                f"r_{name[2:]}`, `l_{name[2:]}",
-                label.removesuffix(f", {SIDES['r']}") + ", each side",
-            )
-        elif f"r_{name}" in FEATURES:
-            name = f"{name}`, `r_...`, `l_..."
-        unit = "" if feature.shown_unit == "1" else feature.shown_unit
-        lines.append(
-            f"| `{name}` | {label} | {unit} | {feature.sign} | {feature.definition} | {feature.source} |"
-        )
-    return "\n".join(lines)

@@ -9,7 +9,7 @@ from os import PathLike
 from pathlib import Path
 
 from oarlock import DataError, Evaluation, Track
-from oarlock.report import Front, Section, day_text, who_and_when, who_in_words, write_report
+from oarlock.report import Front, day_text, who_and_when, who_in_words, write_report
 from oarlock.rowing.exports.activity import Activity
 from oarlock.rowing.findings.rowed import Kept, rowing_kind
 from oarlock.rowing.report.beside import alongside_sections
@@ -27,17 +27,6 @@ _ROWED = {"sculling": "of sculling", "sweep": "of sweep rowing", "ergometer": "o
 def is_of_rower(track: Track) -> bool:
     """Whether the track's model has the joints of a rower: seat and trunk."""
     return set(track.joint_names) >= _ROWER and track.model is not None
-
-
-def rowing_sections(
-    track: Track,
-    other: Track | None = None,
-    names: tuple[str, str] = ("", ""),
-    targets: str | PathLike[str] | None = None,
-    csv_names: tuple[str, ...] = ("strokes.csv", "strokes-2.csv"),
-) -> list[Section]:
-    """The sections of a rower, for `oarlock.report.write_report`."""
-    return sections_of(_pieces(track, other, names, targets), csv_names[: 1 if other is None else 2])
 
 
 def write_rowing_report(
