@@ -513,7 +513,7 @@ def test_toml_has_a_size(tmp_path: Path) -> None:
     with file.open("wb") as stream:
         stream.truncate(10**12)
     for reader in (load_model, oarlock.load_calibration):
-        with pytest.raises((DataError, ModelError), match=r"has 1,000\.0 GB, more than the 16\.8 MB"):
+        with pytest.raises((DataError, ModelError), match=r"has 1,000\.0 GB, more than the 8\.4 MB"):
             reader(file)
 
 

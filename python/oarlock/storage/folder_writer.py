@@ -227,8 +227,9 @@ def _finish(folder: Path) -> None:
 
 
 def _names_gone(file: Path) -> list[str]:
+    text = read_text(file)
     try:
-        found = json.loads(read_text(file))
+        found = json.loads(text)
     except ValueError:
         found = None
     if not isinstance(found, list) or not all(isinstance(name, str) for name in found):
