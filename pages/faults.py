@@ -19,7 +19,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import oarlock
-from oarlock import DataError, ImuStream, Recording, ScalarStream, Track
+from oarlock import DataError, DivergedError, ImuStream, Recording, ScalarStream, Track
 from oarlock.recording.streams import Stream
 from oarlock.rowing import FieldEffects, simulate_field
 
@@ -226,9 +226,9 @@ def run(job: tuple[str, int, int]) -> dict[str, Any]:
     result["sized"] = any(np.isfinite(s.error_rad) for s in suspects)
     try:
         track = oarlock.track(model, spoilt, calibration)
-    except DataError as error:
+    except (DataError, DivergedError) as error:
         notes, certain = [f"{line}" for line in str(error).splitlines()], False
-        result["refused"] = True
+        result["diverged" if isinstance(error, DivergedError) else "refused"] = True
     else:
         notes, certain = [*track.notes], is_certain(track, truth)
     notes += [s.note for s in suspects]
@@ -275,7 +275,8 @@ def measured(seeds: Sequence[int] | None = None, jobs: int | None = None) -> dic
 def _pooled(runs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     example = next((r["note"] for r in runs if r["note"]), "")
     counts = {
-        key: sum(bool(r.get(key)) for r in runs) for key in ("named", "certain", "silent", "sized", "refused")
+        key: sum(bool(r.get(key)) for r in runs)
+        for key in ("named", "certain", "silent", "sized", "refused", "diverged")
     }
     search_s = float(np.max([r["search_s"] for r in runs]))
     return {"runs": len(runs), **counts, "search_s": search_s, "example": example}
@@ -298,7 +299,8 @@ def sections(record: Record) -> Mapping[str, Mapping[str, str]]:
     columns = ("fault", "named", "certain but wrong", "without a note", "longest search, s", "what is said")
     made = f"{made_text(record)}; `make pages PAGES=faults` measures it anew."
     text = (
-        f"Of {every['runs']} runs {every['named']} name the right kind and stream; {every['refused']} are refused. In "
+        f"Of {every['runs']} runs {every['named']} name the right kind and stream; {every['refused']} are refused, "
+        f"{every['diverged']} diverge. In "
         f"{every['certain']} a hinge is off by more than three standard deviations in a fifth of the rows, in "
         f"{every['silent']} of these without a note on the stream. The longest search took {every['search_s']:.1f} s."
     )

@@ -341,11 +341,16 @@ impl StrapdownFilter {
         }
     }
 
-    /// Time since anything was read, s.
+    /// Time since anything was read, s. Where loops and encoders hold a body that means them, or half of its units: few of these alone tell nothing
+    /// of the others.
     pub fn silence_s(&self, state: &State, time_s: f64) -> f64 {
-        let units = state.readings.iter().map(|r| r.before_s(time_s));
-        let others = state.heard.iter().map(|h| h.before_s(time_s));
-        time_s - units.chain(others).fold(f64::NEG_INFINITY, f64::max)
+        let mut units: Vec<f64> = state.readings.iter().map(|r| r.before_s(time_s)).collect();
+        units.sort_unstable_by(|a, b| b.total_cmp(a));
+        let enough = if self.skeleton.is_held() { units.len() / 2 } else { 0 };
+        let is_field = |sensor: &Sensor| matches!(sensor.measures, Measures::Field(_));
+        let others = self.skeleton.sensors.iter().zip(&state.heard).filter(|(sensor, _)| !is_field(sensor));
+        let others = others.map(|(_, heard)| heard.before_s(time_s));
+        time_s - others.chain(units.get(enough).copied()).fold(f64::NEG_INFINITY, f64::max)
     }
 
     /// Moves to a later time; `node` receives each update.
@@ -424,8 +429,14 @@ impl StrapdownFilter {
         }
         for u in (0..before.len()).filter(|u| self.silent[*u]) {
             self.ride(&mut state.means.units, &before, u);
-            let walk = if is_held { LOOSE_WALK * LOOSE_WALK * step_s } else { SILENT_RAD * SILENT_RAD };
             let known = if is_held { block(&state.covariance, UNIT * u) } else { ZERO };
+            // Wider turns than that no loop reads.
+            let is_wide = (0..3).any(|i| known.0[i][i] > SILENT_RAD * SILENT_RAD);
+            let walk = match (is_held, is_wide) {
+                (true, true) => 0.0,
+                (true, false) => LOOSE_WALK * LOOSE_WALK * step_s,
+                (false, _) => SILENT_RAD * SILENT_RAD,
+            };
             let turn = sum(&known, &Mat3::identity(), walk);
             let stds = [self.links.start_speed_std_m_s, self.links.start_place_std_m];
             noises[u] = fresh_block(&turn, &state.means.units[u], stds);
