@@ -58,6 +58,8 @@ def _player(movement: Movement) -> str:
     first, last = movement.start_s, float(track.time_s[-1])
     begins_s = [float(block.repetition.begins_s[0]) for block in blocks]
     start = max(first, min(min(begins_s, default=first) - 1.0, last - LONGEST_S))
+    # A clock that was set leaves years without a sample.
+    start = float(track.time_s[np.searchsorted(track.time_s, start)])
     end = min(last, start + LONGEST_S)
     marks = []
     for block in blocks:

@@ -334,7 +334,8 @@ impl StrapdownFilter {
     /// Longest time between two samples after which the body goes on, s; after a longer one it starts anew.
     pub fn longest_s(&self, state: &State) -> f64 {
         let usual = state.readings.iter().map(|r| r.parts().2).filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min);
-        if usual.is_finite() {
+        // Loops lead to no number where nothing is read for longer: the posture is sought in each reading.
+        if usual.is_finite() && !self.skeleton.is_held() {
             SILENT_S.max(SILENT_INTERVALS * usual)
         } else {
             SILENT_S
