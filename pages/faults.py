@@ -308,6 +308,5 @@ def sections(record: Record) -> Mapping[str, Mapping[str, str]]:
 
 
 def _short(note: str) -> str:
-    return re.split(
-        r"[:;.] ", note.removeprefix("Suspect: ") if note.startswith("Suspect") else note.split(": ", 1)[-1]
-    )[0]
+    text = note.removeprefix("Suspect: ") if note.startswith("Suspect") else note.split(": ", 1)[-1]
+    return re.split(r"[:;.] ", text)[0].replace("|", "\\|")

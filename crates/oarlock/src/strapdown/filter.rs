@@ -31,6 +31,8 @@ const MOST_AGAIN: usize = 5;
 const NEAR_RAD: f64 = 0.02;
 /// Longest prediction without a reading of joints, s.
 const LONGEST_S: f64 = 0.1;
+/// Nor one of minutes without any reading, s: that is one prediction, because there would be millions.
+const BLIND_S: f64 = 60.0;
 /// Joint state of a link without a unit: random walk, rad per sqrt(s), and correlation time of the spring to its rest, s. Where loops hold the
 /// links they tell its turns from each other, and for how long a posture stays away from rest counts: mounts and lengths would take that up.
 pub const LOOSE_WALK: f64 = 2.0;
@@ -336,7 +338,7 @@ impl StrapdownFilter {
         let usual = state.readings.iter().map(|r| r.parts().2).filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min);
         // Loops lead to no number where nothing is read for longer: the posture is sought in each reading.
         if usual.is_finite() && !self.skeleton.is_held() {
-            SILENT_S.max(SILENT_INTERVALS * usual)
+            SILENT_S.max(SILENT_INTERVALS * usual).min(BLIND_S)
         } else {
             SILENT_S
         }
@@ -357,7 +359,9 @@ impl StrapdownFilter {
     /// Moves to a later time; `node` receives each update.
     pub fn advance(&mut self, state: &mut State, to_s: f64, node: &mut dyn FnMut(Node), wants_nodes: bool) {
         while state.row_s < to_s {
-            let next_s = to_s.min(state.time_s + LONGEST_S).max(state.row_s);
+            let reading_s = state.readings.iter().map(|r| r.next_s(state.row_s)).fold(f64::INFINITY, f64::min);
+            let is_blind = reading_s.min(to_s) > state.row_s + BLIND_S;
+            let next_s = to_s.min(if is_blind { reading_s } else { state.time_s + LONGEST_S }).max(state.row_s);
             self.extend(state, next_s);
             let since_s = state.row_s - state.time_s;
             if since_s >= self.update_s * (1.0 - 1e-6) {

@@ -274,6 +274,12 @@ impl Readings {
         self.all.back().map_or(f64::NEG_INFINITY, |r| r.time_s)
     }
 
+    /// Time of the first reading after a time, s.
+    pub fn next_s(&self, time_s: f64) -> f64 {
+        let next = self.all.partition_point(|r| r.time_s <= time_s + 1e-9);
+        self.all.get(next).map_or(f64::INFINITY, |r| r.time_s)
+    }
+
     /// Time of the last reading at or before a time, s.
     pub fn before_s(&self, time_s: f64) -> f64 {
         let next = self.all.partition_point(|r| r.time_s <= time_s + 1e-9);
