@@ -382,12 +382,17 @@ impl Motions {
     }
 }
 
+/// Longest time between readings whose difference is a slope, s.
+const LONGEST_SPAN_S: f64 = 3.0;
+
 fn unit_motion(filter: &StrapdownFilter, mean: &super::filter::UnitState, signal: &Signal, up: Vec3<f64>) -> Motion {
     let links = &filter.links;
     let rate = signal.gyro - mean.gyro_bias;
     let rate_hz = signal.rate_hz;
     let white = links.gyro_density.powi(2) * rate_hz;
-    let per_slope = if signal.span_s > 0.0 { 2.0 / (signal.span_s * signal.span_s) } else { f64::INFINITY };
+    // Readings minutes apart tell nothing of what is between them.
+    let is_near = signal.span_s > 0.0 && signal.span_s < LONGEST_SPAN_S;
+    let per_slope = if is_near { 2.0 / (signal.span_s * signal.span_s) } else { f64::INFINITY };
     let change = links.gyro_step_share.powi(2) * square(signal.gyro_slope);
     let unread = (LIMB_RAD_S2 * signal.silence_s).min(LIMB_RAD_S);
     let unread_slope = if signal.silence_s > 0.0 { LIMB_RAD_S2 } else { 0.0 };

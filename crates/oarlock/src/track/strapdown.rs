@@ -413,9 +413,10 @@ impl Tracker {
         let Waiting { sample, parts } = links.waiting.pop_front()?;
         let time_s = sample.time_s;
         let means = filter.present(&links.state);
-        let signals: Vec<Signal> = links.state.readings.iter().map(|r| r.at(links.state.row_s)).collect();
-        let coordinates = strapdown.coordinates(&self.subject.body, &means, &signals, &one.belief.mean);
         let silence_s = filter.silence_s(&links.state, time_s);
+        let at_last = links.state.readings.iter().map(|r| r.at(links.state.row_s));
+        let signals: Vec<Signal> = at_last.map(|signal| Signal { silence_s, ..signal }).collect();
+        let coordinates = strapdown.coordinates(&self.subject.body, &means, &signals, &one.belief.mean);
         one.belief.covariance = coordinates.covariance(&filter.silent_covariance(&means, silence_s));
         one.belief.mean = coordinates.mean;
         one.belief.time_s = time_s;
