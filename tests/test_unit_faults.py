@@ -162,3 +162,10 @@ def test_short_recordings_are_searched_too(length_s: float) -> None:
     model, recording = arm(11)
     found = oarlock.suspects(model, FAULTS["gravity"][0](recording).slice(5.0, 5.0 + length_s))
     assert all(s.fault != "unfinished" for s in found)
+
+
+@pytest.mark.parametrize("length_s", [1.2, 2.5, 4.0])
+def test_a_lag_that_leaves_nothing_to_compare_explains_nothing(length_s: float) -> None:
+    model, recording = arm(11)
+    found = oarlock.suspects(model, FAULTS["gravity"][0](recording).slice(5.0, 5.0 + length_s))
+    assert not [s for s in found if s.fault == "clock"]

@@ -163,15 +163,15 @@ class JointForces:
             return None
         return cls(start_s, units, tuple(p.units for p in joints), tuple(_levers(p, worn) for p in joints))
 
-    def misfits(self, units: Mapping[str, _Readings]) -> FloatArray:
+    def misfits(self) -> FloatArray:
         """(n_joints,) squared differences of the force over that of its changes."""
-        return np.array([self.misfit(k, units) for k in range(len(self.joints))])
+        return np.array([self.misfit(k, self.units) for k in range(len(self.joints))])
 
     def agreeing(self) -> frozenset[str]:
         """Units that agree with all their neighbours."""
         unusual = {
             name
-            for joint, x in zip(self.joints, self.misfits(self.units), strict=True)
+            for joint, x in zip(self.joints, self.misfits(), strict=True)
             if not x <= UNUSUAL
             for name in joint
         }
@@ -472,7 +472,7 @@ def explanations(
 def _worst_part(forces: JointForces) -> tuple[JointForces, float | None]:
     """The windows from where units contradict each other much more than before, and when that begins, s."""
     windows = forces.windows()
-    each = np.nan_to_num(np.array([forces.part(rows).misfits(forces.part(rows).units) for rows in windows]))
+    each = np.nan_to_num(np.array([forces.part(rows).misfits() for rows in windows]))
     worst = each.max(axis=1)
     bad = (worst > UNUSUAL) & (worst > 4.0 * worst.min())
     if bad.all() or not bad.any():
@@ -484,7 +484,7 @@ def _worst_part(forces: JointForces) -> tuple[JointForces, float | None]:
 
 
 def _best(forces: JointForces, from_s: float | None) -> tuple[Explanation, _Cause] | None:
-    misfits = forces.misfits(forces.units)
+    misfits = forces.misfits()
     unusual = [k for k, misfit in enumerate(misfits) if misfit > UNUSUAL]
     if not unusual:
         return None
@@ -494,10 +494,15 @@ def _best(forces: JointForces, from_s: float | None) -> tuple[Explanation, _Caus
         causes += [*_late(forces, name), _mounted(forces, name), _biased(forces, name)]
     tried = []
     for cause in causes:
-        own = [k for k, joint in enumerate(forces.joints) if set(joint) & set(cause.streams)]
-        before = float(np.nansum(misfits[own]))
+        own = [
+            k
+            for k, joint in enumerate(forces.joints)
+            if set(joint) & set(cause.streams) and np.isfinite(misfits[k])
+        ]
+        before = float(sum(misfits[own]))
         units = {**forces.units, **cause.change(forces.units)}
-        after = float(np.nansum([forces.misfit(k, units) for k in own])) * cause.rarity
+        # A change that leaves too little to compare explains nothing: it has no number.
+        after = float(sum(forces.misfit(k, units) for k in own)) * cause.rarity
         left = REST_OF_CLOCKS if cause.fault in ("clock", "exchanged") else REST
         if after * EXPLAINS < before and before > UNUSUAL and after < left * len(own) and _is_large(cause):
             tried.append((before - after, before, after, cause))
