@@ -11,7 +11,6 @@ from oarlock.evaluation.consistency import sensor_scores
 from oarlock.evaluation.interval import Interval
 from oarlock.report import write_report
 from oarlock.storage.errors import DataError
-from oarlock.storage.manifest import MANIFEST
 from oarlock.tracking.records import DISTURBED, FIELD
 
 HEAD = """
@@ -120,13 +119,3 @@ def test_an_unknown_test_is_refused() -> None:
     info = oarlock.track(model(), simulated()[1].slice(end_s=1.0)).info
     with pytest.raises(DataError, match=r"no test 'tilt'.*norm"):
         info.disturbed("tilt")
-
-
-def test_a_track_of_an_older_version_has_no_fields(tmp_path: Path) -> None:
-    from pyarrow import parquet
-
-    oarlock.track(model(), simulated()[1].slice(end_s=1.0)).save(tmp_path)
-    file = tmp_path / "sensors.parquet"
-    (tmp_path / MANIFEST).unlink()  # older versions wrote none
-    parquet.write_table(parquet.read_table(file).drop_columns(["head.field"]), file)
-    assert not oarlock.load_track(tmp_path).info.field.any()

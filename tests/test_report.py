@@ -13,7 +13,7 @@ from html_page import (
     assert_references_lead_somewhere,
     assert_speaks_to_screen_readers,
 )
-from oarlock.evaluation.suspects.text import SUSPECT_NOTE
+from oarlock.evaluation.suspects.suspect import SUSPECT_NOTE
 from oarlock.report import KeyFigure, Section, plot, write_report
 from oarlock.report.health import smoothed_nis
 from oarlock.report.text import fixed, number

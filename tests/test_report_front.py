@@ -12,7 +12,7 @@ import oarlock
 from command_line import run
 from fake_track import noisy_track, true_track
 from html_page import Page, assert_references_lead_somewhere
-from oarlock.evaluation.suspects.text import SUSPECT_NOTE
+from oarlock.evaluation.suspects.suspect import SUSPECT_NOTE
 from oarlock.report import (
     Front,
     Point,

@@ -16,7 +16,7 @@ from html_page import (
     assert_speaks_to_screen_readers,
 )
 from oarlock.cli.report import CLASSES
-from oarlock.evaluation.suspects.text import SUSPECT_NOTE
+from oarlock.evaluation.suspects.suspect import SUSPECT_NOTE
 from oarlock.rowing import FEATURES, TARGET_CLASSES
 from oarlock.rowing.analysis.stroke_means import FeatureMean
 from oarlock.rowing.analysis.technique import Technique, technique

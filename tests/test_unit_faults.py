@@ -90,7 +90,7 @@ FAULTS = {
         (180.0, 180.0),
     ),
     "mount": (changed("forearm", turned(40.0)), "mount", {"forearm"}, "turned by about", (20.0, 50.0)),
-    "slips": (changed("forearm", turned(40.0, FROM_S)), "mount", {"forearm"}, "from about", (20.0, 50.0)),
+    "slips": (changed("forearm", turned(40.0, FROM_S)), "mount", {"forearm"}, "begins at about", (20.0, 50.0)),
     "accel": (
         changed("forearm", values(accel_m_s2=lambda r, t: r + np.array([1.2, -1.2, 1.0]))),
         "bias",
@@ -157,15 +157,10 @@ def test_two_units_that_disagree_and_one_that_is_alone() -> None:
     assert JointForces.of(model, recording.only(["hand"]), None) is None
 
 
-@pytest.mark.parametrize("length_s", [0.05, 0.4, 1.2, 2.5])
-def test_short_recordings_are_searched_too(length_s: float) -> None:
+@pytest.mark.parametrize("length_s", [0.05, 0.4, 1.2, 2.5, 4.0])
+def test_short_recordings_are_searched_and_a_lag_that_leaves_nothing_to_compare_explains_nothing(
+    length_s: float,
+) -> None:
     model, recording = arm(11)
     found = oarlock.suspects(model, FAULTS["gravity"][0](recording).slice(5.0, 5.0 + length_s))
-    assert all(s.fault != "unfinished" for s in found)
-
-
-@pytest.mark.parametrize("length_s", [1.2, 2.5, 4.0])
-def test_a_lag_that_leaves_nothing_to_compare_explains_nothing(length_s: float) -> None:
-    model, recording = arm(11)
-    found = oarlock.suspects(model, FAULTS["gravity"][0](recording).slice(5.0, 5.0 + length_s))
-    assert not [s for s in found if s.fault == "clock"]
+    assert not {"unfinished", "clock"} & {s.fault for s in found}

@@ -40,7 +40,8 @@ from .evaluation.study.study import study
 from .evaluation.study.study_file import load_study
 from .evaluation.study.sweeps import FaultSweep
 from .evaluation.study.trial import StudySimulator, StudyTrial
-from .evaluation.suspects.suspects import Suspect, suspects
+from .evaluation.suspects.suspect import Suspect
+from .evaluation.suspects.suspects import suspects
 from .formats.contents import find_recordings, import_recording
 from .formats.export.export import Export, export
 from .formats.marker_files import load_markers

@@ -9,7 +9,7 @@ from oarlock.cli.terminal import heading, number, pairs, say, table
 from oarlock.evaluation.marker_scores import MarkerEvaluation
 from oarlock.evaluation.scores import Evaluation, SensorScore, presentation
 from oarlock.evaluation.summary import Readings, TrackSummary, rate_text, shares_text, summarize
-from oarlock.evaluation.suspects.text import SUSPECT_NOTE
+from oarlock.evaluation.suspects.suspect import SUSPECT_NOTE
 from oarlock.recording.session_info import session_text
 from oarlock.tracking.counts import StreamCount
 from oarlock.tracking.track import Track

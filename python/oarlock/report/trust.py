@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from oarlock.evaluation.scores import Evaluation, SensorScore
 from oarlock.evaluation.summary import readings
-from oarlock.evaluation.suspects.text import SUSPECT_NOTE
+from oarlock.evaluation.suspects.suspect import SUSPECT_NOTE
 from oarlock.report.text import capital, listing, percent
 from oarlock.report.verdict import MISLEADING_COVERAGE, NARROW_COVERAGE
 from oarlock.tracking.contradictions import contradicted_units

@@ -8,7 +8,7 @@ from html import escape
 
 from oarlock.evaluation.scores import Evaluation, SensorScore
 from oarlock.evaluation.summary import observed_joints, rate_text, row_rate_hz, stream_rates, summarize
-from oarlock.evaluation.suspects.text import SUSPECT_NOTE
+from oarlock.evaluation.suspects.suspect import SUSPECT_NOTE
 from oarlock.report.section import KeyFigure
 from oarlock.report.text import fixed, listing, number, percent, plural
 from oarlock.storage.epoch import moment_text

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from oarlock import _core
 from oarlock.calibration.static.link_pairs import EXACT, ROOT, LinkPair, link_pairs
@@ -107,23 +108,8 @@ def _found(
 ) -> dict[str, Any]:
     """The engine's finding, with the expectation of the model in sensor axes."""
     first, second = worn.read(pair, recording)
-    turned = _turned(pair, worn)
-    expected = (turned.T @ _levers(pair, worn)).reshape(2, 3)
-    return _core.find_joint_center(first, second, expected.tolist(), window_s, prior_std_m)
-
-
-def _levers(pair: LinkPair, worn: Worn) -> FloatArray:
-    """(6,) from the joint to the parent's unit and to the child's, in the axes of their links, m."""
-    assert pair.center is not None
-    return np.concatenate([worn.offsets[name] for name in pair.units]) - pair.center
-
-
-def _turned(pair: LinkPair, worn: Worn) -> FloatArray:
-    """(6, 6): both sensors' axes to those of their links."""
-    turned = np.zeros((6, 6))
-    for i, name in enumerate(pair.units):
-        turned[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = worn.rotations[name]
-    return turned
+    levers_m = [lever.tolist() for lever in worn.levers(pair)]
+    return _core.find_joint_center(first, second, levers_m, window_s, prior_std_m)
 
 
 # --- one tree from all joints -------------------------------------------------------------------------
@@ -208,9 +194,9 @@ class Tree:
         vector = np.zeros(self.size)
         missing, known = {}, {}
         for pair, joint in zip(self.pairs, found, strict=True):
-            turned, rows = _turned(pair, self.worn), self.design(pair)
-            found_m = np.concatenate([joint["first_m"], joint["second_m"]])
-            difference = turned @ found_m - _levers(pair, self.worn)
+            turned, rows = block_diag(*(self.worn.rotations[name] for name in pair.units)), self.design(pair)
+            measured_m = np.concatenate([joint["first_m"], joint["second_m"]])
+            difference = turned @ (measured_m - np.concatenate(self.worn.levers(pair)))
             covariance = np.asarray(turned @ np.asarray(joint["covariance_m2"]) @ turned.T)
             whole = np.linalg.inv(covariance)
             information += rows.T @ _without_prior(whole, self.search_std_m) @ rows

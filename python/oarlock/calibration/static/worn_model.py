@@ -54,6 +54,13 @@ class Worn:
         rotations[ROOT], offsets[ROOT] = np.eye(3), np.zeros(3)
         return cls(sized, rotations, offsets, stds, before)
 
+    def levers(self, pair: LinkPair) -> tuple[FloatArray, FloatArray]:
+        """(3,) each: from the joint of a pair to both of its units, in their own axes, m."""
+        assert pair.center is not None
+        both = np.concatenate([self.offsets[name] for name in pair.units]) - pair.center
+        first, second = (self.rotations[n].T @ both[3 * i : 3 * i + 3] for i, n in enumerate(pair.units))
+        return np.asarray(first), np.asarray(second)
+
     def read(self, pair: LinkPair, recording: Recording) -> tuple[dict[str, Any], dict[str, Any]]:
         """The columns of both units of a pair; the root's are those of a unit at rest."""
         child = readings(recording[pair.child])

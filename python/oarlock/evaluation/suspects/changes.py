@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from oarlock.evaluation.suspects.text import axes_text, exchange_text, factor_text, stuck_text, turn_text
+from oarlock.evaluation.suspects.suspect import axes_text, exchange_text, factor_text, stuck_text, turn_text
 from oarlock.recording.gyro_scale import gyro_per_gravity_turn
 from oarlock.recording.plausibility import GYRO_MAX_RAD_S
 from oarlock.recording.recording import Recording
@@ -55,12 +55,16 @@ class Change:
         return Recording([self._mended(s) if s.name in self.streams else s for s in recording.streams])
 
     def _mended(self, stream: Stream) -> Stream:
-        values = {n: self._right(v) if n in self.fields else v for n, v in stream.values.items()}
+        values = {
+            n: changed_rows(v, self.matrix) if n in self.fields else v for n, v in stream.values.items()
+        }
         name = self.names.get(stream.name, stream.name)
         return type(stream)(name, stream.time_s, **values)  # type: ignore[arg-type]
 
-    def _right(self, rows: FloatArray) -> FloatArray:
-        return np.asarray(rows * self.matrix if isinstance(self.matrix, float) else rows @ self.matrix.T)
+
+def changed_rows(rows: FloatArray, by: FloatArray | float) -> FloatArray:
+    """Rows times a factor, or turned by a matrix (3, 3)."""
+    return np.asarray(rows * by if isinstance(by, float) else rows @ by.T)
 
 
 def exchanges(groups: Iterable[Sequence[str]]) -> Iterator[Change]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from oarlock import _core
+from oarlock.evaluation.suspects.suspect import USUAL
 from oarlock.model.edit import document_of, model_of
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream, Stream
@@ -31,9 +32,6 @@ RATES_WIDER, DRIVEN_HARDER = 6.0, 5.0
 START_WINDOWS_S = (0.1, 0.25, 0.04)
 # In the first selection of faults the noise is so large that the start fit converges quickly for every hypothesis.
 PRESELECTION_NOISE = 4.0
-
-USUAL = 0.5
-"""Largest misfit that the usual errors of real recordings explain."""
 
 
 @dataclass(frozen=True)

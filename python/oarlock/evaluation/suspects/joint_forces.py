@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations, pairwise
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -16,10 +17,19 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from oarlock.calibration.static.link_pairs import ROOT, LinkPair, link_pairs
+from oarlock.calibration.static.link_pairs import ROOT, link_pairs
 from oarlock.calibration.static.worn_model import Worn
-from oarlock.evaluation.suspects.changes import GRAVITY_M_S2, LESS_USUAL, MIRRORS, PROPER, RARE
-from oarlock.evaluation.suspects.text import angle_text, axes_list, mirror_text
+from oarlock.evaluation.suspects.changes import (
+    GRAVITY_M_S2,
+    LESS_USUAL,
+    UNIT_FIELDS,
+    Change,
+    changed_rows,
+    exchanges,
+    turns,
+    unit_signs,
+)
+from oarlock.evaluation.suspects.suspect import Suspect, of_units
 from oarlock.recording.butterworth import passed_twice
 from oarlock.recording.streams import ImuStream
 from oarlock.storage.array_gate import FloatArray
@@ -30,7 +40,6 @@ if TYPE_CHECKING:
     from oarlock.recording.calibration import Calibration
     from oarlock.recording.recording import Recording
 
-_SENSOR = {"gyro": "gyroscope", "accel": "accelerometer"}
 RATE_HZ, CUTOFF_HZ = 50.0, 5.0
 """Readings are compared at this rate, without what is faster: skin, and hits that each unit filters in its own way."""
 WINDOW_S = 8.0
@@ -52,69 +61,41 @@ LEAST_TURN_RAD, LEAST_BIAS_M_S2, LEAST_SCALE = 0.2, 0.7, 0.08
 """Smaller errors are those of usual mounts and units."""
 
 
-@dataclass(frozen=True)
-class Explanation:
-    """A change of the readings that explains why units contradict each other.
-
-    Args:
-        fault: "exchanged", "turned", "axes", "sign", "unit", "clock", "mount", "bias" or "scale".
-        streams: units whose readings are wrong.
-        cause: what is wrong, in words.
-        cure: what to change.
-        error_rad: how wrong the unit's orientation is taken to be, rad.
-        misfit_before: squared differences of the forces over those of their changes, and after the change.
-        misfit_after: see `misfit_before`.
-        from_s: where it begins, s; None: in the whole recording.
-        others: other causes that explain it nearly as well.
-        gyro_scale: by which the gyroscope of a fault "scale" is to be multiplied.
-    """
-
-    fault: str
-    streams: tuple[str, ...]
-    cause: str
-    cure: str
-    error_rad: float
-    misfit_before: float
-    misfit_after: float
-    from_s: float | None = None
-    others: tuple[str, ...] = ()
-    gyro_scale: float = 1.0
-
-
 @dataclass(frozen=True, eq=False)
 class _Readings:
     """(T, 3) rad/s and m/s2 of one unit on the common grid, and where they are no interpolation over a gap."""
 
-    gyro: FloatArray
-    accel: FloatArray
+    gyro_rad_s: FloatArray
+    accel_m_s2: FloatArray
     there: NDArray[np.bool_]
 
-    def changed(self, gyro: FloatArray | float = 1.0, accel: FloatArray | float = 1.0) -> _Readings:
-        return replace(self, gyro=_times(self.gyro, gyro), accel=_times(self.accel, accel))
+    def changed(self, by: FloatArray | float, fields: Sequence[str] = UNIT_FIELDS) -> _Readings:
+        """With some of its quantities times a factor, or turned by a matrix."""
+        gyro, accel = (
+            changed_rows(rows, by) if field in fields else rows
+            for field, rows in (("gyro_rad_s", self.gyro_rad_s), ("accel_m_s2", self.accel_m_s2))
+        )
+        return _Readings(gyro, accel, self.there)
 
     def later(self, rows: FloatArray) -> _Readings:
         """As they are with a clock set back by so many rows, one number or one a row."""
         at = np.arange(len(self.there)) + rows
         near = np.clip(np.round(at).astype(int), 0, len(self.there) - 1)
         inside = (at >= 0) & (at <= len(self.there) - 1)
-        return _Readings(self.gyro[near], self.accel[near], self.there[near] & inside)
+        return _Readings(self.gyro_rad_s[near], self.accel_m_s2[near], self.there[near] & inside)
 
     def rows(self, rows: slice) -> _Readings:
-        return _Readings(self.gyro[rows], self.accel[rows], self.there[rows])
+        return _Readings(self.gyro_rad_s[rows], self.accel_m_s2[rows], self.there[rows])
 
     def force(self, lever: FloatArray) -> FloatArray:
         """(T,) size of the force at a joint, m/s2; `lever`: from the joint to the unit, in the unit's axes, m."""
-        turning = np.gradient(self.gyro, 1.0 / RATE_HZ, axis=0)
-        w2 = np.einsum("ij,ij->i", self.gyro, self.gyro)
-        swung = self.gyro * (self.gyro @ lever)[:, None] - w2[:, None] * lever
+        turning = np.gradient(self.gyro_rad_s, 1.0 / RATE_HZ, axis=0)
+        w2 = np.einsum("ij,ij->i", self.gyro_rad_s, self.gyro_rad_s)
+        swung = self.gyro_rad_s * (self.gyro_rad_s @ lever)[:, None] - w2[:, None] * lever
         x, y, z = lever
         tx, ty, tz = turning.T
         swung += np.stack([ty * z - tz * y, tz * x - tx * z, tx * y - ty * x], axis=1)
-        return np.asarray(np.linalg.norm(self.accel - swung, axis=1))
-
-
-def _times(rows: FloatArray, by: FloatArray | float) -> FloatArray:
-    return np.asarray(rows * by if isinstance(by, float) else rows @ by.T)
+        return np.asarray(np.linalg.norm(self.accel_m_s2 - swung, axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +142,7 @@ class JointForces:
         joints = [pair for pair in pairs if all(name in units for name in pair.units)]
         if not joints:
             return None
-        return cls(start_s, units, tuple(p.units for p in joints), tuple(_levers(p, worn) for p in joints))
+        return cls(start_s, units, tuple(p.units for p in joints), tuple(worn.levers(p) for p in joints))
 
     def misfits(self) -> FloatArray:
         """(n_joints,) squared differences of the force over that of its changes."""
@@ -180,7 +161,7 @@ class JointForces:
     def fits_scale(self, name: str, scale: float) -> bool:
         """Whether the joints of a unit do not contradict that its gyroscope is to be multiplied by so much."""
         own = [k for k, joint in enumerate(self.joints) if name in joint]
-        units = {**self.units, name: self.units[name].changed(gyro=scale)} if own else {}
+        units = {**self.units, name: self.units[name].changed(scale, ("gyro_rad_s",))} if own else {}
         return not own or sum(self.misfit(k, units) for k in own) < sum(
             self.misfit(k, self.units) for k in own
         )
@@ -196,7 +177,7 @@ class JointForces:
         changes = min(float(np.var(force)) for force in forces)
         return float(np.mean((forces[0] - forces[1]) ** 2) / (changes + LEAST_M_S2**2))
 
-    def residual(self, name: str, change: Change) -> FloatArray:
+    def residual(self, name: str, change: Readings) -> FloatArray:
         """(N,) differences of the forces at the joints of one unit, m/s2, with a change of its readings."""
         units, parts = {**self.units, **change(self.units)}, []
         for (a, b), (first, second) in zip(self.joints, self.levers, strict=True):
@@ -262,8 +243,8 @@ def on_grid_of(
         return None
     field = None if stream.mag_ut is None else _interpolated(stream.time_s, stream.mag_ut, grid)
     if field is None:
-        return read.gyro, read.accel, None, read.there
-    return read.gyro, read.accel, field[0], read.there & field[1]
+        return read.gyro_rad_s, read.accel_m_s2, None, read.there
+    return read.gyro_rad_s, read.accel_m_s2, field[0], read.there & field[1]
 
 
 def _interpolated(
@@ -283,107 +264,85 @@ def _interpolated(
     return passed_twice(rows, RATE_HZ, CUTOFF_HZ), there
 
 
-def _levers(pair: LinkPair, worn: Worn) -> tuple[FloatArray, FloatArray]:
-    assert pair.center is not None
-    both = np.concatenate([worn.offsets[name] for name in pair.units]) - pair.center
-    first, second = (worn.rotations[n].T @ both[3 * i : 3 * i + 3] for i, n in enumerate(pair.units))
-    return np.asarray(first), np.asarray(second)
-
-
 # --- what may be wrong --------------------------------------------------------------------------------
 
-Change: TypeAlias = Callable[[Mapping[str, _Readings]], dict[str, _Readings]]
+Readings: TypeAlias = Callable[[Mapping[str, _Readings]], dict[str, _Readings]]
 
 
 @dataclass(frozen=True, eq=False)
 class _Cause:
-    """One way to change the readings of some units; its fields are those of `Explanation`."""
+    """One way to change the readings of some units; the other fields are those of a `Suspect` and a `Change`."""
 
     fault: str
     streams: tuple[str, ...]
-    cause: str
-    cure: str
+    text: str
     error_rad: float
-    change: Change
+    change: Readings
     rarity: float = 1.0
 
 
 def _discrete(names: Sequence[str]) -> Iterator[_Cause]:
     """Exchanged units, wrong signs and axes."""
-    for a, b in combinations(names, 2):
-        cure = "give each the other's name where the recording is imported"
-        yield _Cause("exchanged", (a, b), f"{a} and {b} look exchanged", cure, np.pi / 2, _exchange(a, b))
-    for name in names:
-        for quantity, what, key in (("gyro", "", "gyro"), ("accel", " of gravity", "accel")):
-            cause = f"{_SENSOR[quantity]} of {name} looks to have the wrong sign{what}"
-            cure = f'set axes = ["-x", "-y", "-z"] for {key} in the mapping file'
-            yield _Cause("sign", (name,), cause, cure, np.pi, _scale(name, **{quantity: -1.0}))
-        for matrix in PROPER:
-            turn_rad = float(np.arccos(np.clip((np.trace(matrix) - 1.0) / 2.0, -1.0, 1.0)))
-            half = abs(turn_rad - np.pi) < 0.1
-            upside = "upside down, " if half else ""
-            cause = f"{name} looks mounted {upside}turned by {angle_text(matrix)}"
-            cure = f"turn it, or set axes = {axes_list(matrix)} for gyro, accel and mag in the mapping file"
-            change = _scale(name, gyro=matrix, accel=matrix)
-            yield _Cause("turned", (name,), cause, cure, turn_rad, change, 1.0 if half else LESS_USUAL)
-        for matrix in MIRRORS:
-            for keys in (("gyro", "accel"), ("gyro",), ("accel",)):
-                of = "gyro, accel and mag" if len(keys) > 1 else keys[0]
-                subject = name if len(keys) > 1 else f"{_SENSOR[keys[0]]} of {name}"
-                cause = f"{subject} looks to be in other axes ({mirror_text(matrix)})"
-                cure = f"set axes = {axes_list(matrix)} for {of} in the mapping file"
-                yield _Cause(
-                    "axes", (name,), cause, cure, np.pi / 2, _scale(name, **dict.fromkeys(keys, matrix)), RARE
-                )
+    for change in (*exchanges([names]), *unit_signs(names, False), *turns(names)):
+        error_rad = {"exchanged": np.pi / 2, "sign": np.pi, "axes": np.pi / 2}.get(change.fault)
+        if error_rad is None:
+            error_rad = float(np.arccos(np.clip((np.trace(change.matrix) - 1.0) / 2.0, -1.0, 1.0)))
+        yield _Cause(
+            change.fault, change.streams, change.text, error_rad, partial(_changed, change), change.rarity
+        )
 
 
-def _exchange(a: str, b: str) -> Change:
-    return lambda units: {a: units[b], b: units[a]}
-
-
-def _scale(name: str, **by: FloatArray | float) -> Change:
-    return lambda units: {name: units[name].changed(**by)}
+def _changed(change: Change, units: Mapping[str, _Readings]) -> dict[str, _Readings]:
+    if change.names:
+        return {other: units[name] for name, other in change.names.items()}
+    return {name: units[name].changed(change.matrix, change.fields) for name in change.streams}
 
 
 def _mounted(forces: JointForces, name: str) -> _Cause:
     """A mount that is off by any rotation, as far as forces tell it."""
 
-    def turn(x: FloatArray) -> Change:
+    def turn(x: FloatArray) -> Readings:
         matrix = Rotation.from_rotvec(x).as_matrix()
-        return _scale(name, gyro=matrix, accel=matrix)
+        return lambda units: {name: units[name].changed(matrix)}
 
     best = _fit(forces, name, turn, 3, 0.3)
     angle_rad = float(np.linalg.norm(best))
-    cause = f"{name} sits turned by about {np.degrees(angle_rad):.0f} deg against its mount"
-    cure = "check how it is worn, and calibrate mounts (`oarlock calibrate`)"
-    return _Cause("mount", (name,), cause, cure, angle_rad, turn(best), LESS_USUAL)
+    text = (
+        f"{name} sits turned by about {np.degrees(angle_rad):.0f} deg against its mount: check how it is worn, and "
+        "calibrate mounts (`oarlock calibrate`)."
+    )
+    return _Cause("mount", (name,), text, angle_rad, turn(best), LESS_USUAL)
 
 
 def _biased(forces: JointForces, name: str) -> _Cause:
-    def shift(x: FloatArray) -> Change:
-        return lambda units: {name: replace(units[name], accel=units[name].accel - x)}
+    def shift(x: FloatArray) -> Readings:
+        return lambda units: {name: replace(units[name], accel_m_s2=units[name].accel_m_s2 - x)}
 
     best = _fit(forces, name, shift, 3, 1.0)
     size = float(np.linalg.norm(best))
-    cause = f"accelerometer of {name} looks biased by {size:.2g} m/s2"
-    cure = "calibrate it: lay the unit on six sides (docs/mounts.md)"
-    return _Cause("bias", (name,), cause, cure, min(1.0, size / GRAVITY_M_S2), shift(best), LESS_USUAL)
+    text = (
+        f"accelerometer of {name} looks biased by {size:.2g} m/s2: calibrate it, lay the unit on six sides "
+        "(docs/mounts.md)."
+    )
+    return _Cause("bias", (name,), text, min(1.0, size / GRAVITY_M_S2), shift(best), LESS_USUAL)
 
 
 def _late(forces: JointForces, name: str) -> Iterator[_Cause]:
     """A clock that is late by one time, or by one that grows."""
     lags = _lags(forces, name)
-    rate = float(np.sqrt(np.mean(np.sum(forces.units[name].gyro ** 2, axis=1))))
+    rate = float(np.sqrt(np.mean(np.sum(forces.units[name].gyro_rad_s ** 2, axis=1))))
     others = ", ".join(
         sorted({other for joint in forces.joints if name in joint for other in joint} - {name})
     )
     lag = lags.whole
     if abs(lag) >= LEAST_LAG_S * RATE_HZ:
         lag_s = lag / RATE_HZ
-        cause = f"clock of {name} is {abs(lag_s):.2f} s {'late' if lag > 0 else 'early'} against {others}"
-        cure = f"subtract {lag_s:.2f} s from its time stamps, or find its offset (`oarlock calibrate clocks`)"
-        change: Change = lambda units: {name: units[name].later(np.array([lag], dtype=np.float64))}  # noqa: E731
-        yield _Cause("clock", (name,), cause, cure, min(np.pi, abs(lag_s) * rate), change)
+        text = (
+            f"clock of {name} is {abs(lag_s):.2f} s {'late' if lag > 0 else 'early'} against {others}: subtract "
+            f"{lag_s:.2f} s from its time stamps, or find its offset (`oarlock calibrate clocks`)."
+        )
+        change: Readings = lambda units: {name: units[name].later(np.array([lag], dtype=np.float64))}  # noqa: E731
+        yield _Cause("clock", (name,), text, min(np.pi, abs(lag_s) * rate), change)
     if lags.line is not None:
         first, slope = lags.line
         rows = np.arange(len(forces.units[name].there))
@@ -391,14 +350,16 @@ def _late(forces: JointForces, name: str) -> Iterator[_Cause]:
         end_s = np.abs(warp).max() / RATE_HZ
         if abs(slope) * len(rows) >= 2.0 * LEAST_LAG_S * RATE_HZ:
             speed = f"{abs(100.0 * slope):.2g} % {'slow' if slope < 0 else 'fast'}"
-            cause = f"clock of {name} runs {speed} against {others}"
-            cure = "find its drift (`oarlock calibrate clocks`), or synchronise the units while they record"
-            drift: Change = lambda units: {name: units[name].later(warp)}  # noqa: E731
-            yield _Cause("clock", (name,), cause, cure, min(np.pi, end_s * rate), drift, LESS_USUAL)
+            text = (
+                f"clock of {name} runs {speed} against {others}: find its drift (`oarlock calibrate clocks`), or "
+                "synchronise the units while they record."
+            )
+            drift: Readings = lambda units: {name: units[name].later(warp)}  # noqa: E731
+            yield _Cause("clock", (name,), text, min(np.pi, end_s * rate), drift, LESS_USUAL)
 
 
 def _fit(
-    forces: JointForces, name: str, changed: Callable[[FloatArray], Change], size: int, prior: float
+    forces: JointForces, name: str, changed: Callable[[FloatArray], Readings], size: int, prior: float
 ) -> FloatArray:
     """Least squares over the joints of one unit by Gauss-Newton steps; `prior`: usual size of what is sought."""
     x, step = np.zeros(size), 0.02 * prior
@@ -443,30 +404,28 @@ def _lags(forces: JointForces, name: str) -> _Lags:
 # --- the search ---------------------------------------------------------------------------------------
 
 
-def explanations(
+def joint_suspects(
     forces: JointForces, deadline: Callable[[], bool], most: int = 3
-) -> tuple[list[Explanation], bool]:
+) -> tuple[list[Suspect], bool]:
     """What explains that units contradict each other, the largest first, and whether all was tried in time."""
-    found: list[Explanation] = []
-    while len(found) < most:
+    suspects: list[Suspect] = []
+    while len(suspects) < most:
         part, from_s = _worst_part(forces)
         if deadline():
-            return found, False
-        tries = [_best(forces, None)] + ([] if from_s is None else [_best(part, from_s)])
-        both = [one for one in tries if one is not None]
+            return suspects, False
+        whole = _best(forces, None)
+        tries = [(whole, forces), (None if from_s is None else _best(part, from_s), part)]
+        both = [(*best, units) for best, units in tries if best is not None]
         if not both:
             break
         # A part that explains itself better than the whole: the fault began in the middle.
-        explanation, cause = min(
-            both, key=lambda one: one[0].misfit_after / one[0].misfit_before / (1.0 if one[0].from_s else 3.0)
+        suspect, cause, forces = min(
+            both,
+            key=lambda b: b[0].misfit_after / b[0].misfit_before / (3.0 if np.isnan(b[0].start_s) else 1.0),
         )
-        found.append(explanation)
-        forces = (
-            replace(forces, units={**forces.units, **cause.change(forces.units)})
-            if explanation.from_s is None
-            else replace(part, units={**part.units, **cause.change(part.units)})
-        )
-    return found, True
+        suspects.append(suspect)
+        forces = replace(forces, units={**forces.units, **cause.change(forces.units)})
+    return suspects, True
 
 
 def _worst_part(forces: JointForces) -> tuple[JointForces, float | None]:
@@ -483,7 +442,7 @@ def _worst_part(forces: JointForces) -> tuple[JointForces, float | None]:
     ].start / RATE_HZ
 
 
-def _best(forces: JointForces, from_s: float | None) -> tuple[Explanation, _Cause] | None:
+def _best(forces: JointForces, from_s: float | None) -> tuple[Suspect, _Cause] | None:
     misfits = forces.misfits()
     unusual = [k for k, misfit in enumerate(misfits) if misfit > UNUSUAL]
     if not unusual:
@@ -515,9 +474,10 @@ def _best(forces: JointForces, from_s: float | None) -> tuple[Explanation, _Caus
         for g, _, _, c in tried[1:]
         if gain - g < 0.1 * gain and (c.fault, c.streams) != (best.fault, best.streams)
     ]
-    others = tuple(dict.fromkeys(cause.cause for cause in near[:2]))
-    words = (best.fault, best.streams, best.cause, best.cure, float(best.error_rad), before, after)
-    return Explanation(*words, from_s, others), best
+    others = tuple(dict.fromkeys(cause.text for cause in near[:2]))
+    since_s = np.nan if from_s is None else from_s
+    words = (best.fault, best.streams, best.text, float(best.error_rad))
+    return of_units(*words, (before, after), since_s, others), best
 
 
 def _is_large(cause: _Cause) -> bool:

@@ -20,7 +20,8 @@ from oarlock.evaluation.suspects.changes import (
     unit_signs,
     value_changes,
 )
-from oarlock.evaluation.suspects.fit import USUAL, Judge, Misfit, has_magnetometers, without_magnetometers
+from oarlock.evaluation.suspects.fit import Judge, Misfit, has_magnetometers, without_magnetometers
+from oarlock.evaluation.suspects.suspect import USUAL
 from oarlock.recording.recording import Recording
 
 if TYPE_CHECKING:

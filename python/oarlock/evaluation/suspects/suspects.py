@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from math import degrees, isfinite, isnan, nan
 from typing import TYPE_CHECKING
 
-from oarlock.evaluation.suspects.fit import USUAL, Judge, Spent
-from oarlock.evaluation.suspects.joint_forces import Explanation, JointForces, explanations
+from oarlock.evaluation.suspects.fit import Judge, Spent
+from oarlock.evaluation.suspects.joint_forces import JointForces, joint_suspects
 from oarlock.evaluation.suspects.search import RATE_HZ, SCREEN_HZ, Found, Outcome, Second, search
 from oarlock.evaluation.suspects.second import most_motion, on_grid
-from oarlock.evaluation.suspects.text import SUSPECT_NOTE
-from oarlock.evaluation.suspects.turning import of_unit
+from oarlock.evaluation.suspects.suspect import Suspect
+from oarlock.evaluation.suspects.turning import own_suspect
 from oarlock.recording.corrections import corrected
 from oarlock.recording.plausibility import plausibility
 from oarlock.recording.recording import Recording
@@ -30,56 +28,6 @@ UNEXPLAINED = 1.5
 """Misfit above which a sensor that contradicts the others is named although no fault explains it."""
 ALONE = 2.5
 """Factor by which the misfit of the others must be smaller without that sensor."""
-
-
-@dataclass(frozen=True)
-class Suspect:
-    """A probable sensor fault. The recording is not changed.
-
-    Args:
-        streams: names of the affected streams.
-        fault: "exchanged", "unit", "sign", "turned", "axes", "clock", "mount", "bias", "scale", "stuck", "clipped",
-            "reading", "contradicts", "untold", or "unfinished".
-        message: the fault, and what to change.
-        misfit_before: squared innovations relative to those from the usual errors of real recordings; up to 0.5 is
-            usual. NaN if the stream alone shows the fault.
-        misfit_after: the same after the change.
-        start_s: start of the second that shows the fault, s.
-        others: other faults that explain the readings nearly as well.
-        error_rad: by how much the orientation of its units is wrong if nothing is changed, rad; NaN if unknown.
-    """
-
-    streams: tuple[str, ...]
-    fault: str
-    message: str
-    misfit_before: float = nan
-    misfit_after: float = nan
-    start_s: float = nan
-    others: tuple[str, ...] = ()
-    error_rad: float = nan
-
-    @property
-    def note(self) -> str:
-        """The text for the notes of a track."""
-        return str(self) if self.fault in ("untold", "unfinished") else f"{SUSPECT_NOTE}{self}"
-
-    def to_dict(self) -> dict[str, object]:
-        """Plain values for JSON; None where unknown."""
-        values = {
-            name: getattr(self, name) for name in ("misfit_before", "misfit_after", "start_s", "error_rad")
-        }
-        known = {name: value if isfinite(value) else None for name, value in values.items()}
-        texts = {"fault": self.fault, "message": self.message, "others": list(self.others)}
-        return {"streams": list(self.streams), **texts, **known}
-
-    def __str__(self) -> str:
-        numbers = ""
-        if isfinite(self.misfit_after):
-            usual = f"; up to {USUAL} is usual" if isnan(self.error_rad) else ""
-            before, after = _number(self.misfit_before), _number(self.misfit_after)
-            numbers = f" Misfit {before} as recorded, {after} after this change{usual}."
-        others = f" Nearly as well fits: {' Or: '.join(self.others)}" if self.others else ""
-        return f"{self.message}{numbers}{others}"
 
 
 def suspects(
@@ -149,27 +97,18 @@ def _by_units(
 ) -> tuple[list[Suspect], frozenset[str], bool]:
     """What units show of themselves and of each other; which agree with their neighbours; and whether all was tried."""
     sound = [s for s in recording if isinstance(s, ImuStream) and s.name not in faulty]
-    own = [explanation for unit in sound if (explanation := of_unit(unit)) is not None]
-    if own and (whole := JointForces.of(model, Recording(sound), calibration)) is not None:
-        own = [e for e in own if e.fault != "scale" or whole.fits_scale(e.streams[0], e.gyro_scale)]
+    faults = [fault for unit in sound if (fault := own_suspect(unit)) is not None]
+    whole = JointForces.of(model, Recording(sound), calibration) if faults else None
+    own = [
+        suspect
+        for suspect, scale in faults
+        if suspect.fault != "scale" or whole is None or whole.fits_scale(suspect.streams[0], scale)
+    ]
     others = [s for s in sound if all(s.name not in e.streams or e.fault == "bias" for e in own)]
     forces = JointForces.of(model, Recording(others), calibration) if others else None
-    joints, is_whole = ([], True) if forces is None else explanations(forces, spent)
+    joints, is_whole = ([], True) if forces is None else joint_suspects(forces, spent)
     agreeing = frozenset() if forces is None else forces.agreeing()
-    return [_of_explanation(e) for e in (*own, *joints)], agreeing, is_whole
-
-
-def _of_explanation(e: Explanation) -> Suspect:
-    since = "" if e.from_s is None else f" from about {e.from_s:.0f} s on"
-    units, size = " and ".join(e.streams), f"about {degrees(e.error_rad):.0f} deg"
-    if e.fault == "bias" and "gyroscope" in e.cause:
-        size += " a second"
-    message = (
-        f"{e.cause}{since}: {e.cure}. Until then {units} can be off by {size}, and angles of its joints by more than "
-        "their bands."
-    )
-    numbers = (e.misfit_before, e.misfit_after, nan if e.from_s is None else e.from_s)
-    return Suspect(e.streams, e.fault, message, *numbers, e.others, e.error_rad)
+    return [*own, *joints], agreeing, is_whole
 
 
 def _known(model: Model, recording: Recording) -> Recording | None:
@@ -231,7 +170,3 @@ def _of_found(found: Found, start_s: float) -> Suspect:
     change = found.change
     others = tuple(other.text for other in found.others)
     return Suspect(change.streams, change.fault, change.text, found.before, found.after, start_s, others)
-
-
-def _number(value: float) -> str:
-    return f"{value:.2f}" if value < 10.0 else f"{value:.3g}"

@@ -7,15 +7,15 @@ a model nor another unit is needed.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.evaluation.suspects.changes import MIRRORS, PROPER
-from oarlock.evaluation.suspects.joint_forces import RATE_HZ, Explanation, on_grid_of
-from oarlock.evaluation.suspects.text import angle_text, axes_list, mirror_text
+from oarlock.evaluation.suspects.joint_forces import RATE_HZ, on_grid_of
+from oarlock.evaluation.suspects.suspect import Suspect, axes_text, factor_text, of_units
 from oarlock.recording.streams import ImuStream
 from oarlock.storage.array_gate import FloatArray
 
@@ -33,11 +33,7 @@ FITS, EXPLAINS = 0.3, 3.0
 LEAST_SCALE, SURE = 0.07, 4.0
 LEAST_BIAS_RAD_S, LEAST_STEP_RAD_S = np.radians(6.0), np.radians(3.0)
 """A bias is not told from iron that moves with the unit by less; a change of the bias is."""
-_UNITS = (
-    (1.0, "", ""),
-    (np.pi / 180.0, "in deg/s", 'set unit = "deg/s" for gyro in the mapping file'),
-    (180.0 / np.pi, "converted from deg/s twice", "set scale = 57.2958 for gyro in the mapping file"),
-)
+_UNITS = (("in deg/s", np.pi / 180.0), ("converted from deg/s twice", 180.0 / np.pi))
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +72,8 @@ class _Sums:
         return np.asarray(np.linalg.solve(squares, (self.products - self.squares @ fixed)[9:]))
 
 
-def of_unit(stream: ImuStream) -> Explanation | None:
-    """What is wrong with a unit's gyroscope, or None."""
+def own_suspect(stream: ImuStream) -> tuple[Suspect, float] | None:
+    """What is wrong with a unit's gyroscope, and by which factor its readings are wrong; or None."""
     read = on_grid_of(stream)
     if read is None:
         return None
@@ -126,8 +122,8 @@ def _slopes(gyro: FloatArray, direction: FloatArray) -> FloatArray:
     return np.concatenate([by_matrix, cross], axis=2)
 
 
-def _explained(stream: ImuStream, parts: list[_Sums], by: str) -> Explanation | None:
-    name, whole = stream.name, sum(parts[1:], parts[0])
+def _explained(stream: ImuStream, parts: list[_Sums], by: str) -> tuple[Suspect, float] | None:
+    name, whole, gyro = (stream.name,), sum(parts[1:], parts[0]), "gyro_rad_s"
     tried = [(whole.fit(axes), axes) for axes in (np.eye(3), -np.eye(3), *MIRRORS, *PROPER)]
     (scale, _, left), _ = tried[0]
     (_, _, best_left), axes = min(
@@ -136,32 +132,27 @@ def _explained(stream: ImuStream, parts: list[_Sums], by: str) -> Explanation | 
     if min(left, best_left) > FITS:
         return None
     if best_left * EXPLAINS < left or (scale <= 0.0 and best_left < left):
-        reversed_all = np.allclose(axes, -np.eye(3))
-        turned = angle_text(axes) if np.linalg.det(axes) > 0 else mirror_text(axes)
-        what = "all three reversed" if reversed_all else turned
-        cause = f"gyroscope of {name} looks to have other axes ({what}) than its {by}"
-        cure = f"set axes = {axes_list(axes)} for gyro in the mapping file"
-        return _explanation("axes", name, cause, cure, np.pi / 2)
+        return of_units("axes", name, axes_text(name, (gyro,), axes), np.pi / 2), 1.0
     if left > FITS:
         return None
-    for factor, what, cure in _UNITS[1:]:
+    for what, factor in _UNITS:
         if 0.6 < scale / factor < 1.6:
-            return _explanation("unit", name, f"gyroscope of {name} looks {what}", cure, np.pi)
+            return of_units("unit", name, factor_text(name, gyro, what, factor), np.pi), 1.0
     each = np.array([part.fit(np.eye(3))[0] for part in parts])
     std = 1.5 * float(np.median(np.abs(each - np.median(each)))) / np.sqrt(len(each))
     if abs(scale - 1.0) > max(LEAST_SCALE, SURE * std):
-        cause = f"gyroscope of {name} reads {1.0 / scale:.2f} times the rate at which its {by} turns"
-        cure = (
-            f"set scale = {scale:.3f} for gyro in the mapping file, or calibrate the {by}, if that is wrong"
+        text = (
+            f"gyroscope of {stream.name} reads {1.0 / scale:.2f} times the rate at which its {by} turns: set scale = "
+            f"{scale:.3f} for gyro in the mapping file, or calibrate the {by}, if that is wrong."
         )
-        return replace(_explanation("scale", name, cause, cure, abs(1.0 / scale - 1.0)), gyro_scale=scale)
-    return _bias(stream, parts, scale, by)
+        return of_units("scale", name, text, abs(1.0 / scale - 1.0)), scale
+    biased = _bias(stream, parts, scale, by)
+    return None if biased is None else (biased, 1.0)
 
 
-def _bias(stream: ImuStream, parts: list[_Sums], scale: float, by: str) -> Explanation | None:
+def _bias(stream: ImuStream, parts: list[_Sums], scale: float, by: str) -> Suspect | None:
     """A bias that all parts of the recording show alike, or one that changes between two of them."""
     name, count = stream.name, len(parts)
-    cure = "let the unit rest for 10 s before the recording, and subtract what it reads then"
     each = np.array([part.shift(scale * np.eye(3)) for part in parts])
     tried = [
         (_apart(each[:k], each[k:]), LEAST_STEP_RAD_S, "changes its bias by") for k in range(2, count - 1)
@@ -170,8 +161,11 @@ def _bias(stream: ImuStream, parts: list[_Sums], scale: float, by: str) -> Expla
     whole = _apart(np.zeros((2, 3)), each)
     for (size, times_std), least, words in (*tried[:1], (whole, LEAST_BIAS_RAD_S, "looks biased by")):
         if size > least and times_std > SURE:
-            cause = f"gyroscope of {name} {words} {np.degrees(size):.1f} deg/s against its {by}"
-            return _explanation("bias", name, cause, cure, size)
+            text = (
+                f"gyroscope of {name} {words} {np.degrees(size):.1f} deg/s against its {by}: let the unit rest for "
+                "10 s before the recording, and subtract what it reads then."
+            )
+            return of_units("bias", (name,), text, size)
     return None
 
 
@@ -182,7 +176,3 @@ def _apart(first: FloatArray, second: FloatArray) -> tuple[float, float]:
     difference = second.mean(axis=0) - first.mean(axis=0)
     std = np.maximum(scatter * np.sqrt(1.0 / len(first) + 1.0 / len(second)), np.radians(0.05))
     return float(np.linalg.norm(difference)), float((np.abs(difference) / std).max())
-
-
-def _explanation(fault: str, name: str, cause: str, cure: str, error_rad: float) -> Explanation:
-    return Explanation(fault, (name,), cause, cure, error_rad, float("nan"), float("nan"))

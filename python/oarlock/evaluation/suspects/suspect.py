@@ -1,8 +1,10 @@
-"""Texts of `Suspect`: the fault, and what to change in which file."""
+"""A probable fault of sensors (`Suspect`) and its texts: the fault, and what to change in which file."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from math import degrees, isfinite, isnan, nan
 
 import numpy as np
 
@@ -10,6 +12,8 @@ from oarlock.storage.array_gate import FloatArray
 
 SUSPECT_NOTE = "Suspect: "
 """First word of a track's note that names a suspect."""
+USUAL = 0.5
+"""Largest misfit of a second that the usual errors of real recordings explain."""
 
 _QUANTITY = {"gyro_rad_s": "gyro", "accel_m_s2": "accel", "mag_ut": "mag", "value": "value"}
 _SENSOR = {"gyro_rad_s": "gyroscope", "accel_m_s2": "accelerometer", "mag_ut": "magnetometer"}
@@ -22,6 +26,75 @@ _MAPPING_UNIT = {
     "in mm": "mm",
 }
 _MAPPING_UNIT |= {"in gauss": "gauss", "in mG": "mG", "in nT": "nT"}
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """A probable sensor fault. The recording is not changed.
+
+    Args:
+        streams: names of the affected streams.
+        fault: "exchanged", "unit", "sign", "turned", "axes", "clock", "mount", "bias", "scale", "stuck", "clipped",
+            "reading", "contradicts", "untold", or "unfinished".
+        message: the fault, and what to change.
+        misfit_before: squared innovations relative to those from the usual errors of real recordings; up to 0.5 is
+            usual. NaN if the stream alone shows the fault.
+        misfit_after: the same after the change.
+        start_s: start of the second that shows the fault, s.
+        others: other faults that explain the readings nearly as well.
+        error_rad: by how much the orientation of its units is wrong if nothing is changed, rad; NaN if unknown.
+    """
+
+    streams: tuple[str, ...]
+    fault: str
+    message: str
+    misfit_before: float = nan
+    misfit_after: float = nan
+    start_s: float = nan
+    others: tuple[str, ...] = ()
+    error_rad: float = nan
+
+    @property
+    def note(self) -> str:
+        """The text for the notes of a track."""
+        return str(self) if self.fault in ("untold", "unfinished") else f"{SUSPECT_NOTE}{self}"
+
+    def to_dict(self) -> dict[str, object]:
+        """Plain values for JSON; None where unknown."""
+        values = {
+            name: getattr(self, name) for name in ("misfit_before", "misfit_after", "start_s", "error_rad")
+        }
+        known = {name: value if isfinite(value) else None for name, value in values.items()}
+        texts = {"fault": self.fault, "message": self.message, "others": list(self.others)}
+        return {"streams": list(self.streams), **texts, **known}
+
+    def __str__(self) -> str:
+        numbers = ""
+        if isfinite(self.misfit_after):
+            usual = f"; up to {USUAL} is usual" if isnan(self.error_rad) else ""
+            before, after = _number(self.misfit_before), _number(self.misfit_after)
+            numbers = f" Misfit {before} as recorded, {after} after this change{usual}."
+        others = f" Nearly as well fits: {' Or: '.join(self.others)}" if self.others else ""
+        return f"{self.message}{numbers}{others}"
+
+
+def of_units(
+    fault: str,
+    streams: tuple[str, ...],
+    text: str,
+    error_rad: float,
+    misfits: tuple[float, float] = (nan, nan),
+    from_s: float = nan,
+    others: tuple[str, ...] = (),
+) -> Suspect:
+    """A fault that units show of themselves or of each other, with what follows for the angles."""
+    since = "" if isnan(from_s) else f" This begins at about {from_s:.0f} s."
+    rate = " a second" if fault == "bias" and "gyroscope" in text else ""
+    message = (
+        f"{text}{since} Until it is mended, {' and '.join(streams)} can be off by about {degrees(error_rad):.0f} "
+        f"deg{rate}, and angles of its joints by more than their bands."
+    )
+    return Suspect(streams, fault, message, *misfits, from_s, others, error_rad)
 
 
 def exchange_text(pairs: Sequence[tuple[str, str]]) -> str:
@@ -124,3 +197,7 @@ def axes_list(matrix: FloatArray) -> str:
 
 def _rows(matrix: FloatArray) -> str:
     return str([[round(x) for x in row] for row in matrix]).replace(" ", "")
+
+
+def _number(value: float) -> str:
+    return f"{value:.2f}" if value < 10.0 else f"{value:.3g}"
