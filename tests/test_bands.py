@@ -71,6 +71,38 @@ def test_a_run_cut_in_two_has_the_same_bands(structure: str) -> None:
     np.testing.assert_array_equal(second.q_std, whole.q_std[whole.time_s > half_s])
 
 
+@pytest.mark.parametrize("gyro_std_rad_s, accel_std_m_s2", [(0.01, 0.05), (0.3, 0.5)])
+def test_noise_that_a_model_states_is_in_the_bands(gyro_std_rad_s: float, accel_std_m_s2: float) -> None:
+    noise = {"gyro_std_rad_s": gyro_std_rad_s, "accel_std_m_s2": accel_std_m_s2}
+    model = oarlock.load_model("arm")
+    for name in model.sensor_names:
+        model = model.with_sensor(name, **noise)
+    truth, recording = oarlock.simulate(model, waving(model), seed=21)
+    scores = oarlock.evaluate(oarlock.track(model, recording), truth).joints
+    hinges = [score for score in scores if score.name.startswith(("elbow", "wrist"))]
+    # Means over 28 s of movement that lasts a second at a time: a sound filter stays below twice the expected 1.
+    assert len(hinges) == 4 and max(score.nees for score in hinges) < 2.0
+
+
+def waving(model: oarlock.Model) -> oarlock.Motion:
+    """All joints of an arm turn by sums of sines about a bent elbow, from the rest posture on."""
+    random, time_s = np.random.default_rng(21), np.arange(0.0, 30.0, 0.01)
+    begin = np.clip((time_s - 1.0) / 3.0, 0.0, 1.0)
+
+    def waves(columns: int) -> np.ndarray:
+        phases = 2.0 * np.pi * random.uniform(0.1, 0.8, (4, columns)) * time_s[:, None, None]
+        sines = np.sin(phases + random.uniform(0.0, 2.0 * np.pi, (4, columns)))
+        return 0.15 * begin[:, None] * sines.sum(axis=1)
+
+    joints = {}
+    for joint in model.describe().joints:
+        columns = {"free": 6, "ball": 3}.get(joint.kind, 1)
+        joints[joint.name] = waves(columns)[:, 0] if columns == 1 else waves(columns)
+    joints["elbow_flexion_r"] += 1.2 * begin
+    joints["elbow_pronation_r"] += 1.4
+    return oarlock.Motion.from_joints(time_s, joints)
+
+
 def cut(recording: oarlock.Recording, begin_s: float, end_s: float) -> oarlock.Recording:
     streams = []
     for stream in recording.streams:

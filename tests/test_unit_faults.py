@@ -90,7 +90,13 @@ FAULTS = {
         (180.0, 180.0),
     ),
     "mount": (changed("forearm", turned(40.0)), "mount", {"forearm"}, "turned by about", (20.0, 50.0)),
-    "slips": (changed("forearm", turned(40.0, FROM_S)), "mount", {"forearm"}, "begins at about", (20.0, 50.0)),
+    "slips": (
+        changed("forearm", turned(40.0, FROM_S)),
+        "mount",
+        {"forearm"},
+        "begins at about",
+        (20.0, 50.0),
+    ),
     "accel": (
         changed("forearm", values(accel_m_s2=lambda r, t: r + np.array([1.2, -1.2, 1.0]))),
         "bias",

@@ -248,8 +248,8 @@ impl Coordinates {
             let by_turn = (0..3).map(|k| (UNIT * u + k, -(0..3).map(|j| back.0[q][j] * turning.0[j][k]).sum::<f64>()));
             let noise = motions.units[u].noise * square(arm);
             self.set(rate, velocity.0[q], speed.chain(by_turn).collect(), noise);
-            let uneven = filter.links.accel_density.powi(2) * motions.units[u].rate_hz;
-            self.set(change, acceleration.0[q], Vec::new(), uneven + motions.units[u].slope_noise * square(arm));
+            let unit = &motions.units[u];
+            self.set(change, acceleration.0[q], Vec::new(), unit.acceleration_noise + unit.slope_noise * square(arm));
         }
     }
 
@@ -315,10 +315,10 @@ struct Motion {
     slope: Vec3<f64>,
     /// Coordinate acceleration in the room's axes, m/s2.
     acceleration: Vec3<f64>,
-    /// Variances of rate and slope by the gyroscope's noise.
+    /// Variances of rate and slope by the gyroscope's noise, and of the acceleration by the accelerometer's.
     noise: f64,
     slope_noise: f64,
-    rate_hz: f64,
+    acceleration_noise: f64,
 }
 
 /// Angular velocity of a link that only encoders measure against its parent, in its own axes, rad/s.
@@ -340,7 +340,7 @@ impl Motions {
     fn of(filter: &StrapdownFilter, means: &Means, signals: &[Signal]) -> Self {
         let up = filter.skeleton.up * filter.skeleton.gravity_m_s2;
         let units: Vec<Motion> =
-            means.units.iter().zip(signals).map(|(mean, signal)| unit_motion(filter, mean, signal, up)).collect();
+            (0..signals.len()).map(|u| unit_motion(filter, u, &means.units[u], &signals[u], up)).collect();
         let mut links: Vec<Option<Motion>> = vec![None; filter.skeleton.links.len()];
         for (u, (unit, motion)) in filter.skeleton.units.iter().zip(&units).enumerate() {
             let mount = unit.mount.times_transposed(&filter.skin_of(means, u));
@@ -370,7 +370,7 @@ impl Motions {
             acceleration: Vec3([0.0; 3]),
             noise: 0.0,
             slope_noise: 0.0,
-            rate_hz: 0.0,
+            acceleration_noise: 0.0,
         };
         for (l, link) in filter.skeleton.links.iter().enumerate().filter(|(_, link)| link.pose == Pose::Driven) {
             let carried = link.parent.and_then(|p| links[p]).unwrap_or(still);
@@ -385,10 +385,16 @@ impl Motions {
 /// Longest time between readings whose difference is a slope, s.
 const LONGEST_SPAN_S: f64 = 3.0;
 
-fn unit_motion(filter: &StrapdownFilter, mean: &super::filter::UnitState, signal: &Signal, up: Vec3<f64>) -> Motion {
-    let links = &filter.links;
-    let rate = signal.gyro - mean.gyro_bias;
+fn unit_motion(
+    filter: &StrapdownFilter,
+    u: usize,
+    mean: &super::filter::UnitState,
+    signal: &Signal,
+    up: Vec3<f64>,
+) -> Motion {
     let rate_hz = signal.rate_hz;
+    let links = &filter.links_of(u, rate_hz.max(1.0));
+    let rate = signal.gyro - mean.gyro_bias;
     let white = links.gyro_density.powi(2) * rate_hz;
     // Readings minutes apart tell nothing of what is between them.
     let is_near = signal.span_s > 0.0 && signal.span_s < LONGEST_SPAN_S;
@@ -402,6 +408,6 @@ fn unit_motion(filter: &StrapdownFilter, mean: &super::filter::UnitState, signal
         acceleration: mean.rotation.apply(signal.accel - mean.accel_bias) - up,
         noise: white + links.gyro_scale.powi(2) * square(rate) + unread * unread,
         slope_noise: unread_slope.powi(2) + if per_slope.is_finite() { white * per_slope + change } else { 1e4 },
-        rate_hz,
+        acceleration_noise: links.accel_density.powi(2) * rate_hz,
     }
 }

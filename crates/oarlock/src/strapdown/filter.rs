@@ -394,7 +394,18 @@ impl StrapdownFilter {
         let mean = &state.means.units[u];
         let lift = mean.rotation.apply_transposed(self.gravity * -1.0);
         let biases = [mean.gyro_bias, mean.accel_bias];
-        state.readings[u].integrate(&mut state.increments[u], ends_s, biases, lift, &self.links);
+        let links = self.links_of(u, state.readings[u].rate_hz());
+        state.readings[u].integrate(&mut state.increments[u], ends_s, biases, lift, &links);
+    }
+
+    /// The statements for one unit at the rate of its readings: its sensor's own noise may be larger than that of usual units.
+    pub fn links_of(&self, u: usize, rate_hz: f64) -> Links {
+        let [gyro, accel] = self.skeleton.units[u].noise_std.map(|std| std / rate_hz.sqrt());
+        Links {
+            gyro_density: self.links.gyro_density.max(gyro),
+            accel_density: self.links.accel_density.max(accel),
+            ..self.links
+        }
     }
 
     /// A unit's state after an increment from `mean` under gravity, m/s2.

@@ -69,6 +69,8 @@ pub struct Unit {
     pub soft_std_rad: f64,
     /// The point that touches the ground, in the unit's axes, and its speed there, m/s.
     pub contact: Option<(Vec3<f64>, f64)>,
+    /// White noise of a reading of gyroscope, rad/s, and accelerometer, m/s2, as the model states it.
+    pub noise_std: [f64; 2],
     /// Start and random walk of the biases of gyroscope and accelerometer.
     pub bias: [[f64; 2]; 2],
 }
@@ -436,6 +438,7 @@ impl Skeleton {
             rigid: imu.mount.rigid,
             soft_std_rad: imu.mount.soft_std_rad,
             contact,
+            noise_std: [noise.gyro_std, noise.accel_std].map(|std| std.unwrap_or(0.0)),
             bias: [
                 [noise.gyro_bias_start_std, noise.gyro_bias_walk],
                 [noise.accel_bias_start_std, noise.accel_bias_walk],
