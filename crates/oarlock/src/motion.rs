@@ -58,7 +58,10 @@ pub fn joint_block(axis: &Axis, slots: Slots, now: Now, noise: ProcessNoise) -> 
         (ProcessKind::Singer, _) => {
             let tau = axis.process.time_s;
             block.factor = decaying(tau, dt);
-            gathered(dt, |t| response(tau, t)).map(|row| row.map(|x| x * density2))
+            let mut noise = gathered(dt, |t| response(tau, t));
+            // In a step of many times tau all points of the quadrature lie where the acceleration has decayed.
+            noise[2][2] = noise[2][2].max(if dt > 20.0 * tau { 0.5 * tau } else { 0.0 });
+            noise.map(|row| row.map(|x| x * density2))
         }
         (_, ProcessNoise::Jerk) => white_jerk(dt).map(|row| row.map(|x| x * density2 * dt)),
         (_, ProcessNoise::Paper) => printed(dt).map(|row| row.map(|x| x * density2 * dt)),

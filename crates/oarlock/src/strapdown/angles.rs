@@ -265,6 +265,9 @@ impl Coordinates {
                 *out.at_mut(i, j) += value;
             }
         }
+        for i in (0..n).filter(|i| out.at(*i, *i) < LEAST_STD * LEAST_STD).collect::<Vec<_>>() {
+            *out.at_mut(i, i) = LEAST_STD * LEAST_STD;
+        }
         out.mirror_upper();
         out
     }
@@ -382,6 +385,8 @@ impl Motions {
     }
 }
 
+/// No coordinate is better known, rad or m: that of links which move as one is a difference of equal numbers.
+const LEAST_STD: f64 = 1e-6;
 /// Longest time between readings whose difference is a slope, s.
 const LONGEST_SPAN_S: f64 = 3.0;
 

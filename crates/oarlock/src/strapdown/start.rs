@@ -310,7 +310,8 @@ impl StrapdownFilter {
     /// do not decide yet.
     pub fn with_headings(&self, start: &State, tilts: &[f64], must: bool) -> Option<State> {
         let last_s = start.readings.iter().map(Readings::last_s);
-        let end_s = last_s.filter(|last| last.is_finite()).fold(f64::INFINITY, f64::min);
+        let last_s = last_s.filter(|last| last.is_finite()).fold(f64::INFINITY, f64::min);
+        let end_s = last_s.min(self.silent_from(start));
         let mut state = start.clone();
         let known = self.heading_stds(&start.means);
         let (mut sought, mut widest) = (vec![false; known.len()], LEAST_HEADING_RAD);
@@ -348,6 +349,18 @@ impl StrapdownFilter {
         state.covariance = self.start_covariance(&state.means, tilts, (&stds, north));
         self.doubt_heading(&mut state.covariance);
         Some(state)
+    }
+
+    /// Time of the last reading before the first silence of all units, s: after it a trial only guesses.
+    fn silent_from(&self, start: &State) -> f64 {
+        let (longest_s, mut last_s) = (self.longest_s(start), start.time_s);
+        loop {
+            let next_s = start.readings.iter().map(|r| r.next_s(last_s)).fold(f64::INFINITY, f64::min);
+            if next_s - last_s > longest_s {
+                return last_s;
+            }
+            last_s = next_s;
+        }
     }
 
     /// Orientation of each unit at the start, room from unit, as the readings up to a later time show it.

@@ -1,5 +1,7 @@
 //! Model files with wounds: read, described, tracked with; or refused with a reason.
 
+use std::fmt::Write;
+
 use super::campaign::campaign;
 use super::mutate::mutated;
 use super::numbers::{index, one_in, pick};
@@ -61,6 +63,7 @@ fn model_files_are_read_or_refused() {
         let Some(mut tracker) = answered(Tracker::new(model, &Calibration::default(), &config)) else { return };
         if tracker.body().suite.len() < 40 || one_in(chance, 8) {
             let samples = samples(chance, &tracker, 6);
+            write!(fed, "{samples:?}").unwrap();
             step_through(&mut tracker, &samples);
         }
     });

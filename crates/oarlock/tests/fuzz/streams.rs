@@ -74,7 +74,7 @@ pub fn step_through(tracker: &mut Tracker, samples: &[Sample]) {
             Err(other) => panic!("{other}"),
         }
     }
-    if let Err(error) = tracker.finish(&mut |_, one, _| assert!(is_sound(&one.belief))) {
+    if let Err(error) = tracker.finish(&mut |_, one, _| assert!(is_sound(&one.belief), "{:?}", one.belief)) {
         assert!(matches!(error, Error::Diverged { .. } | Error::Data(_)), "{error}");
     }
 }

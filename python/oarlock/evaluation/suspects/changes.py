@@ -126,6 +126,15 @@ def unit_factors(units: Sequence[ImuStream]) -> Iterator[Change]:
             )
 
 
+def gyro_units(names: Sequence[str]) -> Iterator[Change]:
+    """Wrong units of the gyroscope of each inertial unit, however large its values are."""
+    for quantity, what, factor, *_ in _UNIT_FACTORS:
+        for name in names if quantity == "gyro_rad_s" else ():
+            yield Change(
+                "unit", (name,), factor_text((name,), quantity, what, factor), {}, (quantity,), factor
+            )
+
+
 def _may_be_degrees(unit: ImuStream) -> bool:
     """False where gravity in the accelerometer turns at the gyroscope's rate, or a limb merely turns fast.
 

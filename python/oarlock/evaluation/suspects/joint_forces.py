@@ -26,6 +26,7 @@ from oarlock.evaluation.suspects.changes import (
     Change,
     changed_rows,
     exchanges,
+    gyro_units,
     turns,
     unit_signs,
 )
@@ -282,9 +283,11 @@ class _Cause:
 
 
 def _discrete(names: Sequence[str]) -> Iterator[_Cause]:
-    """Exchanged units, wrong signs and axes."""
-    for change in (*exchanges([names]), *unit_signs(names, False), *turns(names)):
-        error_rad = {"exchanged": np.pi / 2, "sign": np.pi, "axes": np.pi / 2}.get(change.fault)
+    """Exchanged units, wrong signs, units of rates and axes."""
+    for change in (*exchanges([names]), *unit_signs(names, False), *gyro_units(names), *turns(names)):
+        error_rad = {"exchanged": np.pi / 2, "sign": np.pi, "unit": np.pi, "axes": np.pi / 2}.get(
+            change.fault
+        )
         if error_rad is None:
             error_rad = float(np.arccos(np.clip((np.trace(change.matrix) - 1.0) / 2.0, -1.0, 1.0)))
         yield _Cause(

@@ -1,20 +1,22 @@
 """Faults of a gyroscope that its own unit shows: a direction fixed in the room turns in the unit's axes.
 
-The magnetic field is such a direction, and so is gravity while nothing else accelerates the unit: d' = -w x d. Neither
-a model nor another unit is needed.
+The magnetic field is such a direction, and so is gravity while nothing else accelerates the unit: d' = -w x d. In any
+other movement the mean force over seconds is gravity, but for the change of the speed over that time. Neither a model
+nor another unit is needed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from oarlock.evaluation.suspects.changes import MIRRORS, PROPER
-from oarlock.evaluation.suspects.joint_forces import RATE_HZ, on_grid_of
+from oarlock.evaluation.suspects.joint_forces import LEAST_M_S2, RATE_HZ, on_grid_of
 from oarlock.evaluation.suspects.suspect import Suspect, axes_text, factor_text, of_units
 from oarlock.recording.streams import ImuStream
 from oarlock.storage.array_gate import FloatArray
@@ -24,12 +26,16 @@ SPAN_S = 0.24
 """Over which a direction turns, s."""
 NEAR_FIELD, NEAR_REST = 0.1, 0.1
 """Share by which |mag| and |accel| may differ from their medians."""
+WINDOW_S, WINDOWS_EVERY_S = 3.0, 0.5
+"""Over which the force is averaged where the unit is accelerated, and how often, s."""
 CALM = 0.06
 """Scatter of |accel| over its median up to which gravity alone is read."""
 LEAST_RATE = 0.08
 """Root mean square of a direction's change below which nothing is told, per s."""
 FITS, EXPLAINS = 0.3, 3.0
 """Share of the changes that a right gyroscope leaves unexplained, and factor between a wrong one and a right one."""
+HELPS = 2.0
+"""Factor by which a scale and biases must lower what mean forces leave: sound units 1.3, others 2.1."""
 LEAST_SCALE, SURE = 0.07, 4.0
 LEAST_BIAS_RAD_S, LEAST_STEP_RAD_S = np.radians(6.0), np.radians(3.0)
 """A bias is not told from iron that moves with the unit by less; a change of the bias is."""
@@ -91,7 +97,82 @@ def own_suspect(stream: ImuStream) -> tuple[Suspect, float] | None:
         ]
         if len(parts) >= PARTS // 2:
             return _explained(stream, parts, "magnetometer" if rows is field else "accelerometer")
-    return None
+    return _explained_by_means(stream, gyro, accel, there)
+
+
+def _explained_by_means(
+    stream: ImuStream, gyro: FloatArray, accel: FloatArray, there: NDArray[np.bool_]
+) -> tuple[Suspect, float] | None:
+    width = round(WINDOW_S * RATE_HZ)
+    starts = np.arange(0, len(gyro) - 2 * width, round(WINDOWS_EVERY_S * RATE_HZ))
+    gaps = np.concatenate([[0], np.cumsum(~there)])
+    starts = starts[gaps[starts + 2 * width] == gaps[starts]]
+    parts = [_MeanForces(gyro, accel, part) for part in np.array_split(starts, PARTS) if len(part) > 1]
+    whole = _MeanForces(gyro, accel, starts)
+    if len(parts) < PARTS:
+        return None
+    scale, *_ = whole.fit(np.eye(3))
+    left = float(np.median([part.fit(np.eye(3))[2] for part in parts]))
+    is_explained = left < FITS and whole.left(1.0, np.zeros(3)) > HELPS * left
+    return _scaled_or_biased(stream, parts, scale, "accelerometer") if is_explained else None
+
+
+@dataclass(frozen=True, eq=False)
+class _MeanForces:
+    """Rates and forces (T, 3) of a unit, and the rows where two adjacent windows of `WINDOW_S` begin."""
+
+    gyro: FloatArray
+    accel: FloatArray
+    starts: NDArray[np.int_]
+
+    def differences(self, scale: float, shift: FloatArray) -> FloatArray:
+        """(N, 3) mean force of the second window less that of the first, m/s2, in the axes of its begin."""
+        width, first = round(WINDOW_S * RATE_HZ), int(self.starts[0])
+        rows = slice(first, int(self.starts[-1]) + 2 * width + 1)
+        turned = _orientations(scale * self.gyro[rows] + shift)
+        sums = np.cumsum(np.einsum("tij,tj->ti", turned, self.accel[rows]), axis=0)
+        a, b, c = (sums[self.starts - first + k * width] for k in range(3))
+        return np.asarray(np.einsum("tji,tj->ti", turned[self.starts - first], c - 2.0 * b + a) / width)
+
+    def fit(self, axes: FloatArray) -> tuple[float, FloatArray, float]:
+        """Scale and shift (3,) that fit best with the unit's axes, and the share of the changes that is left."""
+        solved = self._solve(np.array([1.0, 0.0, 0.0, 0.0]), np.eye(4))
+        return float(solved[0]), solved[1:], self.left(solved[0], solved[1:])
+
+    def left(self, scale: float, shift: FloatArray) -> float:
+        """Squared differences over those of a unit that does not turn."""
+        still = float(np.sum(self.differences(0.0, np.zeros(3)) ** 2))
+        return float(np.sum(self.differences(scale, shift) ** 2)) / max(still, 1e-9)
+
+    def shift(self, matrix: FloatArray) -> FloatArray:
+        """(3,) what is added to the rates that are multiplied by the first element of this matrix, rad/s."""
+        begin = np.array([float(matrix[0, 0]), 0.0, 0.0, 0.0])
+        return np.asarray(self._solve(begin, np.eye(4)[1:])[1:])
+
+    def _solve(self, values: FloatArray, free: FloatArray) -> FloatArray:
+        """Least squares by Gauss-Newton steps along the rows of `free`, (n, 4)."""
+        step = 1e-3
+        for _ in range(4):
+            residual = self.differences(values[0], values[1:]).ravel()
+            moved = [values + step * way for way in free]
+            slopes = np.column_stack(
+                [(self.differences(v[0], v[1:]).ravel() - residual) / step for v in moved]
+            )
+            # What a few windows do not show stays near what it was: 0.3 of the scale, 0.3 rad/s.
+            information = slopes.T @ slopes + np.eye(len(free)) * LEAST_M_S2**2 / 0.3**2
+            change = np.linalg.solve(information, slopes.T @ residual)
+            values = values - np.clip(change, -0.3, 0.3) @ free
+        return np.asarray(values)
+
+
+def _orientations(rates: FloatArray) -> FloatArray:
+    """(T, 3, 3) axes of the first row from those of each row, by products of twice as many rotations at a time."""
+    steps = Rotation.from_rotvec(np.vstack([np.zeros((1, 3)), 0.5 * (rates[1:] + rates[:-1])]) / RATE_HZ)
+    turned, apart = steps.as_matrix(), 1
+    while apart < len(turned):
+        turned = np.concatenate([turned[:apart], turned[:-apart] @ turned[apart:]])
+        apart *= 2
+    return np.asarray(turned)
 
 
 def _parts(gyro: FloatArray, direction: FloatArray, usable: NDArray[np.bool_]) -> Iterator[_Sums | None]:
@@ -138,6 +219,12 @@ def _explained(stream: ImuStream, parts: list[_Sums], by: str) -> tuple[Suspect,
     for what, factor in _UNITS:
         if 0.6 < scale / factor < 1.6:
             return of_units("unit", name, factor_text(name, gyro, what, factor), np.pi), 1.0
+    return _scaled_or_biased(stream, parts, scale, by)
+
+
+def _scaled_or_biased(
+    stream: ImuStream, parts: Sequence[_Sums | _MeanForces], scale: float, by: str
+) -> tuple[Suspect, float] | None:
     each = np.array([part.fit(np.eye(3))[0] for part in parts])
     std = 1.5 * float(np.median(np.abs(each - np.median(each)))) / np.sqrt(len(each))
     if abs(scale - 1.0) > max(LEAST_SCALE, SURE * std):
@@ -145,12 +232,12 @@ def _explained(stream: ImuStream, parts: list[_Sums], by: str) -> tuple[Suspect,
             f"gyroscope of {stream.name} reads {1.0 / scale:.2f} times the rate at which its {by} turns: set scale = "
             f"{scale:.3f} for gyro in the mapping file, or calibrate the {by}, if that is wrong."
         )
-        return of_units("scale", name, text, abs(1.0 / scale - 1.0)), scale
+        return of_units("scale", (stream.name,), text, abs(1.0 / scale - 1.0)), scale
     biased = _bias(stream, parts, scale, by)
     return None if biased is None else (biased, 1.0)
 
 
-def _bias(stream: ImuStream, parts: list[_Sums], scale: float, by: str) -> Suspect | None:
+def _bias(stream: ImuStream, parts: Sequence[_Sums | _MeanForces], scale: float, by: str) -> Suspect | None:
     """A bias that all parts of the recording show alike, or one that changes between two of them."""
     name, count = stream.name, len(parts)
     each = np.array([part.shift(scale * np.eye(3)) for part in parts])
