@@ -369,11 +369,11 @@ def test_a_small_matlab_file_that_unpacks_to_hundreds_of_megabytes(tmp_path):
 
 
 def test_a_zip_file_with_an_entry_without_a_name(tmp_path):
-    """`zipfile` raises an IndexError."""
+    """`zipfile` raises an IndexError, since Python 3.13 it reads an empty name."""
     with zipfile.ZipFile(tmp_path / "a.zip", "w") as packed:
         packed.writestr("Z", "x")
     damaged(tmp_path / "a.zip", b"Z", b"\x00")
-    assert_refused(lambda: find_recordings(tmp_path / "a.zip"), "a.zip: cannot be unpacked (")
+    assert_refused(lambda: find_recordings(tmp_path / "a.zip"), "a.zip: c", " unpacked")
 
 
 def test_names_that_repeat_get_numbers():

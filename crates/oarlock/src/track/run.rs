@@ -148,7 +148,7 @@ impl Run {
 
     /// Memory for the rows that are expected from one time to another, s.
     fn reserve(&mut self, (begin_s, end_s): (f64, f64)) {
-        let of_rate = self.config.row_rate_hz().map(|hz| ((end_s - begin_s) * hz) as usize + 1);
+        let of_rate = self.config.row_rate_hz().map(|hz| (((end_s - begin_s) * hz) as usize).saturating_add(1));
         let read = self.recording.longest();
         let rows = of_rate.map_or(read, |rows| rows.min(read));
         let body = self.tracker.body();
