@@ -234,9 +234,10 @@ impl Tracker {
         self.admit(&mut one, self.present(std::slice::from_ref(sample)))?;
         self.take_readings(&mut one, sample);
         let processed = self.process_links(&mut one, false, sink);
+        let status = start::status(&one);
         self.hypothesis = Some(one);
         processed?;
-        Ok(Status::Tracking)
+        Ok(status)
     }
 
     /// Processes what waits at the end of the recording.

@@ -31,6 +31,16 @@ const LATER: f64 = 1.7;
 /// States of the layout at a start, if readings tell them.
 type Posture = Option<Vec<f64>>;
 
+/// Where a silence follows the first readings, no row has been processed yet: nothing is known.
+pub(super) fn status(one: &Hypothesis) -> Status {
+    let is_known = one.belief.covariance.at(0, 0) > 0.0;
+    if is_known {
+        Status::Tracking
+    } else {
+        Status::Starting
+    }
+}
+
 impl Tracker {
     pub(super) fn gather_links(&mut self, sample: &Sample, sink: Sink) -> Result<Status> {
         let late = self.waiting.last().is_some_and(|w| sample.time_s <= w.time_s);
@@ -44,7 +54,7 @@ impl Tracker {
             return Ok(Status::Starting);
         }
         self.begin_links(since_s >= LONGEST_START_S, sink)?;
-        Ok(if self.hypothesis.is_some() { Status::Tracking } else { Status::Starting })
+        Ok(self.hypothesis.as_ref().map_or(Status::Starting, status))
     }
 
     /// Makes the filter for the units that have readings, and takes in the samples that waited. Where headings are open and the readings do
