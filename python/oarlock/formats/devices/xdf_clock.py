@@ -22,6 +22,7 @@ _RESET_S = 1.0
 """Clocks drift by microseconds in a second: a larger step between two measurements is a clock with another zero."""
 _SIGMA = 1.4826
 _WINDOW, _LEAST_SIDE, _LONG = 200, 10, 500
+_EXACT_S = 1e-12
 _STEPS = 50
 _MOST_RESETS, _MOST_GAPS = 100, 5000
 _LEAST_LAG, _WANDERS = 10, 2.0
@@ -122,7 +123,7 @@ def _robust(design: FloatArray, wanted: FloatArray) -> FloatArray:
         new = np.linalg.lstsq(design * root, wanted * root[:, 0], rcond=None)[0]
         residual = wanted - design @ new
         scale = _SIGMA * float(np.median(np.abs(residual)))
-        if scale <= 0.0 or np.array_equal(new, found):
+        if scale <= _EXACT_S or np.array_equal(new, found):
             return np.asarray(new, dtype=np.float64)
         found, weight = new, 1.0 / (1.0 + (residual / (2.0 * scale)) ** 2)
     return np.asarray(found, dtype=np.float64)
