@@ -265,8 +265,12 @@ impl Coordinates {
                 *out.at_mut(i, j) += value;
             }
         }
-        for i in (0..n).filter(|i| out.at(*i, *i) < LEAST_STD * LEAST_STD).collect::<Vec<_>>() {
-            *out.at_mut(i, i) = LEAST_STD * LEAST_STD;
+        for i in 0..n {
+            let variance = out.at_mut(i, i);
+            // No `max`: what is no number must stay so.
+            if *variance < LEAST_STD * LEAST_STD {
+                *variance = LEAST_STD * LEAST_STD;
+            }
         }
         out.mirror_upper();
         out

@@ -1,7 +1,5 @@
 //! Model files with wounds: read, described, tracked with; or refused with a reason.
 
-use std::fmt::Write;
-
 use super::campaign::campaign;
 use super::mutate::mutated;
 use super::numbers::{index, one_in, pick};
@@ -14,6 +12,7 @@ use oarlock::describe::describe;
 use oarlock::model::Model;
 use oarlock::track::{Calibration, Tracker};
 use oarlock::Error;
+use std::fmt::Write;
 use std::sync::{Arc, LazyLock};
 
 macro_rules! shipped {

@@ -42,7 +42,7 @@ def suspects(
 ) -> tuple[Suspect, ...]:
     """Find sensor faults in a recording.
 
-    Units are compared first: a gyroscope with the magnetic field or gravity that turns in its own unit, then the force
+    Units are compared first: a gyroscope with the magnetic field or the mean force of its own unit, then the force
     at each joint as both of its units read it, with clocks, axes, signs, mounts and biases changed until they agree.
     If nothing is found, a filter tracks the second with the most movement, which expects the usual errors of real
     recordings: mounts 5 deg off, soft tissue, nearby iron. If the misfit is large, the second is tracked again with

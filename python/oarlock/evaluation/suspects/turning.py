@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from oarlock.evaluation.suspects.changes import MIRRORS, PROPER
+from oarlock.evaluation.suspects.changes import MIRRORS, PROPER, gyro_units
 from oarlock.evaluation.suspects.joint_forces import LEAST_M_S2, RATE_HZ, on_grid_of
-from oarlock.evaluation.suspects.suspect import Suspect, axes_text, factor_text, of_units
+from oarlock.evaluation.suspects.suspect import Suspect, axes_text, of_units
 from oarlock.recording.streams import ImuStream
 from oarlock.storage.array_gate import FloatArray
 
@@ -26,6 +26,7 @@ SPAN_S = 0.24
 """Over which a direction turns, s."""
 NEAR_FIELD, NEAR_REST = 0.1, 0.1
 """Share by which |mag| and |accel| may differ from their medians."""
+AS_RECORDED = np.eye(3)
 WINDOW_S, WINDOWS_EVERY_S = 3.0, 0.5
 """Over which the force is averaged where the unit is accelerated, and how often, s."""
 CALM = 0.06
@@ -39,7 +40,6 @@ HELPS = 2.0
 LEAST_SCALE, SURE = 0.07, 4.0
 LEAST_BIAS_RAD_S, LEAST_STEP_RAD_S = np.radians(6.0), np.radians(3.0)
 """A bias is not told from iron that moves with the unit by less; a change of the bias is."""
-_UNITS = (("in deg/s", np.pi / 180.0), ("converted from deg/s twice", 180.0 / np.pi))
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +59,7 @@ class _Sums:
             self.rows + other.rows,
         )
 
-    def fit(self, axes: FloatArray) -> tuple[float, FloatArray, float]:
+    def fit(self, axes: FloatArray = AS_RECORDED) -> tuple[float, FloatArray, float]:
         """Scale and shift (3,) that fit best with these axes, and the share of the changes that is left."""
         basis = np.zeros((12, 4))
         basis[:9, 0], basis[9:, 1:] = axes.ravel(), np.eye(3)
@@ -71,10 +71,10 @@ class _Sums:
             max(0.0, 1.0 - float(solved @ products) / self.change),
         )
 
-    def shift(self, matrix: FloatArray) -> FloatArray:
-        """(3,) what is added to the rates with this matrix, rad/s."""
+    def shift(self, scale: float) -> FloatArray:
+        """(3,) what is added to the rates at this scale, rad/s."""
         squares = self.squares[9:, 9:] + 1e-6 * self.rows * np.eye(3)
-        fixed = np.concatenate([matrix.ravel(), np.zeros(3)])
+        fixed = np.concatenate([scale * np.eye(3).ravel(), np.zeros(3)])
         return np.asarray(np.linalg.solve(squares, (self.products - self.squares @ fixed)[9:]))
 
 
@@ -111,10 +111,12 @@ def _explained_by_means(
     whole = _MeanForces(gyro, accel, starts)
     if len(parts) < PARTS:
         return None
-    scale, *_ = whole.fit(np.eye(3))
-    left = float(np.median([part.fit(np.eye(3))[2] for part in parts]))
-    is_explained = left < FITS and whole.left(1.0, np.zeros(3)) > HELPS * left
-    return _scaled_or_biased(stream, parts, scale, "accelerometer") if is_explained else None
+    fits = [part.fit() for part in parts]
+    left = float(np.median([share for *_, share in fits]))
+    if left >= FITS or whole.left(1.0, np.zeros(3)) <= HELPS * left:
+        return None
+    scales = whole.fit()[0], np.array([scale for scale, *_ in fits])
+    return _scaled_or_biased(stream, parts, scales, "accelerometer")
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,8 +136,8 @@ class _MeanForces:
         a, b, c = (sums[self.starts - first + k * width] for k in range(3))
         return np.asarray(np.einsum("tji,tj->ti", turned[self.starts - first], c - 2.0 * b + a) / width)
 
-    def fit(self, axes: FloatArray) -> tuple[float, FloatArray, float]:
-        """Scale and shift (3,) that fit best with the unit's axes, and the share of the changes that is left."""
+    def fit(self) -> tuple[float, FloatArray, float]:
+        """Scale and shift (3,) that fit best, and the share of the changes that is left."""
         solved = self._solve(np.array([1.0, 0.0, 0.0, 0.0]), np.eye(4))
         return float(solved[0]), solved[1:], self.left(solved[0], solved[1:])
 
@@ -144,9 +146,9 @@ class _MeanForces:
         still = float(np.sum(self.differences(0.0, np.zeros(3)) ** 2))
         return float(np.sum(self.differences(scale, shift) ** 2)) / max(still, 1e-9)
 
-    def shift(self, matrix: FloatArray) -> FloatArray:
-        """(3,) what is added to the rates that are multiplied by the first element of this matrix, rad/s."""
-        begin = np.array([float(matrix[0, 0]), 0.0, 0.0, 0.0])
+    def shift(self, scale: float) -> FloatArray:
+        """(3,) what is added to the rates at this scale, rad/s."""
+        begin = np.array([scale, 0.0, 0.0, 0.0])
         return np.asarray(self._solve(begin, np.eye(4)[1:])[1:])
 
     def _solve(self, values: FloatArray, free: FloatArray) -> FloatArray:
@@ -216,16 +218,18 @@ def _explained(stream: ImuStream, parts: list[_Sums], by: str) -> tuple[Suspect,
         return of_units("axes", name, axes_text(name, (gyro,), axes), np.pi / 2), 1.0
     if left > FITS:
         return None
-    for what, factor in _UNITS:
-        if 0.6 < scale / factor < 1.6:
-            return of_units("unit", name, factor_text(name, gyro, what, factor), np.pi), 1.0
-    return _scaled_or_biased(stream, parts, scale, by)
+    for change in gyro_units(name):
+        if 0.6 < scale / change.matrix < 1.6:
+            return of_units("unit", name, change.text, np.pi), 1.0
+    scales = np.array([part.fit()[0] for part in parts])
+    return _scaled_or_biased(stream, parts, (scale, scales), by)
 
 
 def _scaled_or_biased(
-    stream: ImuStream, parts: Sequence[_Sums | _MeanForces], scale: float, by: str
+    stream: ImuStream, parts: Sequence[_Sums | _MeanForces], scales: tuple[float, FloatArray], by: str
 ) -> tuple[Suspect, float] | None:
-    each = np.array([part.fit(np.eye(3))[0] for part in parts])
+    """`scales`: that of all parts together, and of each."""
+    scale, each = scales
     std = 1.5 * float(np.median(np.abs(each - np.median(each)))) / np.sqrt(len(each))
     if abs(scale - 1.0) > max(LEAST_SCALE, SURE * std):
         text = (
@@ -240,7 +244,7 @@ def _scaled_or_biased(
 def _bias(stream: ImuStream, parts: Sequence[_Sums | _MeanForces], scale: float, by: str) -> Suspect | None:
     """A bias that all parts of the recording show alike, or one that changes between two of them."""
     name, count = stream.name, len(parts)
-    each = np.array([part.shift(scale * np.eye(3)) for part in parts])
+    each = np.array([part.shift(scale) for part in parts])
     tried = [
         (_apart(each[:k], each[k:]), LEAST_STEP_RAD_S, "changes its bias by") for k in range(2, count - 1)
     ]
