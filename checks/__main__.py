@@ -3,16 +3,26 @@
 import sys
 from collections.abc import Callable
 
-from checks import arrows, engine_arrows, file_gate, links, portability, registered, rowing_words, sizes
+from checks import (
+    arrows,
+    budgets,
+    engine_arrows,
+    file_gate,
+    links,
+    names,
+    portability,
+    registered,
+    rowing_words,
+)
 
 CHECKS: dict[str, Callable[[], list[str]]] = {
     "package arrows": arrows.findings,
     "engine arrows": engine_arrows.findings,
     "rowing words": rowing_words.findings,
     "opening of files": file_gate.findings,
-    "file sizes": sizes.long_files,
-    "function sizes": sizes.long_functions,
-    "file names": sizes.vague_names,
+    "file sizes": budgets.long_files,
+    "budgets of rooms": budgets.findings,
+    "file names": names.vague_names,
     "machine paths": portability.machine_paths,
     "data folder": portability.data_folder,
     "registries": portability.registries,

@@ -6,14 +6,15 @@ from pathlib import Path
 import pytest
 from checks import (
     arrows,
+    budgets,
     engine_arrows,
     file_gate,
     links,
+    names,
     portability,
     project_files,
     registered,
     rowing_words,
-    sizes,
 )
 
 
@@ -72,10 +73,40 @@ def test_the_engine_was_found():
     assert {"model", "estimate", "rotation"} <= found
 
 
-def test_length_is_that_of_the_body():
-    text = 'def f(\n    a,\n):\n    """Three\n    lines.\n    """\n    a += 1\n    return a\n'
-    assert dict(sizes.functions(text)) == {"f": 2}
-    assert dict(sizes.functions('def f():\n    """Nothing else."""\n')) == {"f": 0}
+def test_lines_of_code_are_neither_text_nor_imports(tmp_path):
+    file = tmp_path / "a.py"
+    file.write_text(
+        '"""One."""\n\nimport os\n\n\nclass A:\n    """Two\n    lines."""\n\n'
+        "    def f(self):\n        # why\n        return 1\n"
+    )
+    assert budgets.size_of([file]) == {"lines": 12, "code": 3, "files": 1, "functions": 1, "classes": 1}
+
+
+def test_rooms_beyond_their_budget_and_loose_budgets_are_found(monkeypatch, tmp_path):
+    table = tmp_path / "budgets.toml"
+    table.write_text(
+        '"a" = { lines = 100 }\n"b" = { lines = 100 }\n# why\n"c" = { lines = 100 }\n"gone" = { lines = 1 }\n'
+    )
+    monkeypatch.setattr(budgets, "TABLE", table)
+    monkeypatch.setattr(budgets, "name_of", str)
+    lines_of = {"a": 101, "b": 99, "c": 90, "d": 1}
+    monkeypatch.setattr(budgets, "sizes", lambda: {room: {"lines": n} for room, n in lines_of.items()})
+    lines = [line.partition(";")[0] for line in budgets.findings()]
+    assert lines == [
+        "a: 101 lines, budget 100",
+        "c: 90 lines, budget 100",
+        "d: has no budget",
+        "gone: has a budget and no file",
+    ]
+    lowered = budgets.lowered(table.read_text(), budgets.sizes())
+    assert lowered == '"a" = { lines = 100 }\n"b" = { lines = 99 }\n# why\n"c" = { lines = 90 }\n'
+
+
+def test_a_class_name_that_stands_for_two_classes_is_found(monkeypatch, tmp_path):
+    planted(tmp_path, model__a="class A: ...\nclass B: ...", storage__b="def f():\n    class A: ...\n")
+    monkeypatch.setattr(names, "python_files", lambda: sorted(tmp_path.rglob("*.py")))
+    monkeypatch.setattr(names, "name_of", lambda path: path.name)
+    assert names.classes_of_one_name() == ["A: a.py:1, b.py:2; a class name stands once"]
 
 
 @pytest.mark.parametrize("folder", ["home", "opt"])

@@ -1,0 +1,126 @@
+"""The size of each room of the project against its budget, and files that are too long to be one concept.
+
+`python -m checks.budgets` lowers the budgets to what a room has now. It raises none: that is an edit of the table.
+"""
+
+import ast
+import re
+import tomllib
+from pathlib import Path
+
+from checks.project_files import ROOT, code_files, name_of, text_files, text_of
+
+TABLE = ROOT / "checks/budgets.toml"
+MOST_LINES_OF_A_FILE = 900
+PACKAGE = "python/oarlock"
+SLACK = 0.01
+"""A budget may exceed its room by this share and by two before it has to be lowered."""
+RUST_NAMES = {"functions": re.compile(r"^\s*(?:pub(?:\([^)]*\))? )?(?:const |unsafe )*fn (\w+)", re.M)}
+RUST_NAMES["classes"] = re.compile(r"^\s*(?:pub(?:\([^)]*\))? )?(?:struct|enum|trait|union) (\w+)", re.M)
+
+
+def room_of(path: Path) -> str:
+    """The folder that a budget counts: a part of the package, a crate's folder or a folder of the project."""
+    parts = path.relative_to(ROOT).parts
+    if name_of(path).startswith(PACKAGE):
+        return "/".join(parts[:-1][:3])
+    return "/".join(parts[:-1][: 3 if parts[0] == "crates" else 1]) or "."
+
+
+def size_of(paths: list[Path]) -> dict[str, int]:
+    """Lines, lines of code (neither blank, comment, docstring nor import), files, distinct functions and classes."""
+    lines = code = 0
+    names: dict[str, set[str]] = {"functions": set(), "classes": set()}
+    for path in paths:
+        text = text_of(path)
+        lines += text.count("\n")
+        if path.suffix == ".rs":
+            code += sum(
+                bool(line.strip()) and not line.strip().startswith(("//", "use "))
+                for line in text.splitlines()
+            )
+            for kind, pattern in RUST_NAMES.items():
+                names[kind] |= set(pattern.findall(text))
+            continue
+        tree = ast.parse(text)
+        code += len(lines_of_code(text, tree))
+        for node in ast.walk(tree):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                names["functions"].add(node.name)
+            elif isinstance(node, ast.ClassDef):
+                names["classes"].add(node.name)
+    return {"lines": lines, "code": code, "files": len(paths)} | {k: len(v) for k, v in names.items()}
+
+
+def lines_of_code(text: str, tree: ast.Module) -> set[int]:
+    """Numbers of the lines that are neither blank, comment, docstring nor import."""
+    rows = text.splitlines()
+    numbers = {k for k, row in enumerate(rows, 1) if row.strip() and not row.lstrip().startswith("#")}
+    for node in ast.walk(tree):
+        is_text = (
+            isinstance(node, ast.Expr)
+            and isinstance(node.value, ast.Constant)
+            and isinstance(node.value.value, str)
+        )
+        if isinstance(node, ast.Import | ast.ImportFrom) or is_text:
+            numbers -= set(range(node.lineno, (node.end_lineno or node.lineno) + 1))
+    return numbers
+
+
+def sizes() -> dict[str, dict[str, int]]:
+    """Size of each room now, and the words of the documents."""
+    rooms: dict[str, list[Path]] = {}
+    for path in code_files():
+        rooms.setdefault(room_of(path), []).append(path)
+    rooms[PACKAGE + " as a whole"] = [path for path in code_files() if name_of(path).startswith(PACKAGE)]
+    measured = {room: size_of(paths) for room, paths in sorted(rooms.items())}
+    pages = [path for path in text_files() if path.suffix == ".md"]
+    measured["documents"] = {"files": len(pages), "words": sum(len(text_of(path).split()) for path in pages)}
+    return measured
+
+
+def findings() -> list[str]:
+    """Rooms beyond their budgets, budgets that have to be lowered, rooms without one."""
+    budgets, lines = tomllib.loads(text_of(TABLE)), []
+    for room, size in sizes().items():
+        if room not in budgets:
+            lines.append(f"{room}: has no budget; add it to {name_of(TABLE)}, with a line that says what for")
+        for key, value in size.items():
+            budget = budgets.get(room, {}).get(key, value)
+            if value > budget:
+                lines.append(
+                    f"{room}: {value} {key}, budget {budget}; delete, or raise it with a line that says what for"
+                )
+            elif value < (1.0 - SLACK) * budget - 2:
+                lines.append(f"{room}: {value} {key}, budget {budget}; lower it: python -m checks.budgets")
+    return lines + [f"{room}: has a budget and no file" for room in budgets if room not in sizes()]
+
+
+def long_files() -> list[str]:
+    """Files of code with more lines than a reader keeps in mind."""
+    lines = {name_of(path): len(text_of(path).splitlines()) for path in code_files()}
+    return [
+        f"{name}: {count} lines, at most {MOST_LINES_OF_A_FILE}"
+        for name, count in lines.items()
+        if count > MOST_LINES_OF_A_FILE
+    ]
+
+
+def lowered(table: str, measured: dict[str, dict[str, int]]) -> str:
+    """The text of the table with each number at most what was measured; other lines stay."""
+    rows = []
+    for row in table.splitlines():
+        entry = re.match(r'"(.+)" = \{', row)
+        if entry and entry[1] not in measured:
+            continue
+        if entry:
+            for key, value in measured[entry[1]].items():
+                row = re.sub(
+                    rf"\b{key} = (\d+)", lambda hit, k=key, v=value: f"{k} = {min(int(hit[1]), v)}", row
+                )
+        rows.append(row)
+    return "\n".join(rows) + "\n"
+
+
+if __name__ == "__main__":
+    TABLE.write_text(lowered(text_of(TABLE), sizes()), encoding="utf-8")
