@@ -3,7 +3,17 @@
 import sys
 from collections.abc import Callable
 
-from checks import arrows, engine_arrows, file_gate, links, portability, registered, rowing_words, sizes
+from checks import (
+    arrows,
+    engine_arrows,
+    file_gate,
+    inventory,
+    links,
+    portability,
+    registered,
+    rowing_words,
+    sizes,
+)
 
 CHECKS: dict[str, Callable[[], list[str]]] = {
     "package arrows": arrows.findings,
@@ -19,6 +29,7 @@ CHECKS: dict[str, Callable[[], list[str]]] = {
     "pinned versions": portability.loose_pins,
     "engine test modules": registered.findings,
     "links of pages": links.findings,
+    "inventory": inventory.findings,
 }
 
 
