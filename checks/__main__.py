@@ -8,6 +8,7 @@ from checks import (
     budgets,
     engine_arrows,
     file_gate,
+    inventory,
     links,
     names,
     portability,
@@ -29,6 +30,7 @@ CHECKS: dict[str, Callable[[], list[str]]] = {
     "pinned versions": portability.loose_pins,
     "engine test modules": registered.findings,
     "links of pages": links.findings,
+    "inventory": inventory.findings,
 }
 
 

@@ -9,6 +9,7 @@ from checks import (
     budgets,
     engine_arrows,
     file_gate,
+    inventory,
     links,
     names,
     portability,
@@ -185,3 +186,68 @@ def test_lines_are_named(monkeypatch, tmp_path):
     file = Path(tmp_path, "a.txt")
     file.write_text("well\nsee me\n")
     assert project_files.hits(re.compile("see"), file) == ["a.txt:2: see me"]
+
+
+REASON = "Nobody measured with it, so it went."
+VERBS = {"verbs": {"track", "run"}, "options": {"track --model", "run --body"}, "settings": {"gate"}}
+
+
+def inventory_lines(verbs: dict[str, object], options: dict[str, object]) -> list[str]:
+    """Differences of an inventory from three verbs, options and settings."""
+    tables = {"verbs": verbs, "options": options, "settings": {"gate": "same"}}
+    return inventory.differences(tables, VERBS, "")
+
+
+def test_an_inventory_that_is_true_has_no_findings():
+    options = {"track": ["--model"], "run": {"new": ["--body"]}, "run --set": {"now": "settings: gate"}}
+    assert inventory_lines({"track": "same", "run": "new", "smooth": {"gone": REASON}}, options) == []
+    options = {"estimate": ["--model"], "run": ["--body"], "smooth": ["--all"]}
+    assert (
+        inventory_lines({"estimate": {"now": "track"}, "run": "same", "smooth": {"gone": REASON}}, options)
+        == []
+    )
+
+
+def test_entries_of_the_inventory_that_are_missing_are_found():
+    options = {
+        "track": ["--model", "--smooth"],
+        "run": ["--body"],
+        "run --set": {"now": "settings: consider"},
+    }
+    found = inventory_lines({"track": "same", "run": "same", "smooth": "same"}, options)
+    assert [line.partition(" is not there")[0] for line in found] == [
+        'verbs: "smooth"',
+        'options: "track --smooth"',
+        'options: "run --set", now settings: "consider",',
+    ]
+
+
+@pytest.mark.parametrize("reason", ["", " ", "obsolete", "no longer used by anybody"])
+def test_a_reason_that_is_no_sentence_is_found(reason):
+    verbs = {"track": "same", "run": "same", "smooth": {"gone": reason}}
+    found = inventory_lines(verbs, {"track": ["--model"], "run": ["--body"]})
+    assert len(found) == 1 and '"smooth" is gone without a reason' in found[0]
+
+
+def test_what_is_said_to_be_gone_what_has_no_line_and_no_answer_are_found():
+    verbs = {"track": "same", "run": {"gone": REASON}, "smooth": {"since": "1.0"}}
+    found = inventory_lines(verbs, {"track": ["--model"]})
+    assert len(found) == 4
+    assert "said to be gone and is there" in found[0] and '"smooth" has no answer' in found[1]
+    assert found[2].startswith('verbs: "run" has no line') and found[3].startswith(
+        'options: "run --body" has'
+    )
+
+
+def test_pieces_of_text_are_sought_in_the_sources():
+    tables = {"notes": {"no stream for": "same", "was increased": {"gone": REASON}, "no field": "same"}}
+    found = inventory.differences(tables, {}, "push('no stream for: seat')")
+    assert len(found) == 1 and 'notes: "no field" is not there' in found[0]
+
+
+def test_a_package_that_cannot_be_imported_is_said(monkeypatch):
+    def unbuilt() -> dict[str, set[str]]:
+        raise ImportError("no module named oarlock._core")
+
+    monkeypatch.setattr(inventory, "surface", unbuilt)
+    assert "oarlock._core" in inventory.findings()[0] and "make" in inventory.findings()[0]
