@@ -19,7 +19,7 @@ export PYO3_PYTHON := $(CURDIR)/$(BIN)/python
 
 RUST_SOURCES := Cargo.toml Cargo.lock $(wildcard crates/*/Cargo.toml) $(shell find crates/*/src -name '*.rs')
 
-.PHONY: help demo test test-all test-long fuzz memcheck bench bench-others bench-page bench-live soak pages player pictures lint format docs site validation wheel sdist release-checks lock clean
+.PHONY: help demo test test-all test-long fuzz memcheck bench bench-others bench-page bench-live soak golden golden-write pages player pictures lint format docs site validation wheel sdist release-checks lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -91,6 +91,13 @@ player: ## build player and live page from viewer/ with npm, into python/oarlock
 
 pictures: $(VENV)/.package $(VENV)/.dev ## make the pictures of the pages anew from the demo; needs Chromium
 	$(BIN)/python docs/pictures/make.py
+
+# `make golden BEFORE=COMMIT` compares with that commit to the bit; without it with the committed outputs, within tolerances.
+golden: $(VENV)/.package $(VENV)/.dev ## compare outputs of everything with those that are committed, or of the commit BEFORE to the bit
+	$(BIN)/python -m golden $(if $(BEFORE),--before $(BEFORE))
+
+golden-write: $(VENV)/.package $(VENV)/.dev ## replace the committed outputs after a change that is meant
+	$(BIN)/python -m golden --renew
 
 lint: $(VENV)/.dev ## checks of the project's text, ruff, mypy, clippy and rustfmt, changing nothing
 	$(BIN)/python -m checks
