@@ -32,12 +32,6 @@ def test_the_ball_rests_where_the_hinges_rest(arm):
     assert not set(HINGES) & set(ball.joint_names) and "forearm_flexed_r" not in ball.frame_names
 
 
-def test_only_units_on_both_segments_are_less_certain(arm):
-    ball = oarlock.with_ball_joint(arm, *HINGES)
-    noise = {unit.name: unit.accel_std_m_s2 for unit in ball.describe().inertial_units}
-    assert noise == {"thorax": 0.05, "upper_arm_r": 2.0, "forearm_r": 2.0}
-
-
 def test_a_left_elbow_of_a_whole_body():
     body = oarlock.load_model("full_body")
     ball = oarlock.with_ball_joint(body, "elbow_flexion_l", "elbow_pronation_l")

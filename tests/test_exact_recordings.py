@@ -167,7 +167,9 @@ def test_slower_sensors_need_no_other_tuning(condition):
     exact = load_exact(condition)
     recording = at_rate(exact.recording, SLOW_HZ)
     assert recording.streams[0].rate_hz == pytest.approx(SLOW_HZ, rel=0.3)
-    slow = figures(oarlock.track(sculler(), recording, config=TREE), exact, f"{condition} at {SLOW_HZ:.0f} Hz")
+    slow = figures(
+        oarlock.track(sculler(), recording, config=TREE), exact, f"{condition} at {SLOW_HZ:.0f} Hz"
+    )
     assert_consistent(slow, nis=SLOW_NIS)
 
 

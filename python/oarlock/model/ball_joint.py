@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
 START_STD_RAD = float(np.radians(20.0))
 """How far relative orientations in the first posture are from the rest posture, about each axis."""
-ACCEL_STD_M_S2 = 2.0
-"""A unit that sits 0.1 m from where the model has it, and turns with 3 rad/s and 20 rad/s2, has this error."""
 
 
 def ball_name(upper: str, lower: str) -> str:
@@ -36,8 +34,7 @@ def with_ball_joint(model: Model, upper: str, lower: str) -> Model:
     """The body with a ball in place of two hinges at one point.
 
     The ball starts within 20 deg about each axis of the hinges' rest posture. It swings as far as the first hinge
-    bends. The rotation about the second hinge's axis is not limited, because its zero is unknown. The accelerometers of
-    the units on both segments have a noise of at least 2 m/s2, because their places on the segments are uncertain.
+    bends. The rotation about the second hinge's axis is not limited, because its zero is unknown.
 
     Args:
         model: with both hinges.
@@ -72,10 +69,6 @@ def with_ball_joint(model: Model, upper: str, lower: str) -> Model:
     places = {second["name"]: moved}
     document["frame"] = [places.get(t["name"], t) for t in document["frame"] if t["name"] != first["name"]]
     document["joint"] = [joint if t["name"] == lower else t for t in document["joint"] if t["name"] != upper]
-    document["sensor"] = [
-        _uncertain(t) if t.get("frame") in (first["parent"], second["name"]) else t
-        for t in document.get("sensor", ())
-    ]
     return model_of(without_unused_parameters(document), model)
 
 
@@ -103,9 +96,3 @@ def _ball(model: Model, upper: JointDescription, second: Table, parent: str) -> 
         "limits": {"axis": axis, "swing": float(np.abs(upper.limits).max())},
         "process": {"start_std": [START_STD_RAD, *upper.process.start_std[1:]]},
     }
-
-
-def _uncertain(sensor: Table) -> Table:
-    if sensor.get("kind") != "imu" or "accel_std_m_s2" not in sensor:
-        return sensor
-    return {**sensor, "accel_std_m_s2": max(float(sensor["accel_std_m_s2"]), ACCEL_STD_M_S2)}

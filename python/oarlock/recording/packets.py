@@ -99,6 +99,10 @@ def lost_packets(recording: Session, stream: Stream) -> Lost | None:
     return _own(stream).lost
 
 
+_MOST_PACKETS, _LONGEST_STEP_S = 1e12, 1e6
+"""A counter of 32 bits wraps at 4e9; a unit that sends once in eleven days is none."""
+
+
 def _counted(found: Mapping[str, ArrayLike], stream: Stream) -> Lost:
     where = f'recording, meta, {META_KEY} of "{stream.name}"'
     missing = {"after_s", "packets", "step_s"} - set(found)
@@ -109,6 +113,10 @@ def _counted(found: Mapping[str, ArrayLike], stream: Stream) -> Lost:
     (step_s,) = real_array(found["step_s"], (1,), f"{where}, step_s")
     if not (np.isfinite(after).all() and np.isfinite(packets).all() and np.isfinite(step_s)):
         raise DataError(f"{where}: contains a value that is not a number; import the recording again")
+    if (packets < 0.0).any() or packets.sum() > _MOST_PACKETS or not 0.0 <= step_s <= _LONGEST_STEP_S:
+        raise DataError(
+            f"{where}: {packets.sum():g} packets of {step_s:g} s are missing, which cannot be; import the recording again"
+        )
     inside = (after >= stream.time_s[0]) & (after <= stream.time_s[-1])
     return Lost(after[inside], packets[inside], packets[inside] * step_s, True)
 

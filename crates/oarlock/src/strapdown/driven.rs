@@ -9,11 +9,22 @@ impl StrapdownFilter {
     pub(super) fn inputs(&self, heard: &[Heard], time_s: f64, before: &[[f64; 2]]) -> Vec<[f64; 2]> {
         let mut inputs = before.to_vec();
         for (sensor, heard) in self.skeleton.sensors.iter().zip(heard) {
-            if let (Measures::Input(c), Some((value, _))) = (&sensor.measures, heard.at(time_s, 1.0)) {
-                inputs[*c] = [value[0], heard.rate(time_s)];
+            if let (Measures::Input(c), Some(value)) = (&sensor.measures, heard.near(time_s)) {
+                inputs[*c] = [value, heard.rate(time_s)];
             }
         }
         inputs
+    }
+
+    /// The same before any row; an encoder that speaks later has its first value already, and one that never speaks is at rest.
+    pub(super) fn first_inputs(&self, heard: &[Heard], time_s: f64) -> Vec<[f64; 2]> {
+        let mut first: Vec<[f64; 2]> = self.skeleton.rest.iter().map(|q| [*q, 0.0]).collect();
+        for (sensor, heard) in self.skeleton.sensors.iter().zip(heard) {
+            if let (Measures::Input(c), Some((_, value))) = (&sensor.measures, heard.all.front()) {
+                first[*c][0] = value[0];
+            }
+        }
+        self.inputs(heard, time_s, &first)
     }
 
     /// For how long the only encoders of a coordinate have been silent, s. An input for which the model has no encoder, and that never spoke, is

@@ -148,10 +148,23 @@ impl Heard {
         }
     }
 
+    /// The first number at a time; a little before the first reading, by the rate of the first two.
+    pub(super) fn near(&self, time_s: f64) -> Option<f64> {
+        let ahead = || self.is_ahead(time_s).then(|| self.all[0].1[0] + self.rate(time_s) * (time_s - self.all[0].0));
+        self.at(time_s, 1.0).map(|(value, _)| value[0]).or_else(ahead)
+    }
+
+    /// Whether the first reading follows soon.
+    fn is_ahead(&self, time_s: f64) -> bool {
+        self.all.front().is_some_and(|first| (0.0..=LONGEST_GAP_S).contains(&(first.0 - time_s)))
+    }
+
     /// Time since the last reading, where no other follows soon, s.
     pub(super) fn silence_s(&self, time_s: f64) -> f64 {
         let next = self.all.partition_point(|r| r.0 <= time_s + 1e-9);
-        let Some((a_s, _)) = next.checked_sub(1).and_then(|before| self.all.get(before)) else { return f64::INFINITY };
+        let Some((a_s, _)) = next.checked_sub(1).and_then(|before| self.all.get(before)) else {
+            return if self.is_ahead(time_s) { 0.0 } else { f64::INFINITY };
+        };
         let is_between = self.all.get(next).is_some_and(|(b_s, _)| b_s - a_s <= LONGEST_GAP_S);
         if is_between {
             0.0

@@ -103,7 +103,7 @@ impl StrapdownFilter {
         let loose: Vec<Mat3<f64>> = self.skeleton.loose.iter().map(|l| self.against(*l, &turned)).collect();
         let constants = vec![zero; self.constants().count()];
         let pushes = vec![0.0; self.skeleton.pushes.len()];
-        let inputs = self.inputs(&heard, time_s, &self.skeleton.rest.iter().map(|q| [*q, 0.0]).collect::<Vec<_>>());
+        let inputs = self.first_inputs(&heard, time_s);
         let lengths = vec![0.0; self.skeleton.lengths.len()];
         let slides = self.skeleton.slides.iter().map(|slide| [slide.rest_m, 0.0]).collect();
         let mut means = Means { units, loose, constants, azimuth: 0.0, pushes, room: zero, lengths, slides, inputs };
