@@ -115,7 +115,7 @@ def _counted(found: Mapping[str, ArrayLike], stream: Stream) -> Lost:
         raise DataError(f"{where}: contains a value that is not a number; import the recording again")
     if (packets < 0.0).any() or packets.sum() > _MOST_PACKETS or not 0.0 <= step_s <= _LONGEST_STEP_S:
         raise DataError(
-            f"{where}: {packets.sum():g} packets of {step_s:g} s are missing, which cannot be; import the recording again"
+            f"{where}: {packets.sum():g} packets of {step_s:g} s are missing, which cannot be; import it again"
         )
     inside = (after >= stream.time_s[0]) & (after <= stream.time_s[-1])
     return Lost(after[inside], packets[inside], packets[inside] * step_s, True)
