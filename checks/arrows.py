@@ -10,10 +10,14 @@ from checks.project_files import ROOT, name_of, text_of
 PACKAGE = ROOT / "python/oarlock"
 
 # A room may use those before it, never one behind it. "" is the public face, `oarlock/__init__.py`. Modules of plain
-# data that the engine returns stand before it, apart from their room.
+# data that the engine takes, returns or raises stand before it, apart from their room.
 LAYERS = (
+    "storage.errors",
+    "storage.suggest",
     "model.description",
     "model.jacobians",
+    "tracking.settings",
+    "tracking.joint_state",
     "_core",
     "storage",
     "model",

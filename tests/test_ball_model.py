@@ -141,7 +141,7 @@ def test_chosen_start_is_by_coordinate(model, simulated):
     truth, recording = simulated
     start = oarlock.Config(initial_q=[float(value) for value in truth.q[0]])
     track = oarlock.track(model, recording.slice(end_s=2.0), config=start)
-    turn = rotvec_between(track["shoulder"].quat_wxyz, truth["shoulder"].quat_wxyz[: len(track)])
+    turn = rotvec_between(track["shoulder"].quat_wxyz, truth["shoulder"].quat_wxyz[: len(track.time_s)])
     assert np.degrees(np.linalg.norm(turn[-1])) < 2.0
 
 

@@ -70,7 +70,7 @@ def test_a_joint_is_observed_when_all_its_coordinates_are(track):
     observed[:10, 9] = False
     observed[:, 4] = False
     seen = replace(track, observed=observed)
-    assert seen["shoulder"].observed.tolist() == [False] * 10 + [True] * (len(track) - 10)
+    assert seen["shoulder"].observed.tolist() == [False] * 10 + [True] * (len(track.time_s) - 10)
     assert not seen["pelvis"].observed.any()
     assert seen["pelvis"].position_observed.all()
     summary = summarize(seen)
@@ -86,13 +86,13 @@ def test_columns_say_what_they_hold(track):
     assert np.array_equal(columns["pelvis_ZXY_x_std_rad"], track["pelvis"].angles_std_rad()[:, 1])
     near = track["shoulder"].near_singular()
     assert near.any() and np.array_equal(columns["shoulder_YXY_near_singular"], near)
-    assert all(values.shape == (len(track),) for values in columns.values())
+    assert all(values.shape == (len(track.time_s),) for values in columns.values())
     assert not any("trunk_quat" in name for name in columns)
 
 
 def test_tables_of_others_take_them(track):
     frame = pytest.importorskip("pandas") and track.to_pandas()
-    assert len(frame) == len(track)
+    assert len(frame) == len(track.time_s)
     assert frame["shoulder.rx_rad"].iloc[3] == track.q[3, 8]
     pytest.importorskip("xarray")
     assert track.to_xarray()["shoulder_quat_z"].dims == ("time_s",)

@@ -319,7 +319,7 @@ def test_rows_of_magnetometers_alone_do_not_make_a_track_faster() -> None:
         fields["mag_ut"][np.searchsorted(time_s, between)] = [30.0, 0.0, 40.0]
         streams.append(ImuStream(unit.name, time_s, **fields))
     track = oarlock.track(oarlock.load_model("pendulum3"), Recording(streams))
-    assert (len(track) - 1) / (track.time_s[-1] - track.time_s[0]) == pytest.approx(RATE_HZ, rel=0.01)
+    assert (len(track.time_s) - 1) / (track.time_s[-1] - track.time_s[0]) == pytest.approx(RATE_HZ, rel=0.01)
 
 
 def test_gaps_are_missing_readings(told: Callable[[str], Told]) -> None:

@@ -120,7 +120,7 @@ def test_correlation_is_that_of_a_hinge_where_a_ball_is_one():
     body = BallBody({"shoulder": "ball", "elbow": "hinge"})
     truth = true_track(body, 20.0)
     angle = 0.5 * np.sin(truth.time_s)
-    noise = 0.2 * np.random.default_rng(3).standard_normal(len(truth))
+    noise = 0.2 * np.random.default_rng(3).standard_normal(len(truth.time_s))
     axis = np.array([0.48, 0.6, 0.64])
     true, found = (np.column_stack([np.outer(a, axis), a]) for a in (angle, angle + noise))
     evaluation = evaluate(replace(truth, q=found), replace(truth, q=true))
@@ -288,12 +288,12 @@ def test_gaps_and_marks_of_the_reference_are_kept(truth):
     whole = measured(truth, hand="hand")
     quat = whole.quat_wxyz["hand"].copy()
     quat[500:700] = np.nan
-    scored = np.ones(len(truth), dtype=bool)
+    scored = np.ones(len(truth.time_s), dtype=bool)
     scored[:1000] = False
     holed = Reference("optical", truth.time_s, {"hand": quat}, scored=scored)
-    assert evaluate_frame_orientations(truth, holed)["hand"].samples == len(truth) - 1000
+    assert evaluate_frame_orientations(truth, holed)["hand"].samples == len(truth.time_s) - 1000
     gaps = Reference("optical", truth.time_s, {"hand": quat})
-    assert evaluate_frame_orientations(truth, gaps)["hand"].samples == len(truth) - 100 - 200
+    assert evaluate_frame_orientations(truth, gaps)["hand"].samples == len(truth.time_s) - 100 - 200
 
 
 def test_a_window_ends_where_it_is_told(truth):

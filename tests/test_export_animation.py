@@ -193,7 +193,7 @@ def test_blender_shows_joints_where_the_track_has_them(tmp_path):
     oarlock.export(track, tmp_path, ("bvh", "glb"), axes="root")
     script = Path(__file__).with_name("blender_reader.py")
     done = subprocess.run(
-        [sys.executable, script, tmp_path, str(len(track))], capture_output=True, text=True, check=True
+        [sys.executable, script, tmp_path, str(len(track.time_s))], capture_output=True, text=True, check=True
     )
     assert "joints:" in done.stdout
     places = np.load(tmp_path / "places.npz")

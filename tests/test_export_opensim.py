@@ -211,7 +211,7 @@ def test_tumbling_by_poles_keeps_orientations_right_and_angles_continuous(spin_r
     reader = OpensimReader(tmp_path)
     body = reader.model.getBodySet().get(written.body_names["imu"])
     ours = Rotation.from_quat(track.frame_quat_wxyz("imu"), scalar_first=True).as_matrix()
-    for row in reader.along(np.arange(len(track))):
+    for row in reader.along(np.arange(len(track.time_s))):
         found = body.getTransformInGround(reader.state).R().asMat33()
         turned = np.array([[found.get(i, k) for k in range(3)] for i in range(3)])
         np.testing.assert_allclose(turned, ours[row], atol=1e-12)
@@ -243,7 +243,7 @@ def test_speeds_make_opensims_bodies_turn_as_ours_do(name, tmp_path):
     last = reader.model.getBodySet().get(written.body_names[model.frame_names[-1]])
     step_s = 1e-5
     motion = waves(model, 7)
-    for row in reader.along(np.arange(0, len(track), 25)):
+    for row in reader.along(np.arange(0, len(track.time_s), 25)):
         for column, label in enumerate(speeds.labels):
             reader.coordinates[label].setSpeedValue(reader.state, float(speeds.si()[row, column]))
         reader.model.realizeVelocity(reader.state)
@@ -265,7 +265,7 @@ def test_gravity_and_axes(tmp_path):
         reader = OpensimReader(tmp_path / name)
         g = model.describe().world.gravity_m_s2
         np.testing.assert_allclose(reader.model.getGravity().to_numpy(), [0, -g, 0], atol=1e-14)
-        rows = np.arange(0, len(track), 20)
+        rows = np.arange(0, len(track.time_s), 20)
         for frame, places in reader.places(dict(written.body_names), rows).items():
             ours = track.frame_positions(frame)[rows]
             turned = ours[:, [0, 2, 1]] * [1, 1, -1] if rotated else ours
@@ -296,7 +296,7 @@ def test_storage_reads_the_motion_too(tmp_path):
     track = truth_of(model, waves(model, 3))
     oarlock.export(track, tmp_path, ("mot", "sto"))
     storage = opensim().Storage(str(tmp_path / "coordinates.mot"))
-    assert storage.getSize() == len(track)
+    assert storage.getSize() == len(track.time_s)
     assert storage.isInDegrees()
     assert storage.getColumnLabels().getSize() == 1 + len(labels_of(tmp_path))
     row = storage.getStateVector(17)
@@ -330,7 +330,7 @@ def test_joints_without_a_number(tmp_path):
         assert gap.sum() == (20 if frame in ("r_oar_swung", "r_oar_raised", "r_handle") else 0)
         np.testing.assert_allclose(places[~gap], ours[~gap], atol=ROUNDING_M)
     oarlock.export(track, tmp_path, ("mot", "osim"), missing="drop")
-    assert len(OpensimReader(tmp_path).time_s) == len(track) - 20
+    assert len(OpensimReader(tmp_path).time_s) == len(track.time_s) - 20
 
 
 def test_lost_encoders_leave_no_gap(tmp_path):
@@ -378,6 +378,6 @@ def test_trc_as_opensim_reads_it(tmp_path):
     assert table.getTableMetaDataString("Units") == "mm"
     assert tuple(table.getColumnLabels()) == tuple(model.frame_names)
     alone = table.flatten()  # its matrix does not keep it alive
-    flat = alone.getMatrix().to_numpy().reshape(len(track), -1, 3)
+    flat = alone.getMatrix().to_numpy().reshape(len(track.time_s), -1, 3)
     for k, frame in enumerate(model.frame_names):
         np.testing.assert_allclose(flat[:, k], 1000 * track.frame_positions(frame), atol=1e-9)

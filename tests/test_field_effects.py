@@ -248,7 +248,7 @@ def test_twist_is_the_turn_about_the_limb():
 def test_the_skin_does_not_follow_a_share_of_the_twist():
     field, clean = with_only(skin_twist=0.3), trial()
     anatomy, truth = Anatomy(sculler().describe()), clean.truth
-    posture = np.zeros((len(truth), len(anatomy.joint_names)))
+    posture = np.zeros((len(truth.time_s), len(anatomy.joint_names)))
     posture[:, : truth.q.shape[1]] = truth.q
     for unit, frames in (("r_upperarm", ("r_shoulder", "r_elbow")), ("l_forearm", ("l_elbow", "l_wrist"))):
         apart = field.recording[unit].gyro_rad_s - clean.recording[unit].gyro_rad_s

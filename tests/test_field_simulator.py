@@ -92,7 +92,7 @@ def test_a_hull_that_rocks_is_felt_as_mujoco_feels_it():
     still = 0.3 * forward - 0.2 * up
     place = still - Rotation.from_euler("YXZ", angles).apply(still) + field.hull_heave_m[:, None] * up
     course, turns = (make_interp_spline(time_s, x, k=5) for x in (place, angles))
-    rows = np.arange(30, len(truth) - 30, 7)
+    rows = np.arange(30, len(truth.time_s) - 30, 7)
     expected = []
     for r in rows:
         base = np.append(course(time_s[r], 2)[:2], field.surge_m_s2[r])

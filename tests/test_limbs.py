@@ -96,7 +96,7 @@ def test_limbs_are_tracked_each_by_itself(sculler, rowed):
     assert scores["r_shoulder_flexion"].rmse < np.radians(0.2)
     assert scores.states is not None
     assert 0.2 < scores.states.nees < 2.0
-    assert track.frame_positions("r_wrist").shape == (len(track), 3)
+    assert track.frame_positions("r_wrist").shape == (len(track.time_s), 3)
     assert track.beliefs is not None
     states = list(track.beliefs.state_names)
     across = track.beliefs.covariance[:, states.index("r_elbow_flexion"), states.index("l_elbow_flexion")]

@@ -53,7 +53,7 @@ def differentiation_accuracy(motion: oarlock.Motion) -> tuple[float, float]:
 def assert_agree(model: oarlock.Model, motion: oarlock.Motion, every: int) -> None:
     body = MujocoBody(model.describe())
     truth, recording = oarlock.simulate(model, motion, noise=False)
-    rows = np.arange(0, len(truth), every)
+    rows = np.arange(0, len(truth.time_s), every)
     base = motion.base_acceleration_at(truth.time_s)
     expected = np.stack([body.readings(truth.q[r], truth.qd[r], truth.qdd[r], base[r]) for r in rows])
     found = recorded(recording, [unit.name for unit in body.units])[rows]

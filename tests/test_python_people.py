@@ -13,6 +13,7 @@ from oarlock import DataError
 from oarlock.storage import progress as shared
 from oarlock.storage.notebook_html import html_table
 from oarlock.tracking.joint_series import HingeSeries, SlideSeries
+from oarlock.tracking.settings import meanings
 
 
 @pytest.fixture(scope="module")
@@ -30,6 +31,147 @@ def track(trial):
 
 
 # --- joints -------------------------------------------------------------------------------------------
+
+
+def test_a_track_is_a_mapping_of_joints(track):
+    assert "seat" in track and "sea" not in track and 5 not in track
+    assert list(track) == list(track.keys()) == list(track.joint_names) and len(track) == len(
+        track.joint_names
+    )
+    assert {name: series.name for name, series in track.items()} == {name: name for name in track}
+    with pytest.raises(TypeError, match=r"by name and parts by time.*track\[1\.0:2\.0\]"):
+        track[5]
+    assert hash(track) == hash(track) and track == track and track != track.with_notes("another")
+
+
+@pytest.mark.parametrize("is_smooth", [False, True])
+def test_a_part_of_a_track_has_the_rows_of_its_time(trial, is_smooth):
+    whole = oarlock.track(trial[0], trial[2], smooth=is_smooth)
+    part = whole[0.5:1.25]
+    rows = (whole.time_s >= 0.5) & (whole.time_s <= 1.25)
+    for name in ("time_s", "q", "qd", "q_std", "observed"):
+        np.testing.assert_array_equal(getattr(part, name), getattr(whole, name)[rows])
+    assert np.array_equal(part.info.nis, whole.info.nis[rows], equal_nan=True)
+    assert part.slow.keys() == whole.slow.keys()
+    assert all(len(series.value) == rows.sum() for series in part.slow.values())
+    assert part.beliefs.time_s.min() >= 0.5 and part.beliefs.time_s.max() <= 1.25
+    assert part.smoothed is is_smooth and part.last_belief is None
+    assert whole[0.5:].last_belief is whole.last_belief
+    np.testing.assert_array_equal(part.frame_positions("r_wrist"), whole.frame_positions("r_wrist")[rows])
+    with pytest.raises(DataError, match="no samples"):
+        oarlock.smooth(oarlock.track(*trial[::2])[0.5:1.0])
+    with pytest.raises(DataError, match=r"no row is between 7.* the track has 0\.008 to"):
+        whole.between(7.0)
+    with pytest.raises(TypeError, match="no step"):
+        whole[0.5:1.0:2]
+
+
+def test_settings_are_keywords(trial):
+    model, _, recording = trial
+    plain = oarlock.track(model, recording, config=oarlock.Config(structure="tree", filter="ekf"))
+    same = oarlock.track(model, recording, structure="tree", filter="ekf")
+    both = oarlock.track(model, recording, config=oarlock.Config(structure="tree"), filter="ekf")
+    assert np.array_equal(plain.q, same.q) and np.array_equal(plain.q, both.q)
+    smoothed = oarlock.track(model, recording, structure="tree", filter="ekf", smooth=True)
+    assert smoothed.smoothed and np.array_equal(smoothed.q, oarlock.smooth(plain).q)
+    assert set(meanings()) == set(oarlock.Config().to_dict())
+    with pytest.raises(DataError, match="config: filtr = 'ekf': unknown field"):
+        oarlock.track(model, recording, filtr="ekf")
+    with pytest.raises(DataError, match="settings as keywords"):
+        oarlock.track(model, recording, config={"filter": "ekf"})
+    with pytest.raises(DataError, match=r'load it: oarlock\.load_model\("robot\.toml"\)'):
+        oarlock.track("robot.toml", recording)
+
+
+def test_errors_have_one_root(tmp_path):
+    for error, own in (
+        (oarlock.ModelError, ValueError),
+        (DataError, ValueError),
+        (oarlock.DivergedError, RuntimeError),
+    ):
+        assert issubclass(error, oarlock.OarlockError) and issubclass(error, own)
+        assert pickle.loads(pickle.dumps(error("why"))).args == ("why",)
+    with pytest.raises(oarlock.OarlockError, match="filter"):
+        oarlock.Config(filter="x")
+    (tmp_path / "m.toml").write_text("[[joint]]\n")
+    with pytest.raises(oarlock.OarlockError, match="toml"):
+        oarlock.load_model(tmp_path / "m.toml")
+
+
+def test_a_state_estimate_has_names():
+    model = oarlock.load_model("arm")
+    recording = oarlock.simulate_session(model, seed=1).recording.slice(end_s=4.0)
+    belief = oarlock.track(model, recording).last_belief
+    assert list(belief) == belief.keys() == list(model.joint_names) and "elbow_flexion_r" in belief
+    elbow, names = belief["elbow_flexion_r"], belief.state_names
+    at, rate = names.index("elbow_flexion_r"), names.index("elbow_flexion_r.velocity")
+    assert elbow.angle_rad == belief.mean[at] and elbow.velocity == belief.mean[rate]
+    assert elbow.std_deg == pytest.approx(np.degrees(np.sqrt(belief.covariance[at, at])), rel=1e-12)
+    assert belief["shoulder_r"].value.shape == (3,) and belief["thorax"].std.shape == (6,)
+    with pytest.raises(KeyError, match="elbow_flexion_r"):
+        belief["elbow_flexion"]
+
+
+def test_trackers_are_copied_and_pickled(trial):
+    model, _, recording = trial
+    tracker = oarlock.Tracker(model)
+    samples = tracker.samples(recording)
+    for sample in samples[:20]:
+        tracker.step(sample)
+    with pytest.raises(DataError, match=r"cannot be pickled.*copy\.copy works"):
+        pickle.dumps(tracker)
+    early = copy.copy(tracker)
+    for sample in samples[20:150]:
+        tracker.step(sample)
+        early.step(sample)
+    pickled, deep = pickle.loads(pickle.dumps(tracker)), copy.deepcopy(tracker)
+    for sample in samples[150:]:
+        expected, _ = tracker.step(sample)
+        for other in (early, pickled, deep):
+            np.testing.assert_array_equal(other.step(sample)[0].mean, expected.mean)
+
+
+def test_recordings_of_arrays_and_tables(trial):
+    recording = trial[2]
+    arrays = {s.name: {"time_s": s.time_s, **s.values} for s in recording}
+    arrays["seat"]["unit"] = "m"
+    again = oarlock.Recording.from_arrays(arrays, {"source": "arrays"})
+    assert again.meta["source"] == "arrays" and again["seat"].unit == "m"
+    pytest.importorskip("pandas")
+    table = oarlock.Recording.from_pandas({s.name: s.to_pandas() for s in recording})
+    for other in (again, table):
+        assert [type(s) for s in other] == [type(s) for s in recording]
+        for one, two in zip(recording, other, strict=True):
+            assert one.values.keys() == two.values.keys()
+            assert all(np.array_equal(one.values[k], two.values[k]) for k in one.values)
+    time_s = np.arange(3.0)
+    place = oarlock.Recording.from_arrays({"hand": {"time_s": time_s, "value": np.zeros((3, 3))}})["hand"]
+    assert isinstance(place, oarlock.VectorStream)
+    for fields, words in (
+        ({"value": time_s}, "has no time_s"),
+        ({"time_s": time_s, "gyro": np.zeros((3, 3))}, "gyro_rad_s"),
+        ({"time_s": time_s}, "no sensor has the fields of none"),
+        ({"time_s": time_s, "value": time_s, "gyro_rad_s": np.zeros((3, 3))}, "Give those of one sensor"),
+    ):
+        with pytest.raises(DataError, match=words):
+            oarlock.Recording.from_arrays({"back": fields})
+
+
+def test_rooms_are_at_hand_after_the_import():
+    for room in ("rowing", "report", "formats", "season", "movement", "live", "calibration"):
+        assert getattr(oarlock, room).__name__ == f"oarlock.{room}"
+
+
+def test_a_result_in_a_console_is_short(track):
+    for result in (
+        track,
+        track["seat"],
+        track.info,
+        track.beliefs,
+        track.last_belief,
+        track["trunk"],
+    ):
+        assert len(repr(result).splitlines()) <= 10 and len(repr(result)) < 1500
 
 
 def test_a_joint_is_an_attribute_and_completes(track):

@@ -221,7 +221,7 @@ def test_generated_models_have_their_size_and_can_be_tracked(size):
     assert len(model.joint_names) == size.joints and len(model.measurement_names) == size.readings
     config = oarlock.Config(estimate=(), initial_q=start)
     track = oarlock.track(model, recording, config=config)
-    assert len(track.run.state_names) == size.states and len(track) == len(recording["unit0"])
+    assert len(track.run.state_names) == size.states and len(track.time_s) == len(recording["unit0"])
 
 
 # --- the command line ---------------------------------------------------------------------------------

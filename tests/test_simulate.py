@@ -44,7 +44,7 @@ def as_readings(recording: oarlock.Recording, units: Any) -> Floats:
 def assert_signals_agree(model: oarlock.Model, motion: oarlock.Motion) -> None:
     truth, recording = oarlock.simulate(model, motion, noise=False)
     units = [s.name for s in model.describe().inertial_units]
-    rows = len(truth)
+    rows = len(truth.time_s)
     base = oarlock.Base(
         np.broadcast_to(np.eye(3), (rows, 3, 3)), acceleration_m_s2=motion.base_acceleration_at(truth.time_s)
     )
@@ -202,7 +202,7 @@ def test_chosen_sensors_at_a_chosen_rate(motion):
     truth, recording = oarlock.simulate(sculler(), motion, ["seat", "back"], rate_hz=50.0)
     assert recording.names == ("seat", "back")
     assert recording["back"].rate_hz == pytest.approx(50.0)
-    assert len(truth) == pytest.approx(8.0 * 50.0, abs=2)
+    assert len(truth.time_s) == pytest.approx(8.0 * 50.0, abs=2)
 
 
 def test_a_joint_without_values_is_named(motion):

@@ -171,7 +171,7 @@ def test_a_stream_gives_the_numbers_of_the_batch(sliding, tracked):
     beliefs = [belief for belief, _ in streamed(tracker, sliding.recording)]
     columns = [beliefs[0].state_names.index(name) for name in tracked.coordinate_names]
     at = np.searchsorted(tracked.time_s, [belief.time_s for belief in beliefs])
-    assert len(beliefs) >= 0.98 * len(tracked)
+    assert len(beliefs) >= 0.98 * len(tracked.time_s)
     assert np.array_equal([belief.mean[columns] for belief in beliefs], tracked.q[at])
 
 
@@ -186,7 +186,7 @@ def test_a_pickled_estimate_goes_on(sliding, tracked):
 @pytest.mark.parametrize("link", LINKS)
 def test_the_orientation_of_a_link_has_a_band(tracked, link):
     stds = tracked.frame_rotation_stds(link)
-    assert stds.shape == (len(tracked), 3) and np.all(stds > 0.0) and np.all(np.isfinite(stds))
+    assert stds.shape == (len(tracked.time_s), 3) and np.all(stds > 0.0) and np.all(np.isfinite(stds))
 
 
 HINGE = """

@@ -148,7 +148,7 @@ def test_a_marker_says_where_a_body_is():
     truth, recording = oarlock.simulate(body, motion(), seed=4)
     track = oarlock.track(body, recording)
     place, true = (one.frame_positions("trunk") for one in (track, truth))
-    off_m = np.linalg.norm(place - true[-len(track) :], axis=1)
+    off_m = np.linalg.norm(place - true[-len(track.time_s) :], axis=1)
     assert np.sqrt(np.mean(off_m**2)) < 0.02
 
 

@@ -94,7 +94,7 @@ def test_provenance_says_how_it_came_about(recording, tmp_path):
         assert found["config"]["alpha"] == 0.5
         assert found["steps_per_s"] > 0
         assert "r_forearm" in found["nominal_mounts"]
-    assert len(track) == pytest.approx(3.0 * 25.0, abs=2)
+    assert len(track.time_s) == pytest.approx(3.0 * 25.0, abs=2)
 
 
 def test_config_of_a_loaded_track_is_the_one_it_was_tracked_with(recording, tmp_path):

@@ -248,7 +248,7 @@ def test_every_rower_has_a_look(name):
     assert look.ground == ("ground" if name == "ergometer" else "water")
     assert [strand.label for strand in look.strands][2:] == ["chain"] * (name == "ergometer")
     for leg in look.strands[:2]:
-        assert leg.places_m.shape == (len(track), 4, 3)
+        assert leg.places_m.shape == (len(track.time_s), 4, 3)
 
 
 @pytest.mark.parametrize("name", OTHERS)

@@ -12,9 +12,24 @@ import lazy_loader
 _public_name, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 
+ROOMS = {
+    "oarlock.calibration",
+    "oarlock.evaluation",
+    "oarlock.formats",
+    "oarlock.live",
+    "oarlock.movement",
+    "oarlock.recording",
+    "oarlock.report",
+    "oarlock.rowing",
+    "oarlock.season",
+}
+"""Rooms whose names are at hand after `import oarlock`: `oarlock.live.frames`."""
+
+
 def __getattr__(name: str) -> object:
-    # `oarlock.live.frames` in one line after `import oarlock`; the room stands above this one, so no import names it.
-    return importlib.import_module("oarlock.live") if name == "live" else _public_name(name)
+    # The rooms stand above this one, so no import names them.
+    room = f"oarlock.{name}"
+    return importlib.import_module(room) if room in ROOMS else _public_name(name)
 
 
 def _config_from_dict(keys: dict[str, object]) -> object:

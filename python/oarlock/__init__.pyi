@@ -75,7 +75,7 @@ from .recording.streams import ImuStream, OrientationStream, ScalarStream, Vecto
 from .simulation.motion import Motion
 from .simulation.session import SessionErrors, SessionTrial, simulate_session
 from .simulation.simulate import simulate
-from .storage.errors import DataError, DivergedError, ModelError
+from .storage.errors import DataError, DivergedError, ModelError, OarlockError
 from .tracking.joint_angles import JointAngle, joint_angles
 from .tracking.joint_series import BallSeries, FreeSeries, HingeSeries, JointSeries, SlideSeries
 from .tracking.many import track_many
@@ -120,6 +120,7 @@ __all__ = [
     "ModelError",
     "Motion",
     "MountDescription",
+    "OarlockError",
     "OrientationDescription",
     "OrientationStream",
     "ParameterDescription",

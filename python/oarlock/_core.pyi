@@ -1,13 +1,16 @@
 """Types of the compiled engine, for type checkers. Arrays are float64; time in s, angles in rad, lengths in m."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, ClassVar, Protocol, Self, final
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any, ClassVar, Protocol, Self, Unpack, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from oarlock.model.description import ModelDescription
 from oarlock.model.jacobians import FrameJacobian, MeasurementJacobian
+from oarlock.storage.errors import DataError, DivergedError, ModelError
+from oarlock.tracking.joint_state import JointState
+from oarlock.tracking.settings import Settings
 
 _Floats = NDArray[np.float64]
 
@@ -61,12 +64,6 @@ class _Recording(Protocol):
     def streams(self) -> Sequence[Any]: ...
 
 __version__: str
-
-class ModelError(ValueError): ...
-class DataError(ValueError): ...
-
-class DivergedError(RuntimeError):
-    time_s: float
 
 @final
 class Model:
@@ -139,7 +136,7 @@ class Config:
     gate_patience_s: float
     belief_interval_s: float
     output_rate_hz: float | None
-    def __new__(cls, **keys: Any) -> Self: ...
+    def __new__(cls, **keys: Unpack[Settings]) -> Self: ...
     def to_dict(self) -> dict[str, Any]: ...
 
 @final
@@ -168,6 +165,10 @@ class Belief:
     rivals: list[Belief]
     links: _Floats
     std: _Floats
+    def __getitem__(self, name: str) -> JointState: ...
+    def __contains__(self, name: str) -> bool: ...
+    def __iter__(self) -> Iterator[str]: ...
+    def keys(self) -> list[str]: ...
 
 @final
 class Info:

@@ -67,6 +67,24 @@ impl PyBelief {
         Ok(PyBelief { known, names: state_names })
     }
 
+    /// One joint: `belief["elbow"].angle_deg`.
+    fn __getitem__<'py>(slf: &Bound<'py, Self>, name: &str) -> PyResult<Any<'py>> {
+        slf.py().import("oarlock.tracking.joint_state")?.call_method1("joint_state", (slf, name))
+    }
+
+    /// Names of the joints.
+    fn keys<'py>(slf: &Bound<'py, Self>) -> PyResult<Any<'py>> {
+        slf.py().import("oarlock.tracking.joint_state")?.call_method1("joint_names", (slf,))
+    }
+
+    fn __contains__(slf: &Bound<'_, Self>, name: &str) -> PyResult<bool> {
+        Self::keys(slf)?.contains(name)
+    }
+
+    fn __iter__<'py>(slf: &Bound<'py, Self>) -> PyResult<Any<'py>> {
+        Ok(Self::keys(slf)?.try_iter()?.into_any())
+    }
+
     #[getter]
     fn time_s(&self) -> f64 {
         self.known.belief.time_s

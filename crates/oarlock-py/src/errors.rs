@@ -1,18 +1,13 @@
 //! Converts the engine's errors to Python exceptions.
 
 use oarlock::Error;
-use pyo3::create_exception;
-use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError, PyValueError};
+use pyo3::exceptions::PyKeyboardInterrupt;
+use pyo3::import_exception;
 use pyo3::prelude::*;
 
-create_exception!(oarlock, ModelError, PyValueError, "The model file is wrong; the text says where and what to do.");
-create_exception!(
-    oarlock,
-    DataError,
-    PyValueError,
-    "The data or arguments are wrong; the text says where and what to do."
-);
-create_exception!(oarlock, DivergedError, PyRuntimeError, "The filter lost the track; `time_s` is the time.");
+import_exception!(oarlock.storage.errors, ModelError);
+import_exception!(oarlock.storage.errors, DataError);
+import_exception!(oarlock.storage.errors, DivergedError);
 
 /// The only mapping from engine errors to exceptions.
 pub fn raise(py: Python<'_>, error: Error) -> PyErr {

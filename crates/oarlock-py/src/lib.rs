@@ -21,11 +21,7 @@ use pyo3::prelude::*;
 
 #[pymodule]
 fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
-    let py = m.py();
     m.add("__version__", env!("CARGO_PKG_VERSION"))?;
-    m.add("ModelError", py.get_type::<errors::ModelError>())?;
-    m.add("DataError", py.get_type::<errors::DataError>())?;
-    m.add("DivergedError", py.get_type::<errors::DivergedError>())?;
     m.add_class::<model::PyModel>()?;
     m.add_class::<config::PyConfig>()?;
     m.add_class::<belief::PyBelief>()?;

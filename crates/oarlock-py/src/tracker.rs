@@ -43,6 +43,9 @@ impl PySample {
 #[pyclass(name = "Tracker", module = "oarlock")]
 pub struct PyTracker {
     tracker: Tracker,
+    /// What it was made of, for pickling.
+    model: Py<PyModel>,
+    calibration: Option<Py<PyAny>>,
     config: Config,
     clocks: BTreeMap<String, Clock>,
     /// Reused for each sample that is given as a dictionary.
@@ -66,6 +69,7 @@ impl PyTracker {
         belief: Option<&Bound<'_, PyBelief>>,
     ) -> PyResult<Self> {
         let config = config.map(|c| c.get().0.clone()).unwrap_or_default();
+        let stated = calibration.map(|c| c.clone().unbind());
         let calibration = streams::calibration(calibration)?;
         let mut tracker = Tracker::new(model.get().model.clone(), &calibration, &config).map_err(|e| raise(py, e))?;
         if let Some(belief) = belief {
@@ -75,7 +79,39 @@ impl PyTracker {
         let sensors = tracker.body().suite.sources.iter().map(|s| s.name.clone()).collect();
         let sample = tracker.empty_sample();
         let clocks = calibration.corrections.clocks;
-        Ok(PyTracker { tracker, config, clocks, sample, names, sensors, arrivals: None, given: Vec::new() })
+        let (model, calibration, given) = (model.clone().unbind(), stated, Vec::new());
+        Ok(PyTracker { tracker, model, calibration, config, clocks, sample, names, sensors, arrivals: None, given })
+    }
+
+    /// A tracker that goes on from here by itself.
+    fn __copy__(&self, py: Python<'_>) -> Self {
+        PyTracker {
+            tracker: self.tracker.clone(),
+            model: self.model.clone_ref(py),
+            calibration: self.calibration.as_ref().map(|c| c.clone_ref(py)),
+            config: self.config.clone(),
+            clocks: self.clocks.clone(),
+            sample: self.sample.clone(),
+            names: self.names.clone(),
+            sensors: self.sensors.clone(),
+            arrivals: self.arrivals.clone(),
+            given: self.given.clone(),
+        }
+    }
+
+    fn __deepcopy__(&self, py: Python<'_>, _memo: &Any<'_>) -> Self {
+        self.__copy__(py)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Any<'py>, Any<'py>)> {
+        let (py, this) = (slf.py(), slf.borrow());
+        if this.arrivals.is_some() || this.tracker.is_starting() {
+            return Err(DataError::new_err(
+                "a tracker that waits for readings cannot be pickled: flush it, or step it beyond its first samples; copy.copy works",
+            ));
+        }
+        let state = (this.model.clone_ref(py), this.calibration.as_ref(), PyConfig(this.config.clone()), this.belief());
+        Ok((slf.get_type().into_any(), state.into_pyobject(py)?.into_any()))
     }
 
     /// A sample at a true time from readings by sensor, as measured: `{"back": {"gyro_rad_s": (3,), ...}, "seat":

@@ -251,6 +251,11 @@ impl Tracker {
         faults::by_source(&self.subject, info)
     }
 
+    /// Whether the first samples still wait for the fit of the start.
+    pub fn is_starting(&self) -> bool {
+        !self.waiting.is_empty()
+    }
+
     /// An empty sample of the right size.
     pub fn empty_sample(&self) -> Sample {
         Sample::empty(&self.subject.body.model, &self.subject.body.suite)

@@ -12,31 +12,17 @@ from oarlock.cli.model import posture
 from oarlock.cli.options import assignments, names
 from oarlock.cli.terminal import UsageError
 from oarlock.storage.toml import TomlTable
+from oarlock.tracking.settings import meanings
 
 if TYPE_CHECKING:
     from oarlock import Model
 
 DEFAULTS = Config().to_dict()
+OWN_FLAGS = {"filter", "output_rate_hz"}
 MEANINGS = {
-    "structure": "units integrate their readings, joints are readings (strapdown), or joint angles are states (tree)",
-    "estimate": "additional states, comma-separated, or none: biases, base accelerations, mounts, lengths",
-    "closures": "use the model's closures",
-    "contacts": "use the model's contacts: the velocity of a foot that stands is zero",
-    "process_noise": "white jerk (jerk), or Q of the paper's eq. 6 (paper)",
-    "magnetometer": "reject disturbed readings (gated), use all (on) or none (off)",
-    "initial_q.JOINT": "initial value of the first fit, rad or m; a coordinate of a ball joint is hip.rx",
-    "gate": "reject outliers",
-    "gate_patience_s": "accept a reading again after this time of rejection",
-    "start_window_s": "window of samples that the initial fit uses",
-    "merge_s": "time stamps closer than this are one instant",
-    "sample_rate_hz": "rate of samples from sensors that do not tick together; 0: one for every instant",
-    "inputs": "input joints whose encoders are taken as they are, comma-separated; the others are states",
-    "stamp_std_s": "standard deviation of time stamps, by stream: {seat = 0.001}",
-    "wait_s": "time that a live tracker waits for late readings",
-    "belief_interval_s": "interval at which the full covariance is stored",
-    "alpha": "spread of the sigma points, 0 to 1",
-    "beta": "second-order weight, at least alpha^2",
-    "kappa": "scaling, usually 0",
+    "initial_q.JOINT" if name == "initial_q" else name: meaning
+    for name, meaning in meanings().items()
+    if name not in OWN_FLAGS
 }
 """Settings without a flag of their own, with one line of help."""
 

@@ -165,7 +165,7 @@ def _film(
 
 def _stretch(track: Track, start_s: float | None, end_s: float | None) -> tuple[tuple[float, float], bool]:
     """Return the shown interval, s, and whether it was shortened."""
-    if not len(track):
+    if not len(track.time_s):
         raise UsageError("view: the track has no samples")
     first = float(track.time_s[0]) if start_s is None else start_s
     last = float(track.time_s[-1]) if end_s is None else end_s

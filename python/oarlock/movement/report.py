@@ -30,7 +30,7 @@ def write_movement_report(
     Raises:
         DataError: the track has no samples.
     """
-    if track.model is None or not len(track):
+    if track.model is None or not len(track.time_s):
         return [write_report(track, path, evaluation, truth, title, progress=progress)]
     table = path.with_name("cycles.csv" if path.stem == "report" else f"{path.stem}-cycles.csv")
     with shown(progress, "writing the report") as told:
@@ -49,7 +49,7 @@ def write_movement_report(
 
 def movement_front(track: Track) -> tuple[str | None, Front]:
     """Title and front of any body's track, for its summary and its picture for a chat; empty without angles."""
-    movement = movement_of(track) if track.model is not None and len(track) else None
+    movement = movement_of(track) if track.model is not None and len(track.time_s) else None
     if movement is None or not movement.angles:
         return None, Front()
     return heading(movement), front_of(movement)

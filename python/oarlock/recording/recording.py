@@ -7,16 +7,18 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from oarlock.recording.epoch import epoch_of, from_zero
 from oarlock.recording.folder import read_folder, write_folder
 from oarlock.recording.html import rate_and_missing, recording_html
-from oarlock.recording.streams import MOST_STREAMS, Stream
+from oarlock.recording.streams import MOST_STREAMS, Stream, fields_of_columns, stream_of
 from oarlock.storage.copies import copied_notes
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.axes import Axes
 
 
@@ -46,6 +48,38 @@ class Recording:
         moved, told = from_zero(self.streams, copied_notes(meta or {}, "recording, meta"))
         object.__setattr__(self, "streams", tuple(moved))
         object.__setattr__(self, "meta", MappingProxyType(told))
+
+    @classmethod
+    def from_arrays(
+        cls, streams: Mapping[str, Mapping[str, ArrayLike | str]], meta: Mapping[str, object] | None = None
+    ) -> "Recording":
+        """Streams by sensor, each with `time_s` and the fields of its kind.
+
+        `Recording.from_arrays({"upper": {"time_s": t, "gyro_rad_s": g, "accel_m_s2": a}, "elbow": {"time_s": t,
+        "value": angle, "unit": "rad"}})`: `gyro_rad_s`, `accel_m_s2` and `mag_ut` (T, 3) of a unit, `value` (T,) of an
+        encoder or (T, 3) of a position, `quat_wxyz` (T, 4) of an orientation.
+
+        Raises:
+            DataError: a stream lacks `time_s` or has fields of no kind; otherwise as the streams.
+        """
+        return cls([stream_of(name, fields) for name, fields in streams.items()], meta)
+
+    @classmethod
+    def from_pandas(
+        cls, frames: "Mapping[str, pd.DataFrame]", meta: Mapping[str, object] | None = None
+    ) -> "Recording":
+        """A table for each sensor, with columns as those of `to_pandas` of a stream: `time_s`, `gyro_rad_s_x`, ...
+
+        Raises:
+            DataError: as `from_arrays`.
+        """
+        return cls.from_arrays(
+            {
+                name: fields_of_columns({column: frame[column].to_numpy() for column in frame.columns})
+                for name, frame in frames.items()
+            },
+            meta,
+        )
 
     def _check_streams(self) -> None:
         if not self.streams:

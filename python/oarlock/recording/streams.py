@@ -11,6 +11,7 @@ from oarlock.storage.array_gate import FloatArray, check_no_infinity, real_array
 from oarlock.storage.dataframes import pandas_table, polars_table
 from oarlock.storage.errors import DataError
 from oarlock.storage.names import check_name
+from oarlock.storage.suggest import did_you_mean
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -19,6 +20,9 @@ if TYPE_CHECKING:
 ScalarUnit: TypeAlias = Literal["m", "rad"]
 MOST_STREAMS = 2000
 """Streams of one recording; a few bytes of a damaged file announce any number of channels."""
+
+
+_OF_UNITS = {"gyro_rad_s", "accel_m_s2", "mag_ut"}
 
 
 class _Stream:
@@ -277,3 +281,45 @@ Stream: TypeAlias = ImuStream | ScalarStream | VectorStream | OrientationStream
 def _rows_between(time_s: FloatArray, start_s: float, end_s: float) -> slice | None:
     first, stop = (int(i) for i in np.searchsorted(time_s, [start_s, end_s], side="left"))
     return slice(first, stop) if stop > first else None
+
+
+def stream_of(name: str, fields: Mapping[str, Any]) -> Stream:
+    """The stream that has these fields: `time_s` and those of one kind of stream.
+
+    Raises:
+        DataError: `time_s` is missing, or no kind of stream has these fields.
+    """
+    if "time_s" not in fields:
+        raise DataError(f'stream "{name}": has no time_s; give its time stamps in s')
+    names = set(fields) - {"time_s"}
+    if names and names <= _OF_UNITS:
+        return ImuStream(name, **fields)
+    if names == {"quat_wxyz"}:
+        return OrientationStream(name, **fields)
+    if "value" in names and names <= {"value", "unit"}:
+        return VectorStream(name, **fields) if np.ndim(fields["value"]) == 2 else ScalarStream(name, **fields)
+    unknown = sorted(names - _OF_UNITS - {"quat_wxyz", "value", "unit"})
+    advice = (
+        did_you_mean(unknown[0], [*_OF_UNITS, "quat_wxyz", "value"])
+        if unknown
+        else "Give those of one sensor."
+    )
+    raise DataError(
+        f'stream "{name}": no sensor has the fields {", ".join(sorted(names)) or "of none"}. {advice}'
+    )
+
+
+def fields_of_columns(columns: Mapping[str, Any]) -> dict[str, Any]:
+    """The fields of a stream from columns as `to_pandas` names them: `gyro_rad_s_x`, _y and _z are `gyro_rad_s`."""
+    fields: dict[str, Any] = {}
+    by_axis: dict[str, dict[str, Any]] = {}
+    for column, values in columns.items():
+        name, _, axis = column.rpartition("_")
+        if name and axis in "wxyz":
+            by_axis.setdefault(name, {})[axis] = values
+        else:
+            fields[column] = values
+    return fields | {
+        name: np.column_stack([values[axis] for axis in "wxyz" if axis in values])
+        for name, values in by_axis.items()
+    }

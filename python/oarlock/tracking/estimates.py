@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Self, TypeVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,8 +35,8 @@ class Later:
 
 
 @dataclass(frozen=True, eq=False)
-class Estimates:
-    """Estimates over `time_s` (T,) with standard deviations, innovations, notes and provenance.
+class Estimates(Mapping[str, Joint]):
+    """Joints by name, estimated over `time_s` (T,) with standard deviations, innovations, notes and provenance.
 
     Args:
         model: what was tracked; None if its file could not be found again after loading.
@@ -116,12 +116,29 @@ class Estimates:
             object.__setattr__(self, name, value)
         self.__post_init__()
 
-    def __getitem__(self, name: str) -> Joint:
-        """The joint of this name; `hinge`, `slide`, `ball` and `free` also check its kind.
+    @overload
+    def __getitem__(self, name: str) -> Joint: ...
+    @overload
+    def __getitem__(self, name: slice) -> Self: ...
+    def __getitem__(self, name: str | slice) -> Joint | Self:
+        """The joint of this name, or `track[1.0:2.0]`, the part between two times in s.
+
+        `hinge`, `slide`, `ball` and `free` also check the kind of a joint.
 
         Raises:
             KeyError: no such joint. The text names the nearest one.
+            TypeError: a number. Rows have no numbers: cut by time.
         """
+        if isinstance(name, slice):
+            if name.step is not None:
+                raise TypeError("track[start_s:end_s] has no step; track with output_rate_hz for fewer rows")
+            return self.between(name.start, name.stop)
+        if not isinstance(name, str):
+            raise TypeError(
+                f"track[{name!r}]: a track has joints by name and parts by time in s: "
+                f'track["{next(iter(self.joint_names), "elbow")}"], track[1.0:2.0]; '
+                "rows are in arrays, such as track.q[5]"
+            )
         if name not in self.joint_names:
             raise KeyError(f"no joint '{name}'. {did_you_mean(name, self.joint_names)}")
         columns = list(joint_columns(self.coordinate_names)[name])
@@ -225,8 +242,43 @@ class Estimates:
         """The moment of `time_s` = 0 as ISO text, as `Recording.epoch`; None if it is not known."""
         return self.provenance.get("epoch")
 
+    def __contains__(self, name: object) -> bool:
+        return name in self.joint_names
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.joint_names)
+
     def __len__(self) -> int:
-        return len(self.time_s)
+        """Number of joints; `len(track.time_s)` is that of rows."""
+        return len(self.joint_names)
+
+    __eq__ = object.__eq__
+    __hash__ = object.__hash__
+
+    def between(self, start_s: float | None = None, end_s: float | None = None) -> Self:
+        """The part from `start_s` to `end_s`, both included; it cannot be smoothed and has no counts of streams.
+
+        Raises:
+            DataError: no row is in this time.
+        """
+        first = -np.inf if start_s is None else start_s
+        last = np.inf if end_s is None else end_s
+        rows = (self.time_s >= first) & (self.time_s <= last)
+        if not rows.any():
+            whole = f"{self.time_s[0]:.3f} to {self.time_s[-1]:.3f} s" if len(self.time_s) else "no row"
+            raise DataError(f"track: no row is between {first} and {last} s; the track has {whole}")
+        part = object.__new__(type(self))
+        part.__dict__.update(self.__dict__)
+        changes: dict[str, Any] = {name: getattr(self, name)[rows] for name in _ARRAYS}
+        changes["slow"] = MappingProxyType(
+            {name: SlowSeries(s.value[rows], s.std[rows], s.unit) for name, s in self.slow.items()}
+        )
+        changes["info"] = None if self.info is None else self.info.of_rows(rows)
+        changes["beliefs"] = None if self.beliefs is None else self.beliefs.between(first, last)
+        changes |= {"run": None, "counts": ()} | ({} if rows[-1] else {"last_belief": None})
+        for name, value in changes.items():
+            part.__dict__[name] = _keep(value)
+        return part
 
 
 def _keep(value: Any) -> Any:

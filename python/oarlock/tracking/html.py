@@ -17,8 +17,8 @@ def track_html(track: Estimates) -> str:
     kind = "smoothed" if track.smoothed else "filtered" if track.info else "ground truth or reference"
     model = track.model.name if track.model is not None else "no model"
     facts = [model, kind, session_text(session_info(track.provenance))]
-    if len(track):
-        facts.insert(1, f"{len(track)} samples, {track.time_s[0]:.2f} to {track.time_s[-1]:.2f} s")
+    if len(track.time_s):
+        facts.insert(1, f"{len(track.time_s)} samples, {track.time_s[0]:.2f} to {track.time_s[-1]:.2f} s")
     table = html_table(
         ["coordinate", "unit", "smallest", "median", "largest", "95 % band ±", "observed %"],
         [_row(track, column) for column in range(len(track.coordinate_names))],

@@ -11,14 +11,15 @@ from numpy.typing import NDArray
 
 from oarlock.model.angle_sequence import angle_stds, angles_from_quat, checked_sequence, near_singular
 from oarlock.model.rotation import continuous_quat, matrix_from_quat, quat_from_rotvec
+from oarlock.storage.short_repr import ShortRepr
 from oarlock.storage.suggest import did_you_mean
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 
-@dataclass(frozen=True)
-class JointSeries:
+@dataclass(frozen=True, repr=False)
+class JointSeries(ShortRepr):
     """A hinge or a slide over time: values, rates per s and per s2, (T,) each; NaN where not estimated.
 
     `HingeSeries` and `SlideSeries` have the same arrays under names with their unit.
@@ -42,7 +43,7 @@ class JointSeries:
             raise AttributeError(f"a {kind} has no '{name}'. {did_you_mean(name, public)}")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class HingeSeries(JointSeries):
     """A hinge over time, (T,) each."""
 
@@ -92,7 +93,7 @@ class HingeSeries(JointSeries):
         return self.acceleration_std
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class SlideSeries(JointSeries):
     """A slide over time, (T,) each."""
 
@@ -132,8 +133,8 @@ class SlideSeries(JointSeries):
         return self.acceleration_std
 
 
-@dataclass(frozen=True)
-class BallSeries:
+@dataclass(frozen=True, repr=False)
+class BallSeries(ShortRepr):
     """A ball joint over time: the rotation of the child relative to the parent, NaN where not estimated.
 
     Args:
@@ -212,7 +213,7 @@ class BallSeries:
         return checked_sequence(self.angle_sequence if sequence is None else sequence, f'joint "{self.name}"')
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class FreeSeries(BallSeries):
     """A free joint over time: a position, and a rotation with the same fields as `BallSeries`.
 

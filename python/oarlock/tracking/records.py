@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.storage.errors import DataError
+from oarlock.storage.short_repr import ShortRepr
 from oarlock.storage.suggest import did_you_mean
 
 Floats = NDArray[np.float64]
@@ -21,8 +22,8 @@ FAULT = ("none", "clipped", "stuck")
 repeated exactly (stuck)."""
 
 
-@dataclass(frozen=True)
-class SlowSeries:
+@dataclass(frozen=True, repr=False)
+class SlowSeries(ShortRepr):
     """A slow state over time: a bias, an acceleration of the base or the field's azimuth. Value and std, (T,) each."""
 
     value: Floats
@@ -30,8 +31,8 @@ class SlowSeries:
     unit: str
 
 
-@dataclass(frozen=True)
-class SensorInfo:
+@dataclass(frozen=True, repr=False)
+class SensorInfo(ShortRepr):
     """Readings used, rejected and missing in each update, by sensor and closure: (T, S) each.
 
     `nis` is NaN where no reading was used. `inertial_nis` (T,) is the NIS of all inertial readings of a sample
@@ -48,6 +49,13 @@ class SensorInfo:
     inertial_used: NDArray[np.int64]
     field: NDArray[np.int64]
     fault: NDArray[np.int64]
+
+    def of_rows(self, rows: Bools) -> SensorInfo:
+        """The same for some of the rows."""
+        arrays = {
+            one.name: getattr(self, one.name)[rows] for one in fields(self) if one.name != "sensor_names"
+        }
+        return replace(self, **arrays)
 
     def disturbed(self, test: str | None = None) -> Bools:
         """True where a magnetometer reading was rejected, (T, S): by the test `norm`, `dip` or `innovation`, or by any.
@@ -74,11 +82,16 @@ class SensorInfo:
         return np.asarray(self.fault == FAULT.index(fault))
 
 
-@dataclass(frozen=True)
-class Beliefs:
+@dataclass(frozen=True, repr=False)
+class Beliefs(ShortRepr):
     """State estimates every few seconds: times (B,) s, means (B, n), covariances (B, n, n); in SI and rad."""
 
     time_s: Floats
     mean: Floats
     covariance: Floats
     state_names: tuple[str, ...]
+
+    def between(self, start_s: float, end_s: float) -> Beliefs:
+        """Those of a time, both ends included."""
+        rows = (self.time_s >= start_s) & (self.time_s <= end_s)
+        return Beliefs(self.time_s[rows], self.mean[rows], self.covariance[rows], self.state_names)

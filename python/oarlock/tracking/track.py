@@ -56,8 +56,9 @@ class Track(Estimates):
 
     def __repr__(self) -> str:
         kind = "smoothed" if self.smoothed else "filtered" if self.info else "simulated"
-        span = f"{self.time_s[0]:.2f} to {self.time_s[-1]:.2f} s" if len(self) else "empty"
-        return f"Track({kind}, {len(self)} samples, {span}, {len(self.joint_names)} joints)"
+        rows = len(self.time_s)
+        span = f"{self.time_s[0]:.2f} to {self.time_s[-1]:.2f} s" if rows else "empty"
+        return f"Track({kind}, {rows} samples, {span}, {len(self)} joints)"
 
     def frame_positions(self, frame: str, relative_to: str = "root") -> Floats:
         """Origin of a frame over time, (T, 3) in m, in the axes of frame `relative_to`.

@@ -5,6 +5,8 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Iterable
+from os import PathLike
+from typing import Unpack
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -21,6 +23,7 @@ from oarlock.storage.errors import DataError, DivergedError
 from oarlock.storage.progress import Progress, shown
 from oarlock.tracking.counts import count_streams
 from oarlock.tracking.known_streams import known_streams, not_measured
+from oarlock.tracking.settings import Settings
 from oarlock.tracking.track import Track, notes_without_hinges, track_of_run
 
 ROOM_TO_GIVE_BYTES = 100 * 2**20
@@ -38,26 +41,33 @@ def track(
     calibration: Calibration | None = None,
     config: Config | None = None,
     *,
+    smooth: bool = False,
     start: Belief | None = None,
     progress: Progress = None,
+    **settings: Unpack[Settings],
 ) -> Track:
     """Track a recording: a loop over `Tracker.step`.
+
+    `track(model, recording, smooth=True, filter="ekf")`: settings of the filter are keywords (`Settings`).
 
     Args:
         model: the body and its sensors.
         recording: measured streams; absent streams and NaN are missing data.
         calibration: lengths and mounts of this session, and corrections of time stamps and readings, which the engine
             applies to each sample. None uses the model's nominal values and adds a note.
-        config: settings of the filter; None uses the defaults.
+        config: settings of the filter that several runs share; None uses the defaults. Keywords replace single ones.
+        smooth: return the smoothed track, as `oarlock.smooth` makes it.
         start: continue from this state estimate (`Track.last_belief`) instead of fitting the first samples.
         progress: True shows a bar or lines; a function is called regularly with the share done, 0 to 1.
+        settings: of the filter, such as `filter="ekf"`, `closures=False`, `output_rate_hz=100.0`.
 
     Raises:
         DataError: no stream has a sensor in the model, or a name is probably misspelt; time stamps out of order, or
             values in a wrong unit. Other streams without a sensor are left out with a note.
         DivergedError: the filter diverged; `time_s` is the time at which it did.
     """
-    config = config if config is not None else Config()
+    config = checked_config(config, settings)
+    require_model(model)
     require_recording(recording)
     recording, left_out = known_streams(model, recording)
     findings = admit(model, corrected(recording, calibration))
@@ -69,7 +79,7 @@ def track(
         add_findings(error, findings)
         raise
     wall_s = time.perf_counter() - began
-    return finished(
+    filtered = finished(
         model,
         recording,
         calibration,
@@ -79,6 +89,31 @@ def track(
         wall_s,
         resumed=start is not None,
     )
+    return _smoothed(filtered, progress) if smooth else filtered
+
+
+def checked_config(config: Config | None, settings: Settings) -> Config:
+    """The settings of a run: those of the keywords, then those of `config`, then the defaults.
+
+    Raises:
+        DataError: no such setting, a value out of range, or settings that are no `Config`.
+    """
+    if config is not None and not isinstance(config, Config):
+        raise DataError(
+            f"track: config is a {type(config).__name__}, not a Config; give settings as keywords: "
+            'track(model, recording, filter="ekf")'
+        )
+    if not settings:
+        return config if config is not None else Config()
+    shared = {} if config is None else config.to_dict()
+    return Config(**(shared | dict(settings)))
+
+
+def require_model(given: object) -> None:
+    """Raise a DataError unless given a `Model`."""
+    if not isinstance(given, Model):
+        name = f'"{given}"' if isinstance(given, str | PathLike) else f"a {type(given).__name__}"
+        raise DataError(f"track: the model is {name}, not a Model; load it: oarlock.load_model({name})")
 
 
 def admit(model: Model, recording: Recording) -> list[Finding]:
@@ -159,6 +194,10 @@ def smooth(track: Track, *, progress: Progress = None) -> Track:
     Raises:
         DataError: the track is already smoothed, or was read from a folder (which contains no samples).
     """
+    return _smoothed(track, progress)
+
+
+def _smoothed(track: Track, progress: Progress) -> Track:
     if track.run is None or track.model is None:
         raise DataError(
             "smooth: this track has no samples (it was loaded from files, or is simulated). "

@@ -73,7 +73,7 @@ class Stretch:
         plain = track(model, whole, known, Config(structure="tree"), progress=told)
         azimuth = plain.slow["azimuth"].value if "azimuth" in plain.slow else None
         scalar = plain.q.shape[1] == len(model.joint_names)
-        rows = (0, min(int(np.searchsorted(plain.time_s, cut_s)), len(plain) - 1))
+        rows = (0, min(int(np.searchsorted(plain.time_s, cut_s)), len(plain.time_s) - 1))
         begun, cut = (tuple(float(x) for x in np.nan_to_num(plain.q[row])) for row in rows)
         return cls(
             model,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from oarlock._core import Config, Tracker
 from oarlock.evaluation.comparison.limb_track import track_limbs
@@ -133,7 +133,8 @@ def estimators() -> tuple[Estimator, ...]:
     found: list[Estimator] = []
     for name in tree_filters():
         title, source = _TREE_TITLES[name]
-        found += _four(Estimator(name, TREE, title, "", source, config=Config(structure=TREE, filter=name)))
+        settings: dict[str, Any] = {"structure": TREE, "filter": name}
+        found += _four(Estimator(name, TREE, title, "", source, config=Config(**settings)))
     source = "after L. Peppoloni, A. Filippeschi, E. Ruffaldi and C. A. Avizzano (2013)"
     limbs = Estimator(
         LIMB_FILTER, LIMBS, "an unscented Kalman filter on each limb", "", source, config=Config()

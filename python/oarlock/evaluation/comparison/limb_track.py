@@ -122,14 +122,14 @@ def _merged(
         from_ = [c for joint in limb.own for c in own[joint]]
         for name in _ESTIMATES:
             arrays[name][:, to] = _at(part, name, time_s)[:, from_]
-        nearest = np.clip(np.searchsorted(part.time_s, time_s), 0, len(part) - 1)
+        nearest = np.clip(np.searchsorted(part.time_s, time_s), 0, len(part.time_s) - 1)
         observed[:, to] = part.observed[nearest][:, from_]
     answered = {joint for limb in limbs for joint in limb.own}
     inputs = {joint.name for joint in model.describe().inputs} - answered
     for name, value in direct_readings(model, corrected(recording, calibration), time_s)[0].items():
         if name in inputs:
             arrays["q"][:, whole[name][0]] = value
-    steps, wall_s = max(len(t) for t in tracks), sum(t.provenance["wall_s"] for t in tracks)
+    steps, wall_s = max(len(t.time_s) for t in tracks), sum(t.provenance["wall_s"] for t in tracks)
     sized = model.with_parameters(calibration.parameters) if calibration is not None else model
     made: dict[str, Any] = dict(arrays)
     return track_without_filter(

@@ -178,7 +178,9 @@ def _mounts(model: Model, values: Mapping[str, Value], seed: int) -> dict[str, t
 
 def filter_config(trial: StudyTrial, values: Mapping[str, Value], seed: int) -> Config:
     """The configuration of one run."""
-    keys = {name.removeprefix("config."): v for name, v in values.items() if name.startswith("config.")}
+    keys: dict[str, Any] = {
+        name.removeprefix("config."): v for name, v in values.items() if name.startswith("config.")
+    }
     error = values["start_error_deg"]
     if error is not None:
         keys["initial_q"] = start_posture(trial.truth, number_for(error, ""), seed)

@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 from oarlock._core import Config, Model
 from oarlock.evaluation.study.degrade import keys_of_streams
@@ -205,7 +206,8 @@ def checked_value(model: Model, keys: Mapping[str, StudyKey], key: str, value: V
             raise DataError(f"is no setting of Config. {did_you_mean(rest, settings)}")
         value = None if value == "none" else value
         try:
-            Config(**{rest: value})
+            setting: dict[str, Any] = {rest: value}
+            Config(**setting)
         except (DataError, TypeError, ValueError) as error:
             raise DataError(f"is refused: {error}") from None
         return value

@@ -114,5 +114,5 @@ def _orientations(track: Track, ground: FloatArray, names: Mapping[str, str]) ->
     quats = [continuous_quat(quat_from_matrix(turns[:, k])) for k in range(len(frames))]
     labels = [f"{names[description.frames[k].name]}_imu" for k in frames]
     return quaternion_text(
-        labels, track.time_s, np.stack(quats, axis=1) if quats else np.empty((len(track), 0, 4))
+        labels, track.time_s, np.stack(quats, axis=1) if quats else np.empty((len(track.time_s), 0, 4))
     )

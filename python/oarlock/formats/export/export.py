@@ -208,7 +208,7 @@ def _checked(track: Track, formats: Sequence[str], axes: str, missing: str) -> t
                 raise DataError(f"export: {name!r} is not known. {did_you_mean(str(name), known)}")
     if not chosen:
         raise DataError(f"export: no format is given; choose some of {', '.join(FORMATS)}")
-    if not len(track):
+    if not len(track.time_s):
         raise DataError("export: the track has no samples")
     needing = [name for name in chosen if name in (*OPENSIM, *ANIMATIONS)]
     if track.model is None and needing:

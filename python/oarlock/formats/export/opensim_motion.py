@@ -45,7 +45,7 @@ def opensim_motion(track: Track, coordinates: Sequence[CoordinateSource]) -> Ope
     numbers = {part: _numbers(track, q, part) for part in by_part}
     columns = [tuple(array[:, source.axis] for array in numbers[source.part]) for source in coordinates]
     value, rate, std = (
-        np.stack([column[k] for column in columns], axis=1) if columns else np.empty((len(track), 0))
+        np.stack([column[k] for column in columns], axis=1) if columns else np.empty((len(track.time_s), 0))
         for k in range(3)
     )
     turns = tuple(units[track.coordinate_names[s.part.columns[0]]] == "rad" for s in coordinates)

@@ -42,8 +42,8 @@ class Problem:
         """Configuration of the filter: `estimate` is a key of `ESTIMATES`; `plain` switches off gates."""
         from oarlock import Config
 
-        keys = _PLAIN if plain else {}
-        return Config(structure="tree", estimate=ESTIMATES[estimate], filter=filter_name, **keys)
+        keys: dict[str, Any] = {"filter": filter_name} | (_PLAIN if plain else {})
+        return Config(structure="tree", estimate=ESTIMATES[estimate], **keys)
 
     @cached_property
     def time_s(self) -> Floats:

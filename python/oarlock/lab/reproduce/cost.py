@@ -7,6 +7,7 @@ import os
 import statistics
 import time
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -30,7 +31,7 @@ UNITS_FIXED, JOINTS_FIXED = 5, 15
 JOINTS = (4, 6, 9, 13, 18, 25, 34)
 UNITS = (2, 3, 5, 8, 12, 17)
 BOTH = ((4, 2), (7, 3), (12, 5), (20, 8), (30, 12))
-_TUNING = {"structure": "tree", "estimate": (), "gate": False, "magnetometer": "on"}
+_TUNING: dict[str, Any] = {"structure": "tree", "estimate": (), "gate": False, "magnetometer": "on"}
 
 
 @dataclass(frozen=True)
@@ -110,7 +111,7 @@ def _measured(jobs: list[Job], progress: Told | None) -> dict[tuple[str, Size, s
     return {key: statistics.median(times) for key, times in found.items()}
 
 
-def _step_s(job: Job, name: str) -> float:
+def _step_s(job: Job, name: Any) -> float:
     config = Config(filter=name, **_TUNING)
     spans = []
     try:

@@ -6,6 +6,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -44,7 +45,7 @@ class Setting:
     label: str
     condition: str
     effects: FieldEffects
-    config: dict[str, object]
+    config: dict[str, Any]
     smooth: bool = False
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +18,7 @@ from oarlock.report.viewer.packing import packed, packed_times
 from oarlock.storage.epoch import ZONE_WORDS, moment_of
 from oarlock.storage.errors import DataError
 from oarlock.tracking.places import model_of, poses_of, position_spreads
-
-if TYPE_CHECKING:
-    from oarlock.tracking.track import Track
+from oarlock.tracking.track import Track
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -177,7 +175,7 @@ def _factor(covariance: Floats, known: NDArray[np.bool_]) -> Floats:
 
 
 def _ghost_scene(ghost: Track | Mapping[str, Any] | None, every_s: float | None, look: Look | None) -> Any:
-    if ghost is None or isinstance(ghost, Mapping):
+    if not isinstance(ghost, Track):
         return ghost
     return scene(ghost, every_s=every_s, look=None if look is None else look.bare())
 

@@ -69,8 +69,8 @@ def opened_setup(setup: Setup) -> tuple[Model, Calibration | None, Config]:
     model = Model.from_toml(setup.model.decode(), "model.toml", {})
     calibration = parsed_calibration(setup.calibration.decode()) if setup.calibration else None
     values = tomllib.loads(setup.settings.decode())
-    config = Config(**{key: None if value == _NONE else value for key, value in values.items()})
-    return model, calibration, config
+    settings: dict[str, Any] = {key: None if value == _NONE else value for key, value in values.items()}
+    return model, calibration, Config(**settings)
 
 
 def _settings(config: Config) -> bytes:
