@@ -51,7 +51,6 @@ def test_pages_of_the_repository_become_pages_of_the_site(tmp_path):
     assert "(conventions.md)" in index
     filter_page = (tmp_path / "explanation/filter.md").read_text(encoding="utf-8")
     assert "$" not in filter_page and filter_page.count("<math") > 20
-    assert "## " not in (tmp_path / "numbers.md").read_text(encoding="utf-8").split("\n", 1)[1]
 
 
 def test_a_request_to_another_server_is_an_error(tmp_path):
