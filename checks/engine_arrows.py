@@ -12,7 +12,7 @@ FOUNDATION = {"error", "kernels", "rotation"}
 BODY = FOUNDATION | {"model", "kinematics"}
 SETTINGS = BODY | {"config", "estimate"}
 
-# What a module of the engine may name. A new module gets its row here and its line in ARCHITECTURE.md.
+# What a module of the engine may name. A new module gets its row here.
 # `estimate` owns the traits of a system; those who describe a body by them name it.
 ENGINE_MAY_USE: dict[str, set[str]] = {
     "error": set(),

@@ -20,7 +20,7 @@ def _(mo):
 
     For a change of the code: how to look at single updates, at the consistency of the standard deviations,
     and at a change over several seeds. The equations stand in
-    [ARCHITECTURE.md](../../ARCHITECTURE.md#the-estimator-on-one-page).
+    [docs/filter.md](../../docs/filter.md).
     """)
     return
 

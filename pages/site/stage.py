@@ -27,11 +27,6 @@ def stage(docs: Path) -> None:
             _copy(source, docs / source.relative_to(ROOT / "docs"), docs)
     for name in ABOVE[:-1]:
         _copy(ROOT / name, docs / name.lower(), docs)
-    numbers = re.search(r"^### Numbers\n(.*?)^### ", (docs / "changelog.md").read_text("utf-8"), re.M | re.S)
-    if numbers is None:
-        raise ValueError("CHANGELOG.md has no heading 'Numbers'")
-    text = "# Numbers that changed\n\nResults that differ from those of an earlier version, by how much and why. "
-    write(docs / "numbers.md", text + f"All changes: [changelog](changelog.md).\n{numbers[1]}")
 
 
 def write(page: Path, text: str) -> None:

@@ -1,6 +1,6 @@
 //! The filter: prediction and update, for the tracker. Allocates nothing after it is made.
 //!
-//! Equation numbers are those of ARCHITECTURE.md, "The estimator on one page". U1 to U4 are computed in `estimate::sigma` (U9 in
+//! Equation numbers are those of docs/filter.md. U1 to U4 are computed in `estimate::sigma` (U9 in
 //! `linearised`), U5 to U8 in `estimate::information`, the gate in `gate`, the factorised update in `limbs`.
 
 mod gate;

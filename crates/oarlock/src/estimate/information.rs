@@ -1,6 +1,6 @@
 //! Update in information form, for the filter: from predicted readings and innovations to correction, covariance and NIS.
 //!
-//! Equations U5 to U8 of ARCHITECTURE.md. P+ = X'X cannot lose its symmetry or its sign. Readings of inertial units stand first, so that
+//! Equations U5 to U8 of docs/filter.md. P+ = X'X cannot lose its symmetry or its sign. Readings of inertial units stand first, so that
 //! partial sums give their joint NIS.
 
 mod carry;

@@ -1,6 +1,6 @@
 //! Predicted readings and their columns from sigma points, for the update: h0, H, E and d of equations U1 and U2.
 //!
-//! Equation numbers are those of ARCHITECTURE.md. It is the scaled unscented transform (Wan and van der Merwe 2000) rearranged into odd and
+//! Equation numbers are those of docs/filter.md. It is the scaled unscented transform (Wan and van der Merwe 2000) rearranged into odd and
 //! even parts; no weight is negative while beta >= alpha^2.
 #![allow(clippy::needless_range_loop)] // several arrays go in step
 

@@ -1,6 +1,6 @@
 //! Rauch-Tung-Striebel smoother (1965), one step back at a time, for `track::run`. Allocates nothing after it is made.
 //!
-//! Equations S1 and S2 of ARCHITECTURE.md. With P the covariance at k, Pp = F P F' + Q the predicted one at k + 1 and Pn = X'X the smoothed
+//! Equations S1 and S2 of docs/filter.md. With P the covariance at k, Pp = F P F' + Q the predicted one at k + 1 and Pn = X'X the smoothed
 //! one there, one sweep gives
 //!
 //! ```text

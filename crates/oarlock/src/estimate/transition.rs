@@ -1,4 +1,4 @@
-//! Prediction of mean and covariance over a time step (P1, P2 of ARCHITECTURE.md), in blocks of up to three coordinates; for filter and smoother.
+//! Prediction of mean and covariance over a time step (P1, P2 of docs/filter.md), in blocks of up to three coordinates; for filter and smoother.
 
 mod covariance;
 

@@ -1,4 +1,4 @@
-//! Linearised readings for the extended Kalman filter, in place of sigma points: equation U9 of ARCHITECTURE.md.
+//! Linearised readings for the extended Kalman filter, in place of sigma points: equation U9 of docs/filter.md.
 //!
 //! H = J L with the Jacobian J of the readings at the mean, and a column of J for every noisy input. There is no E and no d.
 
