@@ -24,6 +24,7 @@ CHECKS: dict[str, Callable[[], list[str]]] = {
     "file sizes": budgets.long_files,
     "budgets of rooms": budgets.findings,
     "file names": names.vague_names,
+    "class names": names.classes_of_one_name,
     "machine paths": portability.machine_paths,
     "data folder": portability.data_folder,
     "registries": portability.registries,

@@ -14,7 +14,7 @@ from oarlock.rowing.strokes.files import strokes_parquet
 from oarlock.season import Entry, Season
 from oarlock.season.add import done_record
 from oarlock.season.compact import Current, athlete_rows
-from oarlock.season.disk import Disk
+from oarlock.season.disk import FolderStorage
 from oarlock.season.schema import joined, parquet_bytes, recording_rows, run_rows, stroke_rows
 from oarlock.season.synthetic.draw import health, strokes
 from oarlock.season.synthetic.make import ENGINE, SETUPS, Synthetic
@@ -28,7 +28,7 @@ def answered(
     folder: Path, what: Synthetic, spoil: Spoil = lambda one, table: table
 ) -> tuple[Season, Current, list[SyntheticAthlete]]:
     """A season, its tables, which are those of a synthetic one, and its athletes with their truth."""
-    season, squad = Season(Disk(folder), "synthetic", what.id), what.squad()
+    season, squad = Season(FolderStorage(folder), "synthetic", what.id), what.squad()
     entries, records, tables = [], [], []
     for one in plan(what.seed, squad, what.recordings, what.classes):
         who, setup = squad[one.member], SETUPS[one.calibrated]

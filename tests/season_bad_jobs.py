@@ -18,7 +18,7 @@ import numpy as np
 
 from oarlock.rowing import StrokeTable
 from oarlock.season.entry import Entry
-from oarlock.season.run.compute import Compute, Found, Tools, computed, fetch, run_job
+from oarlock.season.run.compute import Compute, StrokesAndHealth, Tools, computed, fetch, run_job
 from oarlock.season.run.job import Job, Reply
 
 BAD, COUNT = "OARLOCK_TEST_BAD", "OARLOCK_TEST_COUNT"
@@ -41,7 +41,7 @@ def waiting_task(job: Job) -> Reply:
 
 
 def _counted(job: Job, compute: Compute) -> Reply:
-    def watched(entry: Entry, tools: Tools) -> Found:
+    def watched(entry: Entry, tools: Tools) -> StrokesAndHealth:
         _note("begun", job)
         _misbehave(json.loads(os.environ.get(BAD, "{}")).get(job.recording, ""))
         return compute(entry, tools)
@@ -52,11 +52,11 @@ def _counted(job: Job, compute: Compute) -> Reply:
     return reply
 
 
-def _quick(entry: Entry, tools: Tools) -> Found:
+def _quick(entry: Entry, tools: Tools) -> StrokesAndHealth:
     with_files = Path(os.environ["TMPDIR"], entry.recording)
     fetch(tools.season, entry, with_files)
     angle = np.array([int(entry.recording[:4], 16) / 1e5, 0.5])
-    return Found(StrokeTable({"catch_angle_rad": -angle}, source="quick"), {"trunk.nis": 1.0})
+    return StrokesAndHealth(StrokeTable({"catch_angle_rad": -angle}, source="quick"), {"trunk.nis": 1.0})
 
 
 def _misbehave(how: str) -> None:

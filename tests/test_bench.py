@@ -11,7 +11,7 @@ from command_line import run
 from exact_recording import Floats
 from oarlock.lab.bench import measure, with_biorbd, with_filterpy, with_jax, with_numpy
 from oarlock.lab.bench.plain_kinematics import PlainKinematics
-from oarlock.lab.bench.problem import WARM, Problem, sculling
+from oarlock.lab.bench.problem import WARM, BenchProblem, sculling
 
 # Closures of 2 mm beside accelerations make covariances whose condition takes half the digits, and the textbook's form
 # cancels. filterpy inverts the innovations' covariance, which takes some more.
@@ -23,12 +23,12 @@ FOLLOWS_RAD = 0.1
 
 
 @pytest.fixture(scope="module")
-def problem() -> Problem:
+def problem() -> BenchProblem:
     return sculling(2.0)
 
 
 @pytest.fixture(scope="module")
-def ours(problem: Problem) -> tuple[Floats, Floats]:
+def ours(problem: BenchProblem) -> tuple[Floats, Floats]:
     """Means and standard deviations of Oarlock's filter behind the warm samples."""
     tracker, _, _ = problem.started()
     beliefs = [tracker.step(sample)[0] for sample in tracker.samples(problem.recording)[WARM:]]

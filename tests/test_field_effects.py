@@ -11,7 +11,7 @@ from field_trial import BETWEEN_SAMPLES, SAME, SEED, SILENT, angle_rad, changed,
 from oarlock.rowing import FieldEffects
 from oarlock.rowing.field.anatomy import Anatomy
 from oarlock.rowing.field.electronics import walk
-from oarlock.rowing.field.signals import Surroundings
+from oarlock.rowing.field.signals import AmbientFields
 from oarlock.rowing.field.skin import rung, swelling, twist
 
 
@@ -142,7 +142,7 @@ def test_magnetometers_see_iron():
 
 
 def test_the_boats_iron_is_a_dipole_of_the_strength_asked():
-    around = Surroundings.of(sculler().describe().world, replace(SILENT, rail_iron_ut=5.0), SEED)
+    around = AmbientFields.of(sculler().describe().world, replace(SILENT, rail_iron_ut=5.0), SEED)
     moment = around.iron_ut / np.linalg.norm(around.iron_ut)
     fields = [np.linalg.norm(around.iron_field(around.iron_place_m + d * moment)) for d in (0.3, 3.0, 6.0)]
     assert fields[0] == pytest.approx(5.0, rel=SAME)

@@ -17,7 +17,7 @@ from drawn_strokes import (
 )
 from oarlock.rowing.analysis.targets import load_targets
 from oarlock.rowing.findings.at_like_rate import change
-from oarlock.rowing.findings.candidate import Candidate, beyond_chance, chance
+from oarlock.rowing.findings.candidate import MetricComparison, beyond_chance, chance
 from oarlock.rowing.findings.causes import by_cause
 from oarlock.rowing.findings.find import comparisons, findings_of, named
 from oarlock.rowing.findings.watched import WATCHED
@@ -168,7 +168,7 @@ def test_a_change_that_the_rate_explains_as_well_is_uncertain():
 
 
 def candidate(name, size, kind="against last", chance=0.0):
-    return Candidate(WATCHED[name], kind, size, 0.5, chance, size)
+    return MetricComparison(WATCHED[name], kind, size, 0.5, chance, size)
 
 
 def test_a_small_lean_does_not_take_the_blame_for_a_much_shorter_stroke():

@@ -8,7 +8,7 @@ import oarlock
 from drawn_strokes import EARLY_BACK, LATE_LEFT, LATE_RIGHT, LESS_LEAN_SHORT, LESS_LEAN_SLIDE, SHORT, TIRED
 from oarlock.rowing.analysis.technique import technique
 from oarlock.rowing.findings.find import findings
-from oarlock.rowing.report.piece import Piece
+from oarlock.rowing.report.piece import ReportPiece
 from oarlock.rowing.simulation.experiment import simulate_sculling
 
 pytestmark = pytest.mark.long
@@ -29,20 +29,20 @@ PLANTED = {
 RATES = ((22.0, 22.0), (24.0, 24.0), (26.0, 26.0), (22.0, 32.0), (30.0, 30.0))
 
 
-def rowed(seed: int, number: int, planted: dict[str, object]) -> Piece:
+def rowed(seed: int, number: int, planted: dict[str, object]) -> ReportPiece:
     model = oarlock.load_model("sculler")
     rates = RATES[number % len(RATES)]
     _, recording = simulate_sculling(model, "B-B", DURATION_S, rates, seed, **planted)
     track = oarlock.track(model, recording)
-    return Piece("", track, technique(track))
+    return ReportPiece("", track, technique(track))
 
 
 @cache
-def unchanged(number: int) -> Piece:
+def unchanged(number: int) -> ReportPiece:
     return rowed(FIRST_SEED["unchanged"] + number, number, {})
 
 
-def others(number: int) -> tuple[Piece, Piece]:
+def others(number: int) -> tuple[ReportPiece, ReportPiece]:
     """Last time and own best: other pieces in which nothing is planted, at the same rates."""
     return tuple(unchanged((number + ahead * len(RATES)) % UNCHANGED) for ahead in (1, 2))
 

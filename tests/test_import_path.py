@@ -19,8 +19,8 @@ from oarlock.formats import archive
 from oarlock.formats.choices import UnclearError
 from oarlock.formats.contents import find_recordings, import_recording
 from oarlock.formats.datasets.mat_names import mat_names
-from oarlock.formats.importers import Format
-from oarlock.formats.listing import Found
+from oarlock.formats.importers import ImportFormat
+from oarlock.formats.listing import FileMatch
 from test_table import HEADER, columns_of, table
 
 ROOT = Path(__file__).parents[1]
@@ -107,9 +107,9 @@ def test_a_terminal_asks_which_unit_sits_where(arm, tmp_path, terminal):
 def test_two_formats_that_recognise_one_file(arm, monkeypatch):
     def find(one, listing):
         claims = one.name in ("apdm", "mvnx")
-        return [Found(one.name, listing.root, (listing.root,), "x", f"as {one.name}")] if claims else []
+        return [FileMatch(one.name, listing.root, (listing.root,), "x", f"as {one.name}")] if claims else []
 
-    monkeypatch.setattr(Format, "find", find)
+    monkeypatch.setattr(ImportFormat, "find", find)
     with pytest.raises(UnclearError, match=r"oarlock import apdm .*arm\.csv") as unclear:
         find_recordings(arm)
     assert unclear.value.choices == {"apdm": "as apdm", "mvnx": "as mvnx"}

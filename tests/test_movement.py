@@ -21,7 +21,7 @@ from oarlock.movement import (
     side_differences,
     side_pairs,
 )
-from oarlock.movement.blocks import Movement
+from oarlock.movement.blocks import MovementAnalysis
 from oarlock.movement.evenness import changes, wanderings
 from oarlock.movement.front import front_of
 from oarlock.movement.movement import movement_of
@@ -156,7 +156,9 @@ CYCLES = 15
 MOVED_S = np.arange(0.0, 2.0 * CYCLES + 1.0, 0.02)
 
 
-def moved(monkeypatch, changes_deg: dict[str, np.ndarray], seed: int = 0, **provenance: str) -> Movement:
+def moved(
+    monkeypatch, changes_deg: dict[str, np.ndarray], seed: int = 0, **provenance: str
+) -> MovementAnalysis:
     """An elbow and a wrist that swing every two seconds with noise in each cycle, and what is added to them."""
     random = np.random.default_rng(seed)
     cycle = np.minimum(MOVED_S // 2.0, CYCLES).astype(int)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from oarlock.storage.delimited import Dialect, Layout, numbers
+from oarlock.storage.delimited import ColumnLayout, Dialect, numbers
 from oarlock.storage.plain_csv import plain_columns
 
 NAMES = ("time_s", "value")
@@ -11,7 +11,7 @@ EXTREMES = (5e-324, 2.2250738585072011e-308, 1.7976931348623157e308, -0.0, 0.1 +
 
 
 def cell_by_cell(file):
-    layout = Layout.of(file, Dialect())
+    layout = ColumnLayout.of(file, Dialect())
     batches = list(layout.batches(range(len(NAMES))))
     return {name: np.concatenate([numbers(layout, b, i, i) for b in batches]) for i, name in enumerate(NAMES)}
 

@@ -7,19 +7,19 @@ import pytest
 
 from oarlock import load_model
 from oarlock.model.layout import blocks, quantities, rows_of
-from oarlock.report.pose_picture.skeleton import Skeleton, skeleton, views
+from oarlock.report.pose_picture.skeleton import StickFigure, skeleton, views
 from oarlock.report.pose_picture.svg import draw_svg
 
 SHIPPED = ("sculler", "pendulum3")
 
 
 @pytest.fixture(params=SHIPPED)
-def body(request: pytest.FixtureRequest) -> Skeleton:
+def body(request: pytest.FixtureRequest) -> StickFigure:
     model = load_model(request.param)
     return skeleton(model, np.zeros(len(model.joint_names)))
 
 
-def test_every_line_has_an_extent_and_joins_the_body(body: Skeleton) -> None:
+def test_every_line_has_an_extent_and_joins_the_body(body: StickFigure) -> None:
     assert body.links
     for link in body.links:
         assert np.linalg.norm(link.end - link.start) > 0
@@ -41,7 +41,7 @@ def test_frames_with_a_sensor_are_marked() -> None:
     }  # fmt: skip
 
 
-def test_svg_is_xml_that_names_the_frames(body: Skeleton) -> None:
+def test_svg_is_xml_that_names_the_frames(body: StickFigure) -> None:
     root = ElementTree.fromstring(draw_svg(body, 'a <body> & "more"'))
     texts = {element.text for element in root.iter("{http://www.w3.org/2000/svg}text")}
     assert 'a <body> & "more"' in texts
@@ -51,7 +51,7 @@ def test_svg_is_xml_that_names_the_frames(body: Skeleton) -> None:
 def test_a_body_without_extent_is_a_point() -> None:
     model = load_model("pendulum3")
     whole = skeleton(model, np.zeros(len(model.joint_names)))
-    point = Skeleton((), whole.spots[:1], (), whole.up, whole.forward)
+    point = StickFigure((), whole.spots[:1], (), whole.up, whole.forward)
     assert "root" in draw_svg(point, "point")
 
 

@@ -27,7 +27,7 @@ from oarlock.report.page import sensors_of
 from oarlock.report.trust import trust
 from oarlock.rowing.analysis.technique import technique
 from oarlock.rowing.report.front import front_of
-from oarlock.rowing.report.piece import Piece
+from oarlock.rowing.report.piece import ReportPiece
 from oarlock.rowing.report.write import rowing_front, write_rowing_report
 from oarlock.storage.errors import DataError
 from rowed_truth import rowed
@@ -133,7 +133,7 @@ def test_without_an_earlier_piece_the_page_says_how_to_give_one(piece, tmp_path)
 
 def test_a_piece_in_which_nothing_stands_out_says_what_would_have():
     long = rowed("S-NB", 60.0, 24.0, 6)
-    front = front_of(Piece("", long, technique(long)))
+    front = front_of(ReportPiece("", long, technique(long)))
     assert front.points == []
     assert front.quiet == (
         "No clear difference between both oars at the catch. No clear change from start to end."
@@ -145,7 +145,10 @@ def test_a_piece_in_which_nothing_stands_out_says_what_would_have():
     assert "named from" in front.checked
     assert re.search(r"Row this piece again at 24/min and compare: a change of \d° of", front.next_step)
     short = rowed("S-NB", 14.0, 24.0, 5)
-    assert "Too few strokes count to see small changes" in front_of(Piece("", short, technique(short))).quiet
+    assert (
+        "Too few strokes count to see small changes"
+        in front_of(ReportPiece("", short, technique(short))).quiet
+    )
 
 
 def test_a_mean_outside_of_usual_values_is_a_remark_with_its_source_unless_targets_were_chosen(piece):
@@ -156,7 +159,7 @@ def test_a_mean_outside_of_usual_values_is_a_remark_with_its_source_unless_targe
         found = technique(piece, targets=targets)
         short = replace(found.summary["arc_rad"], mean=np.radians(99.5))
         remark = front_of(
-            Piece("", piece, replace(found, summary={**found.summary, "arc_rad": short}))
+            ReportPiece("", piece, replace(found, summary={**found.summary, "arc_rad": short}))
         ).remark
         assert told in remark and bool(remark) == bool(told)
 
@@ -165,43 +168,45 @@ def test_a_mean_outside_of_usual_values_is_a_remark_with_its_source_unless_targe
 def test_the_course_of_the_rate_is_said():
     ramp, steady = (rowed("S-NB", 30.0, rate, 6) for rate in ((20.0, 32.0), 24.0))
     assert re.search(
-        r", the rate rising from 2\d to [23]\d/min\.", front_of(Piece("", ramp, technique(ramp))).did
+        r", the rate rising from 2\d to [23]\d/min\.", front_of(ReportPiece("", ramp, technique(ramp))).did
     )
-    assert re.search(r", between 2\d\.\d and 2\d\.\d\.", front_of(Piece("", steady, technique(steady))).did)
+    assert re.search(
+        r", between 2\d\.\d and 2\d\.\d\.", front_of(ReportPiece("", steady, technique(steady))).did
+    )
 
 
 @pytest.mark.long
 def test_a_ramp_has_its_numbers_by_rate_and_a_steady_piece_has_not():
     ramp = rowed("S-NB", 60.0, (20.0, 34.0), 6)
-    table = front_of(Piece("", ramp, technique(ramp))).by_rate
+    table = front_of(ReportPiece("", ramp, technique(ramp))).by_rate
     ends = [int(text) for text in re.findall(r"(\d\d)/min", table)]
     assert len(ends) == 4 and ends == sorted(ends) and ends[0] < 26 < 30 < ends[-1]
     steady = rowed("S-NB", 30.0, 24.0, 6)
-    assert front_of(Piece("", steady, technique(steady))).by_rate == ""
+    assert front_of(ReportPiece("", steady, technique(steady))).by_rate == ""
 
 
 def test_without_calibration_the_first_step_is_to_calibrate_and_lean_is_marked(piece):
     nominal = replace(piece, provenance={**piece.provenance, "nominal_mounts": ("back", "r_wrist")})
-    front = front_of(Piece("", nominal, technique(nominal)))
+    front = front_of(ReportPiece("", nominal, technique(nominal)))
     assert "Calibrate before the next outing" in front.sensors_step
     assert "Calibrate" not in front.next_step
     marked = {figure.name for figure in front.figures if "not calibrated" in figure.detail}
     assert marked == {"trunk lean at the catch", "trunk lean at the finish"}
     assert front.commands[0][1].startswith("oarlock calibrate")
     beside = front_of(
-        Piece("", nominal, technique(nominal)), Piece("before", piece, technique(piece))
+        ReportPiece("", nominal, technique(nominal)), ReportPiece("before", piece, technique(piece))
     ).compared
     assert beside.count("not calibrated") == 2
 
 
 def test_without_a_finding_the_next_step_is_a_drill_against_what_is_unusual(piece):
-    told = front_of(Piece("", piece, technique(piece)))
+    told = front_of(ReportPiece("", piece, technique(piece)))
     assert "style factor" not in told.remark and told.sensors_step == ""
     assert told.next_step.startswith("These numbers ask for no change of technique: what is outside")
     found = technique(piece)
     short = replace(found.summary["arc_rad"], mean=np.radians(94.0))
     changed = replace(found, summary={**found.summary, "arc_rad": short})
-    told = front_of(Piece("", piece, changed))
+    told = front_of(ReportPiece("", piece, changed))
     assert told.remark.startswith("The stroke: 94.0 ± ") and "far shorter than usual" in told.remark
     assert "NK Sports" in told.limits and "NK Sports" not in told.remark
     assert told.next_step.startswith("Tape a drinking straw") and "rowingcoach.app" in told.next_step
@@ -209,11 +214,11 @@ def test_without_a_finding_the_next_step_is_a_drill_against_what_is_unusual(piec
 
 
 def test_a_doubtful_seat_is_marked_and_to_be_checked(piece, monkeypatch):
-    told = front_of(Piece("", piece, technique(piece)))
+    told = front_of(ReportPiece("", piece, technique(piece)))
     seat = next(one for one in told.figures if one.name == "seat travel")
     assert "doubtful" not in seat.detail and "Check how" not in told.sensors_step
     monkeypatch.setattr("oarlock.rowing.report.front.doubtful_sensors", lambda track: ["seat"])
-    told = front_of(Piece("", piece, technique(piece)))
+    told = front_of(ReportPiece("", piece, technique(piece)))
     seat = next(one for one in told.figures if one.name == "seat travel")
     assert seat.detail.endswith("; sensor doubtful")
     assert told.sensors_step == "Check how the sensor seat is mounted."

@@ -11,7 +11,7 @@ from html_page import Page
 from oarlock.report import day_text
 from oarlock.rowing.analysis.stroke_means import FeatureMean, feature_means
 from oarlock.rowing.analysis.technique import technique
-from oarlock.rowing.findings.candidate import Candidate
+from oarlock.rowing.findings.candidate import MetricComparison
 from oarlock.rowing.findings.watched import WATCHED
 from oarlock.rowing.report.averages import SIGMAS_95, Average, Difference, difference, feature_of
 from oarlock.rowing.report.by_rate import range_over_rate
@@ -19,7 +19,7 @@ from oarlock.rowing.report.called import Folder, called
 from oarlock.rowing.report.changes import change, in_words, matters
 from oarlock.rowing.report.compared import counts, differences, first_sentence
 from oarlock.rowing.report.front import front_of
-from oarlock.rowing.report.piece import Piece
+from oarlock.rowing.report.piece import ReportPiece
 from oarlock.rowing.report.player import player
 from oarlock.rowing.report.shown import apart, shown
 from oarlock.rowing.report.tables import averages_table, sides_table, verdict, which_left_out
@@ -35,22 +35,22 @@ def of_day(track: oarlock.Track, day: str, **more: str) -> oarlock.Track:
     return replace(track, provenance={**track.provenance, "session": session})
 
 
-def piece_of(track: oarlock.Track, folder: str = "") -> Piece:
-    return Piece("", track, technique(track), folder)
+def piece_of(track: oarlock.Track, folder: str = "") -> ReportPiece:
+    return ReportPiece("", track, technique(track), folder)
 
 
 @pytest.fixture(scope="module")
-def piece() -> Piece:
+def piece() -> ReportPiece:
     return piece_of(of_day(rowed("S-NB", 40.0, 24.0, 5), "2026-05-20"), "tw2")
 
 
 @pytest.fixture(scope="module")
-def alike() -> Piece:
+def alike() -> ReportPiece:
     return piece_of(of_day(rowed("S-NB", 40.0, 24.0, 6), "2026-05-15"), "tw1")
 
 
 @pytest.fixture(scope="module")
-def ramp() -> Piece:
+def ramp() -> ReportPiece:
     return piece_of(of_day(rowed("S-NB", 60.0, (20.0, 32.0), 7), "2026-05-20"), "tramp")
 
 
@@ -59,8 +59,8 @@ def average(mean_deg: float, sd_deg: float = 0.0, std_deg: float = 0.1, name: st
     return Average(feature_of(name), FeatureMean(name, 16, mean, sd, mean, mean, std, np.nan))
 
 
-def robust(size_deg: float, sd_deg: float) -> Candidate:
-    return Candidate(WATCHED["arc_rad"], "against other", size_deg, sd_deg, 0.5, 100.0)
+def robust(size_deg: float, sd_deg: float) -> MetricComparison:
+    return MetricComparison(WATCHED["arc_rad"], "against other", size_deg, sd_deg, 0.5, 100.0)
 
 
 def test_the_difference_of_two_shown_numbers_adds_up_for_a_reader():
@@ -172,7 +172,7 @@ def test_pieces_are_called_by_day_and_rate_else_by_folder_and_given_names_win(pi
 
 
 def test_two_pieces_of_one_day_and_rate_are_told_apart_by_time_of_day_else_by_folder(piece):
-    def at(epoch: str, folder: str) -> Piece:
+    def at(epoch: str, folder: str) -> ReportPiece:
         provenance = {**piece.track.provenance, "epoch": epoch} if epoch else piece.track.provenance
         return replace(piece, track=replace(piece.track, provenance=provenance), folder=folder)
 
@@ -219,8 +219,8 @@ def test_strokes_left_out_are_numbered(piece):
 def test_the_player_shows_three_minutes_and_never_minus_zero():
     long = rowed("S-NB", 12.0, 24.0, 5)
     early = replace(long, time_s=20.0 * long.time_s - 0.4)
-    shown_text = player([Piece("", early, technique(long))])
+    shown_text = player([ReportPiece("", early, technique(long))])
     hint = re.search(r"It shows (\S+) to (\d+) s of the piece; the last (\d+) s are left out", shown_text)
     assert hint and hint[1] == "0" and int(hint[2]) in (180, 181)
     whole = replace(long, time_s=10.0 * long.time_s)
-    assert "It shows" not in player([Piece("", whole, technique(long))])
+    assert "It shows" not in player([ReportPiece("", whole, technique(long))])

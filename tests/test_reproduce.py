@@ -21,11 +21,11 @@ from oarlock.evaluation.study.pool import UNFINISHED
 from oarlock.evaluation.study.rows import write_rows
 from oarlock.lab.reproduce.chains import Size, built
 from oarlock.lab.reproduce.claim_runs import studies
-from oarlock.lab.reproduce.contents import Part
+from oarlock.lab.reproduce.contents import PaperPart
 from oarlock.lab.reproduce.cost import formula, power
 from oarlock.lab.reproduce.discussion import printed_growth_percent
 from oarlock.lab.reproduce.estimators import ELEVEN, ESTIMATORS
-from oarlock.lab.reproduce.kept import Kept, _plain
+from oarlock.lab.reproduce.kept import PartCache, _plain
 from oarlock.lab.reproduce.page import reproduction_page
 from oarlock.lab.reproduce.places import place_band
 from oarlock.lab.reproduce.reproduce import PARTS, reproduce
@@ -62,7 +62,7 @@ PRINTED_6 = {
 
 
 @pytest.fixture(scope="module")
-def made() -> dict[str, Part]:
+def made() -> dict[str, PaperPart]:
     """Table 5 and 6 and the figures, short, of one seed."""
     parts = reproduce(("fig4", "table5", "table6", "fig3", "fig5"), (UNSEEN,), duration_s=SHORT_S, jobs=1)
     assert [part.key for part in parts] == ["table5", "table6", "fig3", "fig4", "fig5"], (
@@ -242,7 +242,7 @@ def test_the_verb_writes_a_page_and_tables(tmp_path):
 
 
 def kept(folder, seed=UNSEEN, duration_s=SHORT_S):
-    return Kept(folder, (seed,), duration_s)
+    return PartCache(folder, (seed,), duration_s)
 
 
 def test_parts_are_kept_as_they_are(made, tmp_path):

@@ -25,7 +25,7 @@ from oarlock.rowing.report.averages import Average, beyond, difference, feature_
 from oarlock.rowing.report.called import called, piece_of
 from oarlock.rowing.report.compared import counts, differences, first_sentence, largest_first
 from oarlock.rowing.report.front import front_of
-from oarlock.rowing.report.piece import Piece
+from oarlock.rowing.report.piece import ReportPiece
 from oarlock.rowing.report.sections import sections_of
 from oarlock.rowing.report.write import is_of_rower, write_rowing_report
 from oarlock.rowing.simulation.experiment import simulate_sweep
@@ -196,7 +196,7 @@ def test_the_numbers_that_differ_are_named_with_chance_and_those_that_follow_the
 
 
 def test_the_largest_differences_come_first(track, found, other):
-    held = differences(Piece("a", track, found), Piece("b", other, technique(other)))
+    held = differences(ReportPiece("a", track, found), ReportPiece("b", other, technique(other)))
     sure = [bool(held[name][2].beyond) for name in largest_first(held)]
     assert sure == sorted(sure, reverse=True) and any(sure)
 
@@ -204,7 +204,7 @@ def test_the_largest_differences_come_first(track, found, other):
 def test_rates_too_far_apart_are_said_with_what_can_still_be_read(track, found, other):
     theirs = technique(other)
     faster = changed(other, theirs, rate_per_min=theirs.strokes["rate_per_min"] + 10.0)
-    first = Piece("a", track, found)
+    first = ReportPiece("a", track, found)
     told = " ".join([first_sentence(first, faster), *counts(first, faster)])
     assert "over more than 6/min its effect is not known well enough" in told
     assert "still that of its own piece" in told and "Explained by the stroke rate" not in told
@@ -257,16 +257,16 @@ def test_scatter_of_strokes_shrinks_with_their_number_and_bands_do_not():
     assert average(-1.0, np.nan, 0.01, 1).uncertainty == pytest.approx(0.01)
 
 
-def changed(track: oarlock.Track, found: Technique, **columns: np.ndarray) -> Piece:
+def changed(track: oarlock.Track, found: Technique, **columns: np.ndarray) -> ReportPiece:
     """A piece whose table holds other numbers; its averages follow from the summary as before."""
     table = replace(found.strokes, columns={**found.strokes.columns, **columns})
-    return Piece("", track, replace(found, strokes=table))
+    return ReportPiece("", track, replace(found, strokes=table))
 
 
 def test_hands_on_one_oar_are_not_set_against_each_other():
     model = oarlock.load_model("sweep")
     swept = simulate_sweep(model, duration_s=20.0, seed=3)[0]
-    piece = Piece("", swept, technique(swept))
+    piece = ReportPiece("", swept, technique(swept))
     assert piece.sides
     assert not {finding.name for finding in findings(piece)} & set(piece.sides)
     front = front_of(piece)

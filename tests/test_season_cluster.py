@@ -25,7 +25,7 @@ from oarlock.season.check import check
 from oarlock.season.run.cluster import DaskCluster
 from oarlock.season.run.plan import Plan, make_plan
 from oarlock.season.run.processes import Processes
-from oarlock.season.run.runner import Outcome, run_season
+from oarlock.season.run.runner import RunCounts, run_season
 from oarlock.season.run.setups import choose_setup, make_setup
 
 pytest.importorskip("distributed")
@@ -117,7 +117,7 @@ def results(season: Season) -> dict[str, bytes]:
     return {name: season.place.read(name) for name, _ in season.place.files("results")}
 
 
-def on_cluster(season: Season, address: str, during: Callable[[float], None]) -> Outcome:
+def on_cluster(season: Season, address: str, during: Callable[[float], None]) -> RunCounts:
     return run_season(season, DaskCluster(jobs.waiting_task, address), planned(season), during)
 
 

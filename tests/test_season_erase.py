@@ -14,7 +14,7 @@ from oarlock import DataError
 from oarlock.season import Admission, Athlete, NamesFile, Season, Setup, create_season, open_season
 from oarlock.season.check import check
 from oarlock.season.compact import compact, known_now
-from oarlock.season.disk import Disk
+from oarlock.season.disk import FolderStorage
 from oarlock.season.entry import Entry
 from oarlock.season.erase import Erasure, erase
 from oarlock.season.exports import export_athlete
@@ -234,7 +234,7 @@ def test_a_run_that_ends_after_an_erasure_logs_nothing_of_it(
         log.ended(Ended(Job("", recording, "", "ff", (), 1.0, 1.0), Reply("done"), "host", 1, 0.5))
     real = type(season.place).write
 
-    def erased_meanwhile(place: Disk, name: str, contents: bytes) -> None:
+    def erased_meanwhile(place: FolderStorage, name: str, contents: bytes) -> None:
         """The erasure ends between the log's look at what is there and its writing."""
         monkeypatch.setattr(type(season.place), "write", real)
         assert gone(season).is_proven

@@ -11,7 +11,7 @@ from headless_chromium import chromium, quiet_tabs, serious_violations
 from html_page import Page, assert_loads_nothing, assert_references_lead_somewhere
 from oarlock import DataError
 from oarlock.season import Database, Selection, write_season_page
-from oarlock.season.page.findings import Comparison, beyond_chance
+from oarlock.season.page.findings import AthleteComparison, beyond_chance
 from oarlock.season.page.gather import gathered
 from oarlock.season.synthetic.make import Synthetic
 from season_answers import answered, compacted
@@ -61,8 +61,8 @@ def test_planted_changes_are_listed_and_nobody_else(made) -> None:
 
 
 def test_the_number_of_comparisons_counts() -> None:
-    def one(chance: float) -> Comparison:
-        return Comparison("A", "m", "trend", 1.0, 0.5, 1.5, chance, 9, "")
+    def one(chance: float) -> AthleteComparison:
+        return AthleteComparison("A", "m", "trend", 1.0, 0.5, 1.5, chance, 9, "")
 
     assert beyond_chance([]) == []
     assert len(beyond_chance([one(0.04)])) == 1

@@ -25,11 +25,11 @@ from oarlock.season.compact import compact, known_now
 from oarlock.season.entry import Entry
 from oarlock.season.layout import ENTRY_FILE
 from oarlock.season.run.child import Child
-from oarlock.season.run.compute import Found, Tools, commit, failed_record, run_job
+from oarlock.season.run.compute import StrokesAndHealth, Tools, commit, failed_record, run_job
 from oarlock.season.run.job import Ended, Job, Loss, Reply
 from oarlock.season.run.plan import LIMIT_S, LIMIT_SHARE, make_plan
 from oarlock.season.run.processes import Processes
-from oarlock.season.run.runner import Outcome, run_season
+from oarlock.season.run.runner import RunCounts, run_season
 from oarlock.season.run.setups import choose_setup, make_setup, opened_setup
 
 LATE_S = 120.0
@@ -75,7 +75,7 @@ def bad(monkeypatch: pytest.MonkeyPatch, **what: str) -> None:
     monkeypatch.setenv(jobs.BAD, json.dumps({name.lstrip("_"): how for name, how in what.items()}))
 
 
-def done(season: Season, task: Callable[[Job], Reply | Loss] = jobs.quick_task, **plan: object) -> Outcome:
+def done(season: Season, task: Callable[[Job], Reply | Loss] = jobs.quick_task, **plan: object) -> RunCounts:
     return run_season(season, Here(task), make_plan(season, **plan))  # type: ignore[arg-type]
 
 
@@ -243,7 +243,9 @@ def test_raw_data_that_retention_removed_are_left_alone(season: Season) -> None:
 
 
 def test_a_recording_without_strokes_is_done_and_has_no_rows(season: Season) -> None:
-    reply = run_job(make_plan(season).jobs[0], lambda entry, tools: Found(None, {"trunk.nis": 1.0}))
+    reply = run_job(
+        make_plan(season).jobs[0], lambda entry, tools: StrokesAndHealth(None, {"trunk.nis": 1.0})
+    )
     assert reply.told == "done"
     record = known_now(season).records[0]
     assert (record.status, record.strokes, dict(record.files)) == ("done", 0, {})
@@ -254,9 +256,9 @@ def test_a_recording_without_strokes_is_done_and_has_no_rows(season: Season) -> 
 def test_an_erasure_meanwhile_leaves_no_result(season: Season) -> None:
     job = make_plan(season).jobs[0]
 
-    def erased_then_found(entry: Entry, tools: Tools) -> Found:
+    def erased_then_found(entry: Entry, tools: Tools) -> StrokesAndHealth:
         season.place.remove_folder(f"recordings/{entry.recording}", ENTRY_FILE)
-        return Found(None, {})
+        return StrokesAndHealth(None, {})
 
     assert run_job(job, erased_then_found).told == "there"
     assert season.results() == []

@@ -17,7 +17,7 @@ from oarlock import DataError, Recording
 from oarlock.season import Admission, Season, Setup, create_season, open_season, season_summary
 from oarlock.season.check import check, repair
 from oarlock.season.compact import Current, compact
-from oarlock.season.disk import Disk
+from oarlock.season.disk import FolderStorage
 from oarlock.season.layout import CURRENT_FILE
 from oarlock.season.prune import prune
 from oarlock.season.questions.database import Database
@@ -256,7 +256,7 @@ def test_a_season_begins_only_in_an_empty_place(tmp_path: Path) -> None:
 def test_no_name_leads_out_of_the_season(tmp_path: Path) -> None:
     for name in ("../x", "/etc/passwd", "a//b", "a/./b", "a\\b"):
         with pytest.raises(DataError, match="no name inside a season"):
-            Disk(tmp_path).read(name)
+            FolderStorage(tmp_path).read(name)
 
 
 def test_a_writer_killed_at_any_moment_leaves_a_season_in_order(disk_season: Season, tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from oarlock import (
     SessionStep,
 )
 from oarlock.calibration.robust_fit import huber, robust_fit
-from oarlock.calibration.session.body import Body
+from oarlock.calibration.session.body import BodyKinematics
 from oarlock.calibration.session.encoders import encoder_scales
 from refusals import assert_refused
 
@@ -276,7 +276,7 @@ def test_a_clock_is_applied_before_the_steps_are_sought(model, trial):
 @pytest.mark.parametrize("name", ["sculler", "qmt_full_body"])
 def test_slopes_of_an_axis_are_its_derivatives(name):
     model = oarlock.load_model(name)
-    body = Body.of(model, [s.name for s in model.describe().inertial_units])
+    body = BodyKinematics.of(model, [s.name for s in model.describe().inertial_units])
     q = np.random.default_rng(3).normal(0.0, 0.5, len(model.coordinate_names))
     pairs = [(joint, child) for joint in body.joints for child in body.below(joint)]
     assert pairs

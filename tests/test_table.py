@@ -9,7 +9,7 @@ import oarlock
 from local_data import local_folder
 from oarlock.formats.choices import UnclearError
 from oarlock.formats.csv import read_csv
-from oarlock.formats.table.header import Channel, channel_of
+from oarlock.formats.table.header import InertialColumn, channel_of
 from oarlock.formats.table.table import read_table, read_table_orientations
 from oarlock.storage.units import STANDARD_GRAVITY_M_S2
 
@@ -19,24 +19,24 @@ G = STANDARD_GRAVITY_M_S2
 @pytest.mark.parametrize(
     ("name", "channel"),
     [
-        ("Acc_X [g]", Channel("", "accel", "x", "g", False)),
-        ("gyro_x_dps", Channel("", "gyro", "x", "deg/s", False)),
-        ("thorax_gx", Channel("thorax", "gyro", "x", None, False)),
-        ("thorax_q1", Channel("thorax", "quat", "1", None, False)),
-        ("Shank ACC X (G)", Channel("shank", "accel", "x", "g", False)),
-        ("LeftForeArm-Sensor-Gyro-z", Channel("left_fore_arm", "gyro", "z", None, True)),
-        ("Foot Accel Sensor X LT (mG)", Channel("foot_lt", "accel", "x", "mg", True)),
+        ("Acc_X [g]", InertialColumn("", "accel", "x", "g", False)),
+        ("gyro_x_dps", InertialColumn("", "gyro", "x", "deg/s", False)),
+        ("thorax_gx", InertialColumn("thorax", "gyro", "x", None, False)),
+        ("thorax_q1", InertialColumn("thorax", "quat", "1", None, False)),
+        ("Shank ACC X (G)", InertialColumn("shank", "accel", "x", "g", False)),
+        ("LeftForeArm-Sensor-Gyro-z", InertialColumn("left_fore_arm", "gyro", "z", None, True)),
+        ("Foot Accel Sensor X LT (mG)", InertialColumn("foot_lt", "accel", "x", "mg", True)),
         (
             "Noraxon MyoMotion-Segments-Foot LT-Gyroscope-x (deg/s)",
-            Channel("foot_lt", "gyro", "x", "deg/s", False),
+            InertialColumn("foot_lt", "gyro", "x", "deg/s", False),
         ),
-        ("Sensor 1: ACC.X (g)", Channel("sensor_1", "accel", "x", "g", True)),
-        ("AccX(m/s^2)", Channel("", "accel", "x", "m/s2", False)),
-        ("upper_arm_acc_z_m_s2", Channel("upper_arm", "accel", "z", "m/s2", False)),
-        ("Mag_X(a.u.)", Channel("", "mag", "x", "a.u.", False)),
-        ("Angular Velocity Y", Channel("", "gyro", "y", None, False)),
-        ("64F61C2E_gyr_x", Channel("64f61c2e", "gyro", "x", None, False)),
-        ("acc_g_x", Channel("", "accel", "x", "g", False)),
+        ("Sensor 1: ACC.X (g)", InertialColumn("sensor_1", "accel", "x", "g", True)),
+        ("AccX(m/s^2)", InertialColumn("", "accel", "x", "m/s2", False)),
+        ("upper_arm_acc_z_m_s2", InertialColumn("upper_arm", "accel", "z", "m/s2", False)),
+        ("Mag_X(a.u.)", InertialColumn("", "mag", "x", "a.u.", False)),
+        ("Angular Velocity Y", InertialColumn("", "gyro", "y", None, False)),
+        ("64F61C2E_gyr_x", InertialColumn("64f61c2e", "gyro", "x", None, False)),
+        ("acc_g_x", InertialColumn("", "accel", "x", "g", False)),
         ("magGauss", None),
         ("thorax_linAcc_x", None),
         ("FreeAcc_X", None),

@@ -10,7 +10,7 @@ from command_line import run
 from local_data import local_folder
 from oarlock.formats.contents import import_recording
 from oarlock.recording.unit_names import (
-    Place,
+    SegmentSide,
     assign_units,
     parsed_units,
     place_of_name,
@@ -51,7 +51,7 @@ BODY = [
     ],
 )
 def test_places_in_names(name, segment, side):
-    assert place_of_name(name) == Place(segment, side)
+    assert place_of_name(name) == SegmentSide(segment, side)
 
 
 def test_every_sensor_name_says_its_own_place():

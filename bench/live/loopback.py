@@ -9,7 +9,7 @@ import numpy as np
 
 import oarlock
 from oarlock.live.emulators.deliveries import Faults
-from oarlock.live.emulators.emulated import Emulated, Place
+from oarlock.live.emulators.emulated import Destination, Emulated
 from oarlock.live.emulators.kinds import KINDS
 from oarlock.live.emulators.rig import rig_of
 from oarlock.live.reading import Packet
@@ -78,7 +78,7 @@ def pendulum_with(kind, folder):
 def emulated_by(name, recording, faults, seed=0, place=None, **keys):
     """A kind, and what it is asked to emulate."""
     kind = KINDS[name]
-    asked = Emulated(recording, faults=faults, seed=seed, place=place or Place(), **keys)
+    asked = Emulated(recording, faults=faults, seed=seed, place=place or Destination(), **keys)
     return kind, kind.emulated(asked)
 
 

@@ -30,8 +30,8 @@ from bench.live.loopback import (
     rms,
     track_angles,
 )
-from oarlock.live.emulators.emulated import Emulated, Place
-from oarlock.live.emulators.kinds import KINDS, Kind
+from oarlock.live.emulators.emulated import Destination, Emulated
+from oarlock.live.emulators.kinds import KINDS, EmulatorKind
 from oarlock.live.emulators.rig import rig_of
 from oarlock.live.emulators.swinging import swinging
 from oarlock.live.emulators.together import Together
@@ -65,7 +65,7 @@ class Ran:
     packets: list[Packet]
     start_ns: int
     model: oarlock.Model
-    kind: Kind
+    kind: EmulatorKind
     emulated: Emulated
     rig: Rig
 
@@ -116,8 +116,8 @@ def free_ports(count):
 def place_of(transport, folder):
     """A place of this machine that is free."""
     if transport in ("ble", "lsl"):
-        return Place(transport)
-    return Place(transport, port=free_ports(UNITS), path=folder / "line")
+        return Destination(transport)
+    return Destination(transport, port=free_ports(UNITS), path=folder / "line")
 
 
 def moved(pendulum, name, folder):

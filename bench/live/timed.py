@@ -20,7 +20,7 @@ from oarlock import load_model
 from oarlock.live.emulators.deliveries import Faults
 from oarlock.live.emulators.lines import send
 from oarlock.live.live import Live
-from oarlock.live.outputs.output import Start
+from oarlock.live.outputs.output import SessionStart
 from oarlock.live.session import Estimate
 from oarlock.live.transports.udp import Udp
 from oarlock.rowing.simulation.emulated import RATE_HZ, rowing_devices
@@ -50,7 +50,7 @@ class Timed:
         """It is its own way out."""
         return self
 
-    def start(self, start: Start) -> None:
+    def start(self, start: SessionStart) -> None:
         """Nothing to open."""
 
     def put(self, estimate: Estimate) -> None:

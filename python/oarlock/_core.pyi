@@ -15,7 +15,7 @@ from oarlock.tracking.settings import Settings
 _Floats = NDArray[np.float64]
 
 # Protocols of the package's objects that the engine reads, so that this stub imports no module that uses the engine.
-class _Base(Protocol):
+class _BaseMotion(Protocol):
     @property
     def rotation(self) -> ArrayLike: ...
     @property
@@ -107,10 +107,10 @@ class Model:
         self, q: ArrayLike, frames: Sequence[str] | None = None, lengths: ArrayLike | None = None
     ) -> FrameJacobian: ...
     def predict_measurements(
-        self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, base: _Base | None = None
+        self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, base: _BaseMotion | None = None
     ) -> _Floats: ...
     def measurement_jacobian(
-        self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, base: _Base | None = None
+        self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, base: _BaseMotion | None = None
     ) -> MeasurementJacobian: ...
 
 @final

@@ -9,7 +9,7 @@ from concurrent.futures import Future
 import oarlock
 from oarlock.live.emulators.rig import lines_rig
 from oarlock.live.guide.lead import Lead
-from oarlock.live.guide.steps import Guide, Pace
+from oarlock.live.guide.steps import Guide, GuideDurations
 from oarlock.live.live import Live
 from oarlock.live.page import page_server
 from oarlock.live.picture import LivePicture
@@ -21,7 +21,7 @@ from oarlock.rowing.simulation.guided import GuidedSculler, send_guided
 
 RATE_HZ = 50.0
 """Session, sculler and both browsers share the machine."""
-PACE = Pace(countdown_s=1.0, seconds={"turn": 40.0, "pose": 4.0, "move": 11.5})
+PACE = GuideDurations(countdown_s=1.0, seconds={"turn": 40.0, "pose": 4.0, "move": 11.5})
 """A sculler who needs no time to read."""
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from oarlock.live.decoders import DECODERS, Format
+from oarlock.live.decoders import DECODERS, WireFormat
 from oarlock.live.emulators.deliveries import Faults, deliveries
 from oarlock.live.reading import Packet, Reading
 from oarlock.live.rig import Feed, Rig, Source, streams_of
@@ -31,7 +31,7 @@ class JsonDecoder:
         return [Reading(told["device"], told["clock_s"], values, told["count"])]
 
 
-class JsonFormat(Format):
+class JsonFormat(WireFormat):
     def decoder(self, transport="", **options):
         return JsonDecoder()
 

@@ -13,7 +13,7 @@ import oarlock
 from oarlock.live.decoders.lsl import HEADER, SAMPLES
 from oarlock.live.emulators import dot, ftms
 from oarlock.live.emulators.air import Air
-from oarlock.live.emulators.emulated import Place
+from oarlock.live.emulators.emulated import Destination
 from oarlock.live.emulators.lsl import labels
 from oarlock.live.emulators.swinging import swinging
 from oarlock.live.emulators.together import Together
@@ -60,7 +60,7 @@ def run(work):
 def brief(name, seconds=1.5, **place):
     time_s = np.array([0.0, seconds])
     recording = oarlock.Recording([oarlock.ScalarStream("time", time_s, time_s)])
-    return emulated_by(name, recording, PERFECT, place=Place(**place))
+    return emulated_by(name, recording, PERFECT, place=Destination(**place))
 
 
 @asynccontextmanager

@@ -11,7 +11,7 @@ import oarlock
 from oarlock.live.channel_tables import Channels, channels
 from oarlock.live.emulators import nmea
 from oarlock.live.emulators.deliveries import Faults
-from oarlock.live.emulators.emulated import Place
+from oarlock.live.emulators.emulated import Destination
 from oarlock.live.emulators.rower import Rowing
 from oarlock.live.rig import Rig, Source
 from oarlock.live.session import LiveSession
@@ -23,7 +23,7 @@ POUND_N = 4.4482216152605
 def asked(name, faults=PERFECT, seconds=SECONDS, seed=1, **place):
     time_s = np.array([0.0, seconds])
     recording = oarlock.Recording([oarlock.ScalarStream("time", time_s, time_s)])
-    return emulated_by(name, recording, faults, seed, Place(**place))
+    return emulated_by(name, recording, faults, seed, Destination(**place))
 
 
 def heard(kind, emulated, model, folder, packets=None):

@@ -3,7 +3,7 @@
 import pytest
 
 from oarlock import SessionPlan, SessionStep
-from oarlock.live.guide.steps import Cut, Guide, Judge, Listen, Pace, Send, Swap
+from oarlock.live.guide.steps import CheckSteps, Cut, Guide, GuideDurations, Listen, Send, Swap
 from oarlock.live.guide.verdict import Verdict
 
 PLAN = SessionPlan(
@@ -15,7 +15,7 @@ PLAN = SessionPlan(
         SessionStep("zero", "mark", stream="seat", start_s=1.0, end_s=2.0),
     ),
 )
-PACE = Pace(countdown_s=3.0, seconds={"turn": 20.0, "pose": 4.0, "move": 12.0}, settle_s=0.5)
+PACE = GuideDurations(countdown_s=3.0, seconds={"turn": 20.0, "pose": 4.0, "move": 12.0}, settle_s=0.5)
 GOOD, BAD = ("pass", "Fine."), ("redo", "It was too small.")
 
 
@@ -56,7 +56,7 @@ def test_a_step_is_counted_down_done_cut_and_judged():
     guide = begun()
     orders = done(guide, 10.0)
     span = (13.0, 17.0)
-    (step,) = [one for one in orders if isinstance(one, Judge)]
+    (step,) = [one for one in orders if isinstance(one, CheckSteps)]
     assert orders[:2] == [
         Send("step", {"name": "stand", "begin_s": 13.0, "end_s": 17.0}),
         Cut("stand", span),

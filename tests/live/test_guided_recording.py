@@ -12,7 +12,7 @@ from oarlock.live.folder import CALIBRATION, PLAN, RECORDING, LiveFolder
 from oarlock.live.guide.steps import timed
 from oarlock.live.guide.verdict import Task, judged
 from oarlock.live.recorder import Recorder
-from oarlock.live.rows import Rows
+from oarlock.live.rows import StreamBuffer
 from oarlock.live.session import LiveSession, command
 from oarlock.recording.calibration import parsed_calibration
 from oarlock.rowing.simulation.guided import ERRORS
@@ -58,7 +58,7 @@ class Led:
         self.model, self.found, self.done = model, [], set()
         rig = rig_of(model, recording, wait_s=0.05)
         self.place = LiveFolder.create(folder, rig, None, START_NS, trial.plan)
-        self.session, self.rows = LiveSession(rig, model, START_NS), Rows(rig)
+        self.session, self.rows = LiveSession(rig, model, START_NS), StreamBuffer(rig)
         self.session.listeners.append(self.rows.add)
         self.recorder = Recorder(self.place.disk)
         moves = {s.name for s in trial.plan.steps if s.kind == "move"}

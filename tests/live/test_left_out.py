@@ -6,7 +6,7 @@ import pytest
 from senders import START_NS
 
 from oarlock.live import health as health_module
-from oarlock.live.disk import Disk
+from oarlock.live.disk import SessionDisk
 from oarlock.live.emulators.rig import LINES, lines_rig
 from oarlock.live.event_log import EventLog, read_events
 from oarlock.live.health import Watch
@@ -164,7 +164,7 @@ def test_a_command_that_is_none_changes_nothing_live_and_later(session, order):
 
 
 def test_the_log_keeps_whole_lines(tmp_path):
-    log = EventLog(Disk(tmp_path))
+    log = EventLog(SessionDisk(tmp_path))
     log.write(1.234, "back is silent")
     log.close()
     with (tmp_path / "events.jsonl").open("a") as file:

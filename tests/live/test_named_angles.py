@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import oarlock
-from oarlock.live.named_angles import NamedAngles, joints_with_names
+from oarlock.live.named_angles import LiveAngles, joints_with_names
 from oarlock.model.angle_sequence import angle_stds, angles_from_quat
 from oarlock.model.coordinates import joint_columns
 from oarlock.model.rotation import quat_from_rotvec
@@ -30,7 +30,7 @@ def test_they_are_those_of_the_whole_track_but_for_full_turns(name):
     model = oarlock.load_model(name)
     q = waved(model)
     std = np.full_like(q, 0.02)
-    angles = NamedAngles(model)
+    angles = LiveAngles(model)
     rows = np.array([angles.of(*pair) for pair in zip(q, std, strict=True)])
     columns = joint_columns(model.coordinate_names)
     found = 0
@@ -52,7 +52,7 @@ def test_a_joint_that_nothing_measures_has_no_angles():
     model = oarlock.load_model("full_body")
     q = waved(model, 2)
     q[1, [list(model.coordinate_names).index("shoulder_l.ry")]] = np.nan
-    angles = NamedAngles(model)
+    angles = LiveAngles(model)
     assert np.isfinite(angles.of(q[0], q[0] * 0 + 0.1)).all()
     unknown = [
         name for name, value in zip(angles.names, angles.of(q[1], q[1])[0], strict=True) if np.isnan(value)
@@ -61,6 +61,6 @@ def test_a_joint_that_nothing_measures_has_no_angles():
 
 
 def test_a_body_without_ball_joints_has_none(sculler):
-    angles = NamedAngles(sculler)
+    angles = LiveAngles(sculler)
     q = np.zeros(len(sculler.coordinate_names))
     assert angles.names == () and angles.of(q, q)[0].shape == (0,)

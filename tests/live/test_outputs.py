@@ -16,12 +16,12 @@ from senders import with_test_format
 
 import oarlock
 from oarlock.live.frame import frame_of
-from oarlock.live.named_angles import NamedAngles
+from oarlock.live.named_angles import LiveAngles
 from oarlock.live.outputs import output as output_module
 from oarlock.live.outputs.choose import outputs_of
 from oarlock.live.outputs.datagrams import Datagrams, json_line, osc_bundle
 from oarlock.live.outputs.lsl import LslStreams, channels_of
-from oarlock.live.outputs.output import MOST_ESTIMATES, Output, Start
+from oarlock.live.outputs.output import MOST_ESTIMATES, Output, SessionStart
 from oarlock.live.outputs.table import Outputs, destination
 from oarlock.live.rig import Rig
 from oarlock.live.session import Estimate
@@ -29,7 +29,7 @@ from oarlock.live.transports.transport import now_ns
 from oarlock.storage.errors import DataError
 from refusals import assert_refused
 
-START = Start(7_000_000_000, 1_795_424_400.25)
+START = SessionStart(7_000_000_000, 1_795_424_400.25)
 STROKE = {
     "type": "stroke",
     "number": 3,
@@ -71,7 +71,7 @@ def until(is_so):
 def test_osc_bundles_are_what_an_independent_reader_expects():
     model = oarlock.load_model("upper_body")
     (estimate,) = estimates(model, 1)
-    frame = frame_of(estimate, model, named=NamedAngles(model))
+    frame = frame_of(estimate, model, named=LiveAngles(model))
     bundle = OscBundle(osc_bundle(frame, START))
     assert bundle.timestamp == pytest.approx(START.epoch_s + estimate.time_s, abs=1e-6)
     found = {message.address: message.params for message in bundle}
@@ -98,7 +98,7 @@ def test_strokes_and_events_as_osc():
 
 @given(st.floats(0, 1e6), st.floats(0, 4e9))
 def test_time_tags_are_the_moment_that_a_message_is_about(time_s, epoch_s):
-    packet = osc_bundle({**EVENT, "time_s": time_s}, Start(0, epoch_s))
+    packet = osc_bundle({**EVENT, "time_s": time_s}, SessionStart(0, epoch_s))
     tag = int.from_bytes(packet[8:16], "big")
     since_1900_s = (time_s + epoch_s + 2_208_988_800) % 2**32
     assert tag / 2**32 == pytest.approx(since_1900_s, abs=2 * ULP_S)
@@ -279,9 +279,7 @@ def test_channels_of_lsl_have_names_units_and_standard_deviations():
     model = oarlock.load_model("upper_body")
     channels = list(channels_of(model))
     labels = [label for label, _, _ in channels]
-    assert (
-        len(set(labels)) == len(labels) == 2 * (len(model.coordinate_names) + len(NamedAngles(model).names))
-    )
+    assert len(set(labels)) == len(labels) == 2 * (len(model.coordinate_names) + len(LiveAngles(model).names))
     units = {label: (unit, kind) for label, unit, kind in channels}
     assert units["pelvis.x"] == ("m", "Position") and units["pelvis.x_std"] == ("m", "StandardDeviation")
     assert units["shoulder_elevation_r"] == ("rad", "Angle") and units["pelvis.rx"] == ("rad", "Angle")
@@ -290,7 +288,7 @@ def test_channels_of_lsl_have_names_units_and_standard_deviations():
 def test_lsl_carries_angles_with_the_time_of_the_estimate_and_strokes_as_markers(sculler):
     pylsl = own_lsl()
     output = Output(LslStreams("boat", sculler, 100.0), sculler)
-    start = Start(now_ns() - 20_000_000_000, 0.0)
+    start = SessionStart(now_ns() - 20_000_000_000, 0.0)
     start_lsl_s = pylsl.local_clock() - 20.0
     output.start(start)
     inlets = {}

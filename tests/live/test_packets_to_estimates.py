@@ -6,7 +6,7 @@ from senders import START_NS, packets_of, rig_of, with_test_format
 
 import oarlock
 from oarlock import rowing
-from oarlock.live.disk import Disk
+from oarlock.live.disk import SessionDisk
 from oarlock.live.recorder import Recorder, read_packets
 from oarlock.live.session import LiveSession, command, recorded
 
@@ -22,7 +22,7 @@ def rowed(sculler):
 
 def lived(rig, model, packets, folder):
     """A session from its packets, recorded as it runs; tracking begins at 3 s."""
-    session, recorder, found = LiveSession(rig, model, START_NS), Recorder(Disk(folder)), []
+    session, recorder, found = LiveSession(rig, model, START_NS), Recorder(SessionDisk(folder)), []
     track = command(START_NS + 3_000_000_000, "track")
     ordered = sorted([*packets, track], key=lambda packet: packet.arrival_ns)
     for packet in [*ordered, command(packets[-1].arrival_ns + 1, "stop")]:

@@ -14,7 +14,7 @@ import oarlock
 from oarlock.live.client import socket_address
 from oarlock.live.frame import SCHEMA
 from oarlock.live.live import Live
-from oarlock.live.named_angles import NamedAngles, joints_with_names
+from oarlock.live.named_angles import LiveAngles, joints_with_names
 from oarlock.live.page import page_files
 from oarlock.live.session import LiveSession
 from oarlock.storage.errors import DataError
@@ -106,7 +106,7 @@ def test_the_first_message_names_every_coordinate_with_its_unit(name, tmp_path):
     told = hello(live, more={"strokes": STROKES})
     joints = {joint["name"]: joint for joint in told["joints"]}
     is_rotation = {f"{joint}.r{axis}" for joint in joints_with_names(model) for axis in "xyz"}
-    assert set(joints) == {*model.coordinate_names, *NamedAngles(model).names} - is_rotation
+    assert set(joints) == {*model.coordinate_names, *LiveAngles(model).names} - is_rotation
     assert len(joints) == len(told["joints"]) == len(model.coordinate_names)
     assert ("shoulder_elevation_r" in joints) == (name == "full_body")
     assert told["strokes"] == STROKES and told["title"] == name and told["figure"] is None

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from oarlock.live import recorder as recorder_module
-from oarlock.live.disk import Disk
+from oarlock.live.disk import SessionDisk
 from oarlock.live.reading import Packet
 from oarlock.live.recorder import Damage, Recorder, read_packets
 from refusals import assert_refused
@@ -26,7 +26,7 @@ def packets(count, seed=0):
 
 
 def written(folder, sent):
-    recorder = Recorder(Disk(folder))
+    recorder = Recorder(SessionDisk(folder))
     for packet in sent:
         recorder.write(packet)
     recorder.close()
@@ -100,7 +100,7 @@ def test_a_full_disk_is_told_and_nothing_is_lost_when_there_is_room_again(tmp_pa
     monkeypatch.setattr(recorder_module, "write_all", refused)
     monkeypatch.setattr(recorder_module, "PAGE_S", 0.01)
     sent = packets(300)
-    recorder = Recorder(Disk(tmp_path))
+    recorder = Recorder(SessionDisk(tmp_path))
     full[0] = True
     for packet in sent[:200]:
         recorder.write(packet)
@@ -117,7 +117,7 @@ def test_a_full_disk_is_told_and_nothing_is_lost_when_there_is_room_again(tmp_pa
 
 def test_what_finds_no_room_in_memory_is_counted(tmp_path, monkeypatch):
     monkeypatch.setattr(recorder_module, "HELD_BYTES", 1000)
-    recorder = Recorder(Disk(tmp_path))
+    recorder = Recorder(SessionDisk(tmp_path))
     sent = [Packet("a", "", "", n, bytes(200)) for n in range(20)]
     for packet in sent:
         recorder.write(packet)
@@ -129,10 +129,10 @@ def test_what_finds_no_room_in_memory_is_counted(tmp_path, monkeypatch):
 SENDER = """
 import os, sys, time
 from pathlib import Path
-from oarlock.live.disk import Disk
+from oarlock.live.disk import SessionDisk
 from oarlock.live.recorder import Recorder
 from oarlock.live.reading import Packet
-recorder = Recorder(Disk(Path(sys.argv[1])))
+recorder = Recorder(SessionDisk(Path(sys.argv[1])))
 while True:
     now_ns = time.monotonic_ns()
     recorder.write(Packet("a", "", "", now_ns, bytes(60)))
@@ -158,5 +158,5 @@ def test_a_kill_loses_what_came_since_the_last_page(tmp_path, alive_s):
 
 def test_a_place_that_cannot_be_written_or_has_no_packets_is_refused(tmp_path):
     (tmp_path / "file").write_text("x")
-    assert_refused(lambda: Recorder(Disk(tmp_path / "file")), "file", "cannot be written")
+    assert_refused(lambda: Recorder(SessionDisk(tmp_path / "file")), "file", "cannot be written")
     assert_refused(lambda: list(read_packets(tmp_path)), "has no file of packets")

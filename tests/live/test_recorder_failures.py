@@ -10,7 +10,7 @@ import pytest
 
 from oarlock.live import disk as disk_module
 from oarlock.live import recorder as recorder_module
-from oarlock.live.disk import Disk
+from oarlock.live.disk import SessionDisk
 from oarlock.live.reading import Packet
 from oarlock.live.recorder import Recorder, packet_files, read_packets
 from refusals import assert_refused
@@ -65,7 +65,7 @@ STEPS = {
 @pytest.mark.parametrize("at", [2, 3, 4])
 def test_a_step_that_fails_once_costs_nothing(step, at, tmp_path, monkeypatch):
     owner, name, code = STEPS[step]
-    recorder, sent = Recorder(Disk(tmp_path)), packets()
+    recorder, sent = Recorder(SessionDisk(tmp_path)), packets()
     failing = Failing(getattr(owner, name), at, code)
     with monkeypatch.context() as patch:
         patch.setattr(owner, name, lambda *given, **keys: failing(*given, **keys))
@@ -87,7 +87,7 @@ def test_a_place_that_fails_for_good_is_replaced_by_the_second(tmp_path, monkeyp
     first, second = tmp_path / "first", tmp_path / "second"
     first.mkdir()
     (first / "rig.toml").write_text("of an earlier session")
-    recorder, sent = Recorder(Disk(first, second, {"rig.toml": "x"})), packets()
+    recorder, sent = Recorder(SessionDisk(first, second, {"rig.toml": "x"})), packets()
     write, full = recorder_module.write_all, [False]
 
     def refused(file, content):
@@ -118,7 +118,7 @@ def test_a_place_that_fails_for_good_is_replaced_by_the_second(tmp_path, monkeyp
 def test_a_folder_that_is_removed_or_moved_is_written_again(is_moved, is_refused, tmp_path, monkeypatch):
     monkeypatch.setattr(disk_module, "PATIENCE_S", 0.0)
     today, second = tmp_path / "today", tmp_path / "second"
-    recorder, sent = Recorder(Disk(today, second, {"rig.toml": "x"})), packets(200)
+    recorder, sent = Recorder(SessionDisk(today, second, {"rig.toml": "x"})), packets(200)
 
     def meanwhile(number):
         if number == 140:
@@ -140,7 +140,7 @@ def test_a_disk_that_hangs_is_named_and_holds_up_nobody(tmp_path, monkeypatch):
     monkeypatch.setattr(disk_module, "ANSWER_S", 0.01)
     answers, write = threading.Event(), recorder_module.write_all
     monkeypatch.setattr(recorder_module, "write_all", lambda *given: answers.wait() and write(*given))
-    recorder, sent, said = Recorder(Disk(tmp_path)), packets(50), []
+    recorder, sent, said = Recorder(SessionDisk(tmp_path)), packets(50), []
     for packet in sent:
         recorder.write(packet)
     while not said:
@@ -158,11 +158,11 @@ def test_a_thread_that_cannot_be_started_is_an_error(tmp_path, monkeypatch):
         raise RuntimeError("can't start new thread")
 
     monkeypatch.setattr(recorder_module.threading.Thread, "start", refused)
-    assert_refused(lambda: Recorder(Disk(tmp_path)), "cannot be written", "thread")
+    assert_refused(lambda: Recorder(SessionDisk(tmp_path)), "cannot be written", "thread")
 
 
 def test_an_error_that_nobody_foresaw_does_not_end_the_thread(tmp_path, monkeypatch):
-    recorder, sent = Recorder(Disk(tmp_path)), packets(100)
+    recorder, sent = Recorder(SessionDisk(tmp_path)), packets(100)
     failing = [True]
 
     def page(given, whole=recorder_module._page):
@@ -208,7 +208,7 @@ def test_pages_with_a_right_checksum_and_wrong_lengths_are_damage(tmp_path):
 
 
 def test_a_text_that_is_none_holds_up_nothing(tmp_path):
-    recorder = Recorder(Disk(tmp_path))
+    recorder = Recorder(SessionDisk(tmp_path))
     sent = [Packet("u", "half \ud800, byte \udc80", "c", n, b"x") for n in range(3)]
     send(recorder, sent)
     recorder.close()

@@ -24,11 +24,11 @@ from command_line import run
 from oarlock.live.decoders import ximu3_announcement as announcements
 from oarlock.live.reading import Packet
 from oarlock.live.rig import Source
-from oarlock.live.scan.finding import Finding, Part, devices_of, received_together
+from oarlock.live.scan.finding import DevicePart, Sender, devices_of, received_together
 from oarlock.live.scan.network import Network
 from oarlock.live.scan.recognition import recognised
 from oarlock.live.scan.source_words import source_of, words_of
-from oarlock.live.transports.radio import Found, RadioError
+from oarlock.live.transports.radio import BleAdvertisement, RadioError
 from oarlock.live.transports.udp import free_port
 from oarlock.storage.errors import DataError
 
@@ -85,7 +85,7 @@ def test_loss_and_battery_are_told():
 
 def test_devices_have_the_shortest_names_that_tell_them_apart():
     def finding(address, *parts):
-        return Finding("", address, Source("", "lines", "udp"), tuple(Part(name, {}) for name in parts))
+        return Sender("", address, Source("", "lines", "udp"), tuple(DevicePart(name, {}) for name in parts))
 
     several = [
         finding("10.0.0.1:5", "hand", "back"),
@@ -99,9 +99,9 @@ def test_devices_have_the_shortest_names_that_tell_them_apart():
 
 def test_units_that_are_listed_need_one_source():
     def unit(serial):
-        return Finding("", serial, Source("", "ximu3", "tcp", {"units": [serial]}))
+        return Sender("", serial, Source("", "ximu3", "tcp", {"units": [serial]}))
 
-    other = Finding("", "10.0.0.1:5", Source("", "lines", "udp", {"port": 9000}))
+    other = Sender("", "10.0.0.1:5", Source("", "lines", "udp", {"port": 9000}))
     (first, both), (second, _) = received_together([unit("AA"), other, unit("BB")])
     assert first.options == {"units": ["AA", "BB"]} and len(both) == 2
     assert second.options == {"port": 9000}
@@ -248,9 +248,9 @@ class Radio:
 
 def test_bluetooth_devices_are_named_by_their_kind(monkeypatch):
     radio = Radio(
-        Found("D4:22:CD:00:00:01", "Movella DOT", (), -60.0),
-        Found("F0:00:00:00:00:02", "PM5 430123456", (), -71.0),
-        Found("AA:AA:AA:AA:AA:03", "Television", (), -80.0),
+        BleAdvertisement("D4:22:CD:00:00:01", "Movella DOT", (), -60.0),
+        BleAdvertisement("F0:00:00:00:00:02", "PM5 430123456", (), -71.0),
+        BleAdvertisement("AA:AA:AA:AA:AA:03", "Television", (), -80.0),
     )
     monkeypatch.setattr("oarlock.live.transports.ble.own_radio", lambda: radio)
     while_listening(monkeypatch)

@@ -14,7 +14,7 @@ from oarlock.live.live import LOOK_S
 from oarlock.live.session import LiveSession, command
 from oarlock.live.swaps.search import Seen, looked
 from oarlock.live.swaps.swaps import CALM_AFTER, Swaps, Verdicts, suspected, swapping
-from oarlock.live.swaps.window import WINDOW_S, Layout
+from oarlock.live.swaps.window import WINDOW_S, WindowLayout
 from oarlock.recording.corrections import corrected
 from oarlock.rowing import FieldEffects, simulate_field
 from oarlock.storage.errors import DataError
@@ -204,7 +204,7 @@ def test_a_unit_in_anothers_place_is_turned_as_that_one_is_mounted(sculler, rowe
             for s in rowed[1].streams
         ]
     )
-    plain, worn = Layout.of(sculler, None), Layout.of(sculler, calibration)
+    plain, worn = WindowLayout.of(sculler, None), WindowLayout.of(sculler, calibration)
     one, other = plain.seen(rowed[1], 2.0), worn.seen(corrected(turned, calibration), 2.0)
     np.testing.assert_allclose(one, other, atol=1e-9)
     pair = ("back", "r_forearm")
@@ -250,7 +250,7 @@ def test_what_is_not_clear_is_not_suspected(seen):
 
 
 def test_a_window_has_all_readings_of_its_time(sculler, rowed):
-    layout = Layout.of(sculler, None)
+    layout = WindowLayout.of(sculler, None)
     seen = layout.seen(rowed[1], 2.0)
     assert np.isfinite(seen).all()
     back = rowed[1]["back"]

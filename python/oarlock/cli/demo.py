@@ -35,7 +35,7 @@ SEED = 0
 BEFORE_FASTEST_TURN_S = 3.85
 
 
-class Scored(NamedTuple):
+class DemoResult(NamedTuple):
     """A track with its evaluation and the path of its report."""
 
     track: Track
@@ -46,7 +46,7 @@ class Scored(NamedTuple):
 class Pendulum(NamedTuple):
     """Result of the pendulum: evaluation before the reference fails, and the calibrated mounts."""
 
-    scored: Scored
+    scored: DemoResult
     early: Evaluation
     calibration: Calibration
 
@@ -83,7 +83,7 @@ def demo(
 # --- sculler ------------------------------------------------------------------------------------------
 
 
-def _sculler(folder: Path, place: Path) -> tuple[Scored, Scored]:
+def _sculler(folder: Path, place: Path) -> tuple[DemoResult, DemoResult]:
     """Simulate, track, smooth and score; return the results of filter and smoother. `place`: where it will be."""
     import oarlock
     from oarlock.rowing.simulation.experiment import simulate_sculling
@@ -100,11 +100,11 @@ def _sculler(folder: Path, place: Path) -> tuple[Scored, Scored]:
     for name, track in (("filter", filtered), ("smoother", smoothed)):
         evaluation = oarlock.evaluate(track, truth)
         write_folder(track, folder / name, evaluation=evaluation, truth=truth)
-        results.append(Scored(track, evaluation, place / name / "report.html"))
+        results.append(DemoResult(track, evaluation, place / name / "report.html"))
     return results[0], results[1]
 
 
-def _write_sculler(filtered: Scored, smoothed: Scored) -> None:
+def _write_sculler(filtered: DemoResult, smoothed: DemoResult) -> None:
     from oarlock.evaluation.summary import summarize
 
     summary = summarize(filtered.track)
@@ -160,7 +160,7 @@ def _sculler_row(
     )
 
 
-def _mean(scored: Scored) -> str:
+def _mean(scored: DemoResult) -> str:
     joints = [name for name in paper.table_5(CONDITION) if name != "seat"]
     return number(scored.evaluation.mean_rmse_deg(joints), ".3f")
 
@@ -197,7 +197,7 @@ def _pendulum(folder: Path, place: Path) -> Pendulum:
     vendor = angles_from_orientations(model, recording, orientations, calibration)
     # The verdict of the report is about the time in which the reference is right.
     write_folder(track, folder, evaluation=early, truth=vendor.track)
-    return Pendulum(Scored(track, whole, place / "report.html"), early, calibration)
+    return Pendulum(DemoResult(track, whole, place / "report.html"), early, calibration)
 
 
 def _write_pendulum(result: Pendulum) -> None:
@@ -245,7 +245,7 @@ def _write_pendulum(result: Pendulum) -> None:
 # --- both ---------------------------------------------------------------------------------------------
 
 
-def _write_end(sculler: Scored, pendulum: Scored) -> None:
+def _write_end(sculler: DemoResult, pendulum: DemoResult) -> None:
     say()
     page().rule("Results", align="left", style="dim")
     table(
@@ -258,12 +258,12 @@ def _write_end(sculler: Scored, pendulum: Scored) -> None:
     )
 
 
-def _two(scored: Scored) -> tuple[str, str]:
+def _two(scored: DemoResult) -> tuple[str, str]:
     scores = scored.evaluation
     return number(scores.mean_rmse_deg(), ".3f"), number(scores.worst_rmse_deg(), ".3f")
 
 
-def _document(filtered: Scored, smoothed: Scored, pendulum: Pendulum) -> dict[str, object]:
+def _document(filtered: DemoResult, smoothed: DemoResult, pendulum: Pendulum) -> dict[str, object]:
     from oarlock.evaluation.summary import summarize
 
     return {

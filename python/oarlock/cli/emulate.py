@@ -16,7 +16,7 @@ from oarlock.cli.terminal import UsageError, say, steps, table, verb
 
 if TYPE_CHECKING:
     from oarlock.live.emulators.emulated import Emulated
-    from oarlock.live.emulators.kinds import Kind
+    from oarlock.live.emulators.kinds import EmulatorKind
 
 
 def add_to(app: typer.Typer) -> None:
@@ -88,7 +88,7 @@ def emulate(
     bursts, losses and dropouts can be added.
     """
     from oarlock.live.emulators.deliveries import Faults
-    from oarlock.live.emulators.emulated import Place
+    from oarlock.live.emulators.emulated import Destination
 
     if show or not kind:
         _list()
@@ -96,7 +96,7 @@ def emulate(
     chosen = _kind(kind)
     faults = Faults(drift_ppm, least_ms, jitter_ms, burst, loss, tuple(map(_dropout, dropout or ())))
     asked = _moving(model, folder, rate_hz or chosen.rate_hz, seed)
-    place = Place(transport, host, port, path, adapter)
+    place = Destination(transport, host, port, path, adapter)
     emulated = chosen.emulated(replace(_only(asked, units), faults=faults, seed=seed, place=place, say=say))
     if rig is not None:
         _write_rig(chosen, emulated, model, rig, force)
@@ -112,7 +112,7 @@ def _list() -> None:
     table(("kind", "transports", ">Hz", ">port", "sends"), rows)
 
 
-def _kind(name: str) -> Kind:
+def _kind(name: str) -> EmulatorKind:
     from oarlock.live.emulators.kinds import KINDS
     from oarlock.storage.suggest import did_you_mean
 
@@ -157,7 +157,7 @@ def _only(asked: Emulated, units: str) -> Emulated:
     return replace(asked, recording=Recording([s for s in asked.recording.streams if s.name in wanted]))
 
 
-def _write_rig(kind: Kind, emulated: Emulated, model: str, file: Path, force: bool) -> None:
+def _write_rig(kind: EmulatorKind, emulated: Emulated, model: str, file: Path, force: bool) -> None:
     import oarlock
     from oarlock.live.emulators.rig import rig_of
     from oarlock.live.rig import rig_document
@@ -175,7 +175,7 @@ def _write_rig(kind: Kind, emulated: Emulated, model: str, file: Path, force: bo
     steps(f"oarlock live run {file} --out today")
 
 
-async def _until_stopped(kind: Kind, emulated: Emulated, seconds: float | None) -> None:
+async def _until_stopped(kind: EmulatorKind, emulated: Emulated, seconds: float | None) -> None:
     running = asyncio.ensure_future(kind.device.emulate(emulated))
     loop = asyncio.get_running_loop()
     for stopped in (signal.SIGINT, signal.SIGTERM):

@@ -15,7 +15,7 @@ from oarlock.cli.made_verb import made_verb
 from oarlock.cli.options import Force, Json, OutFolder, example
 from oarlock.cli.session_options import SESSION_OPTIONS, taken_session
 from oarlock.cli.terminal import print_json
-from oarlock.formats.importers import FORMATS, Format
+from oarlock.formats.importers import FORMATS, ImportFormat
 
 
 class FormatOrPath(TyperGroup):
@@ -43,7 +43,7 @@ def add_to(app: typer.Typer) -> None:
     app.add_typer(group, name="import")
 
 
-def _reader(one: Format) -> Callable[..., None]:
+def _reader(one: ImportFormat) -> Callable[..., None]:
     """The verb of a format. Typer takes the options from the signature."""
 
     def run(path: Path, out: Path, force: bool, json_output: bool, **options: Any) -> None:

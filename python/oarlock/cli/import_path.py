@@ -33,7 +33,7 @@ from oarlock.cli.unit_options import UNIT_OPTIONS, Naming, taken_naming
 if TYPE_CHECKING:
     from oarlock import Recording
     from oarlock.formats.contents import Contents
-    from oarlock.formats.listing import Found
+    from oarlock.formats.listing import FileMatch
 
 PATH_VERB: Final = "PATH"
 """Name of the verb in the help; no format has capitals."""
@@ -172,7 +172,7 @@ def _found(path: Path, asks: bool) -> Contents:
             prefer.append(str(_answer(unclear)))
 
 
-def _read(found: Found, asks: bool, options: Mapping[str, object]) -> Recording:
+def _read(found: FileMatch, asks: bool, options: Mapping[str, object]) -> Recording:
     """Read a recording; on a terminal ask what is not clear."""
     from oarlock.formats.choices import UnclearError
     from oarlock.formats.contents import format_of, read_found

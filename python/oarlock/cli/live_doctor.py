@@ -14,7 +14,7 @@ from oarlock.cli.options import Json, example
 from oarlock.cli.terminal import EXIT_DATA, checklist, heading, print_json, progress, say, steps, verb
 
 if TYPE_CHECKING:
-    from oarlock.live.doctor.check import Check
+    from oarlock.live.doctor.check import Diagnosis
 
 
 def add_to(group: typer.Typer) -> None:
@@ -65,7 +65,7 @@ def doctor(
         raise typer.Exit(EXIT_DATA)
 
 
-def _write(checks: Sequence[Check], title: str) -> None:
+def _write(checks: Sequence[Diagnosis], title: str) -> None:
     if checks:
         heading(title)
         checklist([(check.state, check.about, check.text, check.tries) for check in checks])

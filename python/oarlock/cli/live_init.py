@@ -17,7 +17,7 @@ from oarlock.cli.terminal import UsageError, free_file, heading, number, print_j
 if TYPE_CHECKING:
     from oarlock import Model
     from oarlock.live.scan.finding import Scan
-    from oarlock.live.scan.matching import Candidate
+    from oarlock.live.scan.matching import DeviceCandidate
     from oarlock.live.scan.rig_text import RigDraft
 
 
@@ -109,7 +109,7 @@ def _beside(file: str | Path | None, folder: Path) -> str:
     return Path(os.path.relpath(path, folder)).as_posix() if path.suffix == ".toml" else str(file)
 
 
-def _chosen(stream: str, free: Sequence[Candidate]) -> Candidate | None:
+def _chosen(stream: str, free: Sequence[DeviceCandidate]) -> DeviceCandidate | None:
     """The device that the person at the terminal names."""
     say(f"\nWhich device feeds {stream}?")
     for place, one in enumerate(free, 1):

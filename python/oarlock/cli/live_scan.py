@@ -26,8 +26,8 @@ from oarlock.cli.terminal import (
 
 if TYPE_CHECKING:
     from oarlock.live.rig import Source
-    from oarlock.live.scan.finding import Device, Finding, Problem, Scan
-    from oarlock.live.scan.scan import Asked
+    from oarlock.live.scan.finding import Scan, ScanDevice, ScanProblem, Sender
+    from oarlock.live.scan.scan import ScanRequest
 
 _TICK_S = 0.1
 PLACES = "network, ble, lsl, serial"
@@ -90,7 +90,7 @@ def scan(
     )
 
 
-def asked(seconds: float, only: str | None, sources: list[str] | None, connects: bool) -> Asked:
+def asked(seconds: float, only: str | None, sources: list[str] | None, connects: bool) -> ScanRequest:
     """What the options of a scan ask for.
 
     Raises:
@@ -109,10 +109,10 @@ def asked(seconds: float, only: str | None, sources: list[str] | None, connects:
         opened = [source_of(text) for text in sources or ()]
     except DataError as error:
         raise UsageError(str(error)) from None
-    return places.Asked(seconds, chosen, opened, connects)
+    return places.ScanRequest(seconds, chosen, opened, connects)
 
 
-def look(what: Asked) -> Scan:
+def look(what: ScanRequest) -> Scan:
     """Scan, with a bar that shows the time."""
     from oarlock.live.scan.scan import scan as look_everywhere
 
@@ -150,7 +150,7 @@ def write_scan(found: Scan, every: bool = False) -> None:
     write_problems(found.problems)
 
 
-def write_problems(problems: tuple[Problem, ...]) -> None:
+def write_problems(problems: tuple[ScanProblem, ...]) -> None:
     """Prints where the scan could not look."""
     if problems:
         heading("Could not look everywhere")
@@ -158,7 +158,7 @@ def write_problems(problems: tuple[Problem, ...]) -> None:
             say(f"{problem.where}: {problem.text}", indent=2)
 
 
-def _write_source(source: Source, senders: list[Finding]) -> None:
+def _write_source(source: Source, senders: list[Sender]) -> None:
     from oarlock.live.decoders import DECODERS
     from oarlock.live.scan.finding import devices_of
     from oarlock.live.scan.source_words import words_of
@@ -175,7 +175,7 @@ def _write_source(source: Source, senders: list[Finding]) -> None:
     say(f"rig file: {words_of(source)}", style="dim", indent=2)
 
 
-def _row(one: Device, origin: str) -> tuple[str, ...]:
+def _row(one: ScanDevice, origin: str) -> tuple[str, ...]:
     from oarlock.live.scan.finding import sends
 
     part, found = one.part, one.finding

@@ -17,7 +17,7 @@ from oarlock.model.description import (
     SensorDescription,
 )
 from oarlock.model.layout import blocks, parts_of, quantities, rows_of
-from oarlock.report.pose_picture.skeleton import Skeleton, views
+from oarlock.report.pose_picture.skeleton import StickFigure, views
 
 _SI = {"hinge": "rad", "slide": "m"}
 
@@ -37,7 +37,7 @@ def write(model: ModelDescription) -> None:
     _layout(model)
 
 
-def write_pose(body: Skeleton, given: Sequence[str]) -> None:
+def write_pose(body: StickFigure, given: Sequence[str]) -> None:
     """Prints where the frames are in a pose; frames at one point have one row."""
     heading("Pose", ", ".join(["at rest", *given, "--svg FILE draws it"]))
     side, front = views(body)

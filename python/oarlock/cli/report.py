@@ -16,7 +16,7 @@ from oarlock.cli.terminal import UsageError, free_file, print_json, progress, sa
 if TYPE_CHECKING:
     from oarlock import Evaluation, Track
     from oarlock.rowing import Activity, StrokeTable
-    from oarlock.rowing.findings.rowed import Kept
+    from oarlock.rowing.findings.rowed import StoredStrokes
 
 
 CLASSES = (
@@ -154,7 +154,7 @@ def report(
     known = load_track(truth_folder(truth)) if truth is not None else None
     other = load_track(compare) if compare is not None else None
     given = [None if place is None else (Folder(place.name), load_track(place)) for place in (last, best)]
-    earlier = Earlier(given[0], given[1])
+    earlier = ReportComparisons(given[0], given[1])
     if season is not None:
         earlier = _from_season(season, athletes, track, earlier)
     export = _measured_beside(track, out, beside, offset)
@@ -187,15 +187,17 @@ def report(
     say(f"Wrote {' and '.join(str(path) for path in written)}")
 
 
-class Earlier(NamedTuple):
+class ReportComparisons(NamedTuple):
     """Names and tracks, or strokes, of the athlete's last and best piece; which of a season they are."""
 
-    last: tuple[str, Track] | Kept | None = None
-    best: tuple[str, Track] | Kept | None = None
+    last: tuple[str, Track] | StoredStrokes | None = None
+    best: tuple[str, Track] | StoredStrokes | None = None
     notes: tuple[str, ...] = ()
 
 
-def _from_season(address: str, names: Path | None, track: Track, given: Earlier) -> Earlier:
+def _from_season(
+    address: str, names: Path | None, track: Track, given: ReportComparisons
+) -> ReportComparisons:
     """With what the season has in place of what was not given."""
     from oarlock.rowing.report.write import is_of_rower
     from oarlock.season import NamesFile, earlier_pieces, open_season
@@ -208,7 +210,7 @@ def _from_season(address: str, names: Path | None, track: Track, given: Earlier)
     known = {} if names is None else NamesFile.read(names).pseudonyms
     with progress("looking in the season"):
         found = earlier_pieces(season, track, known, last=given.last is None, best=given.best is None)
-    return Earlier(given.last or found.last, given.best or found.best, found.notes)
+    return ReportComparisons(given.last or found.last, given.best or found.best, found.notes)
 
 
 def _measured_beside(
@@ -244,7 +246,7 @@ def _write_front(
     track: Track,
     path: Path,
     card: bool,
-    earlier: Earlier,
+    earlier: ReportComparisons,
     other: Track | None,
     names: tuple[str, str],
     targets: str | None,
@@ -267,7 +269,7 @@ def _write_front(
         return (write_card if card else write_summary)(track, path, title, front)
 
 
-def _of_rowers(earlier: Earlier, other: Track | None, targets: str | None) -> dict[str, object]:
+def _of_rowers(earlier: ReportComparisons, other: Track | None, targets: str | None) -> dict[str, object]:
     """Options that need strokes, with what was given."""
     return {"--compare": other, "--targets": targets, "--last": earlier.last, "--best": earlier.best}
 
@@ -288,13 +290,13 @@ def write_any_report(
     other: Track | None = None,
     names: tuple[str, str] = ("", ""),
     targets: str | None = None,
-    earlier: Earlier | None = None,
+    earlier: ReportComparisons | None = None,
     export: tuple[StrokeTable | Activity, float | None] | None = None,
 ) -> list[Path]:
     """Write the report of any model; add strokes for rowers. Return the written files, the report first."""
     from oarlock.rowing.report.write import is_of_rower, write_rowing_report
 
-    earlier = earlier or Earlier()
+    earlier = earlier or ReportComparisons()
     if is_of_rower(track):
         with progress("writing the report") as told:
             return write_rowing_report(

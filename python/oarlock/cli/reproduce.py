@@ -22,7 +22,7 @@ from oarlock.cli.terminal import (
 )
 
 if TYPE_CHECKING:
-    from oarlock.lab.reproduce.contents import Part
+    from oarlock.lab.reproduce.contents import PaperPart
 
 RUN_FILE = "run.toml"
 PAIRS, WIDEST = 5, 6
@@ -86,7 +86,7 @@ def reproduce(
 
     Finished parts are kept in FOLDER/parts: after Ctrl-C the same command continues from there.
     """
-    from oarlock.lab.reproduce.kept import FOLDER, Kept
+    from oarlock.lab.reproduce.kept import FOLDER, PartCache
     from oarlock.lab.reproduce.reproduce import PARTS
     from oarlock.lab.reproduce.reproduce import reproduce as run
 
@@ -95,7 +95,7 @@ def reproduce(
         raise UsageError(f"{', '.join(chosen)}: one of them is named twice")
     count = seeds if seeds is not None else (3 if seed is None else 1)
     numbers = tuple(range(seed or 0, (seed or 0) + count))
-    kept, skipped = Kept(out / FOLDER, numbers, duration_s), []
+    kept, skipped = PartCache(out / FOLDER, numbers, duration_s), []
     with output_folder(out, "reproduction", force, beside=FOLDER) as stage:
         for key in chosen if anew else ():
             kept.forget(key)
@@ -120,7 +120,7 @@ def reproduce(
     steps(f"open {report}")
 
 
-def write_reproduction(parts: list[Part], out: Path, seeds: tuple[int, ...], duration_s: float) -> Path:
+def write_reproduction(parts: list[PaperPart], out: Path, seeds: tuple[int, ...], duration_s: float) -> Path:
     """Write the page, the tables and run.toml; return the path of the page."""
     from oarlock import __version__
     from oarlock.evaluation.study.rows import write_rows
@@ -145,7 +145,7 @@ def write_reproduction(parts: list[Part], out: Path, seeds: tuple[int, ...], dur
     return report
 
 
-def _write(part: Part) -> None:
+def _write(part: PaperPart) -> None:
     heading(part.title)
     for shown in part.tables:
         if shown.closed:
@@ -169,7 +169,7 @@ def _cell(ours: str, paper: str, mark: str) -> str:
     return f"{ours}{beside}{sign}"
 
 
-def _document(parts: list[Part], report: Path) -> dict[str, object]:
+def _document(parts: list[PaperPart], report: Path) -> dict[str, object]:
     document: dict[str, object] = {"report": report}
     for part in parts:
         met, bounds = part.marks

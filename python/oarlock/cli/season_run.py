@@ -28,7 +28,7 @@ from oarlock.cli.terminal import (
 if TYPE_CHECKING:
     from oarlock.season.run.job import Executor
     from oarlock.season.run.plan import Plan
-    from oarlock.season.run.runner import Outcome
+    from oarlock.season.run.runner import RunCounts
 
 
 def add_to(group: typer.Typer) -> None:
@@ -188,7 +188,7 @@ def _left_out(plan: Plan) -> list[tuple[str, object]]:
     ]
 
 
-def _show(at: str, plan: Plan, outcome: Outcome, took_s: float) -> None:
+def _show(at: str, plan: Plan, outcome: RunCounts, took_s: float) -> None:
     say(f"Computed {outcome.computed} recordings in {_duration(took_s)}", style="bold")
     pairs(
         [

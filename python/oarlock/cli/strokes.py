@@ -11,7 +11,7 @@ import typer
 from oarlock.cli.options import Json, example
 from oarlock.cli.rowed_folder import track_or_recording
 from oarlock.cli.session_options import taken_session
-from oarlock.cli.strokes_files import Wanted, given_epoch, show_activity, write_page, write_strokes
+from oarlock.cli.strokes_files import OutputPaths, given_epoch, show_activity, write_page, write_strokes
 from oarlock.cli.terminal import UsageError, heading, number, print_json, say, table, verb
 
 if TYPE_CHECKING:
@@ -137,7 +137,7 @@ def strokes(
     found = _loaded(source, format, seat)
     if start is not None:
         found = replace(found, epoch=given_epoch(start))
-    wanted = Wanted(out, fit, rowingdata, force)
+    wanted = OutputPaths(out, fit, rowingdata, force)
     if report is not None:
         write_page(source, found, report, None if last is None else _loaded(last, None, seat), who, force)
     if isinstance(found, Activity):

@@ -18,7 +18,7 @@ _SHOWN = ("speed_m_s", "rate_per_min", "heart_rate_per_min", "power_w")
 
 
 @dataclass(frozen=True)
-class Wanted:
+class OutputPaths:
     """What to write: a folder, a FIT file, a RowingData CSV; and whether other files may be replaced."""
 
     out: Path | None
@@ -44,7 +44,7 @@ def given_epoch(text: str) -> str:
     return epoch
 
 
-def write_strokes(found: StrokeTable, wanted: Wanted) -> tuple[tuple[Path, ...], tuple[str, ...]]:
+def write_strokes(found: StrokeTable, wanted: OutputPaths) -> tuple[tuple[Path, ...], tuple[str, ...]]:
     """Write what is wanted; the files, and what was left out of them."""
     from oarlock.rowing import save_fit, save_rowingdata, save_strokes
 
@@ -89,7 +89,7 @@ def write_page(
     )
 
 
-def show_activity(found: Activity, wanted: Wanted, json_output: bool, page: Path | None = None) -> None:
+def show_activity(found: Activity, wanted: OutputPaths, json_output: bool, page: Path | None = None) -> None:
     """Print an activity's course, without positions.
 
     Raises:

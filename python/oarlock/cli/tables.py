@@ -8,7 +8,7 @@ from typing import Any
 from oarlock.cli.terminal import heading, number, pairs, say, table
 from oarlock.evaluation.marker_scores import MarkerEvaluation
 from oarlock.evaluation.scores import Evaluation, SensorScore, presentation
-from oarlock.evaluation.summary import Readings, TrackSummary, rate_text, shares_text, summarize
+from oarlock.evaluation.summary import ReadingCounts, TrackSummary, rate_text, shares_text, summarize
 from oarlock.evaluation.suspects.suspect import SUSPECT_NOTE
 from oarlock.recording.session_info import session_text
 from oarlock.tracking.counts import StreamCount
@@ -50,7 +50,7 @@ def write_summary(track: Track) -> None:
     write_sensors(summary.sensors)
 
 
-def _readings(readings: Readings | None) -> str:
+def _readings(readings: ReadingCounts | None) -> str:
     return "" if readings is None else f"{100 * readings.used_share:.1f} % used, {readings.text()}"
 
 

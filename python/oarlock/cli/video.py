@@ -12,7 +12,7 @@ from oarlock.cli.terminal import UsageError, heading, pairs, print_json, progres
 
 if TYPE_CHECKING:
     from oarlock import Track
-    from oarlock.movement.video import Alignment, VideoInfo
+    from oarlock.movement.video import VideoAlignment, VideoInfo
 
 TrackFolder = Annotated[Path, typer.Argument(metavar="TRACK", help="A folder that `oarlock track` wrote.")]
 VideoFile = Annotated[Path, typer.Argument(metavar="VIDEO", help="A video file, such as piece.mp4.")]
@@ -119,7 +119,7 @@ def clap(
     steps(view_next(Path("TRACK"), video, found.offset_s, 0.0))
 
 
-def aligned(track: Track, video: Path, near_s: float | None, info: VideoInfo | None = None) -> Alignment:
+def aligned(track: Track, video: Path, near_s: float | None, info: VideoInfo | None = None) -> VideoAlignment:
     """The alignment of a video by motion, with drift if it is long, with progress on the terminal.
 
     Args:
@@ -147,7 +147,7 @@ def view_next(track: Path, video: Path, offset_s: float, drift_ppm: float) -> st
     return f"oarlock view {track} --video {video} --offset-s {offset_s:.3f}{drift}"
 
 
-def _drift_words(found: Alignment) -> str:
+def _drift_words(found: VideoAlignment) -> str:
     if found.drift_ppm:
         return f"{found.drift_ppm:+.0f} ppm against the video's, standard deviation {found.drift_std_ppm:.0f} ppm"
     return "as the video's" if found.drift_std_ppm == found.drift_std_ppm else "not compared: under 3 minutes"

@@ -9,7 +9,7 @@ import numpy as np
 from oarlock.evaluation.errors import true_values
 from oarlock.evaluation.interval import Bools, Floats
 from oarlock.model.angle_sequence import angle_labels, angles_near, near_singular
-from oarlock.model.coordinates import Part
+from oarlock.model.coordinates import JointPart
 from oarlock.model.rotation import wrap
 from oarlock.tracking.track import Track
 
@@ -24,7 +24,7 @@ class NamedAngles:
     near_singular: Bools
 
 
-def named_angles(track: Track, part: Part) -> NamedAngles:
+def named_angles(track: Track, part: JointPart) -> NamedAngles:
     """The angles of a rotation by the model's own sequence: `shoulder YXY y1`, `pelvis.rotation ZXY z`."""
     series = track.ball(part.joint)
     sequence = series.angle_sequence
@@ -36,7 +36,7 @@ def named_angles(track: Track, part: Part) -> NamedAngles:
     )
 
 
-def angle_error(track: Track, truth: Track, part: Part) -> Floats:
+def angle_error(track: Track, truth: Track, part: JointPart) -> Floats:
     """Estimate minus truth at the track's stamps, (T, 3) rad; NaN without truth, and near a pole of either.
 
     Several triples of angles describe the true rotation; the one nearest to the estimate's is used.

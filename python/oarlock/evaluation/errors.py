@@ -11,7 +11,7 @@ from oarlock._core import Model
 from oarlock.evaluation.interval import Floats, Interval
 from oarlock.evaluation.resample import resample, resample_rotation
 from oarlock.evaluation.scores import JointScore, PositionScore
-from oarlock.model.coordinates import Part, parts
+from oarlock.model.coordinates import JointPart, parts
 from oarlock.model.rotation import quat_from_rotvec, rotvec_between, wrap
 from oarlock.storage.progress import Told
 from oarlock.tracking.track import Track
@@ -29,7 +29,7 @@ CONSTANT = 1e-9
 """A signal that varies by less than this (rad or m) counts as constant: its correlation is not computed."""
 
 
-def true_values(track: Track, truth: Track, part: Part) -> Floats:
+def true_values(track: Track, truth: Track, part: JointPart) -> Floats:
     """Truth at the track's time stamps: (T, 1), a position (T, 3) or quat_wxyz (T, 4); NaN where missing."""
     other = next((p for p in parts(truth.coordinate_names) if p.name == part.name), None)
     if other is None or other.kind != part.kind:
@@ -42,7 +42,7 @@ def true_values(track: Track, truth: Track, part: Part) -> Floats:
     return np.stack(columns, axis=1)
 
 
-def part_error(track: Track, truth: Track, part: Part) -> Floats:
+def part_error(track: Track, truth: Track, part: JointPart) -> Floats:
     """Estimate minus truth at the track's stamps, rad or m; NaN where either is missing.
 
     (T, 1) for a hinge, rad in (-pi, pi], and for a slide; (T, 3) for a position, in its axes; for a rotation -e (T, 3)
@@ -55,7 +55,7 @@ def part_error(track: Track, truth: Track, part: Part) -> Floats:
     return wrap(error) if part.kind == "scalar" and track[part.joint].unit == "rad" else error
 
 
-def seen(track: Track, part: Part, kept: NDArray[np.bool_]) -> bool:
+def seen(track: Track, part: JointPart, kept: NDArray[np.bool_]) -> bool:
     """Whether the part is observed in at least half of the kept rows (T,), the same share as in `observed_joints`."""
     return bool(np.mean(track.observed[kept][:, list(part.columns)].all(axis=1)) >= OBSERVED_SHARE)
 

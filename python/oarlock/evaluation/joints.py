@@ -17,7 +17,7 @@ from oarlock.evaluation.errors import (
 )
 from oarlock.evaluation.interval import Bools, Floats, Interval
 from oarlock.evaluation.scores import JointScore
-from oarlock.model.coordinates import Part, parts
+from oarlock.model.coordinates import JointPart, parts
 from oarlock.model.rotation import mean_quat, quat_from_rotvec, quat_inverse, quat_product, rotvec_from_quat
 from oarlock.tracking.track import Track
 
@@ -31,7 +31,7 @@ def joint_scores(track: Track, truth: Track, window: Interval) -> tuple[JointSco
     return tuple(_score(track, truth, part, kept) for part in parts(track.coordinate_names))
 
 
-def _score(track: Track, truth: Track, part: Part, kept: Bools) -> JointScore:
+def _score(track: Track, truth: Track, part: JointPart, kept: Bools) -> JointScore:
     unit = part_unit(track, part)
     if not seen(track, part, kept):
         return JointScore.unscored(part.name, unit, "not observed")
@@ -52,14 +52,14 @@ def _score(track: Track, truth: Track, part: Part, kept: Bools) -> JointScore:
     return _vector_score(part, unit, error[good], std, signals, _angle_scores(track, truth, part, good))
 
 
-def part_unit(track: Track, part: Part) -> str:
+def part_unit(track: Track, part: JointPart) -> str:
     """The SI unit of a part: rad or m."""
     kinds = {"rotation": "rad", "position": "m"}
     return kinds.get(part.kind) or str(track[part.joint].unit)
 
 
 def _vector_score(
-    part: Part,
+    part: JointPart,
     unit: str,
     error: Floats,
     std: Floats,
@@ -108,7 +108,7 @@ def _related(a: Floats, b: Floats) -> float:
     return float(np.sum(a * b) / np.sqrt(np.sum(a * a) * np.sum(b * b)))
 
 
-def _angle_scores(track: Track, truth: Track, part: Part, kept: Bools) -> tuple[JointScore, ...]:
+def _angle_scores(track: Track, truth: Track, part: JointPart, kept: Bools) -> tuple[JointScore, ...]:
     """Scores of the named angles, without the samples near a pole of estimate or truth."""
     angles, error = named_angles(track, part), angle_error(track, truth, part)
     clear = kept & np.isfinite(error).all(axis=1)

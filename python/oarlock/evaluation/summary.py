@@ -49,12 +49,12 @@ class TrackSummary:
     joints_observed: int
     not_observed: tuple[str, ...]
     notes: tuple[str, ...]
-    readings: Readings | None
+    readings: ReadingCounts | None
     sensors: tuple[SensorScore, ...]
 
 
 @dataclass(frozen=True)
-class Readings:
+class ReadingCounts:
     """Sums of the counts of all streams."""
 
     expected: int
@@ -135,12 +135,12 @@ def rate_text(rate_hz: float) -> str:
     return f"{float(f'{rate_hz:.4g}'):,.10g}" if math.isfinite(rate_hz) else "-"
 
 
-def readings(counts: Sequence[StreamCount]) -> Readings | None:
+def readings(counts: Sequence[StreamCount]) -> ReadingCounts | None:
     """The sums over all streams; None if no stream was counted."""
     if not counts:
         return None
     names = ("expected", "received", "missing", "used", "rejected", "unused")
-    return Readings(**{name: sum(getattr(count, name) for count in counts) for name in names})
+    return ReadingCounts(**{name: sum(getattr(count, name) for count in counts) for name in names})
 
 
 def shares_text(shares: Mapping[str, float]) -> str:

@@ -7,14 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.storage.array_gate import FloatArray
-from oarlock.storage.delimited import Layout, numbers
+from oarlock.storage.delimited import ColumnLayout, numbers
 from oarlock.storage.errors import DataError
 
 
 class Places(Sequence[str]):
     """File, line and column of each row, as text for errors."""
 
-    def __init__(self, layout: Layout, lines: NDArray[np.int64], index: int) -> None:
+    def __init__(self, layout: ColumnLayout, lines: NDArray[np.int64], index: int) -> None:
         self._layout, self._lines, self._index = layout, lines, index
 
     def __len__(self) -> int:
@@ -24,7 +24,7 @@ class Places(Sequence[str]):
         return f"{self._layout.file}:{self._lines[row]}, {self._layout.label(self._index)}"
 
 
-def read_columns(layout: Layout, names: Sequence[str | int]) -> FloatArray:
+def read_columns(layout: ColumnLayout, names: Sequence[str | int]) -> FloatArray:
     """The columns of these names or numbers from 1, (T, len(names)); NaN where a cell is empty.
 
     Raises:

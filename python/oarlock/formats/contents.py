@@ -9,8 +9,8 @@ from pathlib import Path
 
 from oarlock.formats.archive import Unpacked, is_zip, unpacked
 from oarlock.formats.choices import UnclearError
-from oarlock.formats.importers import FORMATS, Format
-from oarlock.formats.listing import Found, Listing, listed
+from oarlock.formats.importers import FORMATS, ImportFormat
+from oarlock.formats.listing import FileMatch, Listing, listed
 from oarlock.formats.near_misses import nearest_text
 from oarlock.recording.folder import INDEX_FILE
 from oarlock.recording.recording import Recording
@@ -32,12 +32,12 @@ class Contents:
     """
 
     path: Path
-    recordings: tuple[Found, ...]
+    recordings: tuple[FileMatch, ...]
     others: tuple[Path, ...]
     listing: Listing = field(repr=False)
     _unpacked: Unpacked | None = field(default=None, repr=False, compare=False)
 
-    def only(self, name: str | None = None) -> Found:
+    def only(self, name: str | None = None) -> FileMatch:
         """The recording of this name; without a name the only one.
 
         Raises:
@@ -106,7 +106,7 @@ def import_recording(
         return read_found(contents.only(pick), options)
 
 
-def read_found(found: Found, options: Mapping[str, object] | None = None) -> Recording:
+def read_found(found: FileMatch, options: Mapping[str, object] | None = None) -> Recording:
     """Read a recording that was recognised.
 
     Raises:
@@ -115,18 +115,18 @@ def read_found(found: Found, options: Mapping[str, object] | None = None) -> Rec
     return format_of(found).read(found.path, **{**found.options, **(options or {})})
 
 
-def format_of(found: Found) -> Format:
+def format_of(found: FileMatch) -> ImportFormat:
     """The entry of `FORMATS` that recognised a recording."""
     return next(one for one in FORMATS if one.name == found.format)
 
 
-def recognised(listing: Listing, prefer: Sequence[str] = ()) -> list[Found]:
+def recognised(listing: Listing, prefer: Sequence[str] = ()) -> list[FileMatch]:
     """The recordings of a listing in the order of their paths; of those that share files the one with most files.
 
     Raises:
         UnclearError: Several formats recognise the same files and none of them is in `prefer`.
     """
-    found: list[Found] = []
+    found: list[FileMatch] = []
     for one in (one for one in FORMATS if not one.is_last_resort):
         found += one.find(listing)
     found = _without_parts(found, prefer)
@@ -137,8 +137,8 @@ def recognised(listing: Listing, prefer: Sequence[str] = ()) -> list[Found]:
     return sorted(found, key=lambda one: (one.files, one.name))
 
 
-def _without_parts(found: list[Found], prefer: Sequence[str]) -> list[Found]:
-    kept: list[Found] = []
+def _without_parts(found: list[FileMatch], prefer: Sequence[str]) -> list[FileMatch]:
+    kept: list[FileMatch] = []
     for one in found:
         files = set(one.files)
         rivals = [other for other in found if other is not one and files & set(other.files)]
@@ -153,7 +153,7 @@ def _without_parts(found: list[Found], prefer: Sequence[str]) -> list[Found]:
     return kept
 
 
-def _refuse_unclear(one: Found, others: Iterable[Found]) -> None:
+def _refuse_unclear(one: FileMatch, others: Iterable[FileMatch]) -> None:
     choices = {other.format: other.about for other in (one, *others)}
     commands = "\n".join(f"oarlock import {name} {one.path}    ({about})" for name, about in choices.items())
     raise UnclearError(
@@ -180,7 +180,7 @@ def _refuse_own_recording(path: Path, listing: Listing) -> None:
             )
 
 
-def _with_own_names(found: list[Found], root: Path) -> list[Found]:
+def _with_own_names(found: list[FileMatch], root: Path) -> list[FileMatch]:
     """Names that are unique within the place: with folders, format and a number where needed."""
     names = [one.name for one in found]
     for longer in (_with_folder, _with_format):
@@ -196,11 +196,11 @@ def _with_own_names(found: list[Found], root: Path) -> list[Found]:
     return [replace(one, name=name) for one, name in zip(found, unique, strict=True)]
 
 
-def _with_folder(one: Found, root: Path, name: str) -> str:
+def _with_folder(one: FileMatch, root: Path, name: str) -> str:
     folder = one.path.parent
     parts = folder.relative_to(root).parts if folder != root and folder.is_relative_to(root) else ()
     return "_".join((*parts, name))
 
 
-def _with_format(one: Found, _root: Path, name: str) -> str:
+def _with_format(one: FileMatch, _root: Path, name: str) -> str:
     return f"{name}_{one.format}"

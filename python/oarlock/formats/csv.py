@@ -22,7 +22,7 @@ from oarlock.formats.csv_mapping import (
     read_mapping,
 )
 from oarlock.formats.csv_time import TimeUnit, counted_stamps, time_unit
-from oarlock.formats.listing import Found, Listing
+from oarlock.formats.listing import FileMatch, Listing
 from oarlock.formats.merged import merged
 from oarlock.formats.times import SAMPLES, Stamps, on_one_axis, parsed_stamps, relative_stamps
 from oarlock.recording.epoch import CLOCK_KEY
@@ -30,7 +30,7 @@ from oarlock.recording.packets import META_KEY
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream, ScalarStream, ScalarUnit, Stream, VectorStream
 from oarlock.storage.array_gate import FloatArray, disorder_text
-from oarlock.storage.delimited import Layout, numbers
+from oarlock.storage.delimited import ColumnLayout, numbers
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
 from oarlock.storage.units import ANGLE, to_held_unit
@@ -39,10 +39,10 @@ _FILE_TABLE = re.compile(r"\s*\[\[\s*file\s*\]\]")
 
 
 @dataclass(frozen=True)
-class _Table:
+class _CsvColumns:
     """Columns of one file: time stamps, line numbers, and readings by column position."""
 
-    layout: Layout
+    layout: ColumnLayout
     stamps: Stamps
     lines: NDArray[np.int64]
     columns: dict[int, FloatArray]
@@ -116,7 +116,7 @@ def read_mapped(
     return Recording(streams, meta | dict(scales) | dict(mapping.meta))
 
 
-def _lost(table: _Table, time_s: FloatArray, counter: Counter) -> Lost:
+def _lost(table: _CsvColumns, time_s: FloatArray, counter: Counter) -> Lost:
     index = table.layout.index(counter.column)
     places = Places(table.layout, table.lines, index)
     count = table.columns[index]
@@ -125,11 +125,11 @@ def _lost(table: _Table, time_s: FloatArray, counter: Counter) -> Lost:
     return lost_packets(count, time_s, places)
 
 
-def _read_table(entry: FileMapping, root: Path, most_rows: int | None) -> _Table:
+def _read_table(entry: FileMapping, root: Path, most_rows: int | None) -> _CsvColumns:
     file = place_of(root / entry.path)
     if not file.is_file():
         raise DataError(f'{entry.where}: there is no file "{file}"')
-    layout = Layout.of(file, entry.dialect)
+    layout = ColumnLayout.of(file, entry.dialect)
     if entry.time_column is None:
         return _counted_rows(layout, entry, most_rows)
     time_index = layout.index(entry.time_column)
@@ -144,21 +144,21 @@ def _read_table(entry: FileMapping, root: Path, most_rows: int | None) -> _Table
         axis, said = counted_stamps(joined[time_index], unit, entry, places)
     else:
         axis, said = parsed_stamps(stamps, places, unit.unit), ()
-    return _Table(layout, axis, np.array(lines, dtype=np.int64), joined, unit, (*unit.said, *said))
+    return _CsvColumns(layout, axis, np.array(lines, dtype=np.int64), joined, unit, (*unit.said, *said))
 
 
-def _counted_rows(layout: Layout, entry: FileMapping, most_rows: int | None) -> _Table:
+def _counted_rows(layout: ColumnLayout, entry: FileMapping, most_rows: int | None) -> _CsvColumns:
     """A file without a time column: its rows are samples at the rate that the mapping gives."""
     assert entry.tick_s is not None
     lines, _, joined = _columns(layout, _wanted(layout, entry), as_text=0, most_rows=most_rows)
     axis = relative_stamps(np.arange(float(len(lines))), SAMPLES, entry.tick_s)
-    return _Table(
+    return _CsvColumns(
         layout, axis, np.array(lines, dtype=np.int64), joined, TimeUnit(SAMPLES, entry.tick_s, ()), ()
     )
 
 
 def _columns(
-    layout: Layout, wanted: Sequence[int], as_text: int, most_rows: int | None
+    layout: ColumnLayout, wanted: Sequence[int], as_text: int, most_rows: int | None
 ) -> tuple[list[int], list[str], dict[int, FloatArray]]:
     """Line numbers, texts of the first column if it is wanted `as_text`, and the other columns by position."""
     lines: list[int] = []
@@ -186,7 +186,7 @@ def _without_empty_end(
     return lines[:stop], {index: values[:stop] for index, values in columns.items()}
 
 
-def _wanted(layout: Layout, entry: FileMapping) -> list[int]:
+def _wanted(layout: ColumnLayout, entry: FileMapping) -> list[int]:
     """Positions of the columns that sensors use, each once; errors name the line of the mapping file."""
     found: dict[int, None] = {}
     for quantity in (q for s in entry.sensors for q in s.quantities):
@@ -200,7 +200,7 @@ def _wanted(layout: Layout, entry: FileMapping) -> list[int]:
     return list(found)
 
 
-def _check_present(layout: Layout, index: int, values: FloatArray, lines: list[int]) -> None:
+def _check_present(layout: ColumnLayout, index: int, values: FloatArray, lines: list[int]) -> None:
     missing = np.flatnonzero(np.isnan(values))
     if missing.size:
         raise DataError(
@@ -209,7 +209,7 @@ def _check_present(layout: Layout, index: int, values: FloatArray, lines: list[i
         )
 
 
-def _check_increasing(table: _Table, time_s: FloatArray, entry: FileMapping) -> None:
+def _check_increasing(table: _CsvColumns, time_s: FloatArray, entry: FileMapping) -> None:
     if entry.time_column is None:
         return
     late = np.flatnonzero(np.diff(time_s) <= 0.0)
@@ -223,11 +223,11 @@ def _check_increasing(table: _Table, time_s: FloatArray, entry: FileMapping) -> 
         )
 
 
-def _part(sensor: SensorColumns, table: _Table, time_s: FloatArray) -> _Part:
+def _part(sensor: SensorColumns, table: _CsvColumns, time_s: FloatArray) -> _Part:
     return _Part(sensor, time_s, {q.field: _readings(q, table) for q in sensor.quantities})
 
 
-def _readings(quantity: Quantity, table: _Table) -> FloatArray:
+def _readings(quantity: Quantity, table: _CsvColumns) -> FloatArray:
     raw = np.column_stack([table.columns[table.layout.index(c)] for c in quantity.columns])
     if any(s != 1.0 for s in quantity.scale) or any(o != 0.0 for o in quantity.offset):
         raw = raw * np.array(quantity.scale) + np.array(quantity.offset)
@@ -277,7 +277,7 @@ def _stream(parts: list[_Part]) -> Stream:
     return ScalarStream(name, time_s, fields["value"], cast(ScalarUnit, unit))
 
 
-def find_csv(listing: Listing) -> list[Found]:
+def find_csv(listing: Listing) -> list[FileMatch]:
     """Mapping files of a place, with the CSV files that they name."""
     found = []
     for one in listing.suffixed(".toml"):
@@ -289,11 +289,11 @@ def find_csv(listing: Listing) -> list[Found]:
             if one.path == listing.root:
                 raise
             about = f"mapping file with a mistake: {str(error).splitlines()[0]}"
-            found.append(Found("csv", one.path, (one.path,), one.path.stem, about))
+            found.append(FileMatch("csv", one.path, (one.path,), one.path.stem, about))
             continue
         files = [one.path, *(one.path.parent / entry.path for entry in mapping.files)]
         sensors = {sensor.name for entry in mapping.files for sensor in entry.sensors}
         name = one.path.parent.name if one.path.stem == "mapping" else one.path.stem
         about = f"mapping file, {len(sensors)} sensors"
-        found.append(Found("csv", one.path, tuple(dict.fromkeys(files)), name or one.path.stem, about))
+        found.append(FileMatch("csv", one.path, tuple(dict.fromkeys(files)), name or one.path.stem, about))
     return found

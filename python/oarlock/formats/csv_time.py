@@ -14,7 +14,7 @@ from oarlock.formats.csv_mapping import FileMapping
 from oarlock.formats.time_units import recognised_unit
 from oarlock.formats.times import COUNTED, SAMPLES, Stamps, relative_stamps
 from oarlock.storage.array_gate import FloatArray
-from oarlock.storage.delimited import Batch, Layout, numbers
+from oarlock.storage.delimited import Batch, ColumnLayout, numbers
 from oarlock.storage.errors import DataError
 from oarlock.storage.regular_file import open_text
 
@@ -41,7 +41,7 @@ class TimeUnit:
         return self.unit in COUNTED
 
 
-def time_unit(layout: Layout, entry: FileMapping) -> TimeUnit:
+def time_unit(layout: ColumnLayout, entry: FileMapping) -> TimeUnit:
     """The unit of a file's time column, as the mapping file says or recognised.
 
     Raises:
@@ -81,7 +81,7 @@ def counted_stamps(
     return relative_stamps(count, found.unit, found.tick_s), said
 
 
-def _recognised(layout: Layout, index: int) -> tuple[str, str]:
+def _recognised(layout: ColumnLayout, index: int) -> tuple[str, str]:
     batch = next(layout.batches([index]), None)
     if batch is None:
         raise DataError(f"{layout.file}: has no rows of data")
@@ -90,7 +90,7 @@ def _recognised(layout: Layout, index: int) -> tuple[str, str]:
     return recognised_unit(header, batch.cells[0], _as_numbers(layout, batch, index), place)
 
 
-def _as_numbers(layout: Layout, batch: Batch, index: int) -> FloatArray | None:
+def _as_numbers(layout: ColumnLayout, batch: Batch, index: int) -> FloatArray | None:
     try:
         values = numbers(layout, batch, 0, index)
     except DataError:
@@ -104,7 +104,7 @@ def rates_named(lines: Iterable[str]) -> set[float]:
     return {float(text.replace(",", ".")) for line in lines for text in _RATE.findall(line)}
 
 
-def _rate_above_header(layout: Layout, entry: FileMapping) -> float:
+def _rate_above_header(layout: ColumnLayout, entry: FileMapping) -> float:
     """The one rate that the skipped lines name, Hz."""
     with open_text(layout.file, layout.dialect.encoding) as file:
         above = list(islice(file, layout.dialect.skip_rows))

@@ -9,7 +9,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, cast
 
 if TYPE_CHECKING:
-    from oarlock.formats.listing import Found, Listing
+    from oarlock.formats.listing import FileMatch, Listing
     from oarlock.recording.recording import Recording
 
 
@@ -24,7 +24,7 @@ class ReaderOption:
 
 
 @dataclass(frozen=True)
-class Format:
+class ImportFormat:
     """A format: the module `oarlock.formats.ROOM.NAME` reads it with `read_NAME(path, **options)`.
 
     The module's ``find_NAME(listing)`` recognises it by names and first bytes (`oarlock.formats.listing`).
@@ -72,10 +72,10 @@ class Format:
         reader = getattr(self._module(), f"read_{self.name}")
         return cast("Recording", reader(path, **options))
 
-    def find(self, listing: Listing) -> list[Found]:
+    def find(self, listing: Listing) -> list[FileMatch]:
         """The recordings of this format in a place; none if its module recognises none by content."""
         finder = getattr(self._module(), f"find_{self.name}", None)
-        return [] if finder is None else cast("list[Found]", finder(listing))
+        return [] if finder is None else cast("list[FileMatch]", finder(listing))
 
     def _module(self) -> ModuleType:
         return import_module(".".join(filter(None, ("oarlock.formats", self.room, self.name))))
@@ -89,7 +89,7 @@ _ORIENTATIONS = ReaderOption(
 )
 
 FORMATS = (
-    Format(
+    ImportFormat(
         "apdm",
         "devices",
         "FILE",
@@ -99,7 +99,7 @@ FORMATS = (
         'CSV exports of APDM (Opal) units: the "Test Name" layout and "Format=7"; HDF5 files',
         suffixes=(".csv", ".h5", ".hdf5"),
     ),
-    Format(
+    ImportFormat(
         "csv",
         "",
         "MAPPING",
@@ -109,7 +109,7 @@ FORMATS = (
         "any CSV file, as a mapping file describes it",
         suffixes=(".toml",),
     ),
-    Format(
+    ImportFormat(
         "table",
         "table",
         "FILE",
@@ -128,7 +128,7 @@ FORMATS = (
         suffixes=(".csv", ".tsv", ".txt", ".dat", ".sto"),
         is_last_resort=True,
     ),
-    Format(
+    ImportFormat(
         "mtmanager",
         "devices",
         "PLACE",
@@ -147,7 +147,7 @@ FORMATS = (
         ),
         suffixes=(".txt", ".csv"),
     ),
-    Format(
+    ImportFormat(
         "dot",
         "devices",
         "PLACE",
@@ -158,7 +158,7 @@ FORMATS = (
         (_TRIAL, _ORIENTATIONS),
         suffixes=(".csv", ".txt"),
     ),
-    Format(
+    ImportFormat(
         "shimmer",
         "devices",
         "PLACE",
@@ -174,7 +174,7 @@ FORMATS = (
         ),
         suffixes=(".csv", ".txt", ".dat"),
     ),
-    Format(
+    ImportFormat(
         "mvnx",
         "devices",
         "FILE",
@@ -184,7 +184,7 @@ FORMATS = (
         "MVNX exports of Xsens MVN: orientations of segments and sensors, accelerometers, magnetic field",
         suffixes=(".mvnx", ".xml"),
     ),
-    Format(
+    ImportFormat(
         "sto",
         "devices",
         "FILE",
@@ -199,7 +199,7 @@ FORMATS = (
         ),
         suffixes=(".sto",),
     ),
-    Format(
+    ImportFormat(
         "dfjimu",
         "datasets",
         "FILE",
@@ -209,7 +209,7 @@ FORMATS = (
         "two units on bodies joined by a ball joint; see [public data sets](#public-data-sets)",
         suffixes=(".mat",),
     ),
-    Format(
+    ImportFormat(
         "diodem",
         "datasets",
         "FOLDER",
@@ -226,7 +226,7 @@ FORMATS = (
             ),
         ),
     ),
-    Format(
+    ImportFormat(
         "openaxes",
         "datasets",
         "FOLDER",
@@ -236,7 +236,7 @@ FORMATS = (
         "two units on the links of a robot",
         (ReaderOption("run", str, "Name of the run, such as circle-100.", ...),),
     ),
-    Format(
+    ImportFormat(
         "broad",
         "datasets",
         "FILE",
@@ -246,7 +246,7 @@ FORMATS = (
         "one unit with magnetometer",
         suffixes=(".mat",),
     ),
-    Format(
+    ImportFormat(
         "qmt",
         "datasets",
         "FILE",
@@ -256,7 +256,7 @@ FORMATS = (
         "sixteen units on a person",
         suffixes=(".mat",),
     ),
-    Format(
+    ImportFormat(
         "ngimu",
         "devices",
         "FOLDER",
@@ -266,7 +266,7 @@ FORMATS = (
         "x-io NGIMU units: folders of CSV files; see [NGIMU](#ngimu)",
         suffixes=(".csv",),
     ),
-    Format(
+    ImportFormat(
         "lines",
         "devices",
         "FILE",
@@ -276,7 +276,7 @@ FORMATS = (
         "units that you built yourself: Oarlock's line protocol; see [the line protocol](#the-line-protocol)",
         suffixes=(".csv", ".txt", ".log"),
     ),
-    Format(
+    ImportFormat(
         "c3d",
         "devices",
         "FILE",
@@ -286,7 +286,7 @@ FORMATS = (
         "analogue channels of C3D files, inertial units among them; see [C3D](#c3d)",
         suffixes=(".c3d",),
     ),
-    Format(
+    ImportFormat(
         "mcap",
         "devices",
         "FILE",
@@ -296,7 +296,7 @@ FORMATS = (
         "MCAP files of ROS 2: inertial units and magnetometers; see [MCAP](#mcap)",
         suffixes=(".mcap",),
     ),
-    Format(
+    ImportFormat(
         "xdf",
         "devices",
         "FILE",
@@ -306,7 +306,7 @@ FORMATS = (
         "XDF files of the Lab Streaming Layer (LSL), all streams; see [XDF](#xdf)",
         suffixes=(".xdf",),
     ),
-    Format(
+    ImportFormat(
         "ximu3",
         "devices",
         "PLACE",

@@ -1,6 +1,6 @@
-"""The files of a place and what formats recognise in them: `Listing`, `Found`. For `oarlock import PATH`.
+"""The files of a place and what formats recognise in them: `Listing`, `FileMatch`. For `oarlock import PATH`.
 
-A format's module has ``find_NAME(listing) -> list[Found]`` beside its reader. It looks at names and first bytes only.
+A format's module has ``find_NAME(listing) -> list[FileMatch]`` beside its reader. It looks at names and first bytes.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Listing:
 
 
 @dataclass(frozen=True)
-class Found:
+class FileMatch:
     """A recording that a format recognises.
 
     Args:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from oarlock.formats.importers import Format
+from oarlock.formats.importers import ImportFormat
 from oarlock.formats.listing import ListedFile, Listing
 from oarlock.storage.errors import DataError
 
@@ -14,7 +14,7 @@ _READ_BYTES = 64 * 2**20
 """Larger files are not read for a reason only."""
 
 
-def nearest_text(asked: Path, listing: Listing, formats: Sequence[Format]) -> str:
+def nearest_text(asked: Path, listing: Listing, formats: Sequence[ImportFormat]) -> str:
     """What was looked at, per file the nearest format and why it is not that one, and what to try."""
     if not listing.files:
         return f"{asked}: contains no files"
@@ -31,13 +31,13 @@ def nearest_text(asked: Path, listing: Listing, formats: Sequence[Format]) -> st
     )
 
 
-def _likeliest(listing: Listing, formats: Sequence[Format]) -> list[ListedFile]:
+def _likeliest(listing: Listing, formats: Sequence[ImportFormat]) -> list[ListedFile]:
     """The first files, those whose name ends as a format's file does before the others."""
     known = {suffix for one in formats for suffix in one.suffixes}
     return sorted(listing.files, key=lambda one: one.path.suffix.lower() not in known)[:_MOST_FILES]
 
 
-def _line(one: ListedFile, listing: Listing, formats: Sequence[Format]) -> str:
+def _line(one: ListedFile, listing: Listing, formats: Sequence[ImportFormat]) -> str:
     name = one.path.relative_to(listing.root).as_posix() if one.path != listing.root else one.path.name
     if one.size_bytes == 0:
         return f"{name}: is empty"
@@ -51,7 +51,7 @@ def _line(one: ListedFile, listing: Listing, formats: Sequence[Format]) -> str:
     return f"{name}: nearest format {nearest.name}: {_reason(one.path, nearest)}"
 
 
-def _reason(file: Path, nearest: Format) -> str:
+def _reason(file: Path, nearest: ImportFormat) -> str:
     """First line of what the reader says, without the file's name."""
     required = [option.name for option in nearest.options if option.default is ...]
     if required:

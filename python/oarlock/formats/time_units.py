@@ -31,7 +31,7 @@ _NAMES = MappingProxyType(
 
 
 @dataclass(frozen=True)
-class Found:
+class TimeUnitCandidate:
     """A unit that a time column may have.
 
     Args:
@@ -70,7 +70,7 @@ def recognised_unit(
     return found[0].unit, f"{place}: read as {found[0].keys} ({found[0].meaning}), {because}."
 
 
-def possible_units(header: str, values: FloatArray) -> list[Found]:
+def possible_units(header: str, values: FloatArray) -> list[TimeUnitCandidate]:
     """The units that a time column of numbers may have: those that give a plausible rate and date.
 
     Args:
@@ -98,7 +98,7 @@ def _scale_in(header: str) -> str:
     return found[0] if len(found) == 1 else ""
 
 
-def _readings(values: FloatArray, scale: str) -> Iterator[Found]:
+def _readings(values: FloatArray, scale: str) -> Iterator[TimeUnitCandidate]:
     """The units that give a plausible rate and date; with a unit in the header only that one."""
     step = float(np.median(np.diff(values))) if len(values) > 1 else float("nan")
     low, high = float(values.min()), float(values.max())
@@ -109,19 +109,21 @@ def _readings(values: FloatArray, scale: str) -> Iterator[Found]:
         if low / per_s >= FIRST_S and high / per_s <= LAST_S:
             if np.isnan(rate_hz) or _within(rate_hz, _RATES_HZ):
                 when = moment_text("1970-01-01T00:00:00Z", low / per_s)
-                yield Found(f"epoch_{unit}", f'unit = "epoch_{unit}"', f"from {when}, {_rate(rate_hz)}")
+                yield TimeUnitCandidate(
+                    f"epoch_{unit}", f'unit = "epoch_{unit}"', f"from {when}, {_rate(rate_hz)}"
+                )
         elif high / per_s < _LONGEST_S and _within(rate_hz, _RATES_HZ):
-            yield Found(unit, f'unit = "{unit}"', _rate(rate_hz))
+            yield TimeUnitCandidate(unit, f'unit = "{unit}"', _rate(rate_hz))
     if not scale and _whole(values):
         yield from _counts(step, high)
 
 
-def _counts(step: float, high: float) -> Iterator[Found]:
+def _counts(step: float, high: float) -> Iterator[TimeUnitCandidate]:
     rate_hz = 1.0 / (step * _TICK_S) if step > 0.0 else float("nan")
     if _within(rate_hz, _TICK_RATES_HZ) and high * _TICK_S < _LONGEST_S:
-        yield Found(TICKS, f'unit = "{TICKS}", tick_s = {_TICK_S:g}', _rate(rate_hz))
+        yield TimeUnitCandidate(TICKS, f'unit = "{TICKS}", tick_s = {_TICK_S:g}', _rate(rate_hz))
     if step == 1.0 and high < 2.0**32:
-        yield Found(SAMPLES, f'unit = "{SAMPLES}", rate_hz = ...', "a count of samples")
+        yield TimeUnitCandidate(SAMPLES, f'unit = "{SAMPLES}", rate_hz = ...', "a count of samples")
 
 
 def _within(value: float, bounds: tuple[float, float]) -> bool:
@@ -136,7 +138,7 @@ def _rate(rate_hz: float) -> str:
     return "one sample" if np.isnan(rate_hz) else f"{rate_hz:.4g} Hz"
 
 
-def _unclear(place: str, values: FloatArray, found: Sequence[Found], scale: str) -> str:
+def _unclear(place: str, values: FloatArray, found: Sequence[TimeUnitCandidate], scale: str) -> str:
     step = f" in steps of {np.median(np.diff(values)):.6g}" if len(values) > 1 else ""
     says = f', and the header says "{scale}"' if scale else ""
     begin = f"{place}: the unit of time is not clear: the column begins at {values[0]:.15g}{step}{says}. "

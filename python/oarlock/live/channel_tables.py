@@ -100,13 +100,13 @@ def channels(folder: str | PathLike[str]) -> dict[str, Channel]:
 class Channels:
     """Collects what feeds no sensor."""
 
-    _tables: dict[str, _Table] = field(default_factory=dict)
+    _tables: dict[str, _ChannelRows] = field(default_factory=dict)
 
     def take(self, spare: Spare) -> None:
         """Adds the values of a message."""
         if spare.channel not in self._tables and len(self._tables) >= MOST_TABLES:
             return
-        self._tables.setdefault(spare.channel, _Table()).take(spare)
+        self._tables.setdefault(spare.channel, _ChannelRows()).take(spare)
 
     def __len__(self) -> int:
         return len(self._tables)
@@ -148,7 +148,7 @@ class _Column:
 
 
 @dataclass
-class _Table:
+class _ChannelRows:
     stamps: tuple[array[float], ...] = field(default_factory=lambda: tuple(array("d") for _ in _STAMPS))
     addresses: list[str] = field(default_factory=list)
     columns: dict[str, _Column] = field(default_factory=dict)

@@ -1,4 +1,4 @@
-"""`Disk`: the two places of a live session, and the state of all that failed in them, for recorder, log and session.
+"""`SessionDisk`: the two places of a live session and what failed in them, for recorder, log and session.
 
 What cannot be written is tried again, and after `PATIENCE_S` goes to the second place. Each failure is counted and
 becomes a sentence for terminal, page and log.
@@ -30,7 +30,7 @@ SYNC = getattr(os, "fdatasync", sync)
 Result = TypeVar("Result")
 
 
-class Disk:
+class SessionDisk:
     """Where a session is written.
 
     Args:

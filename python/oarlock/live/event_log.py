@@ -9,7 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from oarlock.live.disk import Disk, write_all
+from oarlock.live.disk import SessionDisk, write_all
 from oarlock.storage.regular_file import read_bytes
 
 FILE = "events.jsonl"
@@ -24,7 +24,7 @@ class EventLog:
         disk: of the session.
     """
 
-    def __init__(self, disk: Disk) -> None:
+    def __init__(self, disk: SessionDisk) -> None:
         self._disk = disk
         self._lines: deque[bytes] = deque(maxlen=MOST_LINES)
         self._waiting = 0

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from oarlock.calibration.session.plan import load_session_plan, plan_text
 from oarlock.live.channel_tables import FOLDER as CHANNELS
 from oarlock.live.channel_tables import Channels
-from oarlock.live.disk import Disk, is_failure
+from oarlock.live.disk import SessionDisk, is_failure
 from oarlock.live.event_log import FILE as EVENTS
 from oarlock.live.guide.steps import timed
 from oarlock.live.reading import Packet
@@ -78,7 +78,7 @@ class LiveFolder:
         start_epoch_s: the same moment, s since 1970.
     """
 
-    disk: Disk
+    disk: SessionDisk
     start_ns: int
     start_epoch_s: float
 
@@ -102,7 +102,7 @@ class LiveFolder:
             files[CALIBRATION] = calibration_text(calibration)
         if plan is not None:
             files[PLAN] = plan_text(plan)
-        return cls(Disk(path, second, files), start_ns, start_epoch_s)
+        return cls(SessionDisk(path, second, files), start_ns, start_epoch_s)
 
     @classmethod
     def create(cls, *about: Any) -> LiveFolder:
@@ -158,7 +158,7 @@ class LiveFolder:
         second = Path(text) if (text := table.string("second", "")) else None
         if second == path.absolute():
             second = None
-        return cls(Disk(path, second), table.integer("start_ns", 0), epoch_s)
+        return cls(SessionDisk(path, second), table.integer("start_ns", 0), epoch_s)
 
     @property
     def path(self) -> Path:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from oarlock._core import Model
-    from oarlock.live.named_angles import NamedAngles
+    from oarlock.live.named_angles import LiveAngles
     from oarlock.live.picture import LivePicture
     from oarlock.live.session import Estimate
 
@@ -27,7 +27,7 @@ def coordinates_of(estimate: Estimate, model: Model) -> tuple[Floats, Floats]:
 
 
 def frame_of(
-    estimate: Estimate, model: Model, picture: LivePicture | None = None, named: NamedAngles | None = None
+    estimate: Estimate, model: Model, picture: LivePicture | None = None, named: LiveAngles | None = None
 ) -> dict[str, Any]:
     """An estimate as the page and the other outputs have it, docs/live.md.
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from oarlock.live.intake import Device, Intake
+from oarlock.live.intake import DeviceState, Intake
 from oarlock.live.reading import Value
 from oarlock.live.recorder import Recorder
 from oarlock.live.session import LiveSession
@@ -41,7 +41,7 @@ class Watch:
     _stuck: set[str] = field(default_factory=set)
     _learnt: set[str] = field(default_factory=set)
     _restarts: dict[Key, int] = field(default_factory=dict)
-    _feeding: dict[str, Device] = field(default_factory=dict)
+    _feeding: dict[str, DeviceState] = field(default_factory=dict)
     _told: dict[str, tuple[float, int]] = field(default_factory=dict)
     _dropped: dict[str, int] = field(default_factory=dict)
     _disturbed: set[str] = field(default_factory=set)
@@ -229,7 +229,7 @@ def health(
     }
 
 
-def _device(device: Device, now_s: float) -> dict[str, Any]:
+def _device(device: DeviceState, now_s: float) -> dict[str, Any]:
     heard = device.readings + device.lost
     return {
         "name": device.name,

@@ -48,7 +48,7 @@ Heard = tuple[Reading, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Sampled:
+class SensorReading:
     """A reading of one of the model's sensors, ready for `Tracker.push`.
 
     Args:
@@ -108,7 +108,7 @@ class Tie:
 
 
 @dataclass
-class Device:
+class DeviceState:
     """One sender: its clock, and how it does.
 
     Args:
@@ -233,15 +233,15 @@ class Intake:
     start_ns: int
     decoders: Callable[[Source], Decoder]
     keep: Callable[[Spare], None] = lambda spare: None
-    on_timed: Callable[[Sampled], None] = lambda one: None
+    on_timed: Callable[[SensorReading], None] = lambda one: None
     """Gets each reading with the time of its device's clock, before a tie is taken off."""
-    devices: dict[tuple[str, str, str], Device] = field(default_factory=dict)
+    devices: dict[tuple[str, str, str], DeviceState] = field(default_factory=dict)
     _decoders: dict[tuple[str, str], Decoder] = field(default_factory=dict)
     _feeds: dict[str, Feed] = field(default_factory=dict)
     mag_units: dict[str, MagUnit] = field(default_factory=dict)
     """Of the streams with a magnetometer."""
     _fresh: dict[str, Fresh] = field(default_factory=dict)
-    _feeders: dict[str, Device] = field(default_factory=dict)
+    _feeders: dict[str, DeviceState] = field(default_factory=dict)
     """Which device feeds each stream."""
     _newest_s: dict[str, float] = field(default_factory=dict)
     _heard_s: dict[tuple[str, str], float] = field(default_factory=dict)
@@ -255,7 +255,7 @@ class Intake:
             feed.stream: MagUnit(feed.mag_unit_ut) for feed in self.rig.feeds if "mag_ut" in feed.values
         }
 
-    def take(self, packet: Packet) -> list[Sampled]:
+    def take(self, packet: Packet) -> list[SensorReading]:
         """The readings of the model's sensors in a packet, with their times."""
         source = self.rig.sources.get(packet.source)
         if source is None:
@@ -265,7 +265,7 @@ class Intake:
             self._make_room(packet.source)
             self._decoders[key] = self.decoders(source)
         arrival_s = self._heard_s[key] = self.seconds(packet.arrival_ns)
-        found: list[Sampled] = []
+        found: list[SensorReading] = []
         for reading in self._decoders[key].decode(packet.data, packet.channel):
             device = self._device(packet, reading.device)
             if self._is_second(device, arrival_s):
@@ -276,7 +276,7 @@ class Intake:
                 found += self._taken(device, heard, time_s)
         return found
 
-    def flush(self) -> list[Sampled]:
+    def flush(self) -> list[SensorReading]:
         """The readings that clocks hold back, as they are timed by what is known now."""
         return [
             one
@@ -309,7 +309,7 @@ class Intake:
         if device is not None:
             device.tie.late_s, device.tie.std_s = late_s, std_s
 
-    def feeding(self) -> dict[str, Device]:
+    def feeding(self) -> dict[str, DeviceState]:
         """The device that fed each stream last."""
         by_arrival = sorted(self.devices.values(), key=lambda device: device.last_arrival_s)
         return {stream: device for device in by_arrival for stream in device.streams}
@@ -347,7 +347,7 @@ class Intake:
                 found[stream] = ARRIVAL_STD_S[self.rig.sources[feed.source].transport]
         return found
 
-    def _is_second(self, device: Device, arrival_s: float) -> bool:
+    def _is_second(self, device: DeviceState, arrival_s: float) -> bool:
         """Whether another device that was heard just now feeds a stream of this one; else this one feeds them."""
         for stream in device.streams:
             first = self._feeders.get(stream, device)
@@ -357,7 +357,7 @@ class Intake:
         self._feeders.update(dict.fromkeys(device.streams, device))
         return False
 
-    def _notice(self, device: Device, reading: Reading, arrival_s: float) -> None:
+    def _notice(self, device: DeviceState, reading: Reading, arrival_s: float) -> None:
         for stream in device.streams:
             values = values_for(self._feeds[stream], reading)
             if values is not None:
@@ -374,21 +374,21 @@ class Intake:
         self.devices = {key: device for key, device in self.devices.items() if device.sender != gone}
         self._feeders = {s: device for s, device in self._feeders.items() if device.sender != gone}
 
-    def _device(self, packet: Packet, part: str) -> Device:
+    def _device(self, packet: Packet, part: str) -> DeviceState:
         key = (packet.source, packet.address, part)
         if key not in self.devices:
-            device = Device(*key)
+            device = DeviceState(*key)
             device.clock.are_others_late = partial(self._are_others_late, device)
             self._connect(device)
             device.counting = self._counting(device)
             self.devices[key] = device
         return self.devices[key]
 
-    def _counting(self, device: Device) -> Counting | None:
+    def _counting(self, device: DeviceState) -> Counting | None:
         rates = {self._feeds[stream].rate_hz for stream in device.streams} - {None}
         return Counting(rate) if len(rates) == 1 and (rate := rates.pop()) else None
 
-    def _are_others_late(self, device: Device) -> bool:
+    def _are_others_late(self, device: DeviceState) -> bool:
         """Whether all other senders with clocks that were heard lately are late."""
         others = [
             other.clock.is_late
@@ -399,7 +399,7 @@ class Intake:
         ]
         return bool(others) and all(others)
 
-    def _connect(self, device: Device) -> None:
+    def _connect(self, device: DeviceState) -> None:
         """Says which streams a device feeds, and with which of its values."""
         feeds = [
             f
@@ -410,13 +410,15 @@ class Intake:
         device.taken = frozenset(name for f in feeds for name in f.values)
         device.newest = {n: v for n, v in device.newest.items() if n not in device.taken}
 
-    def _taken(self, device: Device, heard: Heard, time_s: float) -> list[Sampled]:
+    def _taken(self, device: DeviceState, heard: Heard, time_s: float) -> list[SensorReading]:
         reading, arrival_s = heard
         if spare := device.spare(reading):
             self.keep(Spare(device.channel, device.address, time_s, arrival_s, reading.clock_s, spare))
         return self._sampled(device, reading, time_s, arrival_s)
 
-    def _sampled(self, device: Device, reading: Reading, time_s: float, arrival_s: float) -> list[Sampled]:
+    def _sampled(
+        self, device: DeviceState, reading: Reading, time_s: float, arrival_s: float
+    ) -> list[SensorReading]:
         found = []
         for stream in device.streams:
             values = values_for(self._feeds[stream], reading, self.mag_units.get(stream))
@@ -427,7 +429,7 @@ class Intake:
                 continue
             if values is not None and time_s != self._newest_s.get(stream):
                 self._newest_s[stream] = time_s
-                one = Sampled(stream, time_s, values, arrival_s)
+                one = SensorReading(stream, time_s, values, arrival_s)
                 self.on_timed(one)
                 late_s = device.tie.used_s(arrival_s)
                 found.append(replace(one, time_s=time_s - late_s) if late_s else one)

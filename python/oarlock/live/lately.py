@@ -45,10 +45,10 @@ class Lately:
         if self.rows[0] < time_s - 2.0 * self.keep_s:
             self._forget(time_s - self.keep_s)
 
-    def since(self, from_s: float) -> Rows:
+    def since(self, from_s: float) -> StreamRows:
         """The readings from a time on."""
         self._forget(from_s)
-        return Rows(self.feed, self.width, self.rows.tobytes())
+        return StreamRows(self.feed, self.width, self.rows.tobytes())
 
     def _forget(self, before_s: float) -> None:
         times = np.frombuffer(self.rows)[:: self.width]
@@ -59,7 +59,7 @@ class Lately:
 
 
 @dataclass(frozen=True)
-class Rows:
+class StreamRows:
     """Readings of one stream.
 
     Args:

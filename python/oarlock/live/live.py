@@ -20,15 +20,15 @@ from oarlock.live.folder import LiveFolder
 from oarlock.live.frame import frame_of
 from oarlock.live.guide.lead import Lead
 from oarlock.live.health import Problems, Watch, health, lost
-from oarlock.live.named_angles import NamedAngles
-from oarlock.live.outputs.output import Output, Start
+from oarlock.live.named_angles import LiveAngles
+from oarlock.live.outputs.output import Output, SessionStart
 from oarlock.live.reading import Packet
 from oarlock.live.recorder import Recorder
 from oarlock.live.rig import Rig, Source
 from oarlock.live.server import PageServer
 from oarlock.live.session import Estimate, LiveSession, command, order_of
 from oarlock.live.swaps.swaps import Swaps, swapping
-from oarlock.live.ties import Look, Ties, looked
+from oarlock.live.ties import ClockTest, Ties, looked
 from oarlock.live.time_source import MACHINE_TIME, TimeSource
 from oarlock.live.transports import opened
 from oarlock.live.transports.transport import Transport
@@ -114,7 +114,7 @@ class Live:
         self.session = LiveSession(self.rig, self.model, start_ns, self.calibration)
         self.transports = {name: self.transport_of(source) for name, source in self.rig.sources.items()}
         self._watch, self._problems = Watch(self.session.intake, self.transports), Problems()
-        self._named = NamedAngles(self.model)
+        self._named = LiveAngles(self.model)
         self.is_tracked_at_once &= bool(self.rig.feeds)
         self._ties = Ties(self.session.intake) if self.rig.ties_clocks else None
         self._pool: ProcessPoolExecutor | None = None
@@ -147,7 +147,7 @@ class Live:
             raise
         has_begun = True
         try:
-            self._start_beside(Start(place.start_ns, place.start_epoch_s))
+            self._start_beside(SessionStart(place.start_ns, place.start_epoch_s))
             await self._until_ended(seconds)
         except DataError:
             has_begun = bool(self.session.intake.devices)
@@ -166,7 +166,7 @@ class Live:
             else:
                 place.discard()
 
-    def _start_beside(self, start: Start) -> None:
+    def _start_beside(self, start: SessionStart) -> None:
         """Starts outputs and the process that follows; the session goes on without those that cannot be started."""
         for output in self.outputs:
             try:
@@ -352,7 +352,7 @@ class Live:
         if look is not None:
             self._keep(self._tied(self._ties, look))
 
-    async def _tied(self, ties: Ties, look: Look) -> None:
+    async def _tied(self, ties: Ties, look: ClockTest) -> None:
         loop = asyncio.get_running_loop()
         try:
             if self._ties_pool is None:

@@ -32,7 +32,7 @@ class _Joint:
 
 
 @dataclass
-class NamedAngles:
+class LiveAngles:
     """The angles of `oarlock.joint_angles` of ball and free joints; balls with other names by the model's sequence.
 
     An estimate's angles are those nearest to the last one's, so that curves have no jumps.

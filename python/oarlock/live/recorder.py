@@ -21,7 +21,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import IO
 
-from oarlock.live.disk import TRIES, Disk, write_all
+from oarlock.live.disk import TRIES, SessionDisk, write_all
 from oarlock.live.reading import Packet
 from oarlock.storage.errors import DataError
 from oarlock.storage.regular_file import open_regular
@@ -62,7 +62,7 @@ class Recorder:
         DataError: the folder cannot be made or written, or the thread not started.
     """
 
-    def __init__(self, disk: Disk, beside: Callable[[], None] = lambda: None) -> None:
+    def __init__(self, disk: SessionDisk, beside: Callable[[], None] = lambda: None) -> None:
         self.disk, self._beside = disk, beside
         self.packets = 0
         """Packets on the disk."""

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 import oarlock
-from oarlock.live.intake import Sampled
+from oarlock.live.intake import SensorReading
 from oarlock.live.rig import Feed, Rig
 from oarlock.recording.streams import Stream
 from oarlock.storage.array_gate import FloatArray
@@ -20,7 +20,7 @@ from oarlock.storage.errors import DataError
 _WIDTHS = {"imu": 3, "vector": 3, "orientation": 4}
 
 
-class Rows:
+class StreamBuffer:
     """Readings of a rig's streams; of two with the same time the first one counts.
 
     Args:
@@ -31,7 +31,7 @@ class Rows:
         self.rig = rig
         self.clear()
 
-    def add(self, sampled: Iterable[Sampled]) -> None:
+    def add(self, sampled: Iterable[SensorReading]) -> None:
         """Takes readings."""
         for one in sampled:
             self._rows[one.stream].add(one)
@@ -73,7 +73,7 @@ class _Columns:
         self._missing = (math.nan,) * _WIDTHS.get(feed.kind, 1)
         self._columns = {name: array("d") for name in (feed.values if feed.kind == "imu" else (value,))}
 
-    def add(self, one: Sampled) -> None:
+    def add(self, one: SensorReading) -> None:
         self.time_s.append(one.time_s)
         values: Any = one.values if isinstance(one.values, Mapping) else {"value": (one.values,)}
         for name, column in self._columns.items():

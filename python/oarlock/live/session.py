@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Any
 import oarlock
 from oarlock.formats.arbitrary_units import SCALE_KEY
 from oarlock.live.decoders import DECODERS
-from oarlock.live.intake import Intake, Sampled, Spare
+from oarlock.live.intake import Intake, SensorReading, Spare
 from oarlock.live.reading import Decoder, Packet
 from oarlock.live.rig import Rig, Source
-from oarlock.live.rows import Rows
+from oarlock.live.rows import StreamBuffer
 from oarlock.recording.calibration import parsed_calibration
 from oarlock.recording.epoch import CLOCK_KEY
 from oarlock.storage.errors import DataError, DivergedError
@@ -158,7 +158,7 @@ class LiveSession:
     """How many could not."""
     divergence: str = field(init=False, default="")
     """Why the filter lost the track, until tracking begins again or is stopped."""
-    listeners: list[Callable[[list[Sampled]], None]] = field(init=False, default_factory=list)
+    listeners: list[Callable[[list[SensorReading]], None]] = field(init=False, default_factory=list)
     """Get all readings, too; they decide no estimate."""
 
     def __post_init__(self) -> None:
@@ -174,7 +174,7 @@ class LiveSession:
             listener(sampled)
         return [] if self.tracker is None else self._estimates(sampled)
 
-    def _estimates(self, sampled: Iterable[Sampled]) -> list[Estimate]:
+    def _estimates(self, sampled: Iterable[SensorReading]) -> list[Estimate]:
         found = []
         try:
             for one in (one for one in sampled if one.time_s >= self.from_s):
@@ -239,7 +239,7 @@ def recorded(
     Raises:
         DataError: no packet has a reading of a sensor.
     """
-    intake, rows = Intake(rig, start_ns, _new_decoder, keep), Rows(rig)
+    intake, rows = Intake(rig, start_ns, _new_decoder, keep), StreamBuffer(rig)
     rows.add(_all_sampled(packets, intake, refuse))
     clock = {CLOCK_KEY: {"kind": "utc", "zero": epoch}} if epoch else {}
     return rows.recording({**_mag_scales(intake), **clock})
@@ -261,7 +261,7 @@ def _mag_scales(intake: Intake) -> Mapping[str, object]:
 
 def _all_sampled(
     packets: Iterable[Packet], intake: Intake, refuse: Callable[[DataError], None]
-) -> Iterator[Sampled]:
+) -> Iterator[SensorReading]:
     for packet in packets:
         if packet.source != COMMANDS:
             yield from intake.take(packet)
@@ -273,7 +273,7 @@ def _all_sampled(
     yield from intake.flush()
 
 
-def _follow(intake: Intake, packet: Packet) -> list[Sampled]:
+def _follow(intake: Intake, packet: Packet) -> list[SensorReading]:
     """Carries out what changes which readings there are."""
     order = order_of(packet.data)
     if order["do"] == "stop":

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from oarlock.calibration.clocks.late import late_clocks
-from oarlock.live.intake import Device, Intake, Sampled
-from oarlock.live.lately import Lately, Rows
+from oarlock.live.intake import DeviceState, Intake, SensorReading
+from oarlock.live.lately import Lately, StreamRows
 from oarlock.recording.recording import Recording
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ _LEAST_ROWS = 50
 
 
 @dataclass(frozen=True)
-class Look:
+class ClockTest:
     """What is to be looked at: readings of a window, with stamps that no tie has moved.
 
     Args:
@@ -52,13 +52,13 @@ class Look:
         calibration: with which is tracked.
     """
 
-    rows: tuple[Rows, ...]
+    rows: tuple[StreamRows, ...]
     groups: tuple[tuple[str, ...], ...]
     late_s: Mapping[str, float]
     calibration: Calibration | None
 
 
-def looked(look: Look, model: Model) -> dict[str, tuple[float, float]]:
+def looked(look: ClockTest, model: Model) -> dict[str, tuple[float, float]]:
     """By how much each group is late, s, and the standard deviation. It runs in another process, behind all others."""
     with suppress(OSError, AttributeError):
         os.setpriority(os.PRIO_PROCESS, 0, 15)
@@ -85,7 +85,7 @@ class Ties:
     intake: Intake
     _lately: dict[str, Lately] = field(default_factory=dict)
     _known: dict[str, _Known] = field(default_factory=dict)
-    _devices: dict[str, Device] = field(default_factory=dict)
+    _devices: dict[str, DeviceState] = field(default_factory=dict)
     _due_s: float | None = None
     _reference: str | None = None
 
@@ -93,10 +93,10 @@ class Ties:
         self._lately = {feed.stream: Lately(feed, WINDOW_S) for feed in self.intake.rig.feeds}
         self.intake.on_timed = self._see
 
-    def _see(self, one: Sampled) -> None:
+    def _see(self, one: SensorReading) -> None:
         self._lately[one.stream].add(one.time_s, one.values)
 
-    def look(self, now_s: float, calibration: Calibration | None) -> Look | None:
+    def look(self, now_s: float, calibration: Calibration | None) -> ClockTest | None:
         """What is to be looked at now; None if it is not time yet, or there is too little."""
         self._due_s = now_s + WINDOW_S if self._due_s is None else self._due_s
         if now_s < self._due_s:
@@ -108,7 +108,7 @@ class Ties:
         if len(groups) < 2:
             return None
         late_s = {name: known.late_s for name, known in self._known.items()}
-        return Look(tuple(rows.values()), groups, late_s, calibration)
+        return ClockTest(tuple(rows.values()), groups, late_s, calibration)
 
     def _groups(self, heard: list[str]) -> tuple[tuple[str, ...], ...]:
         """Streams by device. Nothing is known of the clock of a device that has just been put in another's place."""
@@ -122,7 +122,7 @@ class Ties:
         return tuple(tuple(sorted(streams)) for streams in groups.values())
 
     def commands(
-        self, look: Look, found: Mapping[str, tuple[float, float]], now_s: float
+        self, look: ClockTest, found: Mapping[str, tuple[float, float]], now_s: float
     ) -> list[dict[str, Any]]:
         """The ties that change by what a look found, as keys of commands.
 

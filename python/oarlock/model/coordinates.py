@@ -23,7 +23,7 @@ Kind = Literal["scalar", "rotation", "position"]
 
 
 @dataclass(frozen=True)
-class Part:
+class JointPart:
     """What of a joint is one thing: a hinge's or slide's value, a rotation, a position.
 
     Args:
@@ -54,17 +54,17 @@ def joint_columns(coordinate_names: Sequence[str]) -> dict[str, tuple[int, ...]]
     return {joint: _in_order(joint, columns) for joint, columns in found.items()}
 
 
-def parts(coordinate_names: Sequence[str]) -> tuple[Part, ...]:
+def parts(coordinate_names: Sequence[str]) -> tuple[JointPart, ...]:
     """The parts of all joints: one of a hinge, a slide and a ball, position and rotation of a free joint."""
-    found: list[Part] = []
+    found: list[JointPart] = []
     for joint, columns in joint_columns(coordinate_names).items():
         if len(columns) == 1:
-            found.append(Part(joint, joint, "scalar", columns))
+            found.append(JointPart(joint, joint, "scalar", columns))
         elif len(columns) == 3:
-            found.append(Part(joint, joint, "rotation", columns, ROTATION))
+            found.append(JointPart(joint, joint, "rotation", columns, ROTATION))
         else:
-            found.append(Part(f"{joint}.position", joint, "position", columns[:3], POSITION))
-            found.append(Part(f"{joint}.rotation", joint, "rotation", columns[3:], ROTATION))
+            found.append(JointPart(f"{joint}.position", joint, "position", columns[:3], POSITION))
+            found.append(JointPart(f"{joint}.rotation", joint, "rotation", columns[3:], ROTATION))
     return tuple(found)
 
 

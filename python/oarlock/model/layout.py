@@ -11,7 +11,7 @@ from itertools import groupby
 
 
 @dataclass(frozen=True)
-class Block:
+class RowBlock:
     """Neighbouring rows of the same kind."""
 
     kind: str
@@ -41,13 +41,13 @@ def quantities(parts: Iterable[str]) -> str:
     return ", ".join(f"{name.replace('_', ' ') or 'point'} {axes}".strip() for name, axes in found.items())
 
 
-def blocks(row_names: Sequence[str], kinds: dict[str, str]) -> tuple[Block, ...]:
+def blocks(row_names: Sequence[str], kinds: dict[str, str]) -> tuple[RowBlock, ...]:
     """The layout as few blocks; `kinds` names the kind of an owner, else the quantity or the owner does."""
     numbered = [(_kind(name, kinds), row) for row, name in enumerate(row_names)]
     found = []
     for kind, group in groupby(numbered, key=lambda item: item[0]):
         rows = [row for _, row in group]
-        found.append(Block(kind, _ranges(rows), len(rows)))
+        found.append(RowBlock(kind, _ranges(rows), len(rows)))
     return tuple(found)
 
 

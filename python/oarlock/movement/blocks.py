@@ -1,4 +1,4 @@
-"""`Movement` and its `Block`s of repeated movement, with angles and ranges. For the parts of the report."""
+"""`MovementAnalysis` and its `MovementBlock`s of repeated movement, with angles and ranges. For the report."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from oarlock.movement.ranges import MotionRange, SideDifference, side_difference
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
+class MovementBlock:
     """A stretch of repeated movement: a warm-up, bends of one elbow, a walk.
 
     Args:
@@ -33,7 +33,7 @@ class Block:
 
 
 @dataclass(frozen=True, eq=False)
-class Movement:
+class MovementAnalysis:
     """What the sections show: the track, its angles, their ranges, and its blocks of repeated movement.
 
     Ranges and cycles are those from `start_s` on, when the filter has converged; angles are those of the whole track.
@@ -49,11 +49,11 @@ class Movement:
     track: Track
     angles: tuple[MovementAngle, ...]
     ranges: dict[str, MotionRange]
-    blocks: tuple[Block, ...]
+    blocks: tuple[MovementBlock, ...]
     start_s: float
 
     @property
-    def main(self) -> Block | None:
+    def main(self) -> MovementBlock | None:
         """The block with the most cycles."""
         return max(self.blocks, key=lambda one: one.repetition.count, default=None)
 
@@ -75,7 +75,7 @@ class Movement:
         return bool(self.track.provenance.get("nominal_mounts"))
 
     @property
-    def sides(self) -> tuple[tuple[Block | None, SideDifference], ...]:
+    def sides(self) -> tuple[tuple[MovementBlock | None, SideDifference], ...]:
         """Right against left over the cycles of each block, or over the whole track if nothing repeats."""
         if not self.blocks:
             return tuple((None, one) for one in side_differences(self.ranges))

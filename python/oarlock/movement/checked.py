@@ -5,8 +5,8 @@ from __future__ import annotations
 from html import escape
 from math import isfinite
 
-from oarlock.movement.blocks import Block, Movement
-from oarlock.movement.evenness import LEAST_MOVEMENT_DEG, Change, Wander, changes, wanderings
+from oarlock.movement.blocks import MovementAnalysis, MovementBlock
+from oarlock.movement.evenness import LEAST_MOVEMENT_DEG, CycleChange, Wander, changes, wanderings
 from oarlock.movement.words import named, placed, plain, signed, sized
 from oarlock.report import Column, fixed, plain_table
 
@@ -17,12 +17,12 @@ CAPTION = (
 )
 
 
-def checked_markup(movement: Movement) -> str:
+def checked_markup(movement: MovementAnalysis) -> str:
     """The tables, one for each block; empty if all have too few cycles to compare thirds."""
     return "".join(_table(movement, block) for block in movement.blocks)
 
 
-def _table(movement: Movement, block: Block) -> str:
+def _table(movement: MovementAnalysis, block: MovementBlock) -> str:
     compared, middles = changes(movement, block), wanderings(movement, block)
     if not compared:
         return ""
@@ -35,7 +35,7 @@ def _table(movement: Movement, block: Block) -> str:
     return plain_table(key, caption, heads, rows, style="stacked")
 
 
-def _change(one: Change, least: float, reported: bool) -> list[str]:
+def _change(one: CycleChange, least: float, reported: bool) -> list[str]:
     found = signed(one)
     return [f"<b>{found}</b>" if reported else found, sized(one, least)]
 

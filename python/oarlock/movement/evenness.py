@@ -11,7 +11,7 @@ import numpy as np
 from scipy.stats import studentized_range, t
 
 from oarlock.movement.angles import Floats
-from oarlock.movement.blocks import Block, Movement
+from oarlock.movement.blocks import MovementAnalysis, MovementBlock
 from oarlock.movement.cycles import RATE_HZ, cycle_courses
 
 CHANCE = 0.05 / 3.0
@@ -27,7 +27,7 @@ LEAST_CHANGE_S = 0.5 / RATE_HZ
 
 
 @dataclass(frozen=True)
-class Change:
+class CycleChange:
     """A number of the cycles, its means over the first and the last third, in its unit.
 
     Args:
@@ -69,7 +69,7 @@ class Wander:
         moves_deg: mean range of the angle in a cycle.
     """
 
-    change: Change
+    change: CycleChange
     span_deg: float
     limit_deg: float
     moves_deg: float
@@ -90,7 +90,7 @@ class Wander:
         return self.span_deg > LEAST_MOVEMENT_DEG and (self.beyond or self.change.certain)
 
 
-def changes(movement: Movement, block: Block) -> tuple[Change, ...]:
+def changes(movement: MovementAnalysis, block: MovementBlock) -> tuple[CycleChange, ...]:
     """Duration of the cycles of a block, and the range of each angle that is measured well: first against last third.
 
     Student's t on the scatter within both thirds, with Bonferroni's correction; empty below six cycles.
@@ -106,7 +106,7 @@ def changes(movement: Movement, block: Block) -> tuple[Change, ...]:
     return tuple(_change(name, values, compared) for name, values in numbers.items())
 
 
-def wanderings(movement: Movement, block: Block) -> tuple[Wander, ...]:
+def wanderings(movement: MovementAnalysis, block: MovementBlock) -> tuple[Wander, ...]:
     """The middles over the cycles of a block, the one that wanders most first; empty below six cycles.
 
     Angles that are unreliable are left out. The limit takes errors of one cycle as shared and those of different cycles
@@ -128,7 +128,7 @@ def wanderings(movement: Movement, block: Block) -> tuple[Wander, ...]:
     return tuple(sorted(found, key=lambda one: -one.span_deg))
 
 
-def drifting(movement: Movement, block: Block) -> frozenset[str]:
+def drifting(movement: MovementAnalysis, block: MovementBlock) -> frozenset[str]:
     """Names of the angles of a block whose middle wanders as drift of the estimate would.
 
     A middle may wander as far as the uncertainty allows; where no magnetometer measured a heading, any wandering may be
@@ -141,12 +141,12 @@ def drifting(movement: Movement, block: Block) -> frozenset[str]:
     )
 
 
-def _compared(movement: Movement) -> int:
+def _compared(movement: MovementAnalysis) -> int:
     """Blocks that are compared: chance is controlled over all of them."""
     return sum(one.repetition.count >= LEAST_CYCLES for one in movement.blocks)
 
 
-def _change(name: str, values: Floats, compared: int) -> Change:
+def _change(name: str, values: Floats, compared: int) -> CycleChange:
     """Bonferroni's correction for so many comparisons; the scatter is that within the three thirds."""
     part = len(values) // 3
     thirds = (values[:part], values[part:-part], values[-part:])
@@ -154,8 +154,8 @@ def _change(name: str, values: Floats, compared: int) -> Change:
     pooled = sum(float(((one - one.mean()) ** 2).sum()) for one in thirds) / freedom
     quantile = float(t.ppf(1.0 - 0.5 * CHANCE / compared, freedom))
     limit = quantile * float(np.sqrt(2.0 * pooled / part))
-    return Change(name, float(thirds[0].mean()), float(thirds[2].mean()), limit)
+    return CycleChange(name, float(thirds[0].mean()), float(thirds[2].mean()), limit)
 
 
-def _courses(movement: Movement, block: Block, values: Floats) -> Floats:
+def _courses(movement: MovementAnalysis, block: MovementBlock, values: Floats) -> Floats:
     return cycle_courses(movement.track.time_s, values, block.repetition.begins_s)

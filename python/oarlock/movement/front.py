@@ -8,7 +8,7 @@ from math import ceil
 import numpy as np
 
 from oarlock.movement.angles import CONTRADICTED, MovementAngle
-from oarlock.movement.blocks import Block, Movement
+from oarlock.movement.blocks import MovementAnalysis, MovementBlock
 from oarlock.movement.checked import checked_markup
 from oarlock.movement.cycles import cycle_courses
 from oarlock.movement.evenness import LEAST_CYCLES, Wander, changes, wanderings
@@ -55,7 +55,7 @@ LARGE_DEG = 15.0
 """Range of an angle that a reader looks for, and misses if it is not measured well."""
 
 
-def front_of(movement: Movement) -> Front:
+def front_of(movement: MovementAnalysis) -> Front:
     """The front of a movement."""
     points = [point for block in movement.blocks for point in _findings(movement, block)]
     return Front(
@@ -73,11 +73,11 @@ def front_of(movement: Movement) -> Front:
     )
 
 
-def _findings(movement: Movement, block: Block) -> list[Point]:
+def _findings(movement: MovementAnalysis, block: MovementBlock) -> list[Point]:
     return [*_changes(movement, block), *_wanderings(movement, block), *_rhythm(movement, block)]
 
 
-def _quiet(movement: Movement) -> str:
+def _quiet(movement: MovementAnalysis) -> str:
     """What was compared, and from which size on a difference would have shown."""
     shown = []
     for block in movement.blocks:
@@ -103,7 +103,7 @@ def _too_few(few: Sequence[int]) -> str:
     )
 
 
-def _changes(movement: Movement, block: Block) -> list[Point]:
+def _changes(movement: MovementAnalysis, block: MovementBlock) -> list[Point]:
     found = []
     for one in changes(movement, block):
         if not one.certain:
@@ -117,7 +117,7 @@ def _changes(movement: Movement, block: Block) -> list[Point]:
     return found
 
 
-def _wanderings(movement: Movement, block: Block) -> list[Point]:
+def _wanderings(movement: MovementAnalysis, block: MovementBlock) -> list[Point]:
     """One finding for all angles whose middle wanders by more than their uncertainty: a cause is likely common."""
     beyond = [one for one in wanderings(movement, block) if one.certain and one.beyond]
     if not beyond:
@@ -131,7 +131,7 @@ def _wanderings(movement: Movement, block: Block) -> list[Point]:
     return [Point("Drift", f"{text}.", f"{fixed(beyond[0].span_deg, 0)}°", advice=advice, meaning=WANDERS)]
 
 
-def _drifting(movement: Movement, block: Block) -> str:
+def _drifting(movement: MovementAnalysis, block: MovementBlock) -> str:
     """Angles whose middle wanders by no more than their uncertainty allows, in a sentence."""
     within_limits = [one for one in wanderings(movement, block) if one.certain and not one.beyond]
     if not within_limits:
@@ -145,7 +145,7 @@ def _drifting(movement: Movement, block: Block) -> str:
     )
 
 
-def _wandered(block: Block, angles: Sequence[Wander]) -> str:
+def _wandered(block: MovementBlock, angles: Sequence[Wander]) -> str:
     begins_s = block.repetition.begins_s
     first, *others = angles
     took = fixed(float(begins_s[-1] - begins_s[0]), 0)
@@ -153,7 +153,7 @@ def _wandered(block: Block, angles: Sequence[Wander]) -> str:
     return text + "".join(f", that of {plain(one.angle)} by {fixed(one.span_deg, 0)}°" for one in others)
 
 
-def _next_step(movement: Movement) -> str:
+def _next_step(movement: MovementAnalysis) -> str:
     """Calibrate first, then record again: how often, what this shows, and the change that would show.
 
     Where joints contradict a unit, the recording may still be good.
@@ -178,11 +178,11 @@ def _next_step(movement: Movement) -> str:
     return f"Record {again}.{would}"
 
 
-def _is_contradicted(movement: Movement) -> bool:
+def _is_contradicted(movement: MovementAnalysis) -> bool:
     return any(one.doubt == CONTRADICTED for one in movement.shown)
 
 
-def _caution(movement: Movement) -> str:
+def _caution(movement: MovementAnalysis) -> str:
     """That large movements are not measured well; "" if all are."""
     large = [one for one in movement.shown if one.range_deg > LARGE_DEG]
     poor = [one for one in large if not one.well_measured]
@@ -192,7 +192,7 @@ def _caution(movement: Movement) -> str:
     return f"{len(poor)} of {len(large)} angles with a range above {LARGE_DEG:.0f}° are not measured well: {names}."
 
 
-def _sensors_step(movement: Movement) -> str:
+def _sensors_step(movement: MovementAnalysis) -> str:
     """What narrows angles that are not measured well; without calibration the next step says it."""
     if movement.nominal or _is_contradicted(movement) or not _caution(movement):
         return ""
@@ -202,14 +202,14 @@ def _sensors_step(movement: Movement) -> str:
     )
 
 
-def _commands(movement: Movement) -> list[tuple[str, str]]:
+def _commands(movement: MovementAnalysis) -> list[tuple[str, str]]:
     """A session calibrates any body; `calibrate motion` needs closed loops."""
     model = str(movement.track.provenance.get("model", "MODEL"))
     needed = movement.nominal or bool(_sensors_step(movement))
     return [(name, one.format(model=model)) for name, one in COMMANDS] if needed else []
 
 
-def _sides(movement: Movement) -> list[Point]:
+def _sides(movement: MovementAnalysis) -> list[Point]:
     certain = sorted(
         (found for found in movement.sides if found[1].certain),
         key=lambda found: -abs(found[1].difference_deg),
@@ -228,7 +228,7 @@ def _side(where: str, one: SideDifference) -> Point:
     )
 
 
-def _rhythm(movement: Movement, block: Block) -> list[Point]:
+def _rhythm(movement: MovementAnalysis, block: MovementBlock) -> list[Point]:
     one = block.repetition
     if one.count < 2:
         return []
@@ -240,7 +240,7 @@ def _rhythm(movement: Movement, block: Block) -> list[Point]:
     return [Point("Rhythm", text, f"SD {fixed(spread, 2)} s", meaning=CYCLE)]
 
 
-def _course(movement: Movement) -> Course | None:
+def _course(movement: MovementAnalysis) -> Course | None:
     """The angles that move most over a cycle; of several blocks the leading one of each."""
     if not movement.several:
         curves = [(block, angle) for block in movement.blocks for angle in _moving(block)[:MOST_CURVES]]
@@ -256,11 +256,11 @@ def _course(movement: Movement) -> Course | None:
     return Course("Angles over a cycle", "deg", "% of the cycle", drawn) if drawn else None
 
 
-def _moving(block: Block) -> list[MovementAngle]:
+def _moving(block: MovementBlock) -> list[MovementAngle]:
     """The angle with the largest range first; none at a unit that its joints contradict."""
     found = [angle for angle in block.angles if angle.name in block.ranges and angle.doubt != CONTRADICTED]
     return sorted(found, key=lambda angle: -block.ranges[angle.name].range_deg)
 
 
-def _leading(block: Block) -> MovementAngle:
+def _leading(block: MovementBlock) -> MovementAngle:
     return next(angle for angle in block.angles if angle.name == block.repetition.lead)

@@ -10,7 +10,7 @@ import pyarrow as pa
 
 from oarlock import Track
 from oarlock.movement.angles import CONTRADICTED, Floats, MovementAngle, movement_angles, room_angles
-from oarlock.movement.blocks import Block, Movement
+from oarlock.movement.blocks import MovementAnalysis, MovementBlock
 from oarlock.movement.cycles import Repetition, cycle_courses, find_cycles
 from oarlock.movement.evenness import drifting
 from oarlock.movement.ranges import DRIFTS, MotionRange, cycle_ranges, ranges_of_motion
@@ -18,7 +18,7 @@ from oarlock.movement.settled import settled_s
 from oarlock.movement.turns import SegmentTurns
 
 
-def movement_of(track: Track) -> Movement:
+def movement_of(track: Track) -> MovementAnalysis:
     """Angles, ranges and blocks of a track.
 
     Where the joints do not repeat, the free segment may: a person who bows. Its angles in the room count only in blocks
@@ -41,11 +41,11 @@ def movement_of(track: Track) -> Movement:
     ]
     blocks = sorted((*found, *turned), key=lambda one: float(one.repetition.begins_s[0]))
     numbered = tuple(replace(one, number=k) for k, one in enumerate(blocks, 1))
-    whole = Movement(track, (*known, *room) if turned else known, ranges, numbered, start_s)
+    whole = MovementAnalysis(track, (*known, *room) if turned else known, ranges, numbered, start_s)
     return replace(whole, blocks=tuple(replace(block, ranges=_doubted(whole, block)) for block in numbered))
 
 
-def _doubted(movement: Movement, block: Block) -> dict[str, MotionRange]:
+def _doubted(movement: MovementAnalysis, block: MovementBlock) -> dict[str, MotionRange]:
     """The ranges of a block, with those of angles that drift marked."""
     drifts = drifting(movement, block)
     return {
@@ -54,12 +54,12 @@ def _doubted(movement: Movement, block: Block) -> dict[str, MotionRange]:
     }
 
 
-def cycles_table(movement: Movement) -> pa.Table:
+def cycles_table(movement: MovementAnalysis) -> pa.Table:
     """One row per cycle: block, start, duration, and smallest, largest value and range of each angle, deg."""
     return pa.concat_tables([_cycles(movement, block) for block in movement.blocks])
 
 
-def _cycles(movement: Movement, block: Block) -> pa.Table:
+def _cycles(movement: MovementAnalysis, block: MovementBlock) -> pa.Table:
     begins_s, count = block.repetition.begins_s, block.repetition.count
     columns: dict[str, object] = {
         "block": np.full(count, block.number),
@@ -89,9 +89,9 @@ def _repetitions(
     return find_cycles(time_s[first:], _late(time_s, reliable, start_s), taken)
 
 
-def _block(time_s: Floats, repetition: Repetition, angles: tuple[MovementAngle, ...]) -> Block:
+def _block(time_s: Floats, repetition: Repetition, angles: tuple[MovementAngle, ...]) -> MovementBlock:
     ranges = cycle_ranges(time_s, angles, repetition.begins_s)
-    return Block(0, repetition, ranges, angles)
+    return MovementBlock(0, repetition, ranges, angles)
 
 
 def _meet(one: Repetition, other: Repetition) -> bool:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from math import isfinite
 
-from oarlock.movement.blocks import Block, Movement
+from oarlock.movement.blocks import MovementAnalysis, MovementBlock
 from oarlock.movement.ranges import LEAST_MOVEMENT_DEG, WELL_SHARE, WITHIN_DEG, MotionRange
 from oarlock.movement.words import plain, titled, within
 from oarlock.report import Column, fixed, plain_table, sortable_table, value_cell
@@ -31,7 +31,7 @@ TESTED_SHARE = 0.25
 """A movement tests an angle if it uses at least this share of what people reach."""
 
 
-def ranges_markup(movement: Movement) -> str:
+def ranges_markup(movement: MovementAnalysis) -> str:
     """The ranges that are measured well, of each block, those that are not, and what people usually reach."""
     if movement.several:
         first = f'<p class="hint">{_caption(movement)}</p>' + "".join(
@@ -54,7 +54,7 @@ def _well(ranges: Iterable[MotionRange]) -> list[MotionRange]:
     return [one for one in ranges if one.well_measured]
 
 
-def _measured(movement: Movement, block: Block | None, well: list[MotionRange]) -> str:
+def _measured(movement: MovementAnalysis, block: MovementBlock | None, well: list[MotionRange]) -> str:
     """A table; of several blocks with the ends of the cycles, else with those of all counted time."""
     if not well:
         return "<p>No angle was measured well in this block.</p>" if movement.several else ""
@@ -76,14 +76,14 @@ def _measured(movement: Movement, block: Block | None, well: list[MotionRange]) 
     return sortable_table(key, caption, heads, rows, muted=muted, style="stacked")
 
 
-def _still(block: Block) -> str:
+def _still(block: MovementBlock) -> str:
     """The angles of a block that hardly moved and are in neither table."""
     still = [one for one in block.ranges.values() if one.hardly_moved and not one.well_measured]
     told = ", ".join(f"{escape(plain(one.name))} {within(one)}" for one in still)
     return f"Hardly moved: {told}." if told else ""
 
 
-def _apart(movement: Movement, apart: Sequence[tuple[Block | None, MotionRange]]) -> str:
+def _apart(movement: MovementAnalysis, apart: Sequence[tuple[MovementBlock | None, MotionRange]]) -> str:
     if not apart:
         return ""
     rows = []
@@ -115,7 +115,7 @@ def _apart(movement: Movement, apart: Sequence[tuple[Block | None, MotionRange]]
     return f'<details class="help" id="ranges-apart"><summary>{APART}: {len(rows)} ranges</summary>{table}</details>'
 
 
-def _caption(movement: Movement) -> str:
+def _caption(movement: MovementAnalysis) -> str:
     parts = []
     if movement.blocks and not movement.several:
         parts.append("Range: mean over the cycles. Smallest and largest: of all counted time.")
@@ -133,7 +133,7 @@ def _caption(movement: Movement) -> str:
     return " ".join(parts)
 
 
-def _usual(movement: Movement) -> str:
+def _usual(movement: MovementAnalysis) -> str:
     """What healthy adults reach, for the angles that this recording tests."""
     tested = {
         stem
@@ -150,10 +150,10 @@ def _usual(movement: Movement) -> str:
     )
 
 
-def _name(movement: Movement) -> str:
+def _name(movement: MovementAnalysis) -> str:
     return "range in a cycle" if movement.blocks else "range"
 
 
-def _head(movement: Movement, one: MotionRange) -> str:
+def _head(movement: MovementAnalysis, one: MotionRange) -> str:
     label = next(angle.label for angle in movement.angles if angle.name == one.name)
     return f'<span title="{escape(label)}">{escape(plain(one.name))}</span>'

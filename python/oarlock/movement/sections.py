@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from oarlock.movement.angles import MovementAngle
-from oarlock.movement.blocks import Block, Movement
+from oarlock.movement.blocks import MovementAnalysis, MovementBlock
 from oarlock.movement.cycles import cycle_courses
 from oarlock.movement.range_section import STYLE, ranges_markup
 from oarlock.movement.ranges import side_pairs
@@ -38,7 +38,7 @@ HELP = (
 FOLDED = ("cycles", "sides")
 
 
-def sections_of(movement: Movement, csv_name: str) -> list[Section]:
+def sections_of(movement: MovementAnalysis, csv_name: str) -> list[Section]:
     """The sections of a body's movement, for `write_report`; none if no joint angle is observed."""
     if not movement.angles:
         return []
@@ -53,7 +53,7 @@ def sections_of(movement: Movement, csv_name: str) -> list[Section]:
     return [replace(sections[0], script=sort_script(), style=STYLE, sentences=told), *sections[1:]]
 
 
-def _player(movement: Movement) -> str:
+def _player(movement: MovementAnalysis) -> str:
     track, blocks = movement.track, movement.blocks
     first, last = movement.start_s, float(track.time_s[-1])
     begins_s = [float(block.repetition.begins_s[0]) for block in blocks]
@@ -75,7 +75,7 @@ def _player(movement: Movement) -> str:
     return shown_hint + embed(shown, "player") + folded_help(HELP)
 
 
-def _curves(movement: Movement) -> list[Curve]:
+def _curves(movement: MovementAnalysis) -> list[Curve]:
     """The angles of the tables by their names, as the scene opens those that move most."""
     found = []
     for angle in movement.angles:
@@ -96,12 +96,12 @@ def _curves(movement: Movement) -> list[Curve]:
     return found
 
 
-def _cycles(movement: Movement, csv_name: str) -> str:
+def _cycles(movement: MovementAnalysis, csv_name: str) -> str:
     """Mean courses of each block."""
     return "".join(_block(movement, block, csv_name) for block in movement.blocks)
 
 
-def _block(movement: Movement, block: Block, csv_name: str) -> str:
+def _block(movement: MovementAnalysis, block: MovementBlock, csv_name: str) -> str:
     one = block.repetition
     hint = (
         f"Means over {one.count} cycles; 0 % is where {escape(plain(one.lead))} is largest. Tinted: plus and minus "
@@ -113,7 +113,7 @@ def _block(movement: Movement, block: Block, csv_name: str) -> str:
     return f'{head}<p class="hint">{hint}</p><div class="grid-figures">{"".join(charts)}</div>'
 
 
-def _groups(block: Block) -> list[tuple[str, list[MovementAngle]]]:
+def _groups(block: MovementBlock) -> list[tuple[str, list[MovementAngle]]]:
     """Angles that move, right and left together, in the order of the model."""
     moving = {
         angle.name: angle
@@ -128,7 +128,9 @@ def _groups(block: Block) -> list[tuple[str, list[MovementAngle]]]:
     return list(found.items())
 
 
-def _chart(movement: Movement, block: Block, place: int, name: str, group: Sequence[MovementAngle]) -> str:
+def _chart(
+    movement: MovementAnalysis, block: MovementBlock, place: int, name: str, group: Sequence[MovementAngle]
+) -> str:
     series = []
     for angle in sorted(group, key=_side, reverse=True):
         courses = cycle_courses(movement.track.time_s, angle.value_deg, block.repetition.begins_s)
@@ -145,7 +147,7 @@ def _side(angle: MovementAngle) -> str:
     return side_of(angle.name.partition(" ")[0])[0]
 
 
-def _sides(movement: Movement) -> str:
+def _sides(movement: MovementAnalysis) -> str:
     if not movement.sides:
         return ""
     rows = []

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Sequence
 from math import isfinite
 
 from oarlock.movement.angles import CONTRADICTED
-from oarlock.movement.blocks import Block, Movement
+from oarlock.movement.blocks import MovementAnalysis, MovementBlock
 from oarlock.movement.cycles import Repetition
-from oarlock.movement.evenness import Change
+from oarlock.movement.evenness import CycleChange
 from oarlock.movement.ranges import MotionRange
 from oarlock.report import KeyFigure, fixed
 from oarlock.report.viewer.sides import side_of
@@ -26,7 +26,7 @@ RANGE_IN_CYCLE = (
 MOUNTS = "The interval does not contain errors of the mounts: without calibration a sensor may sit several degrees off."
 
 
-def counts_from(movement: Movement) -> str:
+def counts_from(movement: MovementAnalysis) -> str:
     """From when the numbers count, if the start is left out."""
     skipped = movement.start_s - float(movement.track.time_s[0])
     if skipped <= 0.0:
@@ -34,7 +34,7 @@ def counts_from(movement: Movement) -> str:
     return f"Numbers count from {fixed(movement.start_s, 1)} s on: before, the estimate still settles."
 
 
-def repeats(movement: Movement) -> list[str]:
+def repeats(movement: MovementAnalysis) -> list[str]:
     """What repeats, in sentences."""
     if not movement.several:
         return [_repeat(one.repetition) for one in movement.blocks]
@@ -50,13 +50,13 @@ def _repeat(one: Repetition) -> str:
     )
 
 
-def span(block: Block) -> str:
+def span(block: MovementBlock) -> str:
     """From its first to its last peak: `24 to 30 s`."""
     begins_s = block.repetition.begins_s
     return f"{begins_s[0]:.0f} to {begins_s[-1]:.0f} s"
 
 
-def titled(block: Block) -> str:
+def titled(block: MovementBlock) -> str:
     """A block for a heading: `Block 2, 24 to 30 s: right shoulder flexion, 4 repetitions (3 whole cycles)`."""
     one = block.repetition
     return f"Block {block.number}, {span(block)}: {plain(one.lead)}, {_counted(one)}"
@@ -67,14 +67,14 @@ def _counted(one: Repetition) -> str:
     return f"{one.peaks} repetitions ({one.count} whole cycles)"
 
 
-def placed(movement: Movement, block: Block | None) -> str:
+def placed(movement: MovementAnalysis, block: MovementBlock | None) -> str:
     """`Block 2, right elbow flexion: ` before a sentence; "" if there are no blocks to tell apart."""
     if block is None or not movement.several:
         return ""
     return f"Block {block.number}, {plain(block.repetition.lead)}: "
 
 
-def key_figures(movement: Movement) -> list[KeyFigure]:
+def key_figures(movement: MovementAnalysis) -> list[KeyFigure]:
     """Number and duration of cycles, and the largest ranges that are measured well; of several blocks their leads."""
     if movement.several:
         return [
@@ -99,7 +99,7 @@ def measured(ranges: Iterable[MotionRange]) -> list[MotionRange]:
     return sorted((one for one in ranges if one.well_measured), key=lambda one: -one.range_deg)
 
 
-def quality(movement: Movement) -> list[str]:
+def quality(movement: MovementAnalysis) -> list[str]:
     """Which angles are measured well, with half of the 95 % interval, and which are not, and why; of each block."""
     if not movement.several:
         return _quality(movement.shown)
@@ -135,7 +135,7 @@ def within(one: MotionRange) -> str:
     return f"{fixed(one.range_deg, 0)}{half}°"
 
 
-def _figure(movement: Movement, one: MotionRange) -> KeyFigure:
+def _figure(movement: MovementAnalysis, one: MotionRange) -> KeyFigure:
     half = f"± {fixed(one.half_deg, 1)}°" if isfinite(one.half_deg) else ""
     if half and movement.nominal:
         half += ", mounts not calibrated"
@@ -147,7 +147,7 @@ def _figure(movement: Movement, one: MotionRange) -> KeyFigure:
     return KeyFigure(plain(one.name), f"{fixed(one.range_deg, 0)}°", detail, meaning)
 
 
-def _lead_figure(movement: Movement, block: Block, one: MotionRange) -> KeyFigure:
+def _lead_figure(movement: MovementAnalysis, block: MovementBlock, one: MotionRange) -> KeyFigure:
     """The range of a leading angle, with the time of its block."""
     figure = _figure(movement, one)
     half = f"± {fixed(one.half_deg, 1)}°; " if isfinite(one.half_deg) else ""
@@ -161,7 +161,7 @@ def plain(name: str) -> str:
     return f"{side} {stem}{space}{axis}".strip().replace("_", " ")
 
 
-def heading(movement: Movement) -> str | None:
+def heading(movement: MovementAnalysis) -> str | None:
     """What was done, for the title of a page; None without angles."""
     leads = list(dict.fromkeys(plain(block.repetition.lead) for block in movement.blocks))
     if movement.several and len(leads) <= MOST_LEADS:
@@ -181,16 +181,16 @@ def _ends(one: MotionRange) -> str:
     return f"{fixed(one.lowest_deg, 0)} to {fixed(one.highest_deg, 0)}°"
 
 
-def named(one: Change) -> str:
+def named(one: CycleChange) -> str:
     """What a change compares, for people."""
     return f"range of {plain(one.angle)}" if one.angle else "cycle time"
 
 
-def sized(one: Change, value: float) -> str:
+def sized(one: CycleChange, value: float) -> str:
     """A value in the unit of the change: `0.05 s`, `3.1°`."""
     return f"{fixed(value, 1)}°" if one.angle else f"{fixed(value, 2)} s"
 
 
-def signed(one: Change) -> str:
+def signed(one: CycleChange) -> str:
     """The change with its sign."""
     return f"{'+' if one.difference >= 0.0 else ''}{sized(one, one.difference)}"

@@ -20,7 +20,7 @@ from oarlock.recording.streams import (
     VectorStream,
 )
 from oarlock.storage.array_gate import FloatArray
-from oarlock.storage.delimited import Dialect, Layout, numbers
+from oarlock.storage.delimited import ColumnLayout, Dialect, numbers
 from oarlock.storage.errors import DataError
 from oarlock.storage.folder_writer import check_files, read_manifest, replaced_folder
 from oarlock.storage.names import file_names
@@ -266,7 +266,7 @@ def _read_parquet(file: Path, names: list[str]) -> dict[str, FloatArray]:
 
 
 def _read_csv(file: Path, names: list[str]) -> dict[str, FloatArray]:
-    layout = Layout.of(file, Dialect())
+    layout = ColumnLayout.of(file, Dialect())
     _check_columns(file, list(layout.names), names)
     plain = plain_columns(file, layout.names)
     if plain is not None:

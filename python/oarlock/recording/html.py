@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from oarlock.recording.packets import Session, missing_share, stream_rate_hz
+from oarlock.recording.packets import RecordingSpan, missing_share, stream_rate_hz
 from oarlock.recording.session_info import session_info, session_text
 from oarlock.storage.errors import DataError
 from oarlock.storage.notebook_html import card, html_table
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from oarlock.recording.streams import Stream
 
 
-def recording_html(recording: Session, streams: Sequence[Stream], epoch: str | None) -> str:
+def recording_html(recording: RecordingSpan, streams: Sequence[Stream], epoch: str | None) -> str:
     """HTML of a recording with its streams and the moment of `time_s` = 0."""
     duration_s = recording.end_s - recording.start_s
     facts = [
@@ -37,7 +37,7 @@ def recording_html(recording: Session, streams: Sequence[Stream], epoch: str | N
     return card("Recording", ", ".join(fact for fact in facts if fact), html_table(header, rows))
 
 
-def rate_and_missing(recording: Session, stream: Stream) -> tuple[str, str]:
+def rate_and_missing(recording: RecordingSpan, stream: Stream) -> tuple[str, str]:
     """Rate, Hz, and share of missing readings, percent, as text; a dash where there is none."""
     try:
         rate_hz, missing = stream_rate_hz(recording, stream), missing_share(recording, stream)

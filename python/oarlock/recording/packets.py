@@ -71,7 +71,7 @@ def _duration_text(duration_s: float) -> str:
     return f"{duration_s / length_s:.3g} {unit}"
 
 
-class Session(Protocol):
+class RecordingSpan(Protocol):
     """What is needed of a `Recording` here: it prints its own streams' rates with these functions."""
 
     @property
@@ -87,7 +87,7 @@ class Session(Protocol):
         """Last time stamp, s."""
 
 
-def lost_packets(recording: Session, stream: Stream) -> Lost | None:
+def lost_packets(recording: RecordingSpan, stream: Stream) -> Lost | None:
     """Gaps of a stream, from the packet counter if there is one, otherwise from time stamps; None if undetermined.
 
     Raises:
@@ -178,7 +178,7 @@ def _by_steps(time_s: FloatArray, may_be_thin: bool = False) -> Lost | None:
     return Lost(time_s[gaps], packets, steps[gaps] - usual, False)
 
 
-def own_rate_hz(recording: Session, stream: Stream) -> float:
+def own_rate_hz(recording: RecordingSpan, stream: Stream) -> float:
     """Rate of a stream without its lost packets, Hz; NaN for a single row."""
     if len(stream) < 2:
         return float("nan")
@@ -186,7 +186,7 @@ def own_rate_hz(recording: Session, stream: Stream) -> float:
     return (rows - 1) / float(stream.time_s[-1] - stream.time_s[0])
 
 
-def expected_rows(recording: Session, stream: Stream) -> int:
+def expected_rows(recording: RecordingSpan, stream: Stream) -> int:
     """Rows of a stream that has its own rate from the recording's first to its last time stamp.
 
     They are the rows received, the lost packets, and the rows before the stream's first and after its last one. Packets
@@ -199,29 +199,29 @@ def expected_rows(recording: Session, stream: Stream) -> int:
     return len(stream) + (missing_packets(recording, stream) or 0) + outside
 
 
-def missing_share(recording: Session, stream: Stream) -> float:
+def missing_share(recording: RecordingSpan, stream: Stream) -> float:
     """Share of the expected values of a stream that are absent or NaN, each quantity against its own rate."""
     received = sum(np.count_nonzero(np.isfinite(v)) for v in stream.values.values())
     rows = expected_quantity_rows(recording, stream)
     return 1.0 - received / sum(rows[name] * (v.size // len(v)) for name, v in stream.values.items())
 
 
-def expected_quantity_rows(recording: Session, stream: Stream) -> dict[str, int]:
+def expected_quantity_rows(recording: RecordingSpan, stream: Stream) -> dict[str, int]:
     """`expected_rows` of each quantity. A slow one, such as a magnetometer at 20 Hz beside 100 Hz, has fewer."""
     return {name: rows for name, (rows, _) in _quantities(recording, stream).items()}
 
 
-def quantity_rates(recording: Session, stream: Stream) -> dict[str, float]:
+def quantity_rates(recording: RecordingSpan, stream: Stream) -> dict[str, float]:
     """Rate of each quantity of a stream, Hz; that of its rows unless the quantity has a slower rate of its own."""
     return {name: rate_hz for name, (_, rate_hz) in _quantities(recording, stream).items()}
 
 
-def stream_rate_hz(recording: Session, stream: Stream) -> float:
+def stream_rate_hz(recording: RecordingSpan, stream: Stream) -> float:
     """Rate of the fastest quantity, Hz. Where each quantity has rows of its own, the rows come more often."""
     return max(quantity_rates(recording, stream).values())
 
 
-def _quantities(recording: Session, stream: Stream) -> dict[str, tuple[int, float]]:
+def _quantities(recording: RecordingSpan, stream: Stream) -> dict[str, tuple[int, float]]:
     """Expected rows and rate in Hz of each quantity."""
     rows, rows_hz = expected_rows(recording, stream), own_rate_hz(recording, stream)
     found = {}
@@ -236,7 +236,7 @@ def _quantities(recording: Session, stream: Stream) -> dict[str, tuple[int, floa
     return found
 
 
-def missing_packets(recording: Session, stream: Stream) -> int | None:
+def missing_packets(recording: RecordingSpan, stream: Stream) -> int | None:
     """Number of missing packets of a stream; None if undetermined."""
     lost = lost_packets(recording, stream)
     return None if lost is None else int(lost.packets.sum())

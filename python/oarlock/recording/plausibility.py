@@ -56,7 +56,7 @@ _MAG_UNITS = (
 
 
 @dataclass(frozen=True)
-class Finding:
+class SignalFinding:
     """One result of the plausibility checks.
 
     Args:
@@ -77,7 +77,7 @@ class Finding:
         return f"{self.sensor}: {self.message}"
 
 
-def plausibility(recording: Recording) -> list[Finding]:
+def plausibility(recording: Recording) -> list[SignalFinding]:
     """Findings on wrong units, dead sensors and gaps, errors first. The recording is not modified."""
     # Overflowing sums are no numpy warning here: the checks report such readings.
     with np.errstate(over="ignore", invalid="ignore"):
@@ -86,7 +86,7 @@ def plausibility(recording: Recording) -> list[Finding]:
     return sorted(findings, key=lambda f: ("error", "warning", "note").index(f.severity))
 
 
-def require_plausible(recording: Recording) -> list[Finding]:
+def require_plausible(recording: Recording) -> list[SignalFinding]:
     """The warnings and notes of `plausibility`.
 
     Raises:
@@ -99,7 +99,7 @@ def require_plausible(recording: Recording) -> list[Finding]:
     return findings
 
 
-def _stream_findings(recording: Recording, stream: Stream) -> list[Finding]:
+def _stream_findings(recording: Recording, stream: Stream) -> list[SignalFinding]:
     findings = _gap_findings(recording, stream) + _missing_findings(recording, stream)
     if isinstance(stream, ImuStream):
         findings += _accel_findings(stream) + _gyro_findings(stream) + _mag_findings(stream)
@@ -108,7 +108,7 @@ def _stream_findings(recording: Recording, stream: Stream) -> list[Finding]:
     return findings
 
 
-def _frozen_findings(recording: Recording) -> list[Finding]:
+def _frozen_findings(recording: Recording) -> list[SignalFinding]:
     units = [stream for stream in recording.streams if isinstance(stream, ImuStream)]
     moving = {unit.name: moves(unit) for unit in units}
     findings = []
@@ -116,13 +116,13 @@ def _frozen_findings(recording: Recording) -> list[Finding]:
         others_move = any(moved for name, moved in moving.items() if name != unit.name)
         texts = {"stuck": stuck_texts(unit, others_move), "clipped": clipped_texts(unit)}
         findings += [
-            Finding(unit.name, "warning", text, kind) for kind, found in texts.items() for text in found
+            SignalFinding(unit.name, "warning", text, kind) for kind, found in texts.items() for text in found
         ]
     scalars = [stream for stream in recording.streams if isinstance(stream, ScalarStream)]
     still = [stream for stream in scalars if len(stream) >= STUCK_ROWS and np.ptp(stream.value) == 0.0]
     if any(moving.values()) or len(still) < len(scalars):
         findings += [
-            Finding(
+            SignalFinding(
                 stream.name,
                 "warning",
                 f"reads {stream.value[0]:.5g} throughout while others move: it is stuck, or what it reads does not "
@@ -134,7 +134,7 @@ def _frozen_findings(recording: Recording) -> list[Finding]:
     return findings
 
 
-def _accel_findings(stream: ImuStream) -> list[Finding]:
+def _accel_findings(stream: ImuStream) -> list[SignalFinding]:
     norms, rows = _norms(stream.accel_m_s2)
     if norms.size == 0 or stream.accel_m_s2 is None:
         return []
@@ -163,7 +163,7 @@ def _accel_findings(stream: ImuStream) -> list[Finding]:
     ]
 
 
-def _gyro_findings(stream: ImuStream) -> list[Finding]:
+def _gyro_findings(stream: ImuStream) -> list[SignalFinding]:
     norms, _ = _norms(stream.gyro_rad_s)
     if norms.size == 0:
         return []
@@ -174,7 +174,7 @@ def _gyro_findings(stream: ImuStream) -> list[Finding]:
             f"|gyro| jumps to {top:.4g} rad/s for single readings ({norms.size - lasting.size} of {norms.size}); "
             "they are not used. Check cable, radio and firmware."
         )
-        return [Finding(stream.name, "warning", text, "jumps")]
+        return [SignalFinding(stream.name, "warning", text, "jumps")]
     looks = _looks("deg/s", 'unit = "deg/s"')
     if top > GYRO_MAX_RAD_S or most > GYRO_P99_RAD_S or middle > GYRO_MEDIAN_RAD_S:
         return [
@@ -199,7 +199,7 @@ def _gyro_findings(stream: ImuStream) -> list[Finding]:
     return []
 
 
-def _mag_findings(stream: ImuStream) -> list[Finding]:
+def _mag_findings(stream: ImuStream) -> list[SignalFinding]:
     norms, _ = _norms(stream.mag_ut)
     if norms.size == 0:
         return []
@@ -224,7 +224,7 @@ def _mag_findings(stream: ImuStream) -> list[Finding]:
     return []
 
 
-def _scalar_findings(stream: ScalarStream) -> list[Finding]:
+def _scalar_findings(stream: ScalarStream) -> list[SignalFinding]:
     finite = stream.value[np.isfinite(stream.value)]
     if finite.size == 0 or (top := float(np.abs(finite).max())) <= SCALAR_MAX:
         return []
@@ -238,7 +238,7 @@ def _scalar_findings(stream: ScalarStream) -> list[Finding]:
     ]
 
 
-def _missing_findings(recording: Recording, stream: Stream) -> list[Finding]:
+def _missing_findings(recording: Recording, stream: Stream) -> list[SignalFinding]:
     findings = []
     if isinstance(stream, ImuStream):
         # A track says in one line for all units which of its model's magnetometers are absent.
@@ -251,9 +251,9 @@ def _missing_findings(recording: Recording, stream: Stream) -> list[Finding]:
         missing = np.isnan(rows).reshape(len(rows), -1)
         if missing.all():
             text = f"{field} has no reading (all NaN)."
-            findings.append(Finding(stream.name, "warning", text, missing=field))
+            findings.append(SignalFinding(stream.name, "warning", text, missing=field))
         elif missing.any() and (text := _missing_text(recording, stream, field, missing)):
-            findings.append(Finding(stream.name, "note", text, missing=field))
+            findings.append(SignalFinding(stream.name, "note", text, missing=field))
     return findings
 
 
@@ -282,7 +282,7 @@ def _rows_text(stream: Stream, field: str, missing: NDArray[np.bool_]) -> str:
     return "; ".join(parts) + "."
 
 
-def _gap_findings(recording: Recording, stream: Stream) -> list[Finding]:
+def _gap_findings(recording: Recording, stream: Stream) -> list[SignalFinding]:
     findings = []
     late_s, early_s = stream.time_s[0] - recording.start_s, recording.end_s - stream.time_s[-1]
     if late_s > OUTSIDE_S:
@@ -341,13 +341,13 @@ def _looks(unit: str, change: str) -> str:
     return f"It looks like {unit}: set {change} in the mapping file, or convert the array."
 
 
-def _error(stream: Stream, message: str) -> Finding:
-    return Finding(stream.name, "error", message)
+def _error(stream: Stream, message: str) -> SignalFinding:
+    return SignalFinding(stream.name, "error", message)
 
 
-def _warning(stream: Stream, message: str) -> Finding:
-    return Finding(stream.name, "warning", message)
+def _warning(stream: Stream, message: str) -> SignalFinding:
+    return SignalFinding(stream.name, "warning", message)
 
 
-def _note(stream: Stream, message: str) -> Finding:
-    return Finding(stream.name, "note", message)
+def _note(stream: Stream, message: str) -> SignalFinding:
+    return SignalFinding(stream.name, "note", message)

@@ -61,7 +61,7 @@ _SIDES = MappingProxyType({"r": "r", "rt": "r", "right": "r", "l": "l", "lt": "l
 
 
 @dataclass(frozen=True)
-class Place:
+class SegmentSide:
     """Segment and side that a name means; empty if it says none."""
 
     segment: str
@@ -93,22 +93,22 @@ class Assignment:
         return renamed(recording, names)
 
 
-def place_of_name(name: str) -> Place:
+def place_of_name(name: str) -> SegmentSide:
     """Segment and side in a name such as "r_forearm", "RightForeArm", "LLA" or "Right Upper Leg 64F61C2E"."""
     words = _words(name)
     if vertebra := re.search(r"(?<![a-z0-9])([ctls]) \d(?!\d)", " ".join(words)):
-        return Place(_VERTEBRAE[vertebra[1]], "")
+        return SegmentSide(_VERTEBRAE[vertebra[1]], "")
     sides = [_SIDES[word] for word in words if word in _SIDES]
     side = sides[0] if len(set(sides)) == 1 else ""
     rest = " ".join(word for word in words if word not in _SIDES)
     for segment, spellings in _SEGMENTS.items():
         if re.search(rf"(?<![a-z0-9])(?:{spellings})(?![a-z])", rest):
-            return Place(segment, side)
+            return SegmentSide(segment, side)
     for word in words:
         short = re.fullmatch(rf"([rl])({'|'.join(_SHORT_SEGMENTS)})", word)
         if short:
-            return Place(_SHORT_SEGMENTS[short[2]], short[1])
-    return Place("", side)
+            return SegmentSide(_SHORT_SEGMENTS[short[2]], short[1])
+    return SegmentSide("", side)
 
 
 def assign_units(
@@ -235,7 +235,7 @@ def _sensor_of(stream: str, sensors: Sequence[str], ids: Mapping[str, str]) -> t
     return found, f"{_words_of(place)} in its name" if found else ""
 
 
-def _by_place(stream: str, place: Place, sensors: Sequence[str]) -> str:
+def _by_place(stream: str, place: SegmentSide, sensors: Sequence[str]) -> str:
     if not place.segment:
         return ""
     places = {sensor: place_of_name(sensor) for sensor in sensors}
@@ -254,7 +254,7 @@ def _by_place(stream: str, place: Place, sensors: Sequence[str]) -> str:
     return ""
 
 
-def _words_of(place: Place) -> str:
+def _words_of(place: SegmentSide) -> str:
     side = {"r": "right ", "l": "left "}.get(place.side, "")
     return f'"{side}{place.segment.replace("_", " ")}"'
 

@@ -13,7 +13,7 @@ from oarlock.evaluation.errors import BAND_95, part_error
 from oarlock.evaluation.interval import Bools, Floats, Interval
 from oarlock.evaluation.joints import part_unit
 from oarlock.evaluation.scores import Evaluation, JointScore, presentation
-from oarlock.model.coordinates import Part, parts
+from oarlock.model.coordinates import JointPart, parts
 from oarlock.report import markup, plot
 from oarlock.report.text import MINUS, number, percent
 from oarlock.tracking.track import Track
@@ -27,7 +27,7 @@ SETTLED_SHARE = 0.05
 
 
 @dataclass(frozen=True)
-class Curve:
+class ErrorCurve:
     """A hinge, slide, position axis or named angle in the drawn unit (deg, m or mm); (T,) each."""
 
     name: str
@@ -70,7 +70,7 @@ def detail_window(track: Track, truth: Track | None) -> Interval:
     return Interval(middle - half, middle + half)
 
 
-def _curves(track: Track, truth: Track | None, part: Part) -> list[Curve]:
+def _curves(track: Track, truth: Track | None, part: JointPart) -> list[ErrorCurve]:
     """One curve of a hinge or slide, three of a position; named angles of a rotation, without bands near a pole."""
     columns = list(part.columns)
     observed: Bools = np.asarray(track.observed[:, columns].all(axis=1))
@@ -106,7 +106,7 @@ def _curve(
     series: tuple[Floats, Floats, Floats | None],
     observed: Bools,
     near_singular: Bools,
-) -> Curve:
+) -> ErrorCurve:
     value, std, error = series
     angle = si_unit == "rad"
     travel = float(np.nanmax(value) - np.nanmin(value)) if np.isfinite(value).any() else 0.0
@@ -114,7 +114,7 @@ def _curve(
     shown = _unwrapped(value) if angle else value
     half = BAND_95 * std * factor
     scaled = None if error is None else error * factor
-    return Curve(name, unit, factor, track.time_s, shown * factor, half, scaled, observed, near_singular)
+    return ErrorCurve(name, unit, factor, track.time_s, shown * factor, half, scaled, observed, near_singular)
 
 
 def _unwrapped(angle_rad: Floats) -> Floats:
@@ -123,11 +123,11 @@ def _unwrapped(angle_rad: Floats) -> Floats:
     return result
 
 
-def _figure(i: int, curve: Curve, window: Interval, score: JointScore | None) -> str:
+def _figure(i: int, curve: ErrorCurve, window: Interval, score: JointScore | None) -> str:
     return figure(f"joint-{i}", curve, window, _headline(curve, score))
 
 
-def figure(key: str, curve: Curve, window: Interval, headline: str) -> str:
+def figure(key: str, curve: ErrorCurve, window: Interval, headline: str) -> str:
     """A curve, and below it a few seconds of its error with its band; `headline` is markup."""
     style = "with-truth" if curve.error is not None else "alone"
     style = style if curve.seen else "unseen"
@@ -135,7 +135,7 @@ def figure(key: str, curve: Curve, window: Interval, headline: str) -> str:
     return markup.figure(curve.name, drawing, unit=curve.unit, fact=headline, key=key, style=style)
 
 
-def _headline(curve: Curve, score: JointScore | None) -> str:
+def _headline(curve: ErrorCurve, score: JointScore | None) -> str:
     if not curve.seen:
         return "not observed"
     if score is None or not score.observed:
@@ -145,7 +145,7 @@ def _headline(curve: Curve, score: JointScore | None) -> str:
     return f"RMSE {number(score.rmse * factor)} {unit}{inside}"
 
 
-def _svg(key: str, curve: Curve, window: Interval) -> str:
+def _svg(key: str, curve: ErrorCurve, window: Interval) -> str:
     size = (WIDTH, CURVE_TOP + CURVE_HEIGHT + FOOT)
     content = _course(curve, window)
     if curve.seen and np.isfinite(curve.value).any():
@@ -156,13 +156,13 @@ def _svg(key: str, curve: Curve, window: Interval) -> str:
     return plot.drawing(f"{key}-svg", size, f"{curve.name} over time", _description(curve), content)
 
 
-def _has_error(curve: Curve, window: Interval) -> bool:
+def _has_error(curve: ErrorCurve, window: Interval) -> bool:
     if curve.error is None or not curve.seen:
         return False
     return bool(np.isfinite(curve.error[window.of(curve.time_s)]).any())
 
 
-def _description(curve: Curve) -> str:
+def _description(curve: ErrorCurve) -> str:
     finite = curve.value[np.isfinite(curve.value)]
     if not curve.seen or not len(finite):
         return "Not observed: no working sensor measures this joint."
@@ -172,7 +172,7 @@ def _description(curve: Curve) -> str:
     )
 
 
-def _course(curve: Curve, window: Interval) -> str:
+def _course(curve: ErrorCurve, window: Interval) -> str:
     low, high = curve.value - curve.half_band, curve.value + curve.half_band
     true = None if curve.error is None else curve.value - curve.error
     shown = [curve.value, *([] if true is None else [true])]
@@ -201,7 +201,7 @@ def _stamp(panel: plot.Panel) -> str:
     return plot.label(x, y + 5, "not observed", "stamp", "middle")
 
 
-def _error_strip(curve: Curve, window: Interval, top: float) -> str:
+def _error_strip(curve: ErrorCurve, window: Interval, top: float) -> str:
     """Error in ``window`` with the 95 % band of the track."""
     assert curve.error is not None
     factor, unit = _fine(curve)
@@ -223,7 +223,7 @@ def _error_strip(curve: Curve, window: Interval, top: float) -> str:
     )
 
 
-def _band_strip(curve: Curve, top: float) -> str:
+def _band_strip(curve: ErrorCurve, top: float) -> str:
     """Half-width of the 95 % band over the whole track, without ground truth."""
     factor, unit = _fine(curve)
     half = curve.half_band * factor
@@ -237,7 +237,7 @@ def _band_strip(curve: Curve, top: float) -> str:
     return f'{name}{plot.axes(panel, wanted=(5, 3))}<g clip-path="url(#strip-clip)">{curve_line}</g>'
 
 
-def _fine(curve: Curve) -> tuple[float, str]:
+def _fine(curve: ErrorCurve) -> tuple[float, str]:
     return (1e3, "mm") if curve.unit == "m" else (1.0, curve.unit)
 
 
@@ -247,7 +247,7 @@ def _reach(error: Floats, half: Floats) -> float:
     return 1.15 * max(shown, default=1.0) or 1.0
 
 
-def _panel(curve: Curve, top: float, height: float, y_range: tuple[float, float]) -> plot.Panel:
+def _panel(curve: ErrorCurve, top: float, height: float, y_range: tuple[float, float]) -> plot.Panel:
     return plot.over_time(curve.time_s, (LEFT, top, WIDTH - LEFT - RIGHT, height), y_range)
 
 

@@ -15,7 +15,7 @@ from oarlock.evaluation.errors import seen
 from oarlock.evaluation.interval import Bools, Floats
 from oarlock.evaluation.joints import part_unit
 from oarlock.evaluation.scores import Evaluation, JointScore, PositionScore, StateScore, presentation
-from oarlock.model.coordinates import Part, parts
+from oarlock.model.coordinates import JointPart, parts
 from oarlock.model.rotation import mean_quat, quat_from_rotvec, rotvec_between
 from oarlock.report.markup import table
 from oarlock.report.text import DASH, breakable, decimals, fixed, number, percent, plural
@@ -85,7 +85,7 @@ class _Shown:
     mean_std: float
 
 
-def _shown(track: Track, part: Part, kept: Bools) -> list[_Shown]:
+def _shown(track: Track, part: JointPart, kept: Bools) -> list[_Shown]:
     """The rows of a part: the part, then its components and named angles."""
     columns, unit = list(part.columns), part_unit(track, part)
     value, std = track.q[kept][:, columns], track.q_std[kept][:, columns]

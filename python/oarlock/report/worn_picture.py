@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from oarlock.recording.unit_names import place_of_name
-from oarlock.report.pose_picture.skeleton import Link, Skeleton, Vector, View, skeleton
+from oarlock.report.pose_picture.skeleton import SkeletonLine, StickFigure, Vector, View, skeleton
 
 if TYPE_CHECKING:
     from oarlock._core import Model
@@ -79,7 +79,7 @@ class WornUnit:
 class WornBody:
     """A body in a still pose, and its units."""
 
-    body: Skeleton
+    body: StickFigure
     units: tuple[WornUnit, ...]
     right: Vector
 
@@ -177,9 +177,9 @@ def _top(worn: WornBody, place: Place) -> float:
     return max((y for x, y in points if not MARGIN < x < WIDTH - MARGIN), default=0.0) + AXIS_PX + LABEL_PX
 
 
-def _limbs(worn: WornBody, near: Vector) -> list[list[Link]]:
+def _limbs(worn: WornBody, near: Vector) -> list[list[SkeletonLine]]:
     """Links of the trunk and of each limb, those behind first."""
-    limbs: dict[tuple[str, str], list[Link]] = {}
+    limbs: dict[tuple[str, str], list[SkeletonLine]] = {}
     for link in worn.body.links:
         place = place_of_name(link.frame)
         kind = next((kind for kind, names in LIMBS.items() if place.segment in names), "")
@@ -187,7 +187,7 @@ def _limbs(worn: WornBody, near: Vector) -> list[list[Link]]:
     return sorted(limbs.values(), key=lambda links: float(np.mean([(k.start + k.end) @ near for k in links])))
 
 
-def _limb(links: Sequence[Link], up: Vector, place: Place, scale: float) -> str:
+def _limb(links: Sequence[SkeletonLine], up: Vector, place: Place, scale: float) -> str:
     """Thick lines with one outline around them all."""
     lines = []
     for link in links:
@@ -203,7 +203,7 @@ def _limb(links: Sequence[Link], up: Vector, place: Place, scale: float) -> str:
     return edges + "".join(f'<line class="limb" {line}="{thick:.1f}"/>' for line, thick in lines)
 
 
-def _across(link: Link, up: Vector) -> bool:
+def _across(link: SkeletonLine, up: Vector) -> bool:
     """Whether a link runs rather sideways than up."""
     way = link.end - link.start
     return abs(float(way @ up)) < 0.7 * float(np.linalg.norm(way))
@@ -287,7 +287,7 @@ def _label(unit: WornUnit, at: Point, y: float, on_the_right: bool) -> str:
     )
 
 
-def pointing(axis: Vector, body: Skeleton, right: Vector) -> str:
+def pointing(axis: Vector, body: StickFigure, right: Vector) -> str:
     """Where an axis points in the still pose: "up", or "up, 23 deg forward" if it is more than 15 degrees off."""
     named = {"up": body.up, "down": -body.up, "forward": body.forward, "backward": -body.forward}
     named |= {"right": right, "left": -right}

@@ -2,7 +2,7 @@
 
 from .alongside.align import Alignment, align_strokes
 from .analysis.features import FEATURES, Feature
-from .analysis.live_technique import LiveStroke, LiveTechnique, Stretch, live_stroke
+from .analysis.live_technique import LiveStroke, LiveTechnique, StrokeEstimates, live_stroke
 from .analysis.stroke_means import FeatureMean, PhaseCurve
 from .analysis.stroke_summary import SummaryRow, summarise_strokes
 from .analysis.targets import TARGET_CLASSES, Target, load_targets
@@ -75,7 +75,7 @@ __all__ = [
     "Piece",
     "ScullingSimulator",
     "SimulatedCondition",
-    "Stretch",
+    "StrokeEstimates",
     "StrokeEvent",
     "StrokeFollower",
     "StrokeShape",

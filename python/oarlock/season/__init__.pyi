@@ -2,7 +2,7 @@
 
 from .add import Added, Admission
 from .athletes import Athlete, NamesFile
-from .earlier import Earlier, earlier_pieces
+from .earlier import EarlierPieces, earlier_pieces
 from .entry import Entry
 from .page.write import write_season_page
 from .questions.ask import Change, Trend, ask, trend
@@ -21,7 +21,7 @@ __all__ = [
     "Athlete",
     "Change",
     "Database",
-    "Earlier",
+    "EarlierPieces",
     "Entry",
     "NamesFile",
     "Question",

@@ -31,7 +31,7 @@ _READERS = 8
 
 
 @dataclass(frozen=True)
-class Finding:
+class FileFault:
     """Something that is not as it should be.
 
     Args:
@@ -51,7 +51,7 @@ class Finding:
         return self.what in ("damaged", "missing", "erased")
 
 
-def check(season: Season, told: Told = lambda share: None) -> list[Finding]:
+def check(season: Season, told: Told = lambda share: None) -> list[FileFault]:
     """All findings of a season; empty if it is in order. Every file is read.
 
     Args:
@@ -62,7 +62,7 @@ def check(season: Season, told: Told = lambda share: None) -> list[Finding]:
     erased = season.erased()
     jobs = [lambda name=name: list(_recording(season, name, erased)) for name in recordings]
     jobs += [lambda one=one: list(_result(season, one[0], one[1], set(recordings))) for one in results]
-    found: list[Finding] = []
+    found: list[FileFault] = []
     with ThreadPoolExecutor(_READERS) as pool:
         for done, own in enumerate(pool.map(lambda job: job(), jobs), start=1):
             found += own
@@ -71,73 +71,83 @@ def check(season: Season, told: Told = lambda share: None) -> list[Finding]:
     found += _tables(season)
     found += _came_back(season, erased)
     found += [
-        Finding("unfinished", f"{OWN_WORK}/{name}", "left by a writer that was stopped, or is still at work")
+        FileFault(
+            "unfinished", f"{OWN_WORK}/{name}", "left by a writer that was stopped, or is still at work"
+        )
         for name in season.place.children(OWN_WORK)
     ]
     return found
 
 
-def _recording(season: Season, name: str, erased: frozenset[str]) -> Iterator[Finding]:
+def _recording(season: Season, name: str, erased: frozenset[str]) -> Iterator[FileFault]:
     folder = recording_folder(name)
     try:
         entry = season.entry(name)
     except DataError as error:
-        yield Finding("damaged", f"{folder}/{ENTRY_FILE}", str(error))
+        yield FileFault("damaged", f"{folder}/{ENTRY_FILE}", str(error))
         return
     if entry is None:
-        yield Finding(
+        yield FileFault(
             "unfinished", folder, f"has no {ENTRY_FILE}: its writer was stopped, or is still at work"
         )
         return
     if entry.recording != name:
-        yield Finding("damaged", folder, f"its name differs from the one in {ENTRY_FILE}, {entry.recording}")
+        yield FileFault(
+            "damaged", folder, f"its name differs from the one in {ENTRY_FILE}, {entry.recording}"
+        )
     if season.is_erased(entry.athlete, erased):
-        yield Finding("erased", folder, _erased(entry.athlete))
+        yield FileFault("erased", folder, _erased(entry.athlete))
     yield from _files(season, folder, entry.files, ENTRY_FILE)
 
 
-def _result(season: Season, recording: str, run: str, recordings: set[str]) -> Iterator[Finding]:
+def _result(season: Season, recording: str, run: str, recordings: set[str]) -> Iterator[FileFault]:
     folder = result_folder(recording, run)
     try:
         record = season.run_record(recording, run)
     except DataError as error:
-        yield Finding("damaged", f"{folder}/{RUN_FILE}", str(error))
+        yield FileFault("damaged", f"{folder}/{RUN_FILE}", str(error))
         return
     if record is None:
-        yield Finding("unfinished", folder, f"has no {RUN_FILE}: its writer was stopped, or is still at work")
+        yield FileFault(
+            "unfinished", folder, f"has no {RUN_FILE}: its writer was stopped, or is still at work"
+        )
         return
     if recording not in recordings:
-        yield Finding("unknown", folder, "belongs to a recording that is not here; `season prune` removes it")
+        yield FileFault(
+            "unknown", folder, "belongs to a recording that is not here; `season prune` removes it"
+        )
     yield from _files(season, folder, record.files, RUN_FILE)
 
 
-def _files(season: Season, folder: str, files: Mapping[str, str], record: str) -> Iterator[Finding]:
+def _files(season: Season, folder: str, files: Mapping[str, str], record: str) -> Iterator[FileFault]:
     for name, expected in files.items():
         full = f"{folder}/{name}"
         try:
             found = hashlib.sha256(season.place.read(full)).hexdigest()
         except FileNotFoundError:
-            yield Finding("missing", full, "is missing; add or compute it again, or restore it from a backup")
+            yield FileFault(
+                "missing", full, "is missing; add or compute it again, or restore it from a backup"
+            )
             continue
         if found != expected:
-            yield Finding("damaged", full, f"has the hash {found[:12]}, expected {expected[:12]}")
+            yield FileFault("damaged", full, f"has the hash {found[:12]}, expected {expected[:12]}")
     for full, _ in season.place.files(f"{folder}/".rstrip("/")):
         own = full.removeprefix(f"{folder}/")
         if own != record and own not in files:
-            yield Finding("unknown", full, f"is not in {record}")
+            yield FileFault("unknown", full, f"is not in {record}")
 
 
-def _came_back(season: Season, erased: frozenset[str]) -> Iterator[Finding]:
+def _came_back(season: Season, erased: frozenset[str]) -> Iterator[FileFault]:
     """What of erased athletes came back, other than recordings: their files, and rows of tables."""
     if not erased:
         return
     for file in season.place.children(ATHLETES):
         if season.is_erased(athlete := file.removesuffix(".toml"), erased):
-            yield Finding("erased", f"{ATHLETES}/{file}", _erased(athlete))
+            yield FileFault("erased", f"{ATHLETES}/{file}", _erased(athlete))
     for name, _ in season.place.files(TABLES):
         for athlete in _athletes_in(season, name):
             if season.is_erased(athlete, erased):
-                yield Finding("erased", name, f"contains rows of an athlete. {_erased(athlete)}")
+                yield FileFault("erased", name, f"contains rows of an athlete. {_erased(athlete)}")
 
 
 def _erased(athlete: str) -> str:
@@ -154,19 +164,19 @@ def _athletes_in(season: Season, name: str) -> list[str]:
         return []  # no table, or none with athletes
 
 
-def _setups(season: Season) -> Iterator[Finding]:
+def _setups(season: Season) -> Iterator[FileFault]:
     for name in season.place.children(SETUPS):
         try:
             season.load_setup(name)
         except DataError as error:
-            yield Finding("damaged", f"{SETUPS}/{name}", str(error))
+            yield FileFault("damaged", f"{SETUPS}/{name}", str(error))
 
 
-def _tables(season: Season) -> Iterator[Finding]:
+def _tables(season: Season) -> Iterator[FileFault]:
     try:
         current = Current.read(season)
     except DataError as error:
-        yield Finding(
+        yield FileFault(
             "damaged", "tables/current.toml", f"{error}; remove it, the next question makes it again"
         )
         return
@@ -176,17 +186,17 @@ def _tables(season: Season) -> Iterator[Finding]:
                 season.place.read(name), "; `--repair` makes it again", season.where(name), without_lists=True
             )
         except FileNotFoundError:
-            yield Finding("missing", name, "is missing; the next compaction makes it again")
+            yield FileFault("missing", name, "is missing; the next compaction makes it again")
         except (DataError, OSError) as error:
-            yield Finding("damaged", name, str(error))
+            yield FileFault("damaged", name, str(error))
 
 
-def is_repairable(finding: Finding) -> bool:
+def is_repairable(finding: FileFault) -> bool:
     """Whether `repair` mends it."""
     return finding.what in ("damaged", "missing") and finding.name.startswith((f"{RESULTS}/", f"{TABLES}/"))
 
 
-def repair(season: Season, findings: Sequence[Finding]) -> list[str]:
+def repair(season: Season, findings: Sequence[FileFault]) -> list[str]:
     """Remove damaged results and tables, which can be computed again; recordings are never touched.
 
     Returns:

@@ -18,7 +18,7 @@ from oarlock.storage.write_file import sync, sync_folder, unwritable, write_file
 _ATTEMPTS = 50
 
 
-class Disk:
+class FolderStorage:
     """The season of one folder."""
 
     def __init__(self, root: Path) -> None:
@@ -26,7 +26,7 @@ class Disk:
         self.address = str(root)
 
     def read(self, name: str) -> bytes:
-        """As `Place.read`."""
+        """As `SeasonStorage.read`."""
         try:
             return read_bytes(self._at(name))
         except UnreadableFileError as error:
@@ -35,22 +35,22 @@ class Disk:
             raise
 
     def write(self, name: str, contents: bytes) -> None:
-        """As `Place.write`."""
+        """As `SeasonStorage.write`."""
         write_file(self._at(name), contents)
 
     def exists(self, name: str) -> bool:
-        """As `Place.exists`."""
+        """As `SeasonStorage.exists`."""
         return self._at(name).is_file()
 
     def children(self, folder: str) -> list[str]:
-        """As `Place.children`."""
+        """As `SeasonStorage.children`."""
         try:
             return sorted(entry.name for entry in os.scandir(self._at(folder) if folder else self.root))
         except FileNotFoundError:
             return []
 
     def files(self, folder: str = "") -> Iterator[tuple[str, int]]:
-        """As `Place.files`."""
+        """As `SeasonStorage.files`."""
         top = self._at(folder) if folder else self.root
         for place, folders, names in os.walk(top):
             folders.sort()
@@ -60,14 +60,14 @@ class Disk:
                     yield file.relative_to(self.root).as_posix(), file.lstat().st_size
 
     def age_s(self, name: str) -> float:
-        """As `Place.age_s`."""
+        """As `SeasonStorage.age_s`."""
         try:
             return max(0.0, time.time() - self._at(name).stat().st_mtime)
         except FileNotFoundError:
             return 0.0
 
     def put_folder(self, folder: str, files: Mapping[str, bytes | Path], record: str) -> bool:
-        """As `Place.put_folder`; the rename is the commit."""
+        """As `SeasonStorage.put_folder`; the rename is the commit."""
         target = self._at(folder)
         if (target / record).is_file():
             return False
@@ -111,12 +111,12 @@ class Disk:
         return True
 
     def remove(self, names: Sequence[str]) -> None:
-        """As `Place.remove`."""
+        """As `SeasonStorage.remove`."""
         for name in names:
             self._at(name).unlink(missing_ok=True)
 
     def remove_folder(self, folder: str, record: str = "") -> None:
-        """As `Place.remove_folder`."""
+        """As `SeasonStorage.remove_folder`."""
         target = self._at(folder)
         if record:
             (target / record).unlink(missing_ok=True)
@@ -136,11 +136,11 @@ class Disk:
                 return
 
     def on_disk(self, names: Sequence[str]) -> list[Path]:
-        """As `Place.on_disk`: the files themselves."""
+        """As `SeasonStorage.on_disk`: the files themselves."""
         return [self._at(name) for name in names]
 
     def forget_copies(self, but: Collection[str] = ()) -> int:
-        """As `Place.forget_copies`: none are made."""
+        """As `SeasonStorage.forget_copies`: none are made."""
         return 0
 
     def _at(self, name: str) -> Path:

@@ -29,7 +29,7 @@ RATES_ALIKE = 1.0
 _MOST_NAMED = 3
 
 
-class Earlier(NamedTuple):
+class EarlierPieces(NamedTuple):
     """Pieces of the same athlete to compare with; `notes` say which they are and why, in plain sentences."""
 
     last: StoredPiece | None = None
@@ -44,7 +44,7 @@ def earlier_pieces(
     *,
     last: bool = True,
     best: bool = True,
-) -> Earlier:
+) -> EarlierPieces:
     """Last time and own best of a track's athlete, among the pieces that ended before the track began.
 
     Comparable are pieces of the same kind of boat or ergometer, whose strokes come from the same signal, whose usual
@@ -61,26 +61,26 @@ def earlier_pieces(
         best: whether the own best is looked for.
 
     Returns:
-        Earlier: what is missing is None, and a note says why.
+        EarlierPieces: what is missing is None, and a note says why.
 
     Raises:
         DataError: DuckDB is not installed, or the session's date is none.
     """
     asked = _asked(season, track, names or {})
     if isinstance(asked, str):
-        return Earlier(notes=(f'Not compared with the season "{season.name}": {asked}',))
+        return EarlierPieces(notes=(f'Not compared with the season "{season.name}": {asked}',))
     now, pseudonym = asked
     with Database(season, Selection(athlete=pseudonym)) as database:
         rows = [row for row in _rows(database) if now.follows(row)]
         efforts = Efforts.of(database, now.rowed.kind) if best and rows else None
     if not rows:
-        return Earlier(
+        return EarlierPieces(
             notes=(f'Not compared: the season "{season.name}" has no earlier piece of this athlete.',)
         )
     search = _Search(now, rows)
     found, notes = search.last() if last else (None, [])
     record, more = (None, []) if efforts is None else search.best(efforts, found)
-    return Earlier(found, record, (*notes, *more))
+    return EarlierPieces(found, record, (*notes, *more))
 
 
 def _asked(season: Season, track: Track, names: Mapping[str, str]) -> tuple[Compared, str] | str:

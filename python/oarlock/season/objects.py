@@ -14,7 +14,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
-from oarlock.season.place import Place, checked_name
+from oarlock.season.place import SeasonStorage, checked_name
 from oarlock.storage.errors import DataError
 from oarlock.storage.regular_file import read_bytes
 from oarlock.storage.write_file import TEMPORARY, write_file
@@ -35,7 +35,7 @@ _IN_MEMORY: dict[str, ObjectStore] = {}
 """Stores of this process by address."""
 
 
-def open_objects(address: str) -> Place:
+def open_objects(address: str) -> SeasonStorage:
     """The season at an address such as `s3://bucket/season`.
 
     Raises:
@@ -49,7 +49,7 @@ def open_objects(address: str) -> Place:
         ) from None
     if address.startswith("memory:"):
         store = _IN_MEMORY.setdefault(address.rstrip("/"), from_url("memory:///"))
-        return Objects(address, store)
+        return ObjectStorage(address, store)
     seconds = datetime.timedelta
     client: Any = {
         "connect_timeout": seconds(seconds=_CONNECT_S),
@@ -59,12 +59,12 @@ def open_objects(address: str) -> Place:
         client["allow_http"] = True
     again: Any = {"max_retries": _RETRIES, "retry_timeout": seconds(seconds=_RETRY_S)}
     try:
-        return Objects(address, from_url(address, client_options=client, retry_config=again))
+        return ObjectStorage(address, from_url(address, client_options=client, retry_config=again))
     except Exception as error:  # each store has errors of its own
         raise DataError(f"{address}: cannot be opened ({_first_line(error)})") from error
 
 
-class Objects:
+class ObjectStorage:
     """The season below one prefix of a store."""
 
     def __init__(self, address: str, store: ObjectStore) -> None:
@@ -72,13 +72,13 @@ class Objects:
         self.store = store
 
     def read(self, name: str) -> bytes:
-        """As `Place.read`."""
+        """As `SeasonStorage.read`."""
         import obstore
 
         return self._asked(lambda: bytes(obstore.get(self.store, checked_name(name)).bytes()), name)
 
     def write(self, name: str, contents: bytes) -> None:
-        """As `Place.write`."""
+        """As `SeasonStorage.write`."""
         import obstore
 
         try:
@@ -87,11 +87,11 @@ class Objects:
             self._no_bucket(error)
 
     def exists(self, name: str) -> bool:
-        """As `Place.exists`."""
+        """As `SeasonStorage.exists`."""
         return self._head(name) is not None
 
     def children(self, folder: str) -> list[str]:
-        """As `Place.children`."""
+        """As `SeasonStorage.children`."""
         import obstore
 
         found = self._asked(lambda: obstore.list_with_delimiter(self.store, folder), folder)
@@ -99,7 +99,7 @@ class Objects:
         return sorted(path.rsplit("/", 1)[-1] for path in paths)
 
     def files(self, folder: str = "") -> Iterator[tuple[str, int]]:
-        """As `Place.files`."""
+        """As `SeasonStorage.files`."""
         import obstore
 
         batches = iter(obstore.list(self.store, folder.rstrip("/") or None))
@@ -107,7 +107,7 @@ class Objects:
             yield from ((one["path"], one["size"]) for one in batch)
 
     def age_s(self, name: str) -> float:
-        """As `Place.age_s`."""
+        """As `SeasonStorage.age_s`."""
         head = self._head(name)
         if head is None:
             return 0.0
@@ -115,7 +115,7 @@ class Objects:
         return max(0.0, float((now - head["last_modified"]).total_seconds()))
 
     def put_folder(self, folder: str, files: Mapping[str, bytes | Path], record: str) -> bool:
-        """As `Place.put_folder`: each object is created only if it is not there, the commit record last.
+        """As `SeasonStorage.put_folder`: each object is created only if it is not there, the commit record last.
 
         Writers of one folder begin with the same file, so of two whose contents differ one creates the first file
         that differs, and the other one waits for its commit record. If none comes, that writer was stopped, and its
@@ -167,7 +167,7 @@ class Objects:
         return True
 
     def remove(self, names: Sequence[str]) -> None:
-        """As `Place.remove`."""
+        """As `SeasonStorage.remove`."""
         import obstore
 
         for first in range(0, len(names), _AT_ONCE):
@@ -179,17 +179,17 @@ class Objects:
                     self.remove([name])
 
     def remove_folder(self, folder: str, record: str = "") -> None:
-        """As `Place.remove_folder`."""
+        """As `SeasonStorage.remove_folder`."""
         if record:
             self.remove([f"{folder}/{record}"])
         self.remove([name for name, _ in self.files(f"{folder}/")])
 
     def on_disk(self, names: Sequence[str]) -> list[Path]:
-        """As `Place.on_disk`: copies under the user's cache. Table names contain their hash, so a copy is never old."""
+        """As `SeasonStorage.on_disk`: copies in the user cache. Table names contain their hash: no copy is ever old."""
         return [self._copy(name) for name in names]
 
     def forget_copies(self, but: Collection[str] = ()) -> int:
-        """As `Place.forget_copies`."""
+        """As `SeasonStorage.forget_copies`."""
         found, kept = 0, {self._cache() / name for name in but}
         for file in list(self._cache().rglob("*")):
             if (

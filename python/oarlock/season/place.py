@@ -15,7 +15,7 @@ OWN_WORK = ".new"
 """Folder of a season on a disk in which folders are written before their rename."""
 
 
-class Place(Protocol):
+class SeasonStorage(Protocol):
     """What a season needs of its storage."""
 
     address: str

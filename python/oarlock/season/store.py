@@ -25,7 +25,7 @@ from oarlock.season.layout import (
     result_folder,
 )
 from oarlock.season.open_place import open_place
-from oarlock.season.place import Place
+from oarlock.season.place import SeasonStorage
 from oarlock.season.run_record import RunRecord, Setup
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
@@ -50,7 +50,7 @@ class Season:
         setup: names of the setups that are current, by athlete; "" is for everybody else.
     """
 
-    place: Place
+    place: SeasonStorage
     name: str
     id: str
     time_zone: str = "UTC"

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 from oarlock.season.layout import ENTRY_FILE, ERASED, EXPORTS, LOGS, RECORDINGS, SEASON_FILE, TABLES
-from oarlock.season.place import Place
+from oarlock.season.place import SeasonStorage
 
 _AT_ONCE = 1000
 _REWRITTEN = (f"{TABLES}/", f"{LOGS}/", f"{EXPORTS}/", f"{ERASED}/", SEASON_FILE)
@@ -48,7 +48,7 @@ class NoVersions:
         return [Trace(self.where, f"former versions {self.unseen}")] if self.unseen else []
 
 
-def versions_of(place: Place) -> Versions:
+def versions_of(place: SeasonStorage) -> Versions:
     """The former versions at a place."""
     address = place.address
     if "://" not in address or address.startswith("memory:"):

@@ -35,7 +35,7 @@ LIE_S, FACE_S, TURN_S, TUMBLE_S = 10.0, 3.0, 0.8, 12.0
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class SessionMotion:
     """Coordinates (K, n) at knots (K,) s, and the true interval of each step."""
 
     time_s: Array
@@ -101,7 +101,7 @@ def smooth_step(share: Array) -> Array:
 
 def body_course(
     errors: PostureErrors, plan: SessionPlan, rest: Mapping[str, float], rng: np.random.Generator
-) -> Course:
+) -> SessionMotion:
     """Movement of the body through all steps of a plan except those on the table.
 
     Args:
@@ -137,7 +137,7 @@ def body_course(
     own = {c for s in plan.steps for j in s.joints for c in _coordinates(description, j)}
     sways = turning * errors.sway_rad * busy[:, None] * _wander(len(q), len(names), rng)
     sways[:, [k for k, n in enumerate(names) if n in own]] *= 0.5
-    return Course(time_s, np.asarray(q + sways, dtype=np.float64), spans)
+    return SessionMotion(time_s, np.asarray(q + sways, dtype=np.float64), spans)
 
 
 def _turns(description: ModelDescription, coordinate: str) -> bool:

@@ -57,7 +57,7 @@ class Batch:
 
 
 @dataclass(frozen=True)
-class Layout:
+class ColumnLayout:
     """Where the columns of a file stand.
 
     Args:
@@ -73,7 +73,7 @@ class Layout:
     width: int
 
     @classmethod
-    def of(cls, file: Path, dialect: Dialect) -> "Layout":
+    def of(cls, file: Path, dialect: Dialect) -> "ColumnLayout":
         """Read the header, or the first row where there is none."""
         with _opened(file, dialect) as rows:
             first = next((row for _, row in rows if row), None)
@@ -151,7 +151,7 @@ class Layout:
         raise DataError(f"{self.file}:{line}: has {len(row)} fields, {expected} has {self.width}. {hint}")
 
 
-def numbers(layout: Layout, batch: Batch, position: int, index: int) -> FloatArray:
+def numbers(layout: ColumnLayout, batch: Batch, position: int, index: int) -> FloatArray:
     """The cells of one column as float64, NaN where missing.
 
     Args:
@@ -191,7 +191,7 @@ def _plain_numbers(cells: list[str], dialect: Dialect) -> FloatArray | None:
     return None if np.isinf(values).any() else values
 
 
-def _number(layout: Layout, line: int, index: int, cell: str) -> float:
+def _number(layout: ColumnLayout, line: int, index: int, cell: str) -> float:
     dialect = layout.dialect
     text = cell.strip()
     if text in dialect.missing or text.casefold() == "nan":

@@ -9,7 +9,7 @@ from oarlock import _core
 from oarlock._core import Config, Model, Run
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.corrections import corrected
-from oarlock.recording.plausibility import Finding
+from oarlock.recording.plausibility import SignalFinding
 from oarlock.recording.recording import Recording
 from oarlock.storage.errors import DataError, DivergedError, ModelError
 from oarlock.storage.progress import Progress, Told, shown
@@ -113,7 +113,7 @@ def outcomes(
         DataError: `stop_on_refusal` is set and a recording is refused before any is tracked.
     """
     results: dict[str, Track | Failure] = {}
-    admitted: dict[str, tuple[Job, list[Finding], tuple[str, ...]]] = {}
+    admitted: dict[str, tuple[Job, list[SignalFinding], tuple[str, ...]]] = {}
     for label, (whole, calibration, config) in jobs.items():
         try:
             require_recording(whole)
@@ -178,7 +178,7 @@ def _one_each(given: object, kind: type[_Part], name: str, count: int) -> list[_
 
 
 def _result(
-    model: Model, label: str, job: Job, run: _Ended, findings: list[Finding], left_out: tuple[str, ...]
+    model: Model, label: str, job: Job, run: _Ended, findings: list[SignalFinding], left_out: tuple[str, ...]
 ) -> Track | Failure:
     recording, calibration, _ = job
     if not isinstance(run, tuple):

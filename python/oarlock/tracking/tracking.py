@@ -16,7 +16,7 @@ from oarlock._core import Belief, Config, Model, Run
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.corrections import corrected, correction_notes
 from oarlock.recording.epoch import shift_notes
-from oarlock.recording.plausibility import Finding, require_plausible
+from oarlock.recording.plausibility import SignalFinding, require_plausible
 from oarlock.recording.recording import Recording
 from oarlock.recording.session_info import SESSION_KEY, session_info
 from oarlock.storage.errors import DataError, DivergedError
@@ -31,7 +31,7 @@ ROOM_TO_GIVE_BYTES = 100 * 2**20
 
 
 # A recording is immutable, so its checks are cached for further runs with other settings.
-_FINDINGS: WeakKeyDictionary[Recording, tuple[Finding, ...]] = WeakKeyDictionary()
+_FINDINGS: WeakKeyDictionary[Recording, tuple[SignalFinding, ...]] = WeakKeyDictionary()
 _HASHES: WeakKeyDictionary[Recording, str] = WeakKeyDictionary()
 
 
@@ -116,7 +116,7 @@ def require_model(given: object) -> None:
         raise DataError(f"track: the model is {name}, not a Model; load it: oarlock.load_model({name})")
 
 
-def admit(model: Model, recording: Recording) -> list[Finding]:
+def admit(model: Model, recording: Recording) -> list[SignalFinding]:
     """Warnings and notes on a recording, after checking that the model can track it.
 
     Missing readings of what the model does not measure, such as a magnetometer, are no finding.
@@ -132,7 +132,7 @@ def admit(model: Model, recording: Recording) -> list[Finding]:
     return [found for found in _FINDINGS[recording] if (found.sensor, found.missing) not in ignored]
 
 
-def add_findings(error: DivergedError, findings: Iterable[Finding]) -> None:
+def add_findings(error: DivergedError, findings: Iterable[SignalFinding]) -> None:
     """Add the findings of the plausibility checks to an error as notes."""
     for finding in findings:
         error.add_note(f"{finding.sensor}: {finding.message}")
@@ -144,7 +144,7 @@ def finished(
     calibration: Calibration | None,
     run: Run,
     run_notes: Iterable[str],
-    findings: Iterable[Finding],
+    findings: Iterable[SignalFinding],
     wall_s: float,
     smoothing_wall_s: float | None = None,
     resumed: bool = False,

@@ -15,13 +15,13 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from oarlock.calibration.assignment.movements import (
-    Movement,
+    NamedMovement,
     helpful_movements,
     in_order,
     parsed_order,
     turning_sensors,
 )
-from oarlock.calibration.assignment.travel import Stretch, levers_m, stretches_of
+from oarlock.calibration.assignment.travel import MovementInterval, levers_m, stretches_of
 from oarlock.calibration.session.unit_rows import UnitRows
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
@@ -115,13 +115,15 @@ def _units(recording: Recording, sensors: Sequence[str]) -> dict[str, UnitRows]:
     return {stream.name: UnitRows.of(stream) for stream in streams}
 
 
-def _expected(sensors: Sequence[str], movements: Sequence[Movement]) -> dict[str, tuple[float | None, ...]]:
+def _expected(
+    sensors: Sequence[str], movements: Sequence[NamedMovement]
+) -> dict[str, tuple[float | None, ...]]:
     """Sensor -> what is expected of it in each movement; see `turning_sensors`."""
     each = [turning_sensors(movement, sensors) for movement in movements]
     return {sensor: tuple(one[sensor] for one in each) for sensor in sensors}
 
 
-def _groups(model: Model, sensors: Sequence[str], movements: Sequence[Movement]) -> list[list[str]]:
+def _groups(model: Model, sensors: Sequence[str], movements: Sequence[NamedMovement]) -> list[list[str]]:
     """Sensors that turn in the same movements, from the root outward.
 
     Raises:
@@ -146,7 +148,7 @@ def _groups(model: Model, sensors: Sequence[str], movements: Sequence[Movement])
 def _limbs(
     units: Sequence[str],
     sensors: Sequence[str],
-    movements: Sequence[Movement],
+    movements: Sequence[NamedMovement],
     shares: Mapping[str, tuple[float, ...]],
 ) -> dict[str, str]:
     """Unit -> a sensor of the group that it belongs to.
@@ -172,7 +174,9 @@ def _misfit(shares: Sequence[float], expected: Sequence[float | None]) -> float:
     )
 
 
-def _own_stretch(group: Sequence[str], movements: Sequence[Movement], found: Sequence[Stretch]) -> Stretch:
+def _own_stretch(
+    group: Sequence[str], movements: Sequence[NamedMovement], found: Sequence[MovementInterval]
+) -> MovementInterval:
     """The movement of the fewest segments in which a group turns: its centre is the nearest joint."""
     own = [
         (len(movement.segments), k)
@@ -205,7 +209,7 @@ def _unclear(
     other: str,
     sensor: str,
     other_sensor: str,
-    movements: Sequence[Movement],
+    movements: Sequence[NamedMovement],
     shares: Mapping[str, tuple[float, ...]],
 ) -> str:
     def numbers(unit: str) -> str:
@@ -218,7 +222,7 @@ def _unclear(
     )
 
 
-def _other_number(found: Sequence[Stretch], movements: Sequence[Movement]) -> str:
+def _other_number(found: Sequence[MovementInterval], movements: Sequence[NamedMovement]) -> str:
     listed = [
         f"{one.span_s[0]:.1f} to {one.span_s[1]:.1f} s ({', '.join(sorted(one.moving))})" for one in found
     ]

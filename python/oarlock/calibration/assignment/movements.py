@@ -28,7 +28,7 @@ _LIMBS = {
 
 
 @dataclass(frozen=True)
-class Movement:
+class NamedMovement:
     """A movement that a person can be asked for.
 
     Args:
@@ -44,23 +44,23 @@ class Movement:
     say: str
 
 
-def _all_movements() -> dict[str, Movement]:
+def _all_movements() -> dict[str, NamedMovement]:
     sides = (("right", "r"), ("left", "l"))
     found = [
-        Movement(f"{word}_{limb}", segments, side, say.format(side=word))
+        NamedMovement(f"{word}_{limb}", segments, side, say.format(side=word))
         for limb, (segments, say) in _LIMBS.items()
         for word, side in sides
     ]
     bow = "bow from the hips with a straight back and the head in line, and come up"
-    found.append(Movement("bow", (*TRUNK, "head"), "", bow))
-    found.append(Movement("nod", ("head",), "", "nod with the head"))
+    found.append(NamedMovement("bow", (*TRUNK, "head"), "", bow))
+    found.append(NamedMovement("nod", ("head",), "", "nod with the head"))
     return {movement.name: movement for movement in found}
 
 
-MOVEMENTS: Mapping[str, Movement] = MappingProxyType(_all_movements())
+MOVEMENTS: Mapping[str, NamedMovement] = MappingProxyType(_all_movements())
 
 
-def parsed_order(text: str) -> tuple[Movement, ...]:
+def parsed_order(text: str) -> tuple[NamedMovement, ...]:
     """`"right_arm,left_arm"` as movements.
 
     Raises:
@@ -80,7 +80,7 @@ def parsed_order(text: str) -> tuple[Movement, ...]:
     return tuple(MOVEMENTS[name] for name in names)
 
 
-def turning_sensors(movement: Movement, sensors: Sequence[str]) -> dict[str, float | None]:
+def turning_sensors(movement: NamedMovement, sensors: Sequence[str]) -> dict[str, float | None]:
     """Sensor -> 1 if it turns in a movement, 0 if it rests, None if it may do either."""
     found: dict[str, float | None] = {}
     for sensor in sensors:
@@ -91,7 +91,7 @@ def turning_sensors(movement: Movement, sensors: Sequence[str]) -> dict[str, flo
     return found
 
 
-def helpful_movements(sensors: Sequence[str], order: Sequence[Movement]) -> list[str]:
+def helpful_movements(sensors: Sequence[str], order: Sequence[NamedMovement]) -> list[str]:
     """Further movements in which some of these sensors turn."""
     given = {movement.name for movement in order}
     return [n for n, m in MOVEMENTS.items() if n not in given and any(turning_sensors(m, sensors).values())]

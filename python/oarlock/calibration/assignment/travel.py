@@ -24,7 +24,7 @@ LEAST_ROWS = 20
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch:
+class MovementInterval:
     """Movement between two rests: (start, end) s, and unit -> the angle that it turned in total, rad."""
 
     span_s: Span
@@ -42,7 +42,7 @@ class Stretch:
         return frozenset(name for name, share in self.shares.items() if share > MOVED)
 
 
-def stretches_of(units: Mapping[str, UnitRows], within_s: Span, wanted: int) -> list[Stretch]:
+def stretches_of(units: Mapping[str, UnitRows], within_s: Span, wanted: int) -> list[MovementInterval]:
     """Stretches of movement between rests of all units.
 
     Neighbours in which the same units move are one movement with a pause, if there are more stretches than wanted.
@@ -52,7 +52,7 @@ def stretches_of(units: Mapping[str, UnitRows], within_s: Span, wanted: int) -> 
         for kind, start, end in segments_of(units)
         if kind == "moving" and end - start >= LEAST_S and start >= within_s[0] and end <= within_s[1]
     ]
-    found = [Stretch(span, {n: _travel_rad(u, span) for n, u in units.items()}) for span in spans]
+    found = [MovementInterval(span, {n: _travel_rad(u, span) for n, u in units.items()}) for span in spans]
     found = [one for one in found if max(one.travel_rad.values()) >= LEAST_TURN_RAD]
     while len(found) > wanted:
         same = [k for k, (one, other) in enumerate(pairwise(found)) if one.moving == other.moving]
@@ -62,9 +62,9 @@ def stretches_of(units: Mapping[str, UnitRows], within_s: Span, wanted: int) -> 
     return found
 
 
-def _joined(one: Stretch, other: Stretch) -> Stretch:
+def _joined(one: MovementInterval, other: MovementInterval) -> MovementInterval:
     travel = {name: one.travel_rad[name] + other.travel_rad[name] for name in one.travel_rad}
-    return Stretch((one.span_s[0], other.span_s[1]), travel)
+    return MovementInterval((one.span_s[0], other.span_s[1]), travel)
 
 
 def _travel_rad(unit: UnitRows, span_s: Span) -> float:

@@ -36,7 +36,7 @@ _MERGE_S = 1e-5
 
 
 @dataclass(frozen=True)
-class Sight:
+class DelayEstimate:
     """Estimated delays of some clocks in one window.
 
     Args:
@@ -89,7 +89,7 @@ class Filtering:
     anchored: bool
     threads: int | None
 
-    def sights(self, recording: Recording, pieces: Sequence[Span]) -> list[Sight]:
+    def sights(self, recording: Recording, pieces: Sequence[Span]) -> list[DelayEstimate]:
         """What each window of each piece says; a piece in which the track was lost says nothing.
 
         The filter takes clocks as right. How its innovations answer to a delay of each stream, to mounts, lengths,
@@ -135,7 +135,7 @@ def _solved(
     right: Floats,
     clocks: Groups,
     anchored: bool,
-) -> Sight:
+) -> DelayEstimate:
     """Clocks from one window's normal equations; everything else is as uncertain as the model says."""
     names = [name for name, _ in parameters]
     others = [k for k, name in enumerate(names) if not name.endswith(".delay")]
@@ -154,7 +154,7 @@ def _solved(
     if not anchored:
         centred = np.eye(len(clocks)) - 1.0 / len(clocks)
         delay, spread = centred @ delay, centred @ spread @ centred
-    return Sight(time_s, np.asarray(delay), np.sqrt(np.diag(spread)))
+    return DelayEstimate(time_s, np.asarray(delay), np.sqrt(np.diag(spread)))
 
 
 def bare(known: Calibration) -> Calibration:

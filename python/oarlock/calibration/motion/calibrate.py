@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 from oarlock.calibration.motion.constants import Constants
 from oarlock.calibration.motion.hypothesis import RIGID, SOFT, Hypothesis
 from oarlock.calibration.motion.notes import noted
-from oarlock.calibration.motion.stretch import Stretch
+from oarlock.calibration.motion.stretch import CalibrationData
 from oarlock.recording.calibration import Calibration
 from oarlock.storage.errors import DivergedError
 from oarlock.storage.progress import Progress, Told, share, shown
@@ -28,7 +28,7 @@ _SHARES: Final = {"plain": (0.0, 0.05), "rigid": (0.05, 0.35), "soft": (0.35, 0.
 
 
 @dataclass(frozen=True, eq=False)
-class Candidate:
+class CalibrationCandidate:
     """A calibration, and its innovations on the part that it was not fitted to."""
 
     hypothesis: Hypothesis
@@ -79,7 +79,7 @@ def calibrate_motion(
     first_s, last_s = (edge if given is None else given for given, edge in edges)
     with shown(progress, "calibrating") as told:
         part = recording.slice(first_s, last_s)
-        stretch = Stretch.of(model, known, part, held_out, share(told, *_SHARES["plain"]))
+        stretch = CalibrationData.of(model, known, part, held_out, share(told, *_SHARES["plain"]))
         scores, kept = _searched(stretch, told)
     notes = noted(kept.constants if kept else None, kept.hypothesis.name if kept else "before", scores)
     span = {"stretch_s": [first_s, last_s], "held_out_s": [stretch.rest.start_s, stretch.rest.end_s]}
@@ -87,7 +87,9 @@ def calibrate_motion(
     return replace(kept.calibration if kept else known, noted=notes | span | older)
 
 
-def _searched(stretch: Stretch, told: Told | None) -> tuple[dict[str, float], Candidate | None]:
+def _searched(
+    stretch: CalibrationData, told: Told | None
+) -> tuple[dict[str, float], CalibrationCandidate | None]:
     """The scores of all hypotheses, and the first acceptable one, if there is one."""
     before = stretch.held_out_nis(SOFT, stretch.known)
     scores = {"before": before}
@@ -100,7 +102,9 @@ def _searched(stretch: Stretch, told: Told | None) -> tuple[dict[str, float], Ca
     return scores, None
 
 
-def candidate(stretch: Stretch, hypothesis: Hypothesis, part: Recording) -> Candidate | None:
+def candidate(
+    stretch: CalibrationData, hypothesis: Hypothesis, part: Recording
+) -> CalibrationCandidate | None:
     """What a hypothesis makes of a part; none if the filter is lost under it."""
     try:
         searched, found = stretch.search(hypothesis, part)
@@ -113,16 +117,16 @@ def candidate(stretch: Stretch, hypothesis: Hypothesis, part: Recording) -> Cand
     score = stretch.held_out_nis(SOFT, calibration) if hypothesis is RIGID else own
     honest = constants.inflated(max(1.0, own))
     calibration = honest.calibration(searched, stretch.known, parameters)
-    return Candidate(hypothesis, honest, calibration, score, own)
+    return CalibrationCandidate(hypothesis, honest, calibration, score, own)
 
 
-def acceptable(found: Candidate, before: float) -> bool:
+def acceptable(found: CalibrationCandidate, before: float) -> bool:
     """Whether held-out samples and common sense are for it."""
     right = found.hypothesis is not RIGID or found.own_score <= RIGID_NIS
     return right and found.score < BETTER * before and found.constants.surprise() <= MOST_SURPRISE
 
 
-def with_all_samples(stretch: Stretch, found: Candidate) -> Candidate:
+def with_all_samples(stretch: CalibrationData, found: CalibrationCandidate) -> CalibrationCandidate:
     """The same from the whole stretch, unless that contradicts the held-out part more."""
     again = candidate(stretch, found.hypothesis, stretch.whole)
     stands = again is not None and acceptable(again, found.score / BETTER**2)

@@ -1,4 +1,4 @@
-"""`Stretch`: a part of a recording, split into data for `calibrate_motion` to fit and held-out data to score it."""
+"""`CalibrationData`: a part of a recording, split into data for `calibrate_motion` to fit and data to score it."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Span = tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch:
+class CalibrationData:
     """What was recorded, and what the plain filter says of it.
 
     Args:
@@ -60,7 +60,7 @@ class Stretch:
     @classmethod
     def of(
         cls, model: Model, known: Calibration, whole: Recording, held_out: float, told: Told | None
-    ) -> Stretch:
+    ) -> CalibrationData:
         """The stretch, tracked once as it would be without a search.
 
         Raises:

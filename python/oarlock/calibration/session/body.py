@@ -1,4 +1,4 @@
-"""`Body`: link rotations and joint axes of a model as functions of its coordinates, for the session's mount search."""
+"""`BodyKinematics`: link rotations and joint axes of a model by its coordinates, for the session's mount search."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TURNS = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class BodyKinematics:
     """A model and the frames of the units under search.
 
     Args:
@@ -46,7 +46,7 @@ class Body:
     forward: FloatArray
 
     @classmethod
-    def of(cls, model: Model, units: Sequence[str]) -> Body:
+    def of(cls, model: Model, units: Sequence[str]) -> BodyKinematics:
         """Probes in a posture away from singular ones which coordinate turns which link."""
         told = model.describe()
         frame_of = {s.name: s.frame for s in told.inertial_units}

@@ -25,7 +25,7 @@ CLEAR = 0.5
 
 
 @dataclass(frozen=True)
-class Mark:
+class ReferenceReading:
     """A mean reading at a known value: reading, its scatter, and the value, rad or m."""
 
     reading: float
@@ -40,7 +40,7 @@ def encoder_scales(
     found: dict[str, EncoderScale] = {}
     checks: list[Check] = []
     signs = {s.stream: s for s in steps if s.kind == "sign"}
-    marks: dict[str, list[tuple[SessionStep, Mark]]] = {}
+    marks: dict[str, list[tuple[SessionStep, ReferenceReading]]] = {}
     for step in steps:
         if step.kind == "mark" and step.stream in recording:
             marks.setdefault(step.stream, []).append((step, _mark(step, recording)))
@@ -74,7 +74,7 @@ def _scalar(name: str, recording: Recording, where: str) -> ScalarStream:
     return stream
 
 
-def _mark(step: SessionStep, recording: Recording) -> Mark:
+def _mark(step: SessionStep, recording: Recording) -> ReferenceReading:
     where = f'plan, step "{step.name}"'
     part = _scalar(step.stream, recording, where).between(*(step.span_s or (0.0, 0.0)))
     values = np.zeros(0) if part is None else part.value[np.isfinite(part.value)]
@@ -82,10 +82,10 @@ def _mark(step: SessionStep, recording: Recording) -> Mark:
         raise DataError(
             f'{where}: stream "{step.stream}" has no reading from {step.start_s} to {step.end_s} s'
         )
-    return Mark(float(np.median(values)), float(np.std(values)), step.value)
+    return ReferenceReading(float(np.median(values)), float(np.std(values)), step.value)
 
 
-def _line(stream: str, own: Sequence[tuple[SessionStep, Mark]]) -> tuple[EncoderScale, Check]:
+def _line(stream: str, own: Sequence[tuple[SessionStep, ReferenceReading]]) -> tuple[EncoderScale, Check]:
     """Value = scale * (reading - zero) through all marks."""
     readings, values = (np.array([getattr(m, k) for _, m in own]) for k in ("reading", "value"))
     scale, constant = np.polyfit(readings, values, 1)
@@ -108,7 +108,7 @@ def _line(stream: str, own: Sequence[tuple[SessionStep, Mark]]) -> tuple[Encoder
 
 
 def _zero(
-    stream: str, own: Sequence[tuple[SessionStep, Mark]], sign: int | None
+    stream: str, own: Sequence[tuple[SessionStep, ReferenceReading]], sign: int | None
 ) -> tuple[EncoderScale, Check]:
     """Zero from one mark, with the sign from a common movement if there is one."""
     scale = float(sign or 1)

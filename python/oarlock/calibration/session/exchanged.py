@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from oarlock.calibration.session.body import Body
+from oarlock.calibration.session.body import BodyKinematics
 from oarlock.calibration.session.mounts import LEAST_SWEPT_RAD, MountSearch
 from oarlock.calibration.session.plan import SessionPlan
 from oarlock.calibration.session.unit_rows import UnitRows
@@ -49,7 +49,7 @@ def exchanged_units(model: Model, recording: Recording, plan: SessionPlan) -> tu
     units = {name: UnitRows.of(s) for name in names if isinstance(s := recording[name], ImuStream)}
     nominal = {s.name: np.asarray(s.mount.rotation) for s in model.describe().inertial_units}
     spans = {step.name: span for step in plan.steps if (span := step.span_s) is not None}
-    search = MountSearch(Body.of(model, names), plan, spans, units, nominal)
+    search = MountSearch(BodyKinematics.of(model, names), plan, spans, units, nominal)
     costs = _contradictions(search) + _wrong_turns(search) + STAYS * (1.0 - np.eye(len(names)))
     rows, columns = linear_sum_assignment(costs)
     if np.trace(costs) - costs[rows, columns].sum() < CLEAR:

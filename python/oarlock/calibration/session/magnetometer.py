@@ -61,7 +61,7 @@ def mag_fit(unit: UnitRows, spans: Sequence[Span], stills: Sequence[tuple[Span, 
     norm = float(np.median(np.linalg.norm(rows - rows.mean(axis=0), axis=1)))
     start = np.concatenate([rows.mean(axis=0), np.zeros(5), [norm, 0.0]])
 
-    readings = _Readings(rows, ups, resting, start)
+    readings = _EllipsoidProblem(rows, ups, resting, start)
     found, covariance = robust_fit(readings.linearised, start, huber(OUTLIER_STDS))
     offset_std = np.sqrt(np.diag(covariance)[:3])
     matrix, offset = _matrix(found[3:8]), found[:3]
@@ -83,7 +83,7 @@ def mag_fit(unit: UnitRows, spans: Sequence[Span], stills: Sequence[tuple[Span, 
 
 
 @dataclass(frozen=True, eq=False)
-class _Readings:
+class _EllipsoidProblem:
     """Readings (n, 3) uT, up (k, 3) and mean readings (k, 3) uT of the intervals at rest, and the prior mean.
 
     The unknowns are offset (3), matrix (5), norm of the field, uT, and sine of its dip.

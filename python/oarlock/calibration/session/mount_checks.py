@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from oarlock.calibration.session.body import Body
+from oarlock.calibration.session.body import BodyKinematics
 from oarlock.calibration.session.checks import KEPT, PASSED, REDO, Check, within
 from oarlock.calibration.session.mounts import LEAST_PURITY, LEAST_SWEPT_RAD, MOUNT_LIMIT_RAD, Mounts
 from oarlock.calibration.session.plan import SessionPlan
@@ -24,7 +24,7 @@ NORTH_LIMIT_RAD = float(np.radians(12.0))
 
 
 def mount_checks(
-    found: Mounts, plan: SessionPlan, body: Body, nominal: Mapping[str, FloatArray]
+    found: Mounts, plan: SessionPlan, body: BodyKinematics, nominal: Mapping[str, FloatArray]
 ) -> list[Check]:
     """Movements first, then postures, mounts, and north as a test."""
     return [
@@ -52,7 +52,7 @@ def _rests(unit: UnitRows, span_s: Span) -> bool:
     return len(gyro) >= LEAST_ROWS and float(gyro.std(axis=0).max()) < REST_LIMIT_RAD_S
 
 
-def _movements(found: Mounts, plan: SessionPlan, body: Body) -> list[Check]:
+def _movements(found: Mounts, plan: SessionPlan, body: BodyKinematics) -> list[Check]:
     checks = []
     for (step, unit), one in found.moved.items():
         if one is None:

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from oarlock.calibration.session.body import Body
+from oarlock.calibration.session.body import BodyKinematics
 from oarlock.calibration.session.movement import Turning, turning
 from oarlock.calibration.session.plan import SessionPlan, SessionStep
 from oarlock.calibration.session.unit_rows import Span, UnitRows
-from oarlock.calibration.session.wahba import Sight, SolvedMount, isotropic, solved_mount
+from oarlock.calibration.session.wahba import DirectionPair, SolvedMount, isotropic, solved_mount
 from oarlock.storage.array_gate import FloatArray
 
 ACCEL_STD = 0.01
@@ -32,7 +32,7 @@ class Mounts:
     """Mounts and what speaks for them: solutions and sights by unit, movements by step and unit, norths by both."""
 
     solved: Mapping[str, SolvedMount]
-    sights: Mapping[str, Sequence[Sight]]
+    sights: Mapping[str, Sequence[DirectionPair]]
     moved: Moved
     norths_rad: Mapping[str, Mapping[str, float]]
     by_north: tuple[str, ...]
@@ -50,7 +50,7 @@ class MountSearch:
         nominal: unit -> (3, 3), the mount where the session determines none.
     """
 
-    body: Body
+    body: BodyKinematics
     plan: SessionPlan
     spans: Mapping[str, Span]
     units: Mapping[str, UnitRows]
@@ -75,7 +75,7 @@ class MountSearch:
             mounts[name] = solved_mount(sights[name], self.nominal[name])
         return Mounts(mounts, sights, moved, self._norths(mounts), by_north)
 
-    def sights(self, unit: UnitRows) -> list[Sight]:
+    def sights(self, unit: UnitRows) -> list[DirectionPair]:
         """What readings say of a mount on the link of the unit's name, as if nothing else had moved."""
         nominal = {unit.name: solved_mount([], self.nominal[unit.name])}
         axes, _ = replace(self, units={unit.name: unit})._axes(nominal, against_parents=False)
@@ -83,7 +83,7 @@ class MountSearch:
 
     # --- gravity ------------------------------------------------------------------------------------
 
-    def _ups(self, unit: UnitRows) -> list[Sight]:
+    def _ups(self, unit: UnitRows) -> list[DirectionPair]:
         found = []
         for step in self._steps("pose", "move"):
             up = self._up_in_sensor(unit, step)
@@ -91,7 +91,9 @@ class MountSearch:
                 q = self.body.posture(step.pose)
                 in_link = self.body.root_from_link(unit.name, q).T @ self.body.up
                 own = isotropic(in_link, ACCEL_STD)
-                found.append(Sight(step.name, "up", up, in_link, own, isotropic(in_link, self._std(step))))
+                found.append(
+                    DirectionPair(step.name, "up", up, in_link, own, isotropic(in_link, self._std(step)))
+                )
         return found
 
     def _up_in_sensor(self, unit: UnitRows, step: SessionStep) -> FloatArray | None:
@@ -113,8 +115,8 @@ class MountSearch:
 
     def _axes(
         self, mounts: Mapping[str, SolvedMount], against_parents: bool
-    ) -> tuple[dict[str, list[Sight]], Moved]:
-        found: dict[str, list[Sight]] = {}
+    ) -> tuple[dict[str, list[DirectionPair]], Moved]:
+        found: dict[str, list[DirectionPair]] = {}
         moved = Moved()
         for step in self._steps("move"):
             q = self.body.posture(step.pose)
@@ -129,7 +131,7 @@ class MountSearch:
                     in_link, posture = self._axis_in_link(step, joint, about, child, q)
                     own = isotropic(in_link, one.std_rad)
                     found.setdefault(child, []).append(
-                        Sight(step.name, "axis", one.axis, in_link, own, posture)
+                        DirectionPair(step.name, "axis", one.axis, in_link, own, posture)
                     )
         return found, moved
 
@@ -198,7 +200,7 @@ class MountSearch:
         forward, side = self._level
         return float(np.arctan2(field @ side, field @ forward))
 
-    def _north_sights(self, name: str, azimuth: float) -> list[Sight]:
+    def _north_sights(self, name: str, azimuth: float) -> list[DirectionPair]:
         """The level part of the field, in the sensor and, by the other units' azimuth, in the link."""
         found = []
         forward, side = self._level
@@ -211,7 +213,9 @@ class MountSearch:
                 in_link = self.body.root_from_link(name, q).T @ north
                 own = isotropic(in_link, NORTH_STD_RAD)
                 posture = isotropic(in_link, self._std(step))
-                found.append(Sight(step.name, "north", level / np.linalg.norm(level), in_link, own, posture))
+                found.append(
+                    DirectionPair(step.name, "north", level / np.linalg.norm(level), in_link, own, posture)
+                )
         return found
 
     # --- what all need ------------------------------------------------------------------------------

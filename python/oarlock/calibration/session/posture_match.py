@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from oarlock.calibration.session.body import Body
+from oarlock.calibration.session.body import BodyKinematics
 from oarlock.calibration.session.plan import SessionStep
 from oarlock.calibration.session.unit_rows import Span, UnitRows
 from oarlock.model.rotation import angle_between
@@ -26,7 +26,11 @@ Rest = tuple[SessionStep, Span]
 
 
 def of_another_posture(
-    step: SessionStep, span_s: Span, known: Sequence[Rest], body: Body, units: Mapping[str, UnitRows]
+    step: SessionStep,
+    span_s: Span,
+    known: Sequence[Rest],
+    body: BodyKinematics,
+    units: Mapping[str, UnitRows],
 ) -> bool:
     """Whether a rest is not in the posture of a step.
 
@@ -45,7 +49,7 @@ def of_another_posture(
 
 
 def _off_rad(
-    step: SessionStep, span_s: Span, other: Rest, body: Body, units: Mapping[str, UnitRows]
+    step: SessionStep, span_s: Span, other: Rest, body: BodyKinematics, units: Mapping[str, UnitRows]
 ) -> float:
     """By how much the vertical turned in the units more or less than in their links, rad; of the worst unit."""
     q, q_other = body.posture(step.pose), body.posture(other[0].pose)

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from oarlock.calibration.session.body import Body
+from oarlock.calibration.session.body import BodyKinematics
 from oarlock.calibration.session.checks import REDO, Check
 from oarlock.calibration.session.encoders import encoder_scales
 from oarlock.calibration.session.mount_checks import mount_checks, rest_checks
@@ -82,7 +82,7 @@ def calibrate_session(
     clocked = corrected(recording, Calibration(clocks=before.clocks))
     require_plausible(clocked.only(names))
     units = {name: _rows(clocked[name]) for name in names}
-    body = Body.of(worn.model, names)
+    body = BodyKinematics.of(worn.model, names)
     spans = located(plan, body, units)
     _check_spans(plan, spans, clocked)
     nominal = model.describe()

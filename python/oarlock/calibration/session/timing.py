@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from oarlock.calibration.session.body import Body
+from oarlock.calibration.session.body import BodyKinematics
 from oarlock.calibration.session.plan import SessionPlan, SessionStep
 from oarlock.calibration.session.posture_match import of_another_posture
 from oarlock.calibration.session.unit_rows import Span, UnitRows, common, joined
@@ -34,7 +34,7 @@ NEVER = -1e6
 Segment = tuple[str, float, float]
 
 
-def located(plan: SessionPlan, body: Body, units: Mapping[str, UnitRows]) -> dict[str, Span]:
+def located(plan: SessionPlan, body: BodyKinematics, units: Mapping[str, UnitRows]) -> dict[str, Span]:
     """Step -> (start, end) s. Steps that name their times keep them; those that are not found are left out.
 
     The others are sought: stillness of all units for postures, what lies between for movements. Among all ways to lay
@@ -63,7 +63,7 @@ def _in_posture(
     found: Sequence[int | None],
     sought: Sequence[SessionStep],
     segments: Sequence[Segment],
-    body: Body,
+    body: BodyKinematics,
     units: Mapping[str, UnitRows],
 ) -> FloatArray:
     """The scores without rests in which gravity shows another posture than that of the step."""
@@ -113,7 +113,7 @@ def segments_of(units: Mapping[str, UnitRows]) -> list[Segment]:
     return segments
 
 
-def _score(step: SessionStep, segment: Segment, body: Body, units: Mapping[str, UnitRows]) -> float:
+def _score(step: SessionStep, segment: Segment, body: BodyKinematics, units: Mapping[str, UnitRows]) -> float:
     kind, start, end = segment
     length = end - start
     if step.kind in ("still", "pose"):

@@ -20,7 +20,7 @@ HUBER = 2.5
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class DirectionPair:
     """One direction.
 
     Args:
@@ -72,7 +72,7 @@ def isotropic(direction: FloatArray, std_rad: float) -> FloatArray:
     return std_rad**2 * (np.eye(3) - np.outer(direction, direction))
 
 
-def solved_mount(sights: Sequence[Sight], nominal: FloatArray) -> SolvedMount:
+def solved_mount(sights: Sequence[DirectionPair], nominal: FloatArray) -> SolvedMount:
     """The most likely mount. Undetermined directions keep the nominal mount and have a large covariance."""
     in_sensor = np.reshape([s.in_sensor for s in sights], (-1, 3))
     in_link = np.reshape([s.in_link for s in sights], (-1, 3))
@@ -99,7 +99,7 @@ def solved_mount(sights: Sequence[Sight], nominal: FloatArray) -> SolvedMount:
     )
 
 
-def _start(sights: Sequence[Sight], nominal: FloatArray) -> FloatArray:
+def _start(sights: Sequence[DirectionPair], nominal: FloatArray) -> FloatArray:
     """Wahba's problem with one variance for each sight, and the nominal mount as three more sights."""
     weights = [2.0 / float(np.trace(s.own + s.posture)) for s in sights]
     in_link = [*nominal.T, *(s.in_link for s in sights)]
@@ -108,7 +108,7 @@ def _start(sights: Sequence[Sight], nominal: FloatArray) -> FloatArray:
     return np.asarray(solved.as_matrix())
 
 
-def _covariances(sights: Sequence[Sight]) -> list[FloatArray]:
+def _covariances(sights: Sequence[DirectionPair]) -> list[FloatArray]:
     """Of each sight; the common part of postures that repeat a direction does not average out."""
     found = []
     for sight in sights:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from oarlock.calibration.session.body import Body
+from oarlock.calibration.session.body import BodyKinematics
 from oarlock.calibration.session.unit_rows import UnitRows, common
 from oarlock.calibration.static.pose_mounts import calibrate_pose, rest_posture
 from oarlock.calibration.static.sagittal_signs import facing
@@ -93,7 +93,7 @@ class _Standing:
         still_s: the stretch in the posture.
     """
 
-    body: Body
+    body: BodyKinematics
     q: FloatArray
     units: Mapping[str, ImuStream]
     rotations: Mapping[str, FloatArray]
@@ -202,7 +202,7 @@ def calibrate_sagittal(
         posture_std_rad=posture_std_rad,
     )
     worn = Worn.of(model, upright)
-    body, q = Body.of(worn.model, names), rest_posture(worn.model, pose)
+    body, q = BodyKinematics.of(worn.model, names), rest_posture(worn.model, pose)
     noted_still: Any = upright.noted["still_s"]
     still_s = (float(noted_still[0]), float(noted_still[1]))
     standing = _Standing(body, q, {name: _unit(measured, name) for name in names}, worn.rotations, still_s)

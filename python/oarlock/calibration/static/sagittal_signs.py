@@ -12,7 +12,7 @@ from itertools import product
 
 import numpy as np
 
-from oarlock.calibration.session.body import Body
+from oarlock.calibration.session.body import BodyKinematics
 from oarlock.storage.array_gate import FloatArray
 
 Turns = Mapping[str, tuple[FloatArray, FloatArray]]
@@ -29,7 +29,7 @@ TIMES, LEAST_RAD2 = 4.0, 0.003
 
 
 @dataclass(frozen=True)
-class _Link:
+class _UnitPair:
     """A unit and the one above it.
 
     Args:
@@ -42,7 +42,7 @@ class _Link:
     beyond_rad2: Mapping[tuple[int, int], float]
 
 
-def facing(body: Body, q: FloatArray, turns: Turns) -> tuple[dict[str, int], set[str]]:
+def facing(body: BodyKinematics, q: FloatArray, turns: Turns) -> tuple[dict[str, int], set[str]]:
     """Whether each unit's turn about its axis is that about the lateral axis (+1) or its opposite (-1).
 
     Args:
@@ -67,7 +67,7 @@ def facing(body: Body, q: FloatArray, turns: Turns) -> tuple[dict[str, int], set
     return signs, unsure
 
 
-def _best(links: Mapping[str, _Link], name: str, above: int) -> tuple[float, dict[str, int]]:
+def _best(links: Mapping[str, _UnitPair], name: str, above: int) -> tuple[float, dict[str, int]]:
     """The least cost of a unit with all units below it, for a sign of the unit above, and their signs."""
     found = []
     for own in SIGNS:
@@ -79,12 +79,12 @@ def _best(links: Mapping[str, _Link], name: str, above: int) -> tuple[float, dic
     return min(found, key=lambda option: option[0])
 
 
-def _cost(links: Mapping[str, _Link], signs: Mapping[str, int]) -> float:
+def _cost(links: Mapping[str, _UnitPair], signs: Mapping[str, int]) -> float:
     above = {name: 0 if link.above is None else signs[link.above] for name, link in links.items()}
     return sum(link.beyond_rad2[above[name], signs[name]] for name, link in links.items())
 
 
-def _link(body: Body, q: FloatArray, turns: Turns, name: str) -> _Link:
+def _link(body: BodyKinematics, q: FloatArray, turns: Turns, name: str) -> _UnitPair:
     above = body.unit_above(name, turns)
     time_s, angle = turns[name]
     carried = np.zeros(len(time_s)) if above is None else np.interp(time_s, *turns[above])
@@ -94,10 +94,10 @@ def _link(body: Body, q: FloatArray, turns: Turns, name: str) -> _Link:
         relative = own * angle - parent * carried
         off = np.maximum(0.0, np.maximum(low - relative, relative - high))
         beyond[parent, own] = float((off**2).mean())
-    return _Link(above, beyond)
+    return _UnitPair(above, beyond)
 
 
-def _range(body: Body, q: FloatArray, name: str, above: frozenset[str]) -> tuple[float, float]:
+def _range(body: BodyKinematics, q: FloatArray, name: str, above: frozenset[str]) -> tuple[float, float]:
     """How far a unit may turn about the lateral axis against the unit above it, rad from the posture."""
     right = np.cross(body.forward, body.up)
     low = high = 0.0

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from oarlock.calibration.session.body import Body
-from oarlock.calibration.session.wahba import Sight, SolvedMount, isotropic, solved_mount
+from oarlock.calibration.session.body import BodyKinematics
+from oarlock.calibration.session.wahba import DirectionPair, SolvedMount, isotropic, solved_mount
 from oarlock.calibration.static.hinge_axes_fit import AxesFit, about_up, fitted_axes
 from oarlock.calibration.static.inclination import world_from_sensor
 from oarlock.storage.array_gate import FloatArray
@@ -83,7 +83,7 @@ class TwoHinges:
 
 def two_hinges(
     model: Model,
-    body: Body,
+    body: BodyKinematics,
     q: FloatArray,
     units: Mapping[str, ImuStream],
     nominal: Mapping[str, FloatArray],
@@ -107,7 +107,7 @@ def two_hinges(
     ]
 
 
-def _pairs(model: Model, body: Body) -> Iterator[tuple[tuple[str, str], tuple[str, str]]]:
+def _pairs(model: Model, body: BodyKinematics) -> Iterator[tuple[tuple[str, str], tuple[str, str]]]:
     """Units and hinges between them, each from above to below."""
     told = model.describe().joints
     for child in body.units:
@@ -126,7 +126,7 @@ def _pairs(model: Model, body: Body) -> Iterator[tuple[tuple[str, str], tuple[st
 @dataclass(frozen=True, eq=False)
 class _Pair:
     model: Model
-    body: Body
+    body: BodyKinematics
     q: FloatArray
     units: tuple[str, str]
     joints: tuple[str, str]
@@ -229,8 +229,8 @@ class _Pair:
         )
 
 
-def _up(in_sensor: FloatArray, in_link: FloatArray, posture_std_rad: float) -> Sight:
-    return Sight(
+def _up(in_sensor: FloatArray, in_link: FloatArray, posture_std_rad: float) -> DirectionPair:
+    return DirectionPair(
         "posture",
         "up",
         in_sensor,
@@ -240,6 +240,8 @@ def _up(in_sensor: FloatArray, in_link: FloatArray, posture_std_rad: float) -> S
     )
 
 
-def _axis(in_sensor: FloatArray, in_link: FloatArray, std_rad: float, posture_std_rad: float) -> Sight:
+def _axis(
+    in_sensor: FloatArray, in_link: FloatArray, std_rad: float, posture_std_rad: float
+) -> DirectionPair:
     own, posture = isotropic(in_link, std_rad + 1e-3), isotropic(in_link, posture_std_rad)
-    return Sight("movement", "axis", in_sensor, in_link, own, posture)
+    return DirectionPair("movement", "axis", in_sensor, in_link, own, posture)

@@ -89,7 +89,7 @@ def solve(model: Model, measured: Measured, time_s: Floats) -> tuple[Floats, Boo
         time_s: (T,) s.
     """
     targets = _targets(model, measured)
-    problem = _Problem(model, list(measured.orientations), targets.columns)
+    problem = _OrientationProblem(model, list(measured.orientations), targets.columns)
     knots = _knots(time_s)
     at, start = problem.start(targets, knots)
     near = np.empty((len(knots), len(model.coordinate_names)))
@@ -103,7 +103,7 @@ def solve(model: Model, measured: Measured, time_s: Floats) -> tuple[Floats, Boo
     return np.where(seen, q, np.nan), seen
 
 
-class _Problem:
+class _OrientationProblem:
     """The least-squares problem of one model and its measured frames."""
 
     def __init__(self, model: Model, frames: list[str], read: Rows) -> None:

@@ -10,7 +10,7 @@ from types import ModuleType
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.evaluation.comparison.single_units import Stretch
+from oarlock.evaluation.comparison.single_units import UnitSegment
 from oarlock.model.rotation import quat_from_matrix, quat_product
 from oarlock.storage.errors import DataError
 
@@ -48,7 +48,7 @@ def upright(accel_m_s2: Floats, mag_ut: Floats) -> Floats:
     return quat_from_matrix(np.stack([north, np.cross(up, north), up], axis=-2))
 
 
-def begun(stretch: Stretch) -> Floats:
+def begun(stretch: UnitSegment) -> Floats:
     """The first quaternion (4,): both vectors, rotated back by the gyroscope and averaged over `START_S`.
 
     A single sample of a moving unit may be wrong by half a radian, from which slow filters need many seconds to
@@ -67,7 +67,7 @@ def begun(stretch: Stretch) -> Floats:
     return upright(sums[0], sums[1])
 
 
-def vqf(stretch: Stretch, dip_rad: float) -> Floats:
+def vqf(stretch: UnitSegment, dip_rad: float) -> Floats:
     """VQF: D. Laidig and T. Seel (2023), Information Fusion 91, with its default settings; it finds the dip itself."""
     made = package("vqf").VQF(stretch.step_s)
     gyro, accel, mag = (
@@ -84,7 +84,7 @@ def vqf(stretch: Stretch, dip_rad: float) -> Floats:
     return quat_product(NORTH_WEST_UP_FROM_EAST_NORTH_UP, quats)
 
 
-def madgwick(stretch: Stretch, dip_rad: float) -> Floats:
+def madgwick(stretch: UnitSegment, dip_rad: float) -> Floats:
     """Madgwick's gradient descent (2010), as in `ahrs` with its default gain; it finds the dip itself."""
     made = package("ahrs").filters.Madgwick(Dt=stretch.step_s)
     made.gain = made.gain_marg
@@ -100,7 +100,7 @@ def madgwick(stretch: Stretch, dip_rad: float) -> Floats:
     return quats
 
 
-def quaternion_ekf(stretch: Stretch, dip_rad: float) -> Floats:
+def quaternion_ekf(stretch: UnitSegment, dip_rad: float) -> Floats:
     """Extended Kalman filter on the quaternion, as in `ahrs` with its default noise.
 
     The two directions are its measurement (A. M. Sabatini 2011, "Kalman-filter-based orientation determination").

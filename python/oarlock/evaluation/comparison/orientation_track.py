@@ -16,7 +16,7 @@ from oarlock.evaluation.comparison.direct_readings import direct_readings
 from oarlock.evaluation.comparison.inverse_kinematics import Measured, solve
 from oarlock.evaluation.comparison.orientation_filters import madgwick, quaternion_ekf, vqf
 from oarlock.evaluation.comparison.quest_filter import quest_ekf
-from oarlock.evaluation.comparison.single_units import OrientationFilter, Stretch, orientations, stretches
+from oarlock.evaluation.comparison.single_units import OrientationFilter, UnitSegment, orientations, stretches
 from oarlock.evaluation.comparison.vector_filter import vector_kf
 from oarlock.model.description import ImuDescription
 from oarlock.model.rotation import quat_from_matrix, quat_inverse, quat_product
@@ -87,7 +87,7 @@ def track_orientations(
     worn = Worn.of(model, calibration)
     units, notes = _complete_units(worn, recording)
     began = time.perf_counter()
-    found: dict[str, list[tuple[Stretch, Floats]]] = {}
+    found: dict[str, list[tuple[UnitSegment, Floats]]] = {}
     spent_s = np.zeros(2)
     with shown(progress, "filtering units") as told:
         for i, (name, unit) in enumerate(units.items()):
@@ -127,7 +127,7 @@ def track_orientations(
 
 
 @dataclass(frozen=True, eq=False)
-class _Unit:
+class _InertialUnit:
     """An inertial unit: its stream without the magnetometer's offset, the frame it sits on, link-from-sensor, noise."""
 
     stream: ImuStream
@@ -136,8 +136,8 @@ class _Unit:
     gyro_std_rad_s: float
 
 
-def _complete_units(worn: Worn, recording: Recording) -> tuple[dict[str, _Unit], list[str]]:
-    units: dict[str, _Unit] = {}
+def _complete_units(worn: Worn, recording: Recording) -> tuple[dict[str, _InertialUnit], list[str]]:
+    units: dict[str, _InertialUnit] = {}
     notes = []
     for sensor in worn.model.describe().inertial_units:
         name = sensor.name
@@ -153,7 +153,7 @@ def _complete_units(worn: Worn, recording: Recording) -> tuple[dict[str, _Unit],
                 name, stream.time_s, stream.gyro_rad_s, stream.accel_m_s2, stream.mag_ut - offset
             )
         rotation = quat_from_matrix(worn.rotations[name])
-        units[name] = _Unit(stream, sensor.frame, rotation, sensor.gyro_std_rad_s or 0.0)
+        units[name] = _InertialUnit(stream, sensor.frame, rotation, sensor.gyro_std_rad_s or 0.0)
     if not units:
         raise DataError(
             "track_orientations: no inertial unit of the model was recorded with gyroscope, accelerometer and "
@@ -178,8 +178,8 @@ def _lacks(stream: object, sensor: ImuDescription) -> str:
 
 
 def _filtered(
-    unit: _Unit, run: OrientationFilter, model: Model
-) -> tuple[list[tuple[Stretch, Floats]], Floats]:
+    unit: _InertialUnit, run: OrientationFilter, model: Model
+) -> tuple[list[tuple[UnitSegment, Floats]], Floats]:
     """Each stretch with (T, 4) north-west-up from sensor; wall-clock and processor time of the filter alone, s."""
     dip_rad = model.describe().world.magnetic_dip_rad
     prepared = list(stretches(unit.stream, unit.gyro_std_rad_s))
@@ -191,8 +191,8 @@ def _filtered(
 def _measured(
     worn: Worn,
     recording: Recording,
-    units: Mapping[str, _Unit],
-    found: Mapping[str, list[tuple[Stretch, Floats]]],
+    units: Mapping[str, _InertialUnit],
+    found: Mapping[str, list[tuple[UnitSegment, Floats]]],
     time_s: Floats,
 ) -> Measured:
     root = root_from_north_west_up(worn.model)

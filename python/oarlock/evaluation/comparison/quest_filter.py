@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.evaluation.comparison.orientation_filters import begun, package
-from oarlock.evaluation.comparison.single_units import Stretch
+from oarlock.evaluation.comparison.single_units import UnitSegment
 from oarlock.evaluation.comparison.vector_filter import ACCEL_STD, GYRO_STD_RAD_S
 from oarlock.model.rotation import quat_product
 
@@ -25,7 +25,7 @@ QUATERNION_STD = ACCEL_STD / 2
 """Standard deviation of QUEST's quaternion: half the angle by which motion rotates the measured vertical."""
 
 
-def quest_ekf(stretch: Stretch, dip_rad: float) -> Floats:
+def quest_ekf(stretch: UnitSegment, dip_rad: float) -> Floats:
     """Quaternions (T, 4)."""
     measured = _quest(stretch, dip_rad)
     quats = np.empty_like(measured)
@@ -50,7 +50,7 @@ def quest_ekf(stretch: Stretch, dip_rad: float) -> Floats:
     return quats
 
 
-def _quest(stretch: Stretch, dip_rad: float) -> Floats:
+def _quest(stretch: UnitSegment, dip_rad: float) -> Floats:
     """QUEST's quaternion at each instant; NaN without a magnetometer. `ahrs` uses north-east-down axes."""
     solver = package("ahrs").filters.QUEST(magnetic_dip=float(np.degrees(dip_rad)))
     found = np.full((len(stretch.time_s), 4), np.nan)

@@ -19,7 +19,7 @@ BRIDGED_S = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch:
+class UnitSegment:
     """Readings of one unit without a gap, T >= 2 evenly spaced instants.
 
     Args:
@@ -39,11 +39,11 @@ class Stretch:
     gyro_std_rad_s: float
 
 
-OrientationFilter = Callable[[Stretch, float], Floats]
+OrientationFilter = Callable[[UnitSegment, float], Floats]
 """Filter function: stretch and dip of the field, rad -> (T, 4) quat_wxyz, north-west-up from sensor."""
 
 
-def stretches(stream: ImuStream, gyro_std_rad_s: float) -> Iterator[Stretch]:
+def stretches(stream: ImuStream, gyro_std_rad_s: float) -> Iterator[UnitSegment]:
     """The stretches of a stream that has all three quantities; short gaps are interpolated linearly."""
     gyro, accel, mag = stream.gyro_rad_s, stream.accel_m_s2, stream.mag_ut
     assert gyro is not None and accel is not None and mag is not None
@@ -62,7 +62,7 @@ def stretches(stream: ImuStream, gyro_std_rad_s: float) -> Iterator[Stretch]:
             continue
         at_s = later[0] + step_s * np.arange(int((last - later[0]) / step_s + 1e-6) + 1)
         rates = _line(at_s, time_s, gyro[whole])
-        yield Stretch(
+        yield UnitSegment(
             time_s=at_s,
             step_s=step_s,
             gyro_rad_s=np.vstack([rates[:1], 0.5 * (rates[1:] + rates[:-1])]),
@@ -72,7 +72,7 @@ def stretches(stream: ImuStream, gyro_std_rad_s: float) -> Iterator[Stretch]:
         )
 
 
-def orientations(stretches_found: list[tuple[Stretch, Floats]], at_s: Floats) -> Floats:
+def orientations(stretches_found: list[tuple[UnitSegment, Floats]], at_s: Floats) -> Floats:
     """Quaternions (N, 4) at other time stamps, interpolated linearly and normalised; NaN outside the stretches."""
     found = np.full((len(at_s), 4), np.nan)
     for stretch, quats in stretches_found:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.evaluation.comparison.orientation_filters import begun, upright
-from oarlock.evaluation.comparison.single_units import Stretch
+from oarlock.evaluation.comparison.single_units import UnitSegment
 from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec
 
 Floats = NDArray[np.float64]
@@ -20,7 +20,7 @@ GYRO_STD_RAD_S, ACCEL_STD, MAG_STD = 0.3, 0.5, 0.8
 """Noise of the Kalman filter in `ahrs`, including motion; the last two are of vectors of length 1."""
 
 
-def vector_kf(stretch: Stretch, dip_rad: float) -> Floats:
+def vector_kf(stretch: UnitSegment, dip_rad: float) -> Floats:
     """Quaternions (T, 4). Noise is equal in all directions, so each vector's covariance is a number."""
     measured = np.stack([stretch.accel_m_s2, stretch.mag_ut], axis=2)
     measured /= np.linalg.norm(measured, axis=1, keepdims=True)

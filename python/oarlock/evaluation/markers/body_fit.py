@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from oarlock.evaluation.markers.attachments import Attachment, GivenAttachments, attachments_of, check_frames
-from oarlock.evaluation.markers.least_squares import Prior, Sight, with_prior
+from oarlock.evaluation.markers.least_squares import MarkerObservation, Prior, with_prior
 from oarlock.evaluation.markers.point_tree import PointTree
 from oarlock.evaluation.markers.start import anchor_postures, body_prior, first_posture
 from oarlock.evaluation.markers.trajectories import Markers
@@ -73,7 +73,7 @@ class _Guess:
     q: FloatArray
 
 
-class _Problem:
+class _BodyFitProblem:
     """Residuals of the chosen frames, and their derivatives by all constants."""
 
     def __init__(
@@ -103,9 +103,9 @@ class _Problem:
         points = [replace(a, point_m=p) for a, p in zip(self.used, guess.points, strict=True)]
         return PointTree(self.model, points, lengths)
 
-    def sight(self, guess: _Guess) -> Sight:
+    def sight(self, guess: _Guess) -> MarkerObservation:
         """The markers in root axes."""
-        return Sight(self.position @ guess.pose[:3, :3].T + guess.pose[:3, 3], self.weight)
+        return MarkerObservation(self.position @ guess.pose[:3, :3].T + guess.pose[:3, 3], self.weight)
 
     def residual(self, guess: _Guess) -> FloatArray:
         """Residuals (T, n, 3) in standard deviations; 0 where not visible."""
@@ -219,7 +219,7 @@ def fit_body(
     if not (names or free or place_root):
         raise DataError("fit_body: nothing to estimate; name parameters or offsets, or set place_root=True")
     chosen = _chosen(markers.select([a.marker for a in used]), frames) if used else markers
-    problem = _Problem(model, chosen, used, names, free, place_root)
+    problem = _BodyFitProblem(model, chosen, used, names, free, place_root)
     pose = (
         np.eye(4) if root_from_markers is None else real_array(root_from_markers, (4, 4), "root_from_markers")
     )
@@ -249,7 +249,7 @@ def _chosen(markers: Markers, frames: int) -> Markers:
     return Markers(markers.names, markers.time_s[rows], markers.position_m[rows])
 
 
-def _first(problem: _Problem, pose: FloatArray, start: FloatArray | None) -> _Guess:
+def _first(problem: _BodyFitProblem, pose: FloatArray, start: FloatArray | None) -> _Guess:
     """Postures for the initial constants; with an unknown pose, for the best of eight headings."""
     rows = len(problem.weight)
     guess = _Guess(problem.start_lengths, problem.start_points, pose, np.tile(problem.mean, (rows, 1)))
@@ -262,7 +262,9 @@ def _first(problem: _Problem, pose: FloatArray, start: FloatArray | None) -> _Gu
     return replace(guess, q=with_prior(tree, problem.sight(guess), Prior(q, problem.std), q))
 
 
-def _heading(problem: _Problem, guess: _Guess, k: int, start: FloatArray | None) -> tuple[float, _Guess]:
+def _heading(
+    problem: _BodyFitProblem, guess: _Guess, k: int, start: FloatArray | None
+) -> tuple[float, _Guess]:
     up = np.asarray(problem.model.describe().world.up)
     turn = matrix_from_quat(quat_from_rotvec(up * 2.0 * np.pi * k / _HEADINGS))
     pose = np.eye(4)
@@ -275,7 +277,7 @@ def _heading(problem: _Problem, guess: _Guess, k: int, start: FloatArray | None)
         axis=0
     )
     placed = replace(guess, pose=pose)
-    one = _Problem.__new__(_Problem)
+    one = _BodyFitProblem.__new__(_BodyFitProblem)
     one.__dict__ = problem.__dict__ | {
         "_trees": {},
         "weight": problem.weight[[seed]],
@@ -287,7 +289,7 @@ def _heading(problem: _Problem, guess: _Guess, k: int, start: FloatArray | None)
     return one.cost(found), replace(found, q=guess.q)
 
 
-def _best(problem: _Problem, guess: _Guess, rounds: int = _MOST_ROUNDS) -> _Guess:
+def _best(problem: _BodyFitProblem, guess: _Guess, rounds: int = _MOST_ROUNDS) -> _Guess:
     """Levenberg-Marquardt over constants and postures together."""
     damping, cost = 1e-3, problem.cost(guess)
     for _ in range(rounds):
@@ -306,7 +308,9 @@ def _best(problem: _Problem, guess: _Guess, rounds: int = _MOST_ROUNDS) -> _Gues
     return guess
 
 
-def _step(problem: _Problem, guess: _Guess, damping: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _step(
+    problem: _BodyFitProblem, guess: _Guess, damping: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Steps of constants (k,) and postures (T, c), in standard deviations, and the constants' information (k, k)."""
     rows, width = guess.q.shape
     residual = problem.residual(guess).reshape(rows, -1)
@@ -329,7 +333,7 @@ def _step(problem: _Problem, guess: _Guess, damping: float) -> tuple[FloatArray,
     return constants, q, information
 
 
-def _body(problem: _Problem, guess: _Guess, attachments: GivenAttachments) -> BodyFit:
+def _body(problem: _BodyFitProblem, guess: _Guess, attachments: GivenAttachments) -> BodyFit:
     residual = problem.residual(guess)
     information = _step(problem, guess, 0.0)[2]
     seen = int((problem.weight > 0.0).sum())

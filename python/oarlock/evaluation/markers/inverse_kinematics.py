@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from oarlock.evaluation.markers.attachments import Attachment, GivenAttachments, attachments_of, check_frames
 from oarlock.evaluation.markers.gaps import FilledMarkers
-from oarlock.evaluation.markers.least_squares import Found, Prior, Sight, found_postures
+from oarlock.evaluation.markers.least_squares import MarkerObservation, PostureSolution, Prior, found_postures
 from oarlock.evaluation.markers.point_tree import PointTree
 from oarlock.evaluation.markers.posture_fit import PostureFit
 from oarlock.evaluation.markers.start import ANCHOR_S, anchor_postures, between_anchors, body_prior
@@ -79,7 +79,9 @@ def inverse_kinematics(
     if not placed.seen.any():
         raise DataError("inverse_kinematics: none of the attached markers is ever visible")
     tree = PointTree(model, used)
-    sight = Sight(np.nan_to_num(placed.position_m), placed.seen / _std(markers, used, added_std_m))
+    sight = MarkerObservation(
+        np.nan_to_num(placed.position_m), placed.seen / _std(markers, used, added_std_m)
+    )
     mean, std = body_prior(model)
     prior = Prior(np.tile(mean, (len(placed), 1)), std)
     start = None if start_q is None else posture(model, start_q)
@@ -112,11 +114,11 @@ def _used(model: Model, markers: Markers, attachments: GivenAttachments) -> tupl
 def _all_frames(
     tree: PointTree,
     time_s: FloatArray,
-    sight: Sight,
+    sight: MarkerObservation,
     prior: Prior,
     start: FloatArray | None,
     progress: Told | None,
-) -> Found:
+) -> PostureSolution:
     anchors = _anchors(time_s)
     walked = anchor_postures(tree, sight, prior, anchors, start, share(progress, 0.0, 0.5))
     first = between_anchors(tree, time_s, time_s[anchors], walked)
@@ -128,7 +130,7 @@ def _all_frames(
         if progress_of_fit is not None:
             progress_of_fit(min(1.0, (k + _FRAMES_AT_ONCE) / len(time_s)))
     fields = ("q", "std", "determined", "settled", "cost")
-    found = Found(*(np.concatenate([getattr(chunk, name) for chunk in chunks]) for name in fields))
+    found = PostureSolution(*(np.concatenate([getattr(chunk, name) for chunk in chunks]) for name in fields))
     return _refitted(tree, sight, prior, found)
 
 
@@ -141,7 +143,9 @@ def _anchors(time_s: FloatArray) -> FloatArray:
     return np.array(found)
 
 
-def _refitted(tree: PointTree, sight: Sight, prior: Prior, found: Found) -> Found:
+def _refitted(
+    tree: PointTree, sight: MarkerObservation, prior: Prior, found: PostureSolution
+) -> PostureSolution:
     """Fit frames with a large residual or without convergence again, starting from the nearest good ones."""
     bad = ~found.settled | (found.cost > _FAR_WORSE * (float(np.median(found.cost)) + 1.0))
     good = np.flatnonzero(~bad)
@@ -159,7 +163,11 @@ def _refitted(tree: PointTree, sight: Sight, prior: Prior, found: Found) -> Foun
 
 
 def _fit(
-    tree: PointTree, placed: Markers, sight: Sight, used: tuple[Attachment, ...], found: Found
+    tree: PointTree,
+    placed: Markers,
+    sight: MarkerObservation,
+    used: tuple[Attachment, ...],
+    found: PostureSolution,
 ) -> PostureFit:
     residual = placed.position_m - tree.at(found.q)
     # each determined direction removes one degree of freedom of the residuals

@@ -20,7 +20,7 @@ _DETERMINED: Final = 25.0
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class MarkerObservation:
     """Visible markers in some frames.
 
     Args:
@@ -31,9 +31,9 @@ class Sight:
     place_m: FloatArray
     weight: FloatArray
 
-    def rows(self, kept: Any) -> Sight:
+    def rows(self, kept: Any) -> MarkerObservation:
         """Some of the frames."""
-        return Sight(self.place_m[kept], self.weight[kept])
+        return MarkerObservation(self.place_m[kept], self.weight[kept])
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class Prior:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class PostureSolution:
     """Postures.
 
     Args:
@@ -63,7 +63,9 @@ class Found:
     cost: FloatArray
 
 
-def found_postures(tree: PointTree, sight: Sight, prior: Prior, start: FloatArray) -> Found:
+def found_postures(
+    tree: PointTree, sight: MarkerObservation, prior: Prior, start: FloatArray
+) -> PostureSolution:
     """The postures that fit the markers best; undetermined directions stay nearest to the prior.
 
     Levenberg-Marquardt with the prior comes first and always converges. Gauss-Newton without the prior follows, in the
@@ -75,11 +77,13 @@ def found_postures(tree: PointTree, sight: Sight, prior: Prior, start: FloatArra
     determined = size > _DETERMINED
     variance = np.einsum("tck,tk->tc", shapes**2, 1.0 / (np.maximum(size, 0.0) + 1.0))
     undetermined_share = np.einsum("tck,tk->tc", shapes**2, 1.0 - determined)
-    return Found(q, prior.std * np.sqrt(variance), undetermined_share < 0.01, settled, _square(residual))
+    return PostureSolution(
+        q, prior.std * np.sqrt(variance), undetermined_share < 0.01, settled, _square(residual)
+    )
 
 
 def with_prior(
-    tree: PointTree, sight: Sight, prior: Prior, start: FloatArray, tolerance: float = _LOOSE
+    tree: PointTree, sight: MarkerObservation, prior: Prior, start: FloatArray, tolerance: float = _LOOSE
 ) -> FloatArray:
     """Postures (T, c) that minimise the squares of residuals and of deviations from the prior."""
     q, damping = np.array(start), np.full(len(start), 1e-3)
@@ -110,7 +114,7 @@ def with_prior(
 
 
 def _without_prior(
-    tree: PointTree, sight: Sight, prior: Prior, start: FloatArray
+    tree: PointTree, sight: MarkerObservation, prior: Prior, start: FloatArray
 ) -> tuple[FloatArray, Bools]:
     """Gauss-Newton in the determined directions. A step that makes the fit worse is halved; if that fails it ends."""
     q = np.array(start)
@@ -138,7 +142,12 @@ def _without_prior(
 
 
 def _halved(
-    tree: PointTree, sight: Sight, prior: Prior, q: FloatArray, step: FloatArray, before: FloatArray
+    tree: PointTree,
+    sight: MarkerObservation,
+    prior: Prior,
+    q: FloatArray,
+    step: FloatArray,
+    before: FloatArray,
 ) -> tuple[Bools, FloatArray]:
     tried, better = np.array(q), np.zeros(len(q), dtype=bool)
     for share in (1.0, 0.5, 0.25, 0.125):
@@ -154,14 +163,16 @@ def _halved(
 
 
 def _directions(
-    tree: PointTree, sight: Sight, prior: Prior, q: FloatArray
+    tree: PointTree, sight: MarkerObservation, prior: Prior, q: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     residual, slopes = _linear(tree, sight, prior, q)
     size, shapes = np.linalg.eigh(np.einsum("trc,trd->tcd", slopes, slopes))
     return residual, size, shapes
 
 
-def _linear(tree: PointTree, sight: Sight, prior: Prior, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _linear(
+    tree: PointTree, sight: MarkerObservation, prior: Prior, q: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Residuals (T, 3 n) in standard deviations, and derivatives (T, 3 n, c) by steps in those of the prior."""
     places, slopes = tree.with_slopes(q)
     weight = sight.weight[..., None]
@@ -170,13 +181,13 @@ def _linear(tree: PointTree, sight: Sight, prior: Prior, q: FloatArray) -> tuple
     return residual.reshape(len(q), -1), scaled.reshape(len(q), -1, q.shape[1])
 
 
-def _residual(tree: PointTree, sight: Sight, q: FloatArray) -> FloatArray:
+def _residual(tree: PointTree, sight: MarkerObservation, q: FloatArray) -> FloatArray:
     weight = sight.weight[..., None]
     residual = np.where(weight > 0.0, sight.place_m - tree.at(q), 0.0) * weight
     return np.asarray(residual.reshape(len(q), -1))
 
 
-def _cost(tree: PointTree, sight: Sight, prior: Prior, q: FloatArray) -> FloatArray:
+def _cost(tree: PointTree, sight: MarkerObservation, prior: Prior, q: FloatArray) -> FloatArray:
     away = tree.minus(q, prior.mean) / prior.std
     return _square(_residual(tree, sight, q)) + _square(away)
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from oarlock.evaluation.markers.least_squares import Prior, Sight, with_prior
+from oarlock.evaluation.markers.least_squares import MarkerObservation, Prior, with_prior
 from oarlock.evaluation.markers.point_tree import PointTree
 from oarlock.model.rotation import continuous_quat, quat_from_rotvec, rotvec_from_quat
 from oarlock.storage.array_gate import FloatArray
@@ -40,7 +40,9 @@ def body_prior(model: Model) -> tuple[FloatArray, FloatArray]:
     return np.array(mean), np.array(std)
 
 
-def first_posture(tree: PointTree, sight: Sight, prior: Prior, given: FloatArray | None) -> FloatArray:
+def first_posture(
+    tree: PointTree, sight: MarkerObservation, prior: Prior, given: FloatArray | None
+) -> FloatArray:
     """The best of many fits of one frame, (1, c): one starts at the prior's mean, others around it.
 
     The start postures are the same in every run because their seed is fixed.
@@ -52,7 +54,9 @@ def first_posture(tree: PointTree, sight: Sight, prior: Prior, given: FloatArray
     mean = _placed_mean(tree, sight, prior)
     spread = np.concatenate([np.zeros((1, width)), random.standard_normal((_TRIES - 1, width))])
     starts = tree.plus(np.tile(mean, (_TRIES, 1)), spread * np.minimum(prior.std, 1.0))
-    many = Sight(np.repeat(sight.place_m, _TRIES, axis=0), np.repeat(sight.weight, _TRIES, axis=0))
+    many = MarkerObservation(
+        np.repeat(sight.place_m, _TRIES, axis=0), np.repeat(sight.weight, _TRIES, axis=0)
+    )
     wide = Prior(np.repeat(mean, _TRIES, axis=0), prior.std)
     q = with_prior(tree, many, wide, starts)
     away = tree.minus(q, wide.mean) / wide.std
@@ -64,7 +68,7 @@ def first_posture(tree: PointTree, sight: Sight, prior: Prior, given: FloatArray
 
 def anchor_postures(
     tree: PointTree,
-    sight: Sight,
+    sight: MarkerObservation,
     prior: Prior,
     frames: Any,
     given: FloatArray | None,
@@ -103,7 +107,7 @@ def between_anchors(tree: PointTree, at_s: FloatArray, anchors_s: FloatArray, q:
     return found
 
 
-def _placed_mean(tree: PointTree, sight: Sight, prior: Prior) -> FloatArray:
+def _placed_mean(tree: PointTree, sight: MarkerObservation, prior: Prior) -> FloatArray:
     """The prior's mean (1, c), with free joints of the root moved to the markers."""
     mean = np.array(prior.mean[:1])
     places = np.where(sight.weight[..., None] > 0.0, sight.place_m, np.nan)

@@ -29,7 +29,7 @@ MOST_DOUBLE = 6
 
 
 @dataclass(frozen=True, eq=False)
-class Change:
+class FaultCorrection:
     """One fault, and the change of the readings that corrects it.
 
     Args:
@@ -67,20 +67,22 @@ def changed_rows(rows: FloatArray, by: FloatArray | float) -> FloatArray:
     return np.asarray(rows * by if isinstance(by, float) else rows @ by.T)
 
 
-def exchanges(groups: Iterable[Sequence[str]]) -> Iterator[Change]:
+def exchanges(groups: Iterable[Sequence[str]]) -> Iterator[FaultCorrection]:
     """Exchanges of two streams of one kind."""
     for group in groups:
         yield from (_exchanged((pair,)) for pair in combinations(group, 2))
 
 
-def exchanges_of_two(groups: Iterable[Sequence[str]]) -> Iterator[Change]:
+def exchanges_of_two(groups: Iterable[Sequence[str]]) -> Iterator[FaultCorrection]:
     """Double exchanges within one kind, if there are few streams."""
     for group in groups:
         doubles = combinations(combinations(group, 2), 2) if len(group) <= MOST_DOUBLE else ()
         yield from (_exchanged(two) for two in doubles if len({n for pair in two for n in pair}) == 4)
 
 
-def value_changes(angles: Sequence[Stream], places: Sequence[Stream], units: bool) -> Iterator[Change]:
+def value_changes(
+    angles: Sequence[Stream], places: Sequence[Stream], units: bool
+) -> Iterator[FaultCorrection]:
     """Signs, or with `units` wrong units, of encoders: one, two or all of a kind.
 
     Units are tried if values are large.
@@ -94,43 +96,45 @@ def value_changes(angles: Sequence[Stream], places: Sequence[Stream], units: boo
                 text = factor_text(together, "value", what, factor)
                 rarity = 1.0 if len(together) == 1 or units else LESS_USUAL if len(together) == 2 else RARE
                 fault = "unit" if units else "sign"
-                yield Change(fault, together, text, {}, ("value",), factor, rarity)
+                yield FaultCorrection(fault, together, text, {}, ("value",), factor, rarity)
 
 
-def stuck_values(streams: Sequence[Stream]) -> Iterator[Change]:
+def stuck_values(streams: Sequence[Stream]) -> Iterator[FaultCorrection]:
     """Encoders with constant readings: their readings are left out."""
     for stream in streams:
         values = stream.values["value"]
         there = values[np.isfinite(values)]
         if len(there) > 1 and (there == there[0]).all():
             text = stuck_text(stream.name, float(there[0]))
-            yield Change("stuck", (stream.name,), text, {}, ("value",), float("nan"), RARE)
+            yield FaultCorrection("stuck", (stream.name,), text, {}, ("value",), float("nan"), RARE)
 
 
-def unit_signs(names: Sequence[str], together: bool) -> Iterator[Change]:
+def unit_signs(names: Sequence[str], together: bool) -> Iterator[FaultCorrection]:
     """Signs of gyroscopes and accelerometers: of each unit, or of all units."""
     for streams in [tuple(names)] if together else [(name,) for name in names]:
         for quantity, what in _UNIT_SIGNS:
-            yield Change("sign", streams, factor_text(streams, quantity, what, -1.0), {}, (quantity,), -1.0)
+            yield FaultCorrection(
+                "sign", streams, factor_text(streams, quantity, what, -1.0), {}, (quantity,), -1.0
+            )
 
 
-def unit_factors(units: Sequence[ImuStream]) -> Iterator[Change]:
+def unit_factors(units: Sequence[ImuStream]) -> Iterator[FaultCorrection]:
     """Wrong units of gyroscopes and accelerometers, if values are large or small: of each inertial unit, or of all."""
     for quantity, what, factor, low, high in _UNIT_FACTORS:
         there = [s for s in units if quantity in s.values and low < _largest(s.values[quantity]) < high]
         if what == "in deg/s":
             there = [s for s in there if _may_be_degrees(s)]
         for streams in _alone_and_all([s.name for s in there]):
-            yield Change(
+            yield FaultCorrection(
                 "unit", streams, factor_text(streams, quantity, what, factor), {}, (quantity,), factor
             )
 
 
-def gyro_units(names: Sequence[str]) -> Iterator[Change]:
+def gyro_units(names: Sequence[str]) -> Iterator[FaultCorrection]:
     """Wrong units of the gyroscope of each inertial unit, however large its values are."""
     for quantity, what, factor, *_ in _UNIT_FACTORS:
         for name in names if quantity == "gyro_rad_s" else ():
-            yield Change(
+            yield FaultCorrection(
                 "unit", (name,), factor_text((name,), quantity, what, factor), {}, (quantity,), factor
             )
 
@@ -144,33 +148,35 @@ def _may_be_degrees(unit: ImuStream) -> bool:
     return _largest(unit.values["gyro_rad_s"]) > GYRO_MAX_RAD_S if ratio is None else ratio > MANY_TIMES
 
 
-def turns(names: Sequence[str]) -> Iterator[Change]:
+def turns(names: Sequence[str]) -> Iterator[FaultCorrection]:
     """An inertial unit rotated on its link by quarter turns, or with two axes exchanged or one reversed."""
     for streams in [(name,) for name in names]:
         for matrix in PROPER:
             half = abs(np.trace(matrix) + 1.0) < 0.5
             text = turn_text(streams, matrix)
-            yield Change("turned", streams, text, {}, UNIT_FIELDS, matrix, 1.0 if half else LESS_USUAL)
+            yield FaultCorrection(
+                "turned", streams, text, {}, UNIT_FIELDS, matrix, 1.0 if half else LESS_USUAL
+            )
         for matrix in MIRRORS:
-            yield Change(
+            yield FaultCorrection(
                 "axes", streams, axes_text(streams, UNIT_FIELDS, matrix), {}, UNIT_FIELDS, matrix, RARE
             )
         for quantity in UNIT_FIELDS[:2]:
             for matrix in MIRRORS:
                 text = axes_text(streams, (quantity,), matrix)
-                yield Change("axes", streams, text, {}, (quantity,), matrix, RARE)
+                yield FaultCorrection("axes", streams, text, {}, (quantity,), matrix, RARE)
 
 
-def compass_changes(names: Sequence[str], together: bool) -> Iterator[Change]:
+def compass_changes(names: Sequence[str], together: bool) -> Iterator[FaultCorrection]:
     """Axes and units of magnetometers: of each inertial unit, or of all."""
     for streams in [tuple(names)] if together else [(name,) for name in names]:
         for matrix in (*PROPER, *MIRRORS, -np.eye(3)):
             text = axes_text(streams, ("mag_ut",), matrix)
             half = np.count_nonzero(np.diag(matrix)) == 3
-            yield Change("axes", streams, text, {}, ("mag_ut",), matrix, 1.0 if half else LESS_USUAL)
+            yield FaultCorrection("axes", streams, text, {}, ("mag_ut",), matrix, 1.0 if half else LESS_USUAL)
         for what, factor in _COMPASS_UNITS:
             text = factor_text(streams, "mag_ut", what, factor)
-            yield Change("unit", streams, text, {}, ("mag_ut",), factor)
+            yield FaultCorrection("unit", streams, text, {}, ("mag_ut",), factor)
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,10 +220,12 @@ def _together(names: Sequence[str]) -> list[tuple[str, ...]]:
     return found + ([tuple(names)] if len(names) > 2 else [])
 
 
-def _exchanged(pairs: Sequence[tuple[str, str]]) -> Change:
+def _exchanged(pairs: Sequence[tuple[str, str]]) -> FaultCorrection:
     names = {one: other for a, b in pairs for one, other in ((a, b), (b, a))}
     streams = tuple(name for pair in pairs for name in pair)
-    return Change("exchanged", streams, exchange_text(pairs), names, rarity=1.0 if len(pairs) == 1 else RARE)
+    return FaultCorrection(
+        "exchanged", streams, exchange_text(pairs), names, rarity=1.0 if len(pairs) == 1 else RARE
+    )
 
 
 def _signed_permutations() -> list[FloatArray]:

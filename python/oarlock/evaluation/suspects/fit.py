@@ -55,7 +55,7 @@ class Spent(Exception):
     """The time of a search is over."""
 
 
-class Judge:
+class MisfitEvaluator:
     """Tracks short recordings of one model in parallel and computes the misfit of each."""
 
     def __init__(

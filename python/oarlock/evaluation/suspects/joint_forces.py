@@ -23,7 +23,7 @@ from oarlock.evaluation.suspects.changes import (
     GRAVITY_M_S2,
     LESS_USUAL,
     UNIT_FIELDS,
-    Change,
+    FaultCorrection,
     changed_rows,
     exchanges,
     gyro_units,
@@ -63,30 +63,30 @@ LEAST_TURN_RAD, LEAST_BIAS_M_S2, LEAST_SCALE = 0.2, 0.7, 0.08
 
 
 @dataclass(frozen=True, eq=False)
-class _Readings:
+class _GridReadings:
     """(T, 3) rad/s and m/s2 of one unit on the common grid, and where they are no interpolation over a gap."""
 
     gyro_rad_s: FloatArray
     accel_m_s2: FloatArray
     there: NDArray[np.bool_]
 
-    def changed(self, by: FloatArray | float, fields: Sequence[str] = UNIT_FIELDS) -> _Readings:
+    def changed(self, by: FloatArray | float, fields: Sequence[str] = UNIT_FIELDS) -> _GridReadings:
         """With some of its quantities times a factor, or turned by a matrix."""
         gyro, accel = (
             changed_rows(rows, by) if field in fields else rows
             for field, rows in (("gyro_rad_s", self.gyro_rad_s), ("accel_m_s2", self.accel_m_s2))
         )
-        return _Readings(gyro, accel, self.there)
+        return _GridReadings(gyro, accel, self.there)
 
-    def later(self, rows: FloatArray) -> _Readings:
+    def later(self, rows: FloatArray) -> _GridReadings:
         """As they are with a clock set back by so many rows, one number or one a row."""
         at = np.arange(len(self.there)) + rows
         near = np.clip(np.round(at).astype(int), 0, len(self.there) - 1)
         inside = (at >= 0) & (at <= len(self.there) - 1)
-        return _Readings(self.gyro_rad_s[near], self.accel_m_s2[near], self.there[near] & inside)
+        return _GridReadings(self.gyro_rad_s[near], self.accel_m_s2[near], self.there[near] & inside)
 
-    def rows(self, rows: slice) -> _Readings:
-        return _Readings(self.gyro_rad_s[rows], self.accel_m_s2[rows], self.there[rows])
+    def rows(self, rows: slice) -> _GridReadings:
+        return _GridReadings(self.gyro_rad_s[rows], self.accel_m_s2[rows], self.there[rows])
 
     def force(self, lever: FloatArray) -> FloatArray:
         """(T,) size of the force at a joint, m/s2; `lever`: from the joint to the unit, in the unit's axes, m."""
@@ -111,7 +111,7 @@ class JointForces:
     """
 
     start_s: float
-    units: Mapping[str, _Readings]
+    units: Mapping[str, _GridReadings]
     joints: tuple[tuple[str, str], ...]
     levers: tuple[tuple[FloatArray, FloatArray], ...]
 
@@ -167,7 +167,7 @@ class JointForces:
             self.misfit(k, self.units) for k in own
         )
 
-    def misfit(self, k: int, units: Mapping[str, _Readings]) -> float:
+    def misfit(self, k: int, units: Mapping[str, _GridReadings]) -> float:
         """Of one joint."""
         (a, b), (first, second) = self.joints[k], self.levers[k]
         there = units[a].there & units[b].there
@@ -224,11 +224,11 @@ class JointForces:
         return [slice(int(a), int(b)) for a, b in pairwise(edges)]
 
 
-def _on(stream: ImuStream, grid: FloatArray) -> _Readings | None:
+def _on(stream: ImuStream, grid: FloatArray) -> _GridReadings | None:
     assert stream.gyro_rad_s is not None and stream.accel_m_s2 is not None
     columns = np.hstack([stream.gyro_rad_s, stream.accel_m_s2])
     read = _interpolated(stream.time_s, columns, grid)
-    return None if read is None else _Readings(read[0][:, :3], read[0][:, 3:], read[1])
+    return None if read is None else _GridReadings(read[0][:, :3], read[0][:, 3:], read[1])
 
 
 def on_grid_of(
@@ -267,12 +267,12 @@ def _interpolated(
 
 # --- what may be wrong --------------------------------------------------------------------------------
 
-Readings: TypeAlias = Callable[[Mapping[str, _Readings]], dict[str, _Readings]]
+Readings: TypeAlias = Callable[[Mapping[str, _GridReadings]], dict[str, _GridReadings]]
 
 
 @dataclass(frozen=True, eq=False)
 class _Cause:
-    """One way to change the readings of some units; the other fields are those of a `Suspect` and a `Change`."""
+    """One way to change the readings of some units; other fields: see `Suspect` and `FaultCorrection`."""
 
     fault: str
     streams: tuple[str, ...]
@@ -295,7 +295,7 @@ def _discrete(names: Sequence[str]) -> Iterator[_Cause]:
         )
 
 
-def _changed(change: Change, units: Mapping[str, _Readings]) -> dict[str, _Readings]:
+def _changed(change: FaultCorrection, units: Mapping[str, _GridReadings]) -> dict[str, _GridReadings]:
     if change.names:
         return {other: units[name] for name, other in change.names.items()}
     return {name: units[name].changed(change.matrix, change.fields) for name in change.streams}

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from oarlock.evaluation.suspects.changes import (
-    Change,
+    FaultCorrection,
     LikeStreams,
     compass_changes,
     exchanges,
@@ -20,7 +20,7 @@ from oarlock.evaluation.suspects.changes import (
     unit_signs,
     value_changes,
 )
-from oarlock.evaluation.suspects.fit import Judge, Misfit, has_magnetometers, without_magnetometers
+from oarlock.evaluation.suspects.fit import Misfit, MisfitEvaluator, has_magnetometers, without_magnetometers
 from oarlock.evaluation.suspects.suspect import USUAL
 from oarlock.recording.recording import Recording
 
@@ -47,7 +47,7 @@ MOST_EXCHANGED = 8
 """Exchanges are tried among at most this number of units: those with the largest misfit."""
 
 
-Ranking: TypeAlias = list[tuple[Change, Misfit]]
+Ranking: TypeAlias = list[tuple[FaultCorrection, Misfit]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +67,7 @@ class Second:
         """The streams that may have a fault, by kind."""
         return LikeStreams.of(self.model, [s for s in self.fine.streams if s.name not in self.agreeing])
 
-    def applied(self, change: Change) -> Second:
+    def applied(self, change: FaultCorrection) -> Second:
         """The second with the fault corrected."""
         return replace(self, fine=change.applied(self.fine), coarse=change.applied(self.coarse))
 
@@ -84,28 +84,28 @@ class Second:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class CorrectionFit:
     """A change, the misfit before and after it, and other changes that are nearly as good."""
 
-    change: Change
+    change: FaultCorrection
     before: float
     after: float
-    others: tuple[Change, ...]
+    others: tuple[FaultCorrection, ...]
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
+class SearchResult:
     """The changes in order; the remaining misfit, and the stream whose removal would reduce it most."""
 
-    found: tuple[Found, ...]
+    found: tuple[CorrectionFit, ...]
     misfit: Misfit
     contradicts: str = ""
     without_it: float = float("nan")
 
 
-def search(judge: Judge, second: Second) -> Outcome:
+def search(judge: MisfitEvaluator, second: Second) -> SearchResult:
     """Name faults one after the other until the second fits."""
-    found: list[Found] = []
+    found: list[CorrectionFit] = []
     first = misfit = judge.misfit(second.fine)
     left = second
     while misfit.total > USUAL and len(found) < MOST_FAULTS:
@@ -120,13 +120,13 @@ def search(judge: Judge, second: Second) -> Outcome:
         left = left.applied(best.change)
         misfit = judge.misfit(left.fine)
     if first.total <= USUAL:
-        return Outcome((), first)
+        return SearchResult((), first)
     if found and misfit.total <= max(USUAL, first.total / EXPLAINS ** (len(found) + 1)):
-        return Outcome(tuple(found), misfit)
-    return Outcome((), first, *_contradicting(judge, second))
+        return SearchResult(tuple(found), misfit)
+    return SearchResult((), first, *_contradicting(judge, second))
 
 
-def _ranked(judge: Judge, second: Second, misfit: Misfit) -> Ranking:
+def _ranked(judge: MisfitEvaluator, second: Second, misfit: Misfit) -> Ranking:
     """The changes that reduce the misfit most; rare kinds are tried only if no common one suffices."""
     ranked: Ranking = []
     for family in (_units, _usual, _rare):
@@ -140,7 +140,7 @@ def _ranked(judge: Judge, second: Second, misfit: Misfit) -> Ranking:
     return _from_the_best_start(judge, second, ranked)
 
 
-def _from_the_best_start(judge: Judge, second: Second, ranked: Ranking) -> Ranking:
+def _from_the_best_start(judge: MisfitEvaluator, second: Second, ranked: Ranking) -> Ranking:
     """Repeats the best changes from the start posture of the best one, so that only the change differs."""
     if not ranked or not ranked[0][1].posture:
         return ranked
@@ -151,14 +151,14 @@ def _from_the_best_start(judge: Judge, second: Second, ranked: Ranking) -> Ranki
     return sorted(again, key=lambda pair: _weighed(*pair))
 
 
-def _from_their_starts(judge: Judge, second: Second, misfit: Misfit, ranked: Ranking) -> Misfit:
+def _from_their_starts(judge: MisfitEvaluator, second: Second, misfit: Misfit, ranked: Ranking) -> Misfit:
     """The misfit without any change, from the start postures to which changes led."""
     starts = [fit.posture for _, fit in ranked[:STARTS] if fit.total < misfit.total and fit.posture]
     tried = [fit for posture in starts for fit in judge.misfits_from([second.fine], posture)]
     return min([misfit, *tried], key=lambda fit: fit.total)
 
 
-def _best(misfit: Misfit, ranked: Ranking) -> Found | None:
+def _best(misfit: Misfit, ranked: Ranking) -> CorrectionFit | None:
     if not ranked:
         return None
     best, fit = ranked[0]
@@ -168,25 +168,25 @@ def _best(misfit: Misfit, ranked: Ranking) -> Found | None:
     near = [
         c for c, f in ranked[1:] if _weighed(c, f) < ALIKE * _weighed(best, fit) and not _more_than(best, c)
     ]
-    return Found(best, misfit.total, fit.total, tuple(near))
+    return CorrectionFit(best, misfit.total, fit.total, tuple(near))
 
 
-def _weighed(change: Change, fit: Misfit) -> float:
+def _weighed(change: FaultCorrection, fit: Misfit) -> float:
     return (FLOOR + fit.total) * change.rarity
 
 
-def _more_than(one: Change, other: Change) -> bool:
+def _more_than(one: FaultCorrection, other: FaultCorrection) -> bool:
     """True if `other` is the same fault on additional streams."""
     return one.fault == other.fault and set(one.streams) < set(other.streams)
 
 
-def _units(judge: Judge, second: Second, misfit: Misfit) -> Iterator[Change]:
+def _units(judge: MisfitEvaluator, second: Second, misfit: Misfit) -> Iterator[FaultCorrection]:
     like = second.like
     yield from unit_factors(like.units)
     yield from value_changes(like.angles, like.places, units=True)
 
 
-def _usual(judge: Judge, second: Second, misfit: Misfit) -> Iterator[Change]:
+def _usual(judge: MisfitEvaluator, second: Second, misfit: Misfit) -> Iterator[FaultCorrection]:
     like = second.like
     names = [s.name for s in like.units]
     worst = sorted(names, key=lambda name: -misfit.by_source.get(name, 0.0))[:MOST_EXCHANGED]
@@ -199,7 +199,7 @@ def _usual(judge: Judge, second: Second, misfit: Misfit) -> Iterator[Change]:
         yield from unit_signs(names, together=True)
 
 
-def _rare(judge: Judge, second: Second, misfit: Misfit) -> Iterator[Change]:
+def _rare(judge: MisfitEvaluator, second: Second, misfit: Misfit) -> Iterator[FaultCorrection]:
     names = [s.name for s in second.like.units]
     yield from exchanges_of_two([names, [s.name for s in second.like.angles]])
     yield from turns(_most_suspicious(judge, second, names, Second.without))
@@ -212,7 +212,10 @@ def _rare(judge: Judge, second: Second, misfit: Misfit) -> Iterator[Change]:
 
 
 def _most_suspicious(
-    judge: Judge, second: Second, units: Sequence[str], cut: Callable[[Second, Sequence[str]], Second | None]
+    judge: MisfitEvaluator,
+    second: Second,
+    units: Sequence[str],
+    cut: Callable[[Second, Sequence[str]], Second | None],
 ) -> list[str]:
     """Units whose removal reduces the misfit most."""
     left = [(name, rest.coarse) for name in units if (rest := cut(second, [name])) is not None]
@@ -222,13 +225,15 @@ def _most_suspicious(
     return close[:UNITS_SUSPECTED] if left else list(units)
 
 
-def _preselected(judge: Judge, second: Second, changes: Sequence[Change]) -> list[Change]:
+def _preselected(
+    judge: MisfitEvaluator, second: Second, changes: Sequence[FaultCorrection]
+) -> list[FaultCorrection]:
     fits = judge.preselected([change.applied(second.coarse) for change in changes])
     order = np.argsort([fit.total * c.rarity for fit, c in zip(fits, changes, strict=True)], kind="stable")
     return [changes[i] for i in order[:FINALISTS] if np.isfinite(fits[i].total)]
 
 
-def _contradicting(judge: Judge, second: Second) -> tuple[str, float]:
+def _contradicting(judge: MisfitEvaluator, second: Second) -> tuple[str, float]:
     cuts = [(s.name, second.without([s.name])) for s in second.fine.streams]
     left = [(name, cut.fine) for name, cut in cuts if cut is not None]
     if len(left) < 2:

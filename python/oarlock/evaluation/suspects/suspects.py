@@ -6,9 +6,9 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from oarlock.evaluation.suspects.fit import Judge, Spent
+from oarlock.evaluation.suspects.fit import MisfitEvaluator, Spent
 from oarlock.evaluation.suspects.joint_forces import JointForces, joint_suspects
-from oarlock.evaluation.suspects.search import RATE_HZ, SCREEN_HZ, Found, Outcome, Second, search
+from oarlock.evaluation.suspects.search import RATE_HZ, SCREEN_HZ, CorrectionFit, SearchResult, Second, search
 from oarlock.evaluation.suspects.second import most_motion, on_grid
 from oarlock.evaluation.suspects.suspect import Suspect
 from oarlock.evaluation.suspects.turning import own_suspect
@@ -132,12 +132,12 @@ def _by_tracking(
     grids = [on_grid(recording, start_s, seconds, rate) for rate in (RATE_HZ, SCREEN_HZ)]
     if grids[0] is None or grids[1] is None:
         return []
-    judge = Judge(model, calibration, config.closures if config is not None else True, end_s)
+    judge = MisfitEvaluator(model, calibration, config.closures if config is not None else True, end_s)
     outcome = search(judge, Second(model, grids[0], grids[1], agreeing))
     return _suspects_of(outcome, start_s, motion_score)
 
 
-def _suspects_of(outcome: Outcome, start_s: float, motion_score: float) -> list[Suspect]:
+def _suspects_of(outcome: SearchResult, start_s: float, motion_score: float) -> list[Suspect]:
     if outcome.found:
         return [_of_found(found, start_s) for found in outcome.found]
     total = outcome.misfit.total
@@ -166,7 +166,7 @@ def _suspects_of(outcome: Outcome, start_s: float, motion_score: float) -> list[
     return []
 
 
-def _of_found(found: Found, start_s: float) -> Suspect:
+def _of_found(found: CorrectionFit, start_s: float) -> Suspect:
     change = found.change
     others = tuple(other.text for other in found.others)
     return Suspect(change.streams, change.fault, change.text, found.before, found.after, start_s, others)

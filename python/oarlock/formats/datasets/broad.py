@@ -15,7 +15,7 @@ from os import PathLike
 from oarlock.evaluation.reference import Reference
 from oarlock.formats.datasets.mat import matrix, read_mat, same_length, sampling_rate
 from oarlock.formats.datasets.mat_names import mat_names
-from oarlock.formats.listing import Found, Listing
+from oarlock.formats.listing import FileMatch, Listing
 from oarlock.formats.stamps import interval_middles_s, row_times_s
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
@@ -78,10 +78,10 @@ def read_broad_reference(path: str | PathLike[str]) -> Reference:
         raise DataError(f"{file}: {error}") from error
 
 
-def find_broad(listing: Listing) -> list[Found]:
+def find_broad(listing: Listing) -> list[FileMatch]:
     """Trials among the .mat files of a place."""
     return [
-        Found("broad", one.path, (one.path,), one.path.stem, "BROAD trial, one unit with magnetometer")
+        FileMatch("broad", one.path, (one.path,), one.path.stem, "BROAD trial, one unit with magnetometer")
         for one in listing.suffixed(".mat")
         if {"sampling_rate", "imu_gyr", "imu_acc", "imu_mag"} <= mat_names(one.path).keys()
     ]

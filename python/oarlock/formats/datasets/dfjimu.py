@@ -15,7 +15,7 @@ from os import PathLike
 from oarlock.evaluation.reference import Reference
 from oarlock.formats.datasets.mat import matrix, read_mat, same_length, sampling_rate, structure
 from oarlock.formats.datasets.mat_names import mat_names
-from oarlock.formats.listing import Found, Listing
+from oarlock.formats.listing import FileMatch, Listing
 from oarlock.formats.stamps import interval_middles_s, row_times_s
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
@@ -83,10 +83,12 @@ def read_dfjimu_reference(path: str | PathLike[str]) -> Reference:
         raise DataError(f"{file}: {error}") from error
 
 
-def find_dfjimu(listing: Listing) -> list[Found]:
+def find_dfjimu(listing: Listing) -> list[FileMatch]:
     """Recordings among the .mat files of a place."""
     return [
-        Found("dfjimu", one.path, (one.path,), one.path.stem, "dfjimu recording, two units on a ball joint")
+        FileMatch(
+            "dfjimu", one.path, (one.path,), one.path.stem, "dfjimu recording, two units on a ball joint"
+        )
         for one in listing.suffixed(".mat")
         if {"rate", "sensorData", "r_12", "r_21"} <= set(mat_names(one.path).get("data", ()))
     ]

@@ -20,11 +20,11 @@ import numpy as np
 
 from oarlock.evaluation.reference import Reference
 from oarlock.formats.columns import read_columns
-from oarlock.formats.listing import Found, Listing
+from oarlock.formats.listing import FileMatch, Listing
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
 from oarlock.storage.array_gate import FloatArray
-from oarlock.storage.delimited import Dialect, Layout
+from oarlock.storage.delimited import ColumnLayout, Dialect
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
 from oarlock.storage.regular_file import open_text
@@ -98,14 +98,14 @@ def read_diodem_reference(folder: str | PathLike[str]) -> Reference:
         raise DataError(f"{file}: {error}") from error
 
 
-def _read(layout: Layout, axes: Mapping[str, str]) -> dict[str, FloatArray]:
+def _read(layout: ColumnLayout, axes: Mapping[str, str]) -> dict[str, FloatArray]:
     """Quantity -> (T, number of its axes), for columns named QUANTITY_AXIS."""
     rows = read_columns(layout, [f"{name}_{axis}" for name, letters in axes.items() for axis in letters])
     ends = np.cumsum([len(letters) for letters in axes.values()])[:-1]
     return dict(zip(axes, np.split(rows, ends, axis=1), strict=True))
 
 
-def _open(file: Path) -> tuple[Layout, float]:
+def _open(file: Path) -> tuple[ColumnLayout, float]:
     """The columns of a file, and its sampling rate in Hz."""
     try:
         with open_text(file, "utf-8") as stream:
@@ -118,7 +118,7 @@ def _open(file: Path) -> tuple[Layout, float]:
         raise DataError(
             f'{file}:1: "{first.strip()[:60]}" does not state the rate; expected "# sampling frequency: 40" in Hz'
         )
-    return Layout.of(file, Dialect(skip_rows=_COMMENT_LINES)), rate_hz
+    return ColumnLayout.of(file, Dialect(skip_rows=_COMMENT_LINES)), rate_hz
 
 
 def _whole_rows(rows: FloatArray) -> FloatArray:
@@ -126,7 +126,7 @@ def _whole_rows(rows: FloatArray) -> FloatArray:
     return np.where(np.isnan(rows).any(axis=1, keepdims=True), np.nan, rows)
 
 
-def find_diodem(listing: Listing) -> list[Found]:
+def find_diodem(listing: Listing) -> list[FileMatch]:
     """Trials of a place: each of the two ways of mounting is a recording."""
     found = []
     for mounted, file_name in _FILES.items():
@@ -135,5 +135,5 @@ def find_diodem(listing: Listing) -> list[Found]:
                 folder = one.path.parent
                 name = f"{folder.name}_{mounted}"
                 about = f"DIODEM trial, five units, mounted {mounted}"
-                found.append(Found("diodem", folder, (one.path,), name, about, {"mounted": mounted}))
+                found.append(FileMatch("diodem", folder, (one.path,), name, about, {"mounted": mounted}))
     return found

@@ -14,11 +14,11 @@ import numpy as np
 
 from oarlock.evaluation.reference import Reference
 from oarlock.formats.columns import read_columns
-from oarlock.formats.listing import Found, Listing
+from oarlock.formats.listing import FileMatch, Listing
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
 from oarlock.storage.array_gate import FloatArray, time_array
-from oarlock.storage.delimited import Dialect, Layout
+from oarlock.storage.delimited import ColumnLayout, Dialect
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
 
@@ -65,7 +65,7 @@ def read_openaxes(folder: str | PathLike[str], run: str) -> Recording:
     streams = []
     for link in LINKS:
         file = _readings_file(folder, run, link)
-        layout = Layout.of(file, Dialect())
+        layout = ColumnLayout.of(file, Dialect())
         readings = read_columns(layout, [f"{q}_{axis}" for q in ("gyr", "acc") for axis in "xyz"])
         time_s, _ = _clock_and_orientation(folder, run, link)
         if len(time_s) != len(readings):
@@ -98,7 +98,7 @@ def read_openaxes_reference(folder: str | PathLike[str], run: str) -> Reference:
 def _clock_and_orientation(folder: str | PathLike[str], run: str, link: str) -> tuple[FloatArray, FloatArray]:
     """Time stamps of the robot in s, (T,) from 0, and world_from_link as quat_wxyz, (T, 4)."""
     file = _reference_file(folder, run, link)
-    rows = read_columns(Layout.of(file, Dialect()), ["TIME", *(f"QUATERNION_{i}" for i in range(4))])
+    rows = read_columns(ColumnLayout.of(file, Dialect()), ["TIME", *(f"QUATERNION_{i}" for i in range(4))])
     return time_array((rows[:, 0] - rows[0, 0]) * 1e-6, f"{file}, TIME"), rows[:, 1:]
 
 
@@ -119,7 +119,7 @@ def _reference_file(folder: str | PathLike[str], run: str, link: str) -> Path:
     return place_of(folder) / "groundtruth" / f"robot-{run}" / f"{link}.csv"
 
 
-def find_openaxes(listing: Listing) -> list[Found]:
+def find_openaxes(listing: Listing) -> list[FileMatch]:
     """Runs of the data folders of a place."""
     found = []
     for one in listing.suffixed(f"{LINKS[0]}_adx.csv"):
@@ -129,5 +129,5 @@ def find_openaxes(listing: Listing) -> list[Found]:
         files += [_reference_file(root, run.name, link) for link in LINKS]
         if run.parent.name == "synced_imu" and all(file.is_file() for file in files):
             about = "OpenAXES run, two units on a robot"
-            found.append(Found("openaxes", root, tuple(files), run.name, about, {"run": run.name}))
+            found.append(FileMatch("openaxes", root, tuple(files), run.name, about, {"run": run.name}))
     return found

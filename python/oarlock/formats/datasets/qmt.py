@@ -10,7 +10,7 @@ from os import PathLike
 
 from oarlock.formats.datasets.mat import matrix, read_mat, same_length, structure
 from oarlock.formats.datasets.mat_names import mat_names
-from oarlock.formats.listing import Found, Listing
+from oarlock.formats.listing import FileMatch, Listing
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
 from oarlock.storage.array_gate import time_array
@@ -47,7 +47,7 @@ def read_qmt(path: str | PathLike[str]) -> Recording:
     return Recording(streams, {"source": {"format": "qmt", "file": file.name}})
 
 
-def find_qmt(listing: Listing) -> list[Found]:
+def find_qmt(listing: Listing) -> list[FileMatch]:
     """Recordings among the .mat files of a place: a time and structures with acc and gyr only."""
     found = []
     for one in listing.suffixed(".mat"):
@@ -55,5 +55,5 @@ def find_qmt(listing: Listing) -> list[Found]:
         segments = [fields for name, fields in variables.items() if name != "t"]
         if "t" in variables and segments and all({"acc", "gyr"} <= set(fields) for fields in segments):
             about = f"qmt full-body recording, {len(segments)} units"
-            found.append(Found("qmt", one.path, (one.path,), one.path.stem, about))
+            found.append(FileMatch("qmt", one.path, (one.path,), one.path.stem, about))
     return found

@@ -14,12 +14,12 @@ from typing import TypeAlias
 import numpy as np
 
 from oarlock.formats.devices.apdm_hdf5 import MAGIC, hdf5_orientations, hdf5_recording
-from oarlock.formats.listing import Found, Listing
+from oarlock.formats.listing import FileMatch, Listing
 from oarlock.formats.times import on_one_axis, parsed_stamps, relative_stamps
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
 from oarlock.storage.array_gate import FloatArray, disorder_text
-from oarlock.storage.delimited import Dialect, Layout, numbers
+from oarlock.storage.delimited import ColumnLayout, Dialect, numbers
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
 from oarlock.storage.regular_file import begins_with, open_text
@@ -48,7 +48,7 @@ _XYZ = ("X", "Y", "Z")
 class _Export:
     """The layout of one file: positions of its columns and its header."""
 
-    layout: Layout
+    layout: ColumnLayout
     sensors: Sensors
     time_unit: str
     meta: dict[str, object]
@@ -147,7 +147,7 @@ def _open_test_name(file: Path, head: list[list[str]]) -> _Export:
             _place(sensors, label, _QUANTITIES[quantity], component.replace("Scalar", "S"), index)
     _check_sensors(file, sensors)
     _check_units(file, head[2], head[3], sensors)
-    layout = Layout(file, Dialect(skip_rows=2, skip_after_header=1), tuple(head[2]), len(head[2]))
+    layout = ColumnLayout(file, Dialect(skip_rows=2, skip_after_header=1), tuple(head[2]), len(head[2]))
     meta: dict[str, object] = {"format": "apdm", "file": file.name, "layout": "Test Name"}
     if len(head[0]) > 1 and head[0][1].strip():
         meta["test"] = head[0][1].strip()
@@ -173,7 +173,7 @@ def _open_format_7(file: Path, head: list[list[str]]) -> _Export:
             _place(sensors, label, _QUANTITIES[quantity], head[2][index].strip(), index)
     _check_sensors(file, sensors)
     names = _names_format_7(sensors, len(head[0]))
-    layout = Layout(file, Dialect(skip_rows=2), names, len(names))
+    layout = ColumnLayout(file, Dialect(skip_rows=2), names, len(names))
     return _Export(layout, sensors, "epoch_us", {"format": "apdm", "file": file.name, "layout": "Format=7"})
 
 
@@ -262,10 +262,10 @@ def _check_stamps(time_s: FloatArray, places: list[str]) -> None:
         raise DataError(f"{places[index]}: time_s{disorder_text(time_s, index)}")
 
 
-def find_apdm(listing: Listing) -> list[Found]:
+def find_apdm(listing: Listing) -> list[FileMatch]:
     """Exports among the .csv files of a place, and HDF5 files that have sensors."""
     found = [
-        Found("apdm", one.path, (one.path,), one.path.stem, "APDM (Opal), HDF5")
+        FileMatch("apdm", one.path, (one.path,), one.path.stem, "APDM (Opal), HDF5")
         for one in listing.files
         if one.head.startswith(MAGIC) and b"Sensors\0" in one.head
     ]
@@ -273,5 +273,5 @@ def find_apdm(listing: Listing) -> list[Found]:
         first = one.lines[0] if one.lines else ""
         is_format_7 = first.startswith("Format=") and len(one.lines) > 1 and one.lines[1].startswith("Time,")
         if is_format_7 or first.startswith("Test Name:"):
-            found.append(Found("apdm", one.path, (one.path,), one.path.stem, "APDM (Opal) export"))
+            found.append(FileMatch("apdm", one.path, (one.path,), one.path.stem, "APDM (Opal) export"))
     return found

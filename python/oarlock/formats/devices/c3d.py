@@ -14,7 +14,7 @@ import numpy as np
 from oarlock.formats.arbitrary_units import scale_meta
 from oarlock.formats.child_process import arrays_of
 from oarlock.formats.labelled_channels import inertial_fields, inertial_triples
-from oarlock.formats.listing import Found, Listing
+from oarlock.formats.listing import FileMatch, Listing
 from oarlock.recording.epoch import CLOCK_KEY
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream, ScalarStream, Stream
@@ -78,10 +78,10 @@ def read_c3d(path: str | PathLike[str]) -> Recording:
     return Recording(streams, {"source": source, CLOCK_KEY: {"kind": "relative"}, **scale_meta(scales)})
 
 
-def find_c3d(listing: Listing) -> list[Found]:
+def find_c3d(listing: Listing) -> list[FileMatch]:
     """Each C3D file is a recording."""
     return [
-        Found("c3d", file.path, (file.path,), file.path.stem, "C3D, analogue channels")
+        FileMatch("c3d", file.path, (file.path,), file.path.stem, "C3D, analogue channels")
         for file in listing.suffixed(".c3d")
         if file.head[1:2] == _SIGNATURE
     ]

@@ -35,7 +35,7 @@ from oarlock.formats.devices.unit_readings import (
     source_of,
     stream_name,
 )
-from oarlock.formats.listing import Found, ListedFile, Listing
+from oarlock.formats.listing import FileMatch, ListedFile, Listing
 from oarlock.recording.recording import Recording
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
@@ -74,7 +74,7 @@ _RATE = re.compile(r"(\d+(?:\.\d+)?)\s*hz", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
-class _Unit:
+class _DotFile:
     """One file: its table, what its head says, and the columns that are read."""
 
     table: ExportedTable
@@ -151,7 +151,7 @@ def read_dot(path: str | PathLike[str], trial: str | None = None, orientations: 
     return recording_of(readings, source, clock_note(columns), orientations, _notes(beyond))
 
 
-def find_dot(listing: Listing) -> list[Found]:
+def find_dot(listing: Listing) -> list[FileMatch]:
     """The trials among the .csv and .txt files of a place: synchronised units together, others alone."""
     found = []
     for trial in _trials(listing):
@@ -221,7 +221,7 @@ def _said(lines: Sequence[str], separator: str) -> dict[str, str]:
     return said
 
 
-def _unit(one: ListedFile) -> _Unit:
+def _unit(one: ListedFile) -> _DotFile:
     header = _header(one)
     if header is None:
         raise DataError(
@@ -239,7 +239,7 @@ def _unit(one: ListedFile) -> _Unit:
     said = _said(table.above, header.separator)
     name = stream_name(said.get("device", "")) or stream_name(_label_and_moment(one)[0]) or "unit"
     columns = read_columns_of(table, [*others, *(name for group in groups for name in group)])
-    return _Unit(table, said, name, columns)
+    return _DotFile(table, said, name, columns)
 
 
 def _notes(beyond: dict[str, dict[str, int]]) -> list[str]:

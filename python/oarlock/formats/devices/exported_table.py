@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from oarlock.formats.columns import Places
 from oarlock.formats.listing import ListedFile, listed
 from oarlock.storage.array_gate import FloatArray, disorder_text
-from oarlock.storage.delimited import Dialect, Layout, numbers
+from oarlock.storage.delimited import ColumnLayout, Dialect, numbers
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
 
@@ -50,7 +50,7 @@ class ExportedTable:
         below: the lines between the names and the data, such as one of units, without separating them.
     """
 
-    layout: Layout
+    layout: ColumnLayout
     above: tuple[str, ...]
     below: tuple[str, ...]
 
@@ -79,7 +79,7 @@ class ExportedTable:
 class Columns:
     """Columns of a file by name: numbers, and texts where they were asked for."""
 
-    layout: Layout
+    layout: ColumnLayout
     lines: NDArray[np.int64]
     values: Mapping[str, FloatArray]
     texts: Mapping[str, list[str]]
@@ -167,7 +167,7 @@ def exported_table(one: ListedFile, header: Header, lines_below: int = 0) -> Exp
         names = (*names, "")
     elif cells and len(cells[0]) == len(names) - 1 and not names[-1]:
         names = names[:-1]
-    return ExportedTable(Layout(one.path, dialect, names, len(names)), one.lines[: header.row], below)
+    return ExportedTable(ColumnLayout(one.path, dialect, names, len(names)), one.lines[: header.row], below)
 
 
 def read_columns_of(table: ExportedTable, names: Sequence[str], texts: Sequence[str] = ()) -> Columns:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from oarlock.formats.counters import lost_packets, probable_modulus, unwrapped
-from oarlock.formats.listing import Found, ListedFile, Listing
+from oarlock.formats.listing import FileMatch, ListedFile, Listing
 from oarlock.recording.epoch import CLOCK_KEY
 from oarlock.recording.packets import META_KEY
 from oarlock.recording.recording import Recording
@@ -72,10 +72,10 @@ def read_lines(path: str | PathLike[str]) -> Recording:
     )
 
 
-def find_lines(listing: Listing) -> list[Found]:
+def find_lines(listing: Listing) -> list[FileMatch]:
     """Each file with the names of the columns, or with samples that are counted one by one, is a recording."""
     return [
-        Found("lines", file.path, (file.path,), file.path.stem, "one unit, line protocol t_us,seq,ax..mz")
+        FileMatch("lines", file.path, (file.path,), file.path.stem, "one unit, line protocol t_us,seq,ax..mz")
         for file in listing.files
         if _looks_like_lines(file)
     ]

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.formats.child_process import arrays_of
-from oarlock.formats.listing import Found, Listing
+from oarlock.formats.listing import FileMatch, Listing
 from oarlock.formats.merged import merged
 from oarlock.formats.times import Stamps, on_one_axis
 from oarlock.recording.epoch import CLOCK_KEY
@@ -39,7 +39,7 @@ _GYRO, _ACCEL = 13, 25
 
 
 @dataclass(frozen=True)
-class _Channel:
+class _TopicReadings:
     """The messages of a topic: (T,) ns since 1970 in increasing order, readings by field, the frame of the sensor."""
 
     topic: str
@@ -91,22 +91,22 @@ def read_mcap(path: str | PathLike[str]) -> Recording:
     return Recording(streams, {"source": source, CLOCK_KEY: clock})
 
 
-def find_mcap(listing: Listing) -> list[Found]:
+def find_mcap(listing: Listing) -> list[FileMatch]:
     """Each MCAP file is a recording."""
     return [
-        Found("mcap", file.path, (file.path,), file.path.stem, "MCAP, inertial units of ROS 2")
+        FileMatch("mcap", file.path, (file.path,), file.path.stem, "MCAP, inertial units of ROS 2")
         for file in listing.files
         if file.head.startswith(MAGIC)
     ]
 
 
-def _owner(magnetic: _Channel, units: list[_Channel]) -> _Channel | None:
+def _owner(magnetic: _TopicReadings, units: list[_TopicReadings]) -> _TopicReadings | None:
     """The only unit of the same frame."""
     same = [unit for unit in units if unit.frame == magnetic.frame]
     return same[0] if len(same) == 1 else None
 
 
-def _channel(file: Path, content: Mapping[str, NDArray[np.generic]], place: int) -> _Channel:
+def _channel(file: Path, content: Mapping[str, NDArray[np.generic]], place: int) -> _TopicReadings:
     topic, is_imu = str(content[f"{place}.topic"]), str(content[f"{place}.schema"]) == _IMU
     log_ns, data = content[f"{place}.log_ns"], content[f"{place}.data"].tobytes()
     ends = np.cumsum(content[f"{place}.sizes"])
@@ -130,7 +130,7 @@ def _channel(file: Path, content: Mapping[str, NDArray[np.generic]], place: int)
         raise DataError(f"{file}: a stamp of {topic} is {max(stamps)} ns, which is no time since 1970")
     time_ns, values = np.array(stamps, dtype=np.int64), np.array(rows)
     _check_order(file, topic, time_ns)
-    return _Channel(topic, frames[0], time_ns, _imu_fields(values) if is_imu else _mag_fields(values))
+    return _TopicReadings(topic, frames[0], time_ns, _imu_fields(values) if is_imu else _mag_fields(values))
 
 
 def _check_order(file: Path, topic: str, time_ns: NDArray[np.int64]) -> None:

@@ -32,7 +32,7 @@ from oarlock.formats.devices.unit_readings import (
     source_of,
     stream_name,
 )
-from oarlock.formats.listing import Found, ListedFile, Listing
+from oarlock.formats.listing import FileMatch, ListedFile, Listing
 from oarlock.recording.recording import Recording
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
@@ -74,7 +74,7 @@ _SAID = MappingProxyType(
 
 
 @dataclass(frozen=True)
-class _Unit:
+class _MtManagerFile:
     """One file: its table, what its head says, and the columns that are read."""
 
     table: ExportedTable
@@ -140,7 +140,7 @@ def read_mtmanager(
     return recording_of(readings, source, clock_note(columns), orientations, _notes(units))
 
 
-def _rate_hz(unit: _Unit, given: float | None) -> float | None:
+def _rate_hz(unit: _MtManagerFile, given: float | None) -> float | None:
     if given is not None and unit.rate_hz is not None and given != unit.rate_hz:
         raise DataError(
             f"{unit.table.file}: its Update Rate is {unit.rate_hz:g} Hz, but the rate given is {given:g} Hz. "
@@ -153,7 +153,7 @@ def _stated(rate_hz: float | None) -> dict[str, object]:
     return {} if rate_hz is None else {"rate_hz": rate_hz}
 
 
-def find_mtmanager(listing: Listing) -> list[Found]:
+def find_mtmanager(listing: Listing) -> list[FileMatch]:
     """The trials among the .txt and .csv files of a place."""
     found = []
     for trial in _trials(listing):
@@ -213,7 +213,7 @@ def _has_rate(one: ListedFile) -> bool:
     return place < len(first) and first[place].strip().replace(".", "").isdigit()
 
 
-def _unit(one: ListedFile) -> _Unit:
+def _unit(one: ListedFile) -> _MtManagerFile:
     header = _header(one)
     if header is None:
         raise DataError(
@@ -234,10 +234,10 @@ def _unit(one: ListedFile) -> _Unit:
     rate_hz = float(rate[1]) if rate is not None and float(rate[1]) > 0.0 else None
     name = stream_name(_trial_and_device(one)[1])
     doubled = len(written.lines) - len(columns.lines)
-    return _Unit(table, _said(table.above), rate_hz, name or "unit", columns, doubled)
+    return _MtManagerFile(table, _said(table.above), rate_hz, name or "unit", columns, doubled)
 
 
-def _notes(units: Sequence[_Unit]) -> list[str]:
+def _notes(units: Sequence[_MtManagerFile]) -> list[str]:
     twice = [
         f"{unit.name}: packets that the file has twice: {unit.doubled}; each was read once."
         for unit in units

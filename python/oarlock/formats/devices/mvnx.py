@@ -20,7 +20,7 @@ from oarlock.formats.counters import Lost, lost_packets
 from oarlock.formats.devices.exported_table import single_file
 from oarlock.formats.devices.mvnx_parser import MvnxContents, parsed_mvnx
 from oarlock.formats.devices.unit_readings import UnitReadings, check_quaternions, recording_of, stream_name
-from oarlock.formats.listing import Found, Listing
+from oarlock.formats.listing import FileMatch, Listing
 from oarlock.recording.recording import Recording
 from oarlock.storage.array_gate import FloatArray, disorder_text
 from oarlock.storage.epoch import epoch_text
@@ -81,13 +81,13 @@ def read_mvnx(path: str | PathLike[str]) -> Recording:
     return recording_of(units, _source(found), _clock(found, from_index), True, _notes(found))
 
 
-def find_mvnx(listing: Listing) -> list[Found]:
+def find_mvnx(listing: Listing) -> list[FileMatch]:
     """The `.mvnx` files of a place, and XML files that begin as such."""
     found = []
     for one in listing.suffixed(".mvnx", ".xml"):
         start = "\n".join(one.lines) or one.head.decode("utf-8", "replace")
         if _START.search(start) and (one.path.suffix.lower() == ".mvnx" or "mvnx" in start):
-            found.append(Found("mvnx", one.path, (one.path,), one.path.stem, "Xsens MVN export (MVNX)"))
+            found.append(FileMatch("mvnx", one.path, (one.path,), one.path.stem, "Xsens MVN export (MVNX)"))
     return found
 
 

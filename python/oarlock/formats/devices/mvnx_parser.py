@@ -83,12 +83,12 @@ def parsed_mvnx(file: Path) -> MvnxContents:
     Raises:
         DataError: it cannot be read, is no XML, declares entities, or a frame differs from the first; names the line.
     """
-    reader = _Reader(file)
+    reader = _MvnxReader(file)
     reader.read()
     return reader.found
 
 
-class _Reader(XmlStream):
+class _MvnxReader(XmlStream):
     """Collects the frames."""
 
     def __init__(self, file: Path) -> None:

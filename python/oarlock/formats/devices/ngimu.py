@@ -14,12 +14,12 @@ from xml.etree import ElementTree
 
 from oarlock.formats.columns import read_columns
 from oarlock.formats.devices.several_units import common_time_notes, unit_names
-from oarlock.formats.listing import Found, Listing
+from oarlock.formats.listing import FileMatch, Listing
 from oarlock.recording.epoch import CLOCK_KEY
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream, OrientationStream
 from oarlock.storage.array_gate import FloatArray, disorder_text
-from oarlock.storage.delimited import Dialect, Layout
+from oarlock.storage.delimited import ColumnLayout, Dialect
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
 from oarlock.storage.regular_file import read_text
@@ -40,7 +40,7 @@ _HEADER = ",".join(
 
 
 @dataclass(frozen=True)
-class _Unit:
+class _NgimuFolder:
     """A folder of a unit, with what its Device.xml says."""
 
     folder: Path
@@ -94,7 +94,7 @@ def read_ngimu_orientations(path: str | PathLike[str]) -> dict[str, OrientationS
     return found
 
 
-def find_ngimu(listing: Listing) -> list[Found]:
+def find_ngimu(listing: Listing) -> list[FileMatch]:
     """The units whose folders are in one folder are one recording."""
     sessions: dict[Path, list[Path]] = {}
     for file in listing.files:
@@ -102,7 +102,7 @@ def find_ngimu(listing: Listing) -> list[Found]:
             unit = file.path.parent
             sessions.setdefault(unit.parent if listing.root in unit.parents else unit, []).append(unit)
     return [
-        Found(
+        FileMatch(
             "ngimu",
             place,
             tuple(f for u in units for f in (u / _SENSORS, u / _QUATERNION, u / _DEVICE) if f.is_file()),
@@ -113,7 +113,7 @@ def find_ngimu(listing: Listing) -> list[Found]:
     ]
 
 
-def _units(place: Path) -> dict[str, _Unit]:
+def _units(place: Path) -> dict[str, _NgimuFolder]:
     if not place.is_dir():
         raise DataError(
             f"{place}: is no folder. Give the folder of the session or of a unit (with {_SENSORS})."
@@ -127,12 +127,12 @@ def _units(place: Path) -> dict[str, _Unit]:
     return dict(zip(names, units, strict=True))
 
 
-def _unit(folder: Path) -> _Unit:
+def _unit(folder: Path) -> _NgimuFolder:
     """Device.xml names the unit; without it the folder does, which the software calls "NAME - SERIAL"."""
     name, _, serial = folder.name.rpartition(" - ")
     file = folder / _DEVICE
     if not file.is_file():
-        return _Unit(folder, name or folder.name, serial if name else "", {})
+        return _NgimuFolder(folder, name or folder.name, serial if name else "", {})
     try:
         root = ElementTree.fromstring(read_text(file, "utf-8-sig"))
     except (ValueError, ElementTree.ParseError) as error:
@@ -141,7 +141,7 @@ def _unit(folder: Path) -> _Unit:
     told = {} if device is None else device.attrib
     first = None if stamps is None else stamps.get("First")
     about = {"device_time": first} if first else {}
-    return _Unit(folder, told.get("DeviceName") or name, told.get("SerialNumber") or serial, about)
+    return _NgimuFolder(folder, told.get("DeviceName") or name, told.get("SerialNumber") or serial, about)
 
 
 def _stream(name: str, file: Path) -> ImuStream:
@@ -157,7 +157,7 @@ def _stream(name: str, file: Path) -> ImuStream:
 def _rows(file: Path, columns: list[str] | tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
     if file.stat().st_size == 0:
         raise DataError(f"{file}: is empty; its header is missing")
-    rows = read_columns(Layout.of(file, Dialect()), (_TIME, *columns))
+    rows = read_columns(ColumnLayout.of(file, Dialect()), (_TIME, *columns))
     time_s = rows[:, 0]
     late = (time_s[1:] <= time_s[:-1]).nonzero()[0]
     if late.size:

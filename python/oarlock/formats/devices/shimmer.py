@@ -22,7 +22,7 @@ from oarlock.formats.devices.exported_table import (
 )
 from oarlock.formats.devices.trials import Trial, trial_at
 from oarlock.formats.devices.unit_readings import UnitReadings, recording_of, source_of, stream_name
-from oarlock.formats.listing import Found, ListedFile, Listing
+from oarlock.formats.listing import FileMatch, ListedFile, Listing
 from oarlock.formats.times import ISO, Stamps, on_one_axis, parsed_stamps, relative_stamps
 from oarlock.recording.recording import Recording
 from oarlock.storage.array_gate import FloatArray
@@ -54,7 +54,7 @@ _REPEATED = (
 
 
 @dataclass(frozen=True)
-class _Unit:
+class _ShimmerColumns:
     """Where the columns of one unit are: channel -> names of x, y, z; and its time column."""
 
     table: ExportedTable
@@ -110,7 +110,7 @@ def read_shimmer(path: str | PathLike[str], trial: str | None = None, accel: str
     )
 
 
-def find_shimmer(listing: Listing) -> list[Found]:
+def find_shimmer(listing: Listing) -> list[FileMatch]:
     """The sessions among the .csv and .txt files of a place; units without a common clock are alone."""
     found = []
     for trial in _trials(listing):
@@ -144,7 +144,7 @@ def _labels(one: ListedFile) -> list[str]:
     return list(dict.fromkeys(c["unit"] for c in found if c is not None and c["axis"]))
 
 
-def _units(one: ListedFile) -> list[_Unit]:
+def _units(one: ListedFile) -> list[_ShimmerColumns]:
     header = _header(one)
     if header is None:
         raise DataError(
@@ -170,7 +170,7 @@ def _units(one: ListedFile) -> list[_Unit]:
         )
         raise DataError(f"{one.path}:{header.row + 1}: has {hint}")
     return [
-        _Unit(table, label, _complete(table, label, found), _clock(table, label, clocks))
+        _ShimmerColumns(table, label, _complete(table, label, found), _clock(table, label, clocks))
         for label, found in channels.items()
     ]
 
@@ -196,7 +196,7 @@ def _clock(table: ExportedTable, label: str, clocks: Mapping[str, Mapping[str, s
     return name
 
 
-def _columns(unit: _Unit, accel: str | None) -> Columns:
+def _columns(unit: _ShimmerColumns, accel: str | None) -> Columns:
     fields = unit.fields(accel)
     if not fields:
         raise DataError(f'{unit.table.file}: unit "{unit.label}" has no accelerometer {accel}')
@@ -207,7 +207,7 @@ def _columns(unit: _Unit, accel: str | None) -> Columns:
     )
 
 
-def _stamps(unit: _Unit, columns: Columns) -> Stamps:
+def _stamps(unit: _ShimmerColumns, columns: Columns) -> Stamps:
     found = unit.unit_of(unit.clock)
     formatted = unit.clock.endswith("_FormattedUnix_CAL")
     needed = _DATE_UNIT if formatted else "ms"
@@ -227,7 +227,7 @@ def _iso(cell: str) -> str:
     return f"{date[1]}-{date[2]}-{date[3]}T{date[4].replace(',', '.')}" if date else cell
 
 
-def _readings(unit: _Unit, columns: Columns, time_s: FloatArray, accel: str | None) -> UnitReadings:
+def _readings(unit: _ShimmerColumns, columns: Columns, time_s: FloatArray, accel: str | None) -> UnitReadings:
     fields: dict[str, FloatArray] = {}
     for field, channel in unit.fields(accel).items():
         names = unit.channels[channel]
@@ -242,7 +242,7 @@ def _readings(unit: _Unit, columns: Columns, time_s: FloatArray, accel: str | No
     return UnitReadings(stream_name(unit.label), time_s, **fields, lost=None)
 
 
-def _wrong_unit(unit: _Unit, name: str, found: str, needed: str) -> DataError:
+def _wrong_unit(unit: _ShimmerColumns, name: str, found: str, needed: str) -> DataError:
     line = unit.table.layout.dialect.skip_rows + 2
     return DataError(
         f'{unit.table.file}:{line}, column "{name}": the unit is "{found}", expected {needed}. Export calibrated data '
@@ -250,7 +250,7 @@ def _wrong_unit(unit: _Unit, name: str, found: str, needed: str) -> DataError:
     )
 
 
-def _notes(units: list[_Unit], accel: str | None) -> list[str]:
+def _notes(units: list[_ShimmerColumns], accel: str | None) -> list[str]:
     return [
         f"{unit.label}: {channel} has the default calibration of its kind, not that of this unit."
         for unit in units

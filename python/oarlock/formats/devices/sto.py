@@ -17,7 +17,7 @@ from oarlock.formats.devices.exported_table import (
     single_file,
 )
 from oarlock.formats.devices.unit_readings import UnitReadings, check_quaternions, recording_of, source_of
-from oarlock.formats.listing import Found, ListedFile, Listing
+from oarlock.formats.listing import FileMatch, ListedFile, Listing
 from oarlock.model.rotation import quat_product
 from oarlock.recording.recording import Recording
 from oarlock.storage.array_gate import FloatArray
@@ -69,14 +69,14 @@ def read_sto(path: str | PathLike[str], up: str = "z") -> Recording:
     return recording_of(units, source | {"up": up}, {"kind": "relative"}, True)
 
 
-def find_sto(listing: Listing) -> list[Found]:
+def find_sto(listing: Listing) -> list[FileMatch]:
     """The tables of orientations among the `.sto` files of a place."""
     found = []
     for one in listing.suffixed(".sto"):
         if (header := _header(one)) is not None:
             count = len([name for name in header.names if name]) - 1
             about = f"OpenSim orientations, {count} {'sensor' if count == 1 else 'sensors'}"
-            found.append(Found("sto", one.path, (one.path,), one.path.stem, about))
+            found.append(FileMatch("sto", one.path, (one.path,), one.path.stem, about))
     return found
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from oarlock.formats.listing import Found, ListedFile, Listing, listed
+from oarlock.formats.listing import FileMatch, ListedFile, Listing, listed
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
 
@@ -28,12 +28,12 @@ class Trial:
     name: str
     files: tuple[ListedFile, ...]
 
-    def found(self, format_name: str, about: str) -> Found:
+    def found(self, format_name: str, about: str) -> FileMatch:
         """As recognised in a place: a single file is read alone, several by folder and trial."""
         paths = tuple(one.path for one in self.files)
         if len(paths) == 1:
-            return Found(format_name, paths[0], paths, self.name, about)
-        return Found(format_name, self.folder, paths, self.name, about, {"trial": self.name})
+            return FileMatch(format_name, paths[0], paths, self.name, about)
+        return FileMatch(format_name, self.folder, paths, self.name, about, {"trial": self.name})
 
 
 def trial_at(

@@ -10,9 +10,9 @@ import numpy as np
 
 from oarlock.formats.arbitrary_units import scale_meta
 from oarlock.formats.devices.xdf_chunks import MAGIC, ChannelInfo, XdfStream, read_chunks
-from oarlock.formats.devices.xdf_clock import Clock, on_the_recorders_clock
+from oarlock.formats.devices.xdf_clock import XdfClockFit, on_the_recorders_clock
 from oarlock.formats.labelled_channels import Triple, inertial_fields, inertial_triples
-from oarlock.formats.listing import Found, Listing
+from oarlock.formats.listing import FileMatch, Listing
 from oarlock.recording.epoch import CLOCK_KEY
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream, ScalarStream, Stream
@@ -79,10 +79,10 @@ def read_xdf(path: str | PathLike[str]) -> Recording:
     )
 
 
-def find_xdf(listing: Listing) -> list[Found]:
+def find_xdf(listing: Listing) -> list[FileMatch]:
     """Each XDF file is a recording."""
     return [
-        Found("xdf", file.path, (file.path,), file.path.stem, "XDF, streams of the Lab Streaming Layer")
+        FileMatch("xdf", file.path, (file.path,), file.path.stem, "XDF, streams of the Lab Streaming Layer")
         for file in listing.files
         if file.head.startswith(MAGIC)
     ]
@@ -164,7 +164,7 @@ def _apart(streams: Sequence[Stream]) -> list[Stream]:
     return [stream if stream.name == name else replace(stream, name=name) for stream, name in pairs]
 
 
-def _about(stream: XdfStream, clock: Clock | None) -> Mapping[str, object]:
+def _about(stream: XdfStream, clock: XdfClockFit | None) -> Mapping[str, object]:
     units = {c.label: c.unit for c in stream.channels if c.label and c.unit}
     told: dict[str, object] = {
         "type": stream.kind,
@@ -180,7 +180,7 @@ def _about(stream: XdfStream, clock: Clock | None) -> Mapping[str, object]:
     return told | {k: v for k, v in found.items() if np.isfinite(v)} | {k: n for k, n in counts.items() if n}
 
 
-def _clock_notes(clocks: Mapping[str, Clock]) -> list[str]:
+def _clock_notes(clocks: Mapping[str, XdfClockFit]) -> list[str]:
     notes = []
     measured = {name: clock for name, clock in clocks.items() if np.isfinite(clock.offset_s)}
     for name, clock in clocks.items():

@@ -30,7 +30,7 @@ _LEAST_SPACING_S = 2 * LEAST_INTERVAL_S
 
 
 @dataclass(frozen=True)
-class Clock:
+class XdfClockFit:
     """Stamps on the recorder's clock, and how they were found.
 
     Args:
@@ -54,7 +54,7 @@ class Clock:
     moved: int
 
 
-def on_the_recorders_clock(stream: XdfStream) -> Clock:
+def on_the_recorders_clock(stream: XdfStream) -> XdfClockFit:
     """The stamps of a stream that has samples."""
     raw = stream.raw_time_s
     parts = _parts(stream.measured)
@@ -72,7 +72,7 @@ def on_the_recorders_clock(stream: XdfStream) -> Clock:
     if stream.rate_hz and not wanders and len(raw) > 2:
         time_s, jitter_s, gaps = _regular(time_s, cuts)
     spaced, moved = _increasing(time_s)
-    return Clock(spaced, len(cuts), offset_s, drift, jitter_s, wanders, gaps, moved)
+    return XdfClockFit(spaced, len(cuts), offset_s, drift, jitter_s, wanders, gaps, moved)
 
 
 def _parts(measured: Sequence[tuple[float, float]]) -> list[tuple[int, int]]:

@@ -16,8 +16,8 @@ from oarlock.formats.arbitrary_units import scale_meta
 from oarlock.formats.devices.several_units import common_time_notes, unit_names
 from oarlock.formats.devices.ximu3_csv import COMMANDS, folder_unit
 from oarlock.formats.devices.ximu3_messages import file_units
-from oarlock.formats.devices.ximu3_unit import COLUMNS, TIME, Unit
-from oarlock.formats.listing import Found, ListedFile, Listing
+from oarlock.formats.devices.ximu3_unit import COLUMNS, TIME, Ximu3Unit
+from oarlock.formats.listing import FileMatch, ListedFile, Listing
 from oarlock.recording.epoch import CLOCK_KEY
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import OrientationStream
@@ -86,7 +86,7 @@ def read_ximu3_orientations(path: str | PathLike[str]) -> dict[str, OrientationS
     return {name: stream for name, stream in found.items() if stream is not None}
 
 
-def find_ximu3(listing: Listing) -> list[Found]:
+def find_ximu3(listing: Listing) -> list[FileMatch]:
     """Folders of units in one folder are one recording, and so are .ximu3 files of different units in one folder."""
     folders: dict[Path, list[ListedFile]] = {}
     logs: dict[Path, list[ListedFile]] = {}
@@ -99,7 +99,7 @@ def find_ximu3(listing: Listing) -> list[Found]:
     for folder in folders:
         sessions.setdefault(folder.parent if listing.root in folder.parents else folder, []).append(folder)
     found = [
-        Found(
+        FileMatch(
             "ximu3",
             place,
             tuple(file for unit in units for file in _read_files(folders[unit], unit)),
@@ -111,13 +111,13 @@ def find_ximu3(listing: Listing) -> list[Found]:
     return found + [one for folder, files in logs.items() for one in _logged(folder, files)]
 
 
-def _logged(folder: Path, files: list[ListedFile]) -> list[Found]:
+def _logged(folder: Path, files: list[ListedFile]) -> list[FileMatch]:
     """Files of different units are taken for one recording; several files of one unit are one each."""
     serials = [_SERIAL.search(file.head) for file in files]
     told = {serial[1] for serial in serials if serial}
     apart = [[file] for file in files] if len(told) < len(files) else [files]
     return [
-        Found(
+        FileMatch(
             "ximu3",
             group[0].path if len(group) == 1 else folder,
             tuple(file.path for file in group),
@@ -137,7 +137,7 @@ def _count(number: int, noun: str) -> str:
     return f"{number} {noun}{'s' if number != 1 else ''}"
 
 
-def _units(place: Path) -> list[Unit]:
+def _units(place: Path) -> list[Ximu3Unit]:
     if place.is_file():
         return file_units(place)
     if not place.is_dir():
@@ -158,11 +158,11 @@ def _units(place: Path) -> list[Unit]:
     return units
 
 
-def _names(units: Sequence[Unit]) -> list[str]:
+def _names(units: Sequence[Ximu3Unit]) -> list[str]:
     return unit_names([u.label for u in units], [u.serial for u in units], [u.where for u in units])
 
 
-def _about(unit: Unit) -> dict[str, object]:
+def _about(unit: Ximu3Unit) -> dict[str, object]:
     told = {"device_name": unit.label, "serial": unit.serial}
     time = unit.commands.get("time")
     return {**told, **({"device_time": time} if isinstance(time, str) else {})}

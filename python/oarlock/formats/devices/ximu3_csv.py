@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from oarlock.formats.columns import read_columns
-from oarlock.formats.devices.ximu3_unit import COLUMNS, TIME, Messages, Unit
-from oarlock.storage.delimited import Dialect, Layout
+from oarlock.formats.devices.ximu3_unit import COLUMNS, TIME, MessageTable, Ximu3Unit
+from oarlock.storage.delimited import ColumnLayout, Dialect
 from oarlock.storage.errors import DataError
 from oarlock.storage.regular_file import read_text
 
@@ -20,7 +20,7 @@ _LARGEST_US = 2.0**53
 _FOLDER = re.compile(r"(?P<name>.+?)(?: -)? (?P<serial>[0-9A-F]{8}|[0-9A-F]{4}(?:-[0-9A-F]{4}){3}) \(.+\)")
 
 
-def folder_unit(folder: Path) -> Unit:
+def folder_unit(folder: Path) -> Ximu3Unit:
     """The unit of a folder with Inertial.csv, Magnetometer.csv or Quaternion.csv.
 
     Raises:
@@ -37,13 +37,13 @@ def folder_unit(folder: Path) -> Unit:
         for kind, columns in COLUMNS.items()
         if (folder / f"{kind}.csv").is_file()
     }
-    return Unit(str(folder), label, serial, messages, commands)
+    return Ximu3Unit(str(folder), label, serial, messages, commands)
 
 
-def _messages(file: Path, columns: tuple[str, ...]) -> Messages:
+def _messages(file: Path, columns: tuple[str, ...]) -> MessageTable:
     if file.stat().st_size == 0:
         raise DataError(f"{file}: is empty; the header {TIME},{','.join(columns)} is missing")
-    rows = read_columns(Layout.of(file, Dialect()), (TIME, *columns))
+    rows = read_columns(ColumnLayout.of(file, Dialect()), (TIME, *columns))
     time_us = rows[:, 0]
     bad = np.flatnonzero(~(np.abs(time_us) < _LARGEST_US) | (time_us != np.round(time_us)))
     if bad.size:
@@ -51,7 +51,7 @@ def _messages(file: Path, columns: tuple[str, ...]) -> Messages:
             f'{file}, column "{TIME}": is {time_us[bad[0]]:g} in row {bad[0] + 1} after the header; '
             "expected whole microseconds"
         )
-    return Messages(time_us.astype(np.int64), rows[:, 1:])
+    return MessageTable(time_us.astype(np.int64), rows[:, 1:])
 
 
 def _commands(file: Path) -> dict[str, object]:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from oarlock.formats.devices.ximu3_unit import COLUMNS, Messages, Unit
+from oarlock.formats.devices.ximu3_unit import COLUMNS, MessageTable, Ximu3Unit
 from oarlock.storage.errors import DataError
 from oarlock.storage.regular_file import read_bytes
 
@@ -27,7 +27,7 @@ LARGEST_US = 2**53
 
 
 @dataclass
-class _Channel:
+class _ChannelMessages:
     """What came from one unit: its own stream, or a channel of a multiplexed one."""
 
     binary: dict[str, list[bytes]] = field(default_factory=lambda: {kind: [] for kind in COLUMNS})
@@ -36,7 +36,7 @@ class _Channel:
     damaged: int = 0
 
 
-def file_units(file: Path) -> list[Unit]:
+def file_units(file: Path) -> list[Ximu3Unit]:
     """The units of a .ximu3 file: one, or one for each channel of a multiplexed stream.
 
     A message that cannot be decoded is left out and counted, as the vendor's software does.
@@ -46,7 +46,7 @@ def file_units(file: Path) -> list[Unit]:
     """
     content = read_bytes(file)
     lines = content.split(_END)
-    channels: dict[bytes, _Channel] = {}
+    channels: dict[bytes, _ChannelMessages] = {}
     for line in lines[:-1]:
         _sort(line, channels, b"")
     units = [_unit(file, key, channel) for key, channel in sorted(channels.items())]
@@ -58,11 +58,11 @@ def file_units(file: Path) -> list[Unit]:
     return units
 
 
-def _sort(line: bytes, channels: dict[bytes, _Channel], key: bytes) -> None:
+def _sort(line: bytes, channels: dict[bytes, _ChannelMessages], key: bytes) -> None:
     """Puts one message, without its termination, to the others of its kind."""
     while line[:1] == b"^" and len(line) > 1:
         key, line = key + line[1:2], line[2:]
-    channel = channels.setdefault(key, _Channel())
+    channel = channels.setdefault(key, _ChannelMessages())
     first = line[0] if line else 0
     if first == ord("{"):
         _command(line, channel)
@@ -72,7 +72,7 @@ def _sort(line: bytes, channels: dict[bytes, _Channel], key: bytes) -> None:
         channel.damaged += 1
 
 
-def _command(line: bytes, channel: _Channel) -> None:
+def _command(line: bytes, channel: _ChannelMessages) -> None:
     try:
         found = json.loads(line)
     except (ValueError, RecursionError):
@@ -82,7 +82,7 @@ def _command(line: bytes, channel: _Channel) -> None:
     channel.commands |= {"".join(filter(str.isalnum, key)).lower(): value for key, value in found.items()}
 
 
-def _keep(line: bytes, kind: str, channel: _Channel) -> None:
+def _keep(line: bytes, kind: str, channel: _ChannelMessages) -> None:
     if line[0] < _BINARY:
         channel.text[kind].append(line)
         return
@@ -107,19 +107,19 @@ def unstuffed(line: bytes, end: bytes = _END) -> bytes | None:
     return line.replace(_ESCAPED_END, end).replace(_ESCAPED_ESCAPE, _ESCAPE)
 
 
-def _unit(file: Path, key: bytes, channel: _Channel) -> Unit:
+def _unit(file: Path, key: bytes, channel: _ChannelMessages) -> Ximu3Unit:
     messages = {kind: found for kind in COLUMNS if (found := _messages(kind, channel)) is not None}
     ping = channel.commands.get("ping")
     told = ping if isinstance(ping, dict) else {}
     label = str(told.get("name") or channel.commands.get("devicename") or file.stem)
     serial = str(told.get("sn") or channel.commands.get("serialnumber") or key.hex())
-    unit = Unit(str(file), label, serial, messages, channel.commands)
+    unit = Ximu3Unit(str(file), label, serial, messages, channel.commands)
     if channel.damaged:
         unit.notes.append(f"{label}: {channel.damaged} messages are damaged and were left out.")
     return unit
 
 
-def _messages(kind: str, channel: _Channel) -> Messages | None:
+def _messages(kind: str, channel: _ChannelMessages) -> MessageTable | None:
     """A unit sends text or binary messages; if the setting was changed, the file has both."""
     width = len(COLUMNS[kind])
     form = np.dtype([("id", "u1"), ("time_us", "<u8"), ("values", "<f4", (width,))])
@@ -131,7 +131,7 @@ def _messages(kind: str, channel: _Channel) -> Messages | None:
     values = np.concatenate(
         [kept["values"].astype(np.float64), np.array([v for _, v in text]).reshape(-1, width)]
     )
-    return Messages(time_us, values) if time_us.size else None
+    return MessageTable(time_us, values) if time_us.size else None
 
 
 def _plain(lines: list[bytes], width: int) -> Iterator[tuple[int, list[float]]]:

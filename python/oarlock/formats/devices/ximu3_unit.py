@@ -32,7 +32,7 @@ _LATE_US = 1_000_000
 
 
 @dataclass(frozen=True)
-class Messages:
+class MessageTable:
     """Messages of one kind in the order of the file: (T,) microseconds and (T, k) arguments."""
 
     time_us: NDArray[np.int64]
@@ -40,7 +40,7 @@ class Messages:
 
 
 @dataclass(frozen=True)
-class Unit:
+class Ximu3Unit:
     """What one unit wrote.
 
     Args:
@@ -55,7 +55,7 @@ class Unit:
     where: str
     label: str
     serial: str
-    messages: Mapping[str, Messages]
+    messages: Mapping[str, MessageTable]
     commands: Mapping[str, object]
     notes: list[str] = field(default_factory=list)
 

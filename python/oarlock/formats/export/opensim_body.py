@@ -18,7 +18,7 @@ from oarlock.formats.export.angle_box import angle_box
 from oarlock.formats.export.plain_names import PlainNames, plain_name
 from oarlock.formats.osim import GROUND, Kind, OsimBody, OsimCoordinate, OsimJoint, OsimModel
 from oarlock.model.angle_sequence import angle_labels, angles_from_quat
-from oarlock.model.coordinates import Part, parts
+from oarlock.model.coordinates import JointPart, parts
 from oarlock.model.description import FrameDescription, JointDescription, pose_of
 from oarlock.model.rotation import quat_from_rotvec
 from oarlock.storage.array_gate import FloatArray
@@ -40,7 +40,7 @@ class CoordinateSource:
     """
 
     name: str
-    part: Part
+    part: JointPart
     axis: int
 
 
@@ -78,7 +78,7 @@ class _Tree:
         self.bodies = {frame.name: self.body_names.give(frame.name) for frame in frames}
         self.joint_names, self.coordinate_names = PlainNames(), PlainNames()
         self.described = {joint.name: joint for joint in self.description.joints}
-        self.parts: dict[str, list[Part]] = {}
+        self.parts: dict[str, list[JointPart]] = {}
         for part in parts(model.coordinate_names):
             self.parts.setdefault(part.joint, []).append(part)
         self.twins = _twins(frames)
@@ -186,14 +186,14 @@ def _kind_and_axes(kind: str, sign: float) -> tuple[Kind, FloatArray]:
     return "custom", axes
 
 
-def _labels(part: Part) -> Sequence[str]:
+def _labels(part: JointPart) -> Sequence[str]:
     if part.kind == "scalar":
         return ("",)
     position = part.kind == "position"
     return [f"t{axis}" for axis in "xyz"] if position else [f"{SEQUENCE}_{a}" for a in angle_labels(SEQUENCE)]
 
 
-def _default(joint: JointDescription, part: Part, axis: int) -> tuple[float, tuple[float, float]]:
+def _default(joint: JointDescription, part: JointPart, axis: int) -> tuple[float, tuple[float, float]]:
     """Rest value and slider range of one coordinate."""
     rest = np.ravel(joint.rest)
     if part.kind == "scalar":

@@ -10,7 +10,7 @@ import numpy as np
 
 from oarlock.formats.export.opensim_body import SEQUENCE, CoordinateSource
 from oarlock.model.angle_sequence import angle_stds, angles_from_quat, angles_per_turn
-from oarlock.model.coordinates import Part, with_untold_at_zero
+from oarlock.model.coordinates import JointPart, with_untold_at_zero
 from oarlock.model.rotation import quat_from_rotvec
 from oarlock.storage.array_gate import FloatArray
 
@@ -52,7 +52,7 @@ def opensim_motion(track: Track, coordinates: Sequence[CoordinateSource]) -> Ope
     return OpensimMotion(tuple(source.name for source in coordinates), turns, value, rate, std)
 
 
-def _numbers(track: Track, q: FloatArray, part: Part) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _numbers(track: Track, q: FloatArray, part: JointPart) -> tuple[FloatArray, FloatArray, FloatArray]:
     columns = list(part.columns)
     value, rate, std = q[:, columns], track.qd[:, columns], track.q_std[:, columns]
     if part.kind != "rotation":

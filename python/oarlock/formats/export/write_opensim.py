@@ -76,7 +76,7 @@ def write_opensim(
 
 
 @dataclass(frozen=True, eq=False)
-class _Table:
+class _OpenSimTable:
     file: str
     title: str
     what: str
@@ -88,16 +88,16 @@ class _Table:
         return np.asarray(np.isfinite(self.values).any(axis=0))
 
 
-def _tables(motion: OpensimMotion, formats: Sequence[str]) -> Iterator[_Table]:
+def _tables(motion: OpensimMotion, formats: Sequence[str]) -> Iterator[_OpenSimTable]:
     if "mot" in formats:
-        yield _Table("coordinates.mot", "Coordinates", "value", motion.value)
+        yield _OpenSimTable("coordinates.mot", "Coordinates", "value", motion.value)
     if "sto" in formats:
-        yield _Table("velocities.sto", "Speeds", "velocity", motion.rate)
-        yield _Table("std.sto", "Standard deviations", "standard deviation", motion.std)
+        yield _OpenSimTable("velocities.sto", "Speeds", "velocity", motion.rate)
+        yield _OpenSimTable("std.sto", "Standard deviations", "standard deviation", motion.std)
 
 
 def _text(
-    table: _Table,
+    table: _OpenSimTable,
     motion: OpensimMotion,
     time_s: FloatArray,
     kept: Bools,

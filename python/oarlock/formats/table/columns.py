@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from oarlock.formats.table.header import Channel, Quantity, channel_of, unit_name
+from oarlock.formats.table.header import InertialColumn, Quantity, channel_of, unit_name
 from oarlock.formats.table.layout import TableStart
 from oarlock.storage.errors import DataError
 
@@ -142,7 +142,7 @@ def table_columns(start: TableStart) -> TableColumns:
 def _unit(
     name: str,
     quantities: Mapping[Quantity, Mapping[str, int]],
-    channels: Mapping[int, Channel],
+    channels: Mapping[int, InertialColumn],
     owners: Mapping[int, int | None],
 ) -> UnitColumns:
     whole: dict[Quantity, QuantityColumns] = {}
@@ -157,7 +157,7 @@ def _unit(
     return UnitColumns(name, whole, tuple(turned[letter] for letter in letters))
 
 
-def _named(start: TableStart, channels: Mapping[int, Channel]) -> dict[int, str]:
+def _named(start: TableStart, channels: Mapping[int, InertialColumn]) -> dict[int, str]:
     """Name of the unit of each column; equal columns of several units are named by a line above, or numbered."""
     seen: dict[tuple[str, Quantity, str, bool], int] = {}
     repeats: dict[int, int] = {}
@@ -195,7 +195,7 @@ def _named_above(start: TableStart, repeats: Mapping[int, int]) -> list[str]:
     return []
 
 
-def _time_of(channels: Mapping[int, Channel], times: Sequence[int]) -> dict[int, int | None]:
+def _time_of(channels: Mapping[int, InertialColumn], times: Sequence[int]) -> dict[int, int | None]:
     """Time column of each channel: the one to its left if each time column has channels, otherwise the first."""
     left = {place: max((t for t in times if t < place), default=None) for place in channels}
     if len(times) > 1 and None not in left.values() and len(set(left.values())) > 1:

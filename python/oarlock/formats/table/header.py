@@ -85,7 +85,7 @@ _SPELLINGS: Mapping[Quantity, Mapping[str, str]] = MappingProxyType(
 
 
 @dataclass(frozen=True)
-class Channel:
+class InertialColumn:
     """A column that an inertial unit measures.
 
     Args:
@@ -103,7 +103,7 @@ class Channel:
     is_raw: bool
 
 
-def channel_of(name: str, unit_below: str = "") -> Channel | None:
+def channel_of(name: str, unit_below: str = "") -> InertialColumn | None:
     """What a column contains; None if no inertial unit measures it.
 
     Args:
@@ -126,7 +126,7 @@ def channel_of(name: str, unit_below: str = "") -> Channel | None:
     plain = {part for word in words for part in _split(word)}
     if plain & _NOT_MEASURED:
         return None
-    return Channel(_name(words), quantity, axis, measured_in, "sensor" in plain)
+    return InertialColumn(_name(words), quantity, axis, measured_in, "sensor" in plain)
 
 
 def unit_name(text: str) -> str:

@@ -21,7 +21,7 @@ from oarlock.formats.table.measured import accel_unit, gyro_unit, mag_unit
 from oarlock.formats.table.time_column import column_names, counter_table, time_table
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
-from oarlock.storage.delimited import MISSING_MARKERS, Layout
+from oarlock.storage.delimited import MISSING_MARKERS, ColumnLayout
 from oarlock.storage.errors import DataError
 from oarlock.storage.toml import TomlTable, toml_text
 from oarlock.storage.units import ACCEL, GYRO, MAG
@@ -156,7 +156,7 @@ def _counter(
     """The key `counter` if a column beside the time counts packets without a fault."""
     if columns.counter is None or not all("column" in time for time in times.values()):
         return {}
-    layout = Layout.of(start.file, start.dialect)
+    layout = ColumnLayout.of(start.file, start.dialect)
     try:
         values = read_columns(layout, column_names(start, [columns.counter]))[:, 0]
     except DataError:

@@ -8,14 +8,14 @@ from pathlib import Path
 
 from oarlock.formats.columns import read_columns
 from oarlock.formats.csv import read_mapped
-from oarlock.formats.listing import Found, Listing
+from oarlock.formats.listing import FileMatch, Listing
 from oarlock.formats.table.columns import table_columns
 from oarlock.formats.table.layout import table_start
 from oarlock.formats.table.mapping import Given, TableMapping, table_mapping
 from oarlock.formats.table.time_column import column_names, first_moment
 from oarlock.recording.recording import Recording
 from oarlock.storage.array_gate import FloatArray
-from oarlock.storage.delimited import Layout
+from oarlock.storage.delimited import ColumnLayout
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
 from oarlock.storage.write_file import write_file
@@ -73,7 +73,7 @@ def read_table_orientations(file: str | PathLike[str]) -> dict[str, FloatArray]:
         DataError: as `read_table`.
     """
     start = table_start(place_of(file))
-    layout = Layout.of(start.file, start.dialect)
+    layout = ColumnLayout.of(start.file, start.dialect)
     return {
         one.name: read_columns(layout, column_names(start, one.orientation))
         for one in table_columns(start).units
@@ -81,7 +81,7 @@ def read_table_orientations(file: str | PathLike[str]) -> dict[str, FloatArray]:
     }
 
 
-def find_table(listing: Listing) -> list[Found]:
+def find_table(listing: Listing) -> list[FileMatch]:
     """Tables of a place that have at least three columns of an inertial unit."""
     found = []
     for one in listing.suffixed(*SUFFIXES):
@@ -94,7 +94,7 @@ def find_table(listing: Listing) -> list[Found]:
         shown = ", ".join(names[:_SHOWN_UNITS]) + (" ..." if len(names) > _SHOWN_UNITS else "")
         about = f"table of text, {len(names)} {'unit' if len(names) == 1 else 'units'} by names of columns: {shown}"
         moment = first_moment(start, columns)
-        found.append(Found("table", one.path, (one.path,), one.path.stem, about, start=moment))
+        found.append(FileMatch("table", one.path, (one.path,), one.path.stem, about, start=moment))
     return found
 
 

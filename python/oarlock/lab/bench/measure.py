@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from oarlock.evaluation.comparison.comparison import processor
-from oarlock.lab.bench.others import INSTALL, SOFTWARE, Failure, Figure, Software, missing, time_other
+from oarlock.lab.bench.others import INSTALL, SOFTWARE, Failure, Software, SoftwareTiming, missing, time_other
 from oarlock.lab.bench.own import Latency, Race, Threads, live, race, threads
 from oarlock.lab.bench.problem import RATE_HZ, sculling
 from oarlock.lab.bench.whole import FullBody, Whole, full_body, whole
@@ -51,7 +51,7 @@ class Bench:
     whole_with_biases: Whole
     body: FullBody
     threads: Threads
-    others: tuple[Figure, ...]
+    others: tuple[SoftwareTiming, ...]
     failed: tuple[Failure, ...]
     missing: tuple[Software, ...]
 
@@ -136,14 +136,14 @@ def measure(seconds: float, progress: Progress = lambda what: nullcontext()) -> 
     with progress("tracking on two threads"):
         many = threads(problem, _THREADS * seconds)
     others = tuple(_others(seconds, progress))
-    figures = tuple(one for one in others if isinstance(one, Figure))
+    figures = tuple(one for one in others if isinstance(one, SoftwareTiming))
     failed = tuple(one for one in others if isinstance(one, Failure))
     return Bench(
         joints, with_biases, lone, biased, all_of, all_biased, body, many, figures, failed, tuple(missing())
     )
 
 
-def _others(seconds: float, progress: Progress) -> Iterator[Figure | Failure]:
+def _others(seconds: float, progress: Progress) -> Iterator[SoftwareTiming | Failure]:
     installed = [software for software in SOFTWARE if software.installed()]
     for software in installed:
         with progress(software.name):

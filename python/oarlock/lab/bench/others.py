@@ -19,7 +19,7 @@ from importlib.metadata import PackageNotFoundError, version
 import numpy as np
 
 from oarlock.lab.bench import with_biorbd, with_filterpy, with_jax, with_numpy
-from oarlock.lab.bench.problem import Floats, Problem, sculling
+from oarlock.lab.bench.problem import BenchProblem, Floats, sculling
 
 Run = Callable[[], Floats]
 """A run over the samples after the warm-up: estimates, (steps, states). Every run gives the same result."""
@@ -36,7 +36,7 @@ class Software:
     name: str
     package: str
     problem: str
-    make: Callable[[Problem], Run]
+    make: Callable[[BenchProblem], Run]
 
     def installed(self) -> str | None:
         """The package's version; None where it is missing."""
@@ -49,7 +49,7 @@ class Software:
 
 
 @dataclass(frozen=True)
-class Figure:
+class SoftwareTiming:
     """Result of other software."""
 
     name: str
@@ -90,7 +90,7 @@ ONE_CORE = {
 }
 
 
-def time_other(software: Software, seconds: float) -> Figure | Failure:
+def time_other(software: Software, seconds: float) -> SoftwareTiming | Failure:
     """Times one software for `seconds`; starting and compiling take a few seconds more."""
     command = [sys.executable, "-m", "oarlock.lab.bench.others", software.package, str(seconds)]
     done = subprocess.run(command, capture_output=True, text=True, env={**os.environ, **ONE_CORE})
@@ -99,7 +99,7 @@ def time_other(software: Software, seconds: float) -> Figure | Failure:
         last = (done.stderr.strip().splitlines() or ["no message"])[-1]
         return Failure(software.name, software.package, installed, last)
     steps_s = json.loads(done.stdout.splitlines()[-1])
-    return Figure(software.name, software.package, installed, steps_s, software.problem)
+    return SoftwareTiming(software.name, software.package, installed, steps_s, software.problem)
 
 
 def steps_per_second(run: Run, seconds: float) -> float:

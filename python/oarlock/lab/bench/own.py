@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from oarlock.lab.bench.problem import ESTIMATES, WARM, Floats, Problem
+from oarlock.lab.bench.problem import ESTIMATES, WARM, BenchProblem, Floats
 
 FILTERS: Final = ("ukf", "ekf", "factorised")
 BARE: Final = "bare_ukf"
@@ -73,7 +73,7 @@ class Threads:
         return self.two_steps_s / self.one_steps_s
 
 
-def race(problem: Problem, estimate: str, seconds: float) -> Race:
+def race(problem: BenchProblem, estimate: str, seconds: float) -> Race:
     """Times every filter inside the engine; `estimate` is a key of `ESTIMATES`."""
     from oarlock import _core
 
@@ -84,7 +84,7 @@ def race(problem: Problem, estimate: str, seconds: float) -> Race:
     return Race(found["n"], found["m"], filters, StepTime.of(found["textbook_us"]))
 
 
-def live(problem: Problem, estimate: str, seconds: float) -> Latency:
+def live(problem: BenchProblem, estimate: str, seconds: float) -> Latency:
     """Times `Tracker.step` from Python with the default filter, including state estimate and report."""
     from oarlock import Tracker
 
@@ -110,7 +110,7 @@ def _live_steps(tracker, samples: Iterable[object]) -> list[float]:  # type: ign
     return spent
 
 
-def threads(problem: Problem, seconds: float) -> Threads:
+def threads(problem: BenchProblem, seconds: float) -> Threads:
     """Times `track_many` on one thread and on two, in turn; the best round of each is used."""
     from oarlock import track_many
 

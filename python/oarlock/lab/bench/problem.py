@@ -31,7 +31,7 @@ _PLAIN: Final[dict[str, Any]] = {"gate": False, "magnetometer": "on"}
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class BenchProblem:
     """A model, a recording, and the same readings as rows."""
 
     model: Model
@@ -95,11 +95,11 @@ class Problem:
         return tracker, belief.mean, belief.covariance
 
 
-def sculling(duration_s: float = 10.0, seed: int = 1) -> Problem:
+def sculling(duration_s: float = 10.0, seed: int = 1) -> BenchProblem:
     """The `"sculler"` over `duration_s` seconds at 125 Hz."""
     import oarlock
     from oarlock.rowing.simulation.experiment import simulate_sculling
 
     model = oarlock.load_model("sculler")
     _, recording = simulate_sculling(model, "B-B", duration_s, seed=seed)
-    return Problem(model, recording, model.describe())
+    return BenchProblem(model, recording, model.describe())

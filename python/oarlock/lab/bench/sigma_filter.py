@@ -8,7 +8,7 @@ import numpy as np
 from scipy import linalg
 
 from oarlock.lab.bench.plain_kinematics import Array, PlainKinematics
-from oarlock.lab.bench.problem import RATE_HZ, Floats, Problem
+from oarlock.lab.bench.problem import RATE_HZ, BenchProblem, Floats
 from oarlock.model.description import ModelDescription
 
 
@@ -23,7 +23,7 @@ class SigmaFilter:
     """
 
     def __init__(
-        self, problem: Problem, states: list[str], xp: Any = np, cho_solve: Any = linalg.cho_solve
+        self, problem: BenchProblem, states: list[str], xp: Any = np, cho_solve: Any = linalg.cho_solve
     ) -> None:
         self.xp, self.n, self._solve = xp, len(states), cho_solve
         self.kinematics = PlainKinematics(problem.described, states, xp)

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from oarlock.lab.bench.problem import Problem
+from oarlock.lab.bench.problem import BenchProblem
 
 BODY: Final = "full_body"
 START_S: Final = 30.0
@@ -51,7 +51,7 @@ class FullBody:
         return 1e6 / (BODY_RATE_HZ * self.start_us)
 
 
-def whole(problem: Problem, estimate: str, seconds: float) -> Whole:
+def whole(problem: BenchProblem, estimate: str, seconds: float) -> Whole:
     """Tracks and smooths the recording for about `seconds`; the least time of each counts."""
     from oarlock import smooth, track
 

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from oarlock.lab.bench.problem import RATE_HZ, Floats, Problem
+from oarlock.lab.bench.problem import RATE_HZ, BenchProblem, Floats
 
 # name, parent, axes of its hinges
 _CHAIN: Final = (
@@ -28,14 +28,14 @@ _CHAIN: Final = (
 _NOISE_FACTOR, _ERROR_FACTOR = 5e-3, 1e-10
 
 
-def angles_rad(problem: Problem) -> Floats:
+def angles_rad(problem: BenchProblem) -> Floats:
     """Angles of the chain, (T, 11): smooth swings of realistic size at the rate of the recording."""
     phase = 2.0 * np.pi * 0.4 * problem.time_s[:, None]
     joints = np.arange(sum(len(axes) for _, _, axes in _CHAIN))
     return np.asarray(0.4 * np.sin(phase + 0.7 * joints))
 
 
-def make(problem: Problem) -> Callable[[], Floats]:
+def make(problem: BenchProblem) -> Callable[[], Floats]:
     """A run over all samples: angles, (T, 11), rad."""
     import biorbd
 

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from oarlock.lab.bench.problem import WARM, Floats, Problem
+from oarlock.lab.bench.problem import WARM, BenchProblem, Floats
 from oarlock.lab.bench.sigma_filter import SigmaFilter
 
 
-def make(problem: Problem) -> Callable[[], Floats]:
+def make(problem: BenchProblem) -> Callable[[], Floats]:
     """A run over all samples after the warm-up: means, (steps, n). The first call compiles."""
     import jax
     from jax import lax

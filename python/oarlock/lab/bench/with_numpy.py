@@ -6,13 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from oarlock.lab.bench.problem import WARM, Floats, Problem
+from oarlock.lab.bench.problem import WARM, BenchProblem, Floats
 from oarlock.lab.bench.sigma_filter import SigmaFilter
 
 STEPS = 100
 
 
-def make(problem: Problem) -> Callable[[], Floats]:
+def make(problem: BenchProblem) -> Callable[[], Floats]:
     """A run over `STEPS` samples: means, (steps, n)."""
     tracker, mean, covariance = problem.started()
     filter_ = SigmaFilter(problem, tracker.state_names)

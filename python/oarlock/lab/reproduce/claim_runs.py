@@ -28,7 +28,7 @@ BIASES = (0.0, 0.001, 0.01, 0.05)
 
 
 @dataclass(frozen=True)
-class Asked:
+class ClaimStudies:
     """Results of the studies, by question."""
 
     results: Mapping[str, StudyResult] = field(default_factory=dict)
@@ -119,10 +119,10 @@ def asked(
     jobs: int | None,
     progress: Told | None,
     runs: Path | None = None,
-) -> Asked:
+) -> ClaimStudies:
     """Runs all studies; `runs` is a folder for finished runs."""
     wanted = studies(seeds, duration_s)
     rows = rows_of_studies(tuple(wanted.values()), jobs, runs, progress)
-    return Asked(
+    return ClaimStudies(
         {name: StudyResult(wanted[name], tuple(own)) for name, own in zip(wanted, rows, strict=True)}
     )

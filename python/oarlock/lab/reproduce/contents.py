@@ -39,7 +39,7 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Curve:
+class EstimateCurve:
     """An estimate (T,) with half of its 95 % band, and the truth; in `unit`, `factor` times SI."""
 
     name: str
@@ -75,14 +75,14 @@ class Claim:
 
 
 @dataclass(frozen=True)
-class Part:
+class PaperPart:
     """A reproduced table, figure or section of the paper."""
 
     key: str
     title: str
     lead: tuple[str, ...]
     tables: tuple[Table, ...] = ()
-    curves: Mapping[str, tuple[Curve, ...]] = field(default_factory=dict)
+    curves: Mapping[str, tuple[EstimateCurve, ...]] = field(default_factory=dict)
     charts: tuple[Chart, ...] = ()
     claims: tuple[Claim, ...] = ()
     notes: tuple[str, ...] = ()

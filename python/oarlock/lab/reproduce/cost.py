@@ -15,7 +15,7 @@ import oarlock
 from oarlock import Belief, Config, DivergedError, Model, Recording, load_model
 from oarlock.evaluation.child_process import in_processes
 from oarlock.lab.reproduce.chains import RATE_HZ, Size, built
-from oarlock.lab.reproduce.contents import Cell, Chart, Floats, Part, Row, Table, shown
+from oarlock.lab.reproduce.contents import Cell, Chart, Floats, PaperPart, Row, Table, shown
 from oarlock.rowing.simulation import paper
 from oarlock.rowing.simulation.experiment import simulate_sculling
 from oarlock.storage.progress import Told
@@ -35,7 +35,7 @@ _TUNING: dict[str, Any] = {"structure": "tree", "estimate": (), "gate": False, "
 
 
 @dataclass(frozen=True)
-class Job:
+class CostCase:
     """One size with its recordings, and the state from which every filter continues."""
 
     sweep: str
@@ -46,7 +46,7 @@ class Job:
     start: Belief | None
 
 
-def cost(processes: int | None, progress: Told | None) -> Part:
+def cost(processes: int | None, progress: Told | None) -> PaperPart:
     """Measures every size with every filter, in turn, and fits powers.
 
     Several processes fit the starts; one measures, when they have ended.
@@ -57,7 +57,7 @@ def cost(processes: int | None, progress: Told | None) -> Part:
     times = _measured(jobs, progress)
     rows = [_row(job, times) for job in jobs]
     sculler = _sculler_rate()
-    return Part(
+    return PaperPart(
         key="cost",
         title="Equation (19): the time of a step",
         lead=(
@@ -89,17 +89,17 @@ def _sizes() -> list[tuple[str, Size]]:
     return sizes + [("tree", Size(joints, units, arm=4)) for joints, units in BOTH[1:]]
 
 
-def _job(_: None, task: tuple[str, Size]) -> Job:
+def _job(_: None, task: tuple[str, Size]) -> CostCase:
     sweep, size = task
     model, whole, posture = built(size, STARTING + LONG)
     starting_s, short_s = (whole.start_s + (count - 0.5) / RATE_HZ for count in (STARTING, STARTING + SHORT))
     config = Config(initial_q=posture, **_TUNING)
     start = oarlock.track(model, whole.slice(end_s=starting_s), config=config).last_belief
     long = whole.slice(starting_s)
-    return Job(sweep, size, model, long.slice(end_s=short_s), long, start)
+    return CostCase(sweep, size, model, long.slice(end_s=short_s), long, start)
 
 
-def _measured(jobs: list[Job], progress: Told | None) -> dict[tuple[str, Size, str], float]:
+def _measured(jobs: list[CostCase], progress: Told | None) -> dict[tuple[str, Size, str], float]:
     """Median time of a step, s; NaN where the filter loses the chain."""
     found: dict[tuple[str, Size, str], list[float]] = {}
     for turn in range(ROUNDS):
@@ -111,7 +111,7 @@ def _measured(jobs: list[Job], progress: Told | None) -> dict[tuple[str, Size, s
     return {key: statistics.median(times) for key, times in found.items()}
 
 
-def _step_s(job: Job, name: Any) -> float:
+def _step_s(job: CostCase, name: Any) -> float:
     config = Config(filter=name, **_TUNING)
     spans = []
     try:
@@ -130,7 +130,7 @@ def formula(states: int, readings: int, frames: int, units: int) -> int:
     return m**3 + n * m**2 + m * n**2 + n**3 + n * frames + n * units
 
 
-def _row(job: Job, times: dict[tuple[str, Size, str], float]) -> Row:
+def _row(job: CostCase, times: dict[tuple[str, Size, str], float]) -> Row:
     size = job.size
     return {
         "sweep": job.sweep,

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from oarlock.lab.reproduce.claim_runs import BIASES, HULL, RATES_HZ, SIDES_OFF, Asked, asked
-from oarlock.lab.reproduce.contents import Cell, Claim, Part, Row, Table, Verdict, finite_mean, shown
+from oarlock.lab.reproduce.claim_runs import BIASES, HULL, RATES_HZ, SIDES_OFF, ClaimStudies, asked
+from oarlock.lab.reproduce.contents import Cell, Claim, PaperPart, Row, Table, Verdict, finite_mean, shown
 from oarlock.lab.reproduce.estimators import ELEVEN
 from oarlock.lab.reproduce.technique import Features, features
 from oarlock.rowing.simulation import paper
@@ -30,7 +30,7 @@ def discussion(
     jobs: int | None,
     progress: Told | None,
     runs: Path | None = None,
-) -> Part:
+) -> PaperPart:
     """All claims; `runs` is a folder for finished runs."""
     length, seeds = min(duration_s, LONGEST_S), seeds[:MOST_SEEDS]
     found = asked(seeds, length, jobs, share(progress, 0.0, 0.95), runs)
@@ -48,7 +48,7 @@ def discussion(
         _rate(found),
         _pace(technique),
     )
-    return Part(
+    return PaperPart(
         key="discussion",
         title="Section 5: the paper's claims about its results",
         lead=(
@@ -83,7 +83,7 @@ def printed_growth_percent(still: str, moving: str) -> float:
     return finite_mean([100.0 * (after[j].rmse / e.rmse - 1.0) for j, e in before.items() if e.rmse > 0.0])
 
 
-def _boat(found: Asked) -> Claim:
+def _boat(found: ClaimStudies) -> Claim:
     of = {
         name: [found.error("conditions", name=name, condition=c) for c in ("S-NB", "B-NB")]
         for name in ("eq6", "jerk_closure", "tree")
@@ -115,7 +115,7 @@ def _times(pair: Sequence[float]) -> str:
     return f"x {shown(pair[1] / pair[0], 2)}"
 
 
-def _bias(found: Asked) -> Claim:
+def _bias(found: ClaimStudies) -> Claim:
     growth = {
         name: [
             found.error("conditions", name=name, condition=c)
@@ -148,7 +148,7 @@ def _bias(found: Asked) -> Claim:
 # --- accuracy -----------------------------------------------------------------------------------------
 
 
-def _state_of_the_art(found: Asked) -> Claim:
+def _state_of_the_art(found: ClaimStudies) -> Claim:
     errors = [found.error("conditions", j, name="shipped", condition="B-B") for j in ELEVEN]
     r = [found.error("conditions", j, "correlation", name="shipped", condition="B-B") for j in ELEVEN]
     printed = paper.table_5("B-B")
@@ -165,7 +165,7 @@ def _state_of_the_art(found: Asked) -> Claim:
     )
 
 
-def _shift(found: Asked) -> Claim:
+def _shift(found: ClaimStudies) -> Claim:
     error = found.error("conditions", "trunk", name="eq6", condition="S-NB")
     bias = np.mean(np.abs(found.over_seeds("conditions", "trunk", "bias", name="eq6", condition="S-NB")))
     lean = found.error("field", "trunk", name="closure")
@@ -184,14 +184,14 @@ def _shift(found: Asked) -> Claim:
     )
 
 
-def _mean(found: Asked, names: Sequence[str], name: str, score: str = "rmse") -> float:
+def _mean(found: ClaimStudies, names: Sequence[str], name: str, score: str = "rmse") -> float:
     if score == "rmse":
         return finite_mean([found.error("field", point, name=name) for point in names])
     axes = [f"{point}.{axis}" for point in names for axis in "xyz"]
     return finite_mean([found.error("field", axis, "correlation", name=name) for axis in axes])
 
 
-def _wrists(found: Asked) -> Claim:
+def _wrists(found: ClaimStudies) -> Claim:
     groups = {"shoulder": SHOULDERS, "elbow": ELBOWS, "wrist": WRISTS}
     error = {n: [_mean(found, g, name) for g in groups.values()] for n, name in _WAYS.items()}
     r = {n: [_mean(found, g, name, "correlation") for g in groups.values()] for n, name in _WAYS.items()}
@@ -217,7 +217,7 @@ def _wrists(found: Asked) -> Claim:
 _WAYS = {"closed": "closure", "open": "no closure"}
 
 
-def _sideways(found: Asked) -> Claim:
+def _sideways(found: ClaimStudies) -> Claim:
     r = {axis: found.error("field", f"r_shoulder.{axis}", "correlation", name="closure") for axis in "xyz"}
     x = found.error("field", "r_shoulder.x", name="closure")
     return Claim(
@@ -255,7 +255,7 @@ def _technique(found: dict[str, Features]) -> Claim:
 # --- the hull -----------------------------------------------------------------------------------------
 
 
-def _hull(found: Asked) -> tuple[Claim, Claim]:
+def _hull(found: ClaimStudies) -> tuple[Claim, Claim]:
     level = found.error("hull unmodelled", name="level")
     free = {name: found.error("hull unmodelled", name=name) for name in HULL}
     aboard = {
@@ -289,7 +289,7 @@ def _hull(found: Asked) -> tuple[Claim, Claim]:
     )
 
 
-def _hull_table(found: Asked) -> Table:
+def _hull_table(found: ClaimStudies) -> Table:
     rows = []
     for name in ("level", *HULL):
         cells = [found.error("hull unmodelled", name=name)]
@@ -308,7 +308,7 @@ def _hull_table(found: Asked) -> Table:
 # --- sensors, rate, pace ------------------------------------------------------------------------------
 
 
-def _sensors(found: Asked) -> Claim:
+def _sensors(found: ClaimStudies) -> Claim:
     full = found.error("sensors", name="all")
     cost = {name: found.error("sensors", name=name) for name in SIDES_OFF}
     worst = max(cost, key=lambda name: cost[name] if np.isfinite(cost[name]) else np.inf)
@@ -328,7 +328,7 @@ def _sensors(found: Asked) -> Claim:
     )
 
 
-def _sensor_table(found: Asked) -> Table:
+def _sensor_table(found: ClaimStudies) -> Table:
     rows = []
     for name in ("all", "no magnetometers", "no closure", *SIDES_OFF):
         error = found.error("sensors", name=name)
@@ -344,7 +344,7 @@ def _sensor_table(found: Asked) -> Table:
     )
 
 
-def _rate(found: Asked) -> Claim:
+def _rate(found: ClaimStudies) -> Claim:
     errors = {rate: found.error("rates", rate_hz=rate) for rate in RATES_HZ}
     return Claim(
         "sections 4.1, 4.2",
@@ -356,7 +356,7 @@ def _rate(found: Asked) -> Claim:
     )
 
 
-def _rate_table(found: Asked) -> Table:
+def _rate_table(found: ClaimStudies) -> Table:
     rows = []
     for rate in RATES_HZ:
         nees = found.error("rates", score="nees", rate_hz=rate)

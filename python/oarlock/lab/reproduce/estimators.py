@@ -22,7 +22,7 @@ Bound = tuple[float, float]
 
 
 @dataclass(frozen=True)
-class Estimator:
+class PaperEstimator:
     """A row of the overview.
 
     Attributes:
@@ -56,7 +56,7 @@ def _bounds(*pairs: Bound) -> dict[str, Bound]:
 
 
 ESTIMATORS = (
-    Estimator(
+    PaperEstimator(
         "eq6",
         "the paper's: eq. 6, no closure",
         40,
@@ -64,40 +64,40 @@ ESTIMATORS = (
         _bounds((0.27, 4.8), (1.61, 166.0), (0.31, 5.6), (1.63, 166.0)),
         smoothed=True,
     ),
-    Estimator("eq6_closure", "eq. 6, closure", 40, _plain("paper", closures=True, slow=False)),
-    Estimator(
+    PaperEstimator("eq6_closure", "eq. 6, closure", 40, _plain("paper", closures=True, slow=False)),
+    PaperEstimator(
         "eq6_states",
         "eq. 6, no closure, surge + bias",
         71,
         _plain("paper", closures=False, slow=True),
     ),
-    Estimator(
+    PaperEstimator(
         "eq6_closure_states",
         "eq. 6, closure, surge + bias",
         71,
         _plain("paper", closures=True, slow=True),
     ),
-    Estimator(
+    PaperEstimator(
         "jerk",
         "jerk, no closure",
         40,
         _plain("jerk", closures=False, slow=False),
         _bounds((0.020, 0.4), (0.048, 8.7), (0.32, 0.4), (0.33, 8.8)),
     ),
-    Estimator(
+    PaperEstimator(
         "jerk_closure",
         "jerk, closure",
         40,
         _plain("jerk", closures=True, slow=False),
         _bounds((0.017, 0.3), (0.032, 7.2), (0.24, 0.5), (0.24, 7.2)),
     ),
-    Estimator(
+    PaperEstimator(
         "jerk_states",
         "jerk, no closure, surge + bias",
         71,
         _plain("jerk", closures=False, slow=True),
     ),
-    Estimator(
+    PaperEstimator(
         "jerk_closure_states",
         "jerk, closure, surge + bias",
         71,
@@ -105,6 +105,6 @@ ESTIMATORS = (
         _bounds((0.020, 0.4), (0.020, 0.6), (0.020, 0.4), (0.020, 0.6)),
         smoothed=True,
     ),
-    Estimator("tree", "tree: jerk, closure, surge + bias, azimuth", 72, _TREE, smoothed=True),
-    Estimator("shipped", "as shipped: strapdown links", 161, {}, smoothed=True),
+    PaperEstimator("tree", "tree: jerk, closure, surge + bias, azimuth", 72, _TREE, smoothed=True),
+    PaperEstimator("shipped", "as shipped: strapdown links", 161, {}, smoothed=True),
 )

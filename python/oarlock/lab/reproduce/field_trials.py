@@ -77,7 +77,7 @@ SETTINGS = (
 
 
 @dataclass(frozen=True)
-class Scored:
+class TrackedTrial:
     """A tracked trial. `points` has for each name RMSE (3,) m, 3D RMSE m, correlation (3,), NEES, coverage."""
 
     setting: Setting
@@ -94,7 +94,7 @@ def field_trials(
     jobs: int | None,
     progress: Told | None,
     keys: Sequence[str] = (),
-) -> list[Scored]:
+) -> list[TrackedTrial]:
     """All settings for all seeds; lost tracks are left out."""
     settings = [s for s in SETTINGS if not keys or s.key in keys]
     model = load_model("sculler")
@@ -106,7 +106,7 @@ def field_trials(
         if progress is not None:
             progress(0.5 * len(trials) / len(tasks))
     pairs = [(setting, seed) for setting in settings for seed in seeds]
-    found: list[Scored] = []
+    found: list[TrackedTrial] = []
     for smooth in (False, True):
         own = [(setting, seed) for setting, seed in pairs if setting.smooth == smooth]
         tracks = oarlock.track_many(
@@ -136,7 +136,7 @@ def _config(setting: Setting) -> Config:
     return Config(belief_interval_s=BELIEFS_S, **setting.config)
 
 
-def _scored(setting: Setting, seed: int, markers: Markers, track: Track) -> Scored:
+def _scored(setting: Setting, seed: int, markers: Markers, track: Track) -> TrackedTrial:
     scores = oarlock.evaluate_markers(track, markers, align_clock=False, align_frame=False, start_s=START_S)
     bands = {name: place_band(track, name, START_S) for name in POINTS}
     points = {}
@@ -151,7 +151,7 @@ def _scored(setting: Setting, seed: int, markers: Markers, track: Track) -> Scor
             "nees": band.nees(truth),
             "coverage_95": band.coverage(truth),
         }
-    return Scored(setting, seed, markers, track, bands, points)
+    return TrackedTrial(setting, seed, markers, track, bands, points)
 
 
 def marker_at(markers: Markers, name: str, time_s: Floats) -> Floats:

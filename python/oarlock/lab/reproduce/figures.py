@@ -9,8 +9,8 @@ import numpy as np
 
 import oarlock
 from oarlock import Evaluation, Track, load_model
-from oarlock.lab.reproduce.contents import Curve, Floats, Part, Row, shown
-from oarlock.lab.reproduce.field_trials import NOT_PUBLIC, RATE_HZ, Scored, marker_at
+from oarlock.lab.reproduce.contents import EstimateCurve, Floats, PaperPart, Row, shown
+from oarlock.lab.reproduce.field_trials import NOT_PUBLIC, RATE_HZ, TrackedTrial, marker_at
 from oarlock.rowing.simulation import paper
 from oarlock.rowing.simulation.experiment import simulate_sculling
 
@@ -21,7 +21,7 @@ _SHOULDER = ("shoulder_abduction", "shoulder_rotation", "shoulder_flexion", "elb
 _WRIST = ("hand_abduction", "hand_flexion")
 
 
-def fig3(seed: int, duration_s: float) -> Part:
+def fig3(seed: int, duration_s: float) -> PaperPart:
     """Joint curves of one recording, estimate over truth: back, shoulders, wrists."""
     model = load_model("sculler")
     truth, recording = simulate_sculling(model, "B-B", duration_s, (20.0, 34.0), seed)
@@ -39,7 +39,7 @@ def fig3(seed: int, duration_s: float) -> Part:
         for title, names in groups.items()
     }
     nees = scores.states.nees if scores.states else math.nan
-    return Part(
+    return PaperPart(
         key="fig3",
         title="Figure 3: joint variables",
         lead=(
@@ -64,14 +64,14 @@ def _least(track: Track, joint: str) -> float:
     return math.degrees(float(np.nanmin(track.hinge(joint).angle_rad[track.time_s > 2.0])))
 
 
-def _joint(track: Track, truth: Track, scores: Evaluation, name: str, duration_s: float) -> Curve:
+def _joint(track: Track, truth: Track, scores: Evaluation, name: str, duration_s: float) -> EstimateCurve:
     own, true, score = track.scalar(name), truth.scalar(name), scores[name]
     unit, factor = ("deg", math.degrees(1.0)) if own.unit == "rad" else ("m", 1.0)
     kept = _middle(track.time_s, duration_s)
     fine, fine_unit = (factor, unit) if unit == "deg" else (1e3, "mm")
     printed = paper.table_5("B-B").get(name)
     beside = "" if printed is None else f" · paper {printed.rmse:g}"
-    return Curve(
+    return EstimateCurve(
         name,
         unit,
         factor,
@@ -111,23 +111,23 @@ def _rows(time_s: Floats, columns: dict[str, Floats]) -> list[Row]:
 # --- positions ----------------------------------------------------------------------------------------
 
 
-def fig4(scored: Sequence[Scored], duration_s: float) -> Part:
+def fig4(scored: Sequence[TrackedTrial], duration_s: float) -> PaperPart:
     """Right shoulder and elbow."""
     return _positions(scored, "fig4", "Figure 4: shoulder and elbow", ("r_shoulder", "r_elbow"), duration_s)
 
 
-def fig5(scored: Sequence[Scored], duration_s: float) -> Part:
+def fig5(scored: Sequence[TrackedTrial], duration_s: float) -> PaperPart:
     """Right wrist."""
     return _positions(scored, "fig5", "Figure 5: wrist", ("r_wrist",), duration_s)
 
 
 def _positions(
-    scored: Sequence[Scored], key: str, title: str, points: tuple[str, ...], duration_s: float
-) -> Part:
+    scored: Sequence[TrackedTrial], key: str, title: str, points: tuple[str, ...], duration_s: float
+) -> PaperPart:
     first = next(one for one in scored if one.setting.key == "indoor")
     curves = {point: _axes(first, point, duration_s) for point in points}
     nees = ", ".join(f"{point} {shown(first.points[point]['nees'], 2)}" for point in points)
-    return Part(
+    return PaperPart(
         key=key,
         title=f"{title}, right arm",
         lead=(
@@ -143,14 +143,14 @@ def _positions(
     )
 
 
-def _axes(one: Scored, point: str, duration_s: float) -> tuple[Curve, ...]:
+def _axes(one: TrackedTrial, point: str, duration_s: float) -> tuple[EstimateCurve, ...]:
     kept = _middle(one.track.time_s, duration_s)
     time_s = one.track.time_s[kept]
     place = one.track.frame_positions(point)[kept]
     truth = marker_at(one.markers, point, time_s)
     half = one.bands[point].half_band(time_s)
     return tuple(
-        Curve(
+        EstimateCurve(
             f"{point} {axis}",
             "m",
             1.0,
@@ -164,7 +164,7 @@ def _axes(one: Scored, point: str, duration_s: float) -> tuple[Curve, ...]:
     )
 
 
-def _position_rows(one: Scored, points: tuple[str, ...]) -> list[Row]:
+def _position_rows(one: TrackedTrial, points: tuple[str, ...]) -> list[Row]:
     columns: dict[str, Floats] = {}
     for point in points:
         place, truth = one.track.frame_positions(point), marker_at(one.markers, point, one.track.time_s)

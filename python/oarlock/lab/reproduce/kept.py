@@ -16,7 +16,7 @@ import numpy as np
 
 import oarlock
 from oarlock import _core
-from oarlock.lab.reproduce.contents import Cell, Chart, Claim, Curve, Part, Table
+from oarlock.lab.reproduce.contents import Cell, Chart, Claim, EstimateCurve, PaperPart, Table
 from oarlock.storage.regular_file import read_bytes
 from oarlock.storage.write_file import write_file
 
@@ -24,11 +24,11 @@ KIND = "@"
 FOLDER = "parts"
 """Folder of them beside the report."""
 MOST_BYTES = 1 << 30
-_KINDS = {kind.__name__: kind for kind in (Cell, Chart, Claim, Curve, Part, Table)}
+_KINDS = {kind.__name__: kind for kind in (Cell, Chart, Claim, EstimateCurve, PaperPart, Table)}
 
 
 @dataclass(frozen=True)
-class Kept:
+class PartCache:
     """A file for each finished part, with what made it: version, files of the package, seeds and duration.
 
     Args:
@@ -44,7 +44,7 @@ class Kept:
     def __post_init__(self) -> None:
         _package_hash()  # of what runs now, not of what the files become meanwhile
 
-    def read(self, key: str) -> Part | None:
+    def read(self, key: str) -> PaperPart | None:
         """A part that was made by the same; None without."""
         file = self.folder / f"{key}.json"
         try:
@@ -52,9 +52,9 @@ class Kept:
             part = found["part"] if found["made_by"] == self._made_by() else None
         except (OSError, ValueError, KeyError, TypeError):
             return None  # not there, or damaged: it is made again
-        return part if isinstance(part, Part) else None
+        return part if isinstance(part, PaperPart) else None
 
-    def write(self, part: Part) -> None:
+    def write(self, part: PaperPart) -> None:
         """Keeps a part; rows of its studies are no longer needed.
 
         Raises:

@@ -9,7 +9,7 @@ from html import escape
 import numpy as np
 
 from oarlock.evaluation.interval import Interval
-from oarlock.lab.reproduce.contents import Chart, Curve, Part
+from oarlock.lab.reproduce.contents import Chart, EstimateCurve, PaperPart
 from oarlock.report import chart, curves
 from oarlock.report.markup import grid, rendered
 from oarlock.report.page import shell
@@ -19,7 +19,7 @@ _VERDICT_STYLES = {"holds": "good", "holds in part": "partly", "does not hold": 
 _DETAIL_S = 3.0
 
 
-def reproduction_page(parts: Sequence[Part], title: str, lead: Sequence[str]) -> str:
+def reproduction_page(parts: Sequence[PaperPart], title: str, lead: Sequence[str]) -> str:
     """The whole page as text; works offline, on paper and on a telephone."""
     head = "".join(f"<p>{escape(text)}</p>" for text in lead)
     sections = [(part.key, part.title, _part(part)) for part in parts]
@@ -28,7 +28,7 @@ def reproduction_page(parts: Sequence[Part], title: str, lead: Sequence[str]) ->
     )
 
 
-def _figures(parts: Sequence[Part]) -> str:
+def _figures(parts: Sequence[PaperPart]) -> str:
     """Key figures of the parts that have bounds or verdicts."""
     found = []
     for part in parts:
@@ -41,7 +41,7 @@ def _figures(parts: Sequence[Part]) -> str:
     return tiles(found) if found else ""
 
 
-def _part(part: Part) -> str:
+def _part(part: PaperPart) -> str:
     charts = "".join(chart.log_chart(_series(c), c.key, c.caption, c.x_name, c.y_name) for c in part.charts)
     return rendered(
         "reproduction_part",
@@ -56,7 +56,7 @@ def _series(shown: Chart) -> list[chart.Series]:
     return [chart.Series(name, x, y) for name, (x, y) in shown.series.items()]
 
 
-def _curves(key: str, groups: Mapping[str, tuple[Curve, ...]]) -> str:
+def _curves(key: str, groups: Mapping[str, tuple[EstimateCurve, ...]]) -> str:
     content: list[str] = []
     for name, shown in groups.items():
         window = _window(shown[0])
@@ -66,14 +66,14 @@ def _curves(key: str, groups: Mapping[str, tuple[Curve, ...]]) -> str:
     return "".join(content)
 
 
-def _window(curve: Curve) -> Interval:
+def _window(curve: EstimateCurve) -> Interval:
     middle = 0.5 * float(curve.time_s[0] + curve.time_s[-1])
     half = 0.5 * min(_DETAIL_S, float(curve.time_s[-1] - curve.time_s[0]))
     return Interval(middle - half, middle + half)
 
 
-def _figure(key: str, curve: Curve, window: Interval) -> str:
-    drawn = curves.Curve(
+def _figure(key: str, curve: EstimateCurve, window: Interval) -> str:
+    drawn = curves.ErrorCurve(
         curve.name,
         curve.unit,
         curve.factor,

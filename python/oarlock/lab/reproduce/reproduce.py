@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from oarlock.lab.reproduce.contents import Part
+from oarlock.lab.reproduce.contents import PaperPart
 from oarlock.lab.reproduce.cost import cost
 from oarlock.lab.reproduce.discussion import discussion
-from oarlock.lab.reproduce.field_trials import Scored, field_trials
+from oarlock.lab.reproduce.field_trials import TrackedTrial, field_trials
 from oarlock.lab.reproduce.figures import fig3, fig4, fig5
-from oarlock.lab.reproduce.kept import Kept
+from oarlock.lab.reproduce.kept import PartCache
 from oarlock.lab.reproduce.table5 import table5
 from oarlock.lab.reproduce.table6 import table6
 from oarlock.storage.errors import DataError
@@ -42,9 +42,9 @@ def reproduce(
     duration_s: float = 40.0,
     jobs: int | None = None,
     progress: Progress = None,
-    kept: Kept | None = None,
+    kept: PartCache | None = None,
     on_part: Callable[[str, bool], object] = lambda key, is_kept: None,
-) -> list[Part]:
+) -> list[PaperPart]:
     """Reproduce parts of the paper.
 
     Args:
@@ -75,7 +75,7 @@ def reproduce(
         on_part(name, True)
     missing = [name for name in chosen if name not in found]
     whole, done = sum(_WEIGHTS[name] for name in missing), 0.0
-    trials: list[Scored] | None = None
+    trials: list[TrackedTrial] | None = None
     with shown(progress, "running the experiments") as told:
         for name in missing:
             part_progress = share(told, done / whole, (done + _WEIGHTS[name]) / whole)
@@ -100,9 +100,9 @@ def _part(
     duration_s: float,
     jobs: int | None,
     progress: Told | None,
-    trials: Sequence[Scored],
+    trials: Sequence[TrackedTrial],
     runs: Path | None,
-) -> Part:
+) -> PaperPart:
     if name == "table5":
         return table5(seeds, duration_s, jobs, progress, runs)
     if name == "table6":

@@ -9,7 +9,7 @@ import numpy as np
 
 from oarlock import Study, StudyResult, load_model
 from oarlock.evaluation.study.pool import all_rows
-from oarlock.lab.reproduce.contents import Cell, Floats, Mark, Part, Table, finite_mean, shown, spread
+from oarlock.lab.reproduce.contents import Cell, Floats, Mark, PaperPart, Table, finite_mean, shown, spread
 from oarlock.lab.reproduce.estimators import ELEVEN, ESTIMATORS
 from oarlock.rowing.simulation import paper
 from oarlock.rowing.simulation.simulators import SIMULATORS
@@ -29,11 +29,11 @@ def table5(
     jobs: int | None,
     progress: Told | None,
     runs: Path | None = None,
-) -> Part:
+) -> PaperPart:
     """The whole table, by study; `runs` is a folder for finished runs."""
     study = table5_study(seeds, duration_s)
     result = StudyResult(study, tuple(all_rows(study, jobs, runs, progress)))
-    return Part(
+    return PaperPart(
         key="table5",
         title="Table 5: simulated inertial sensors",
         lead=_lead(result, duration_s),

@@ -7,18 +7,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from oarlock.lab.reproduce.contents import Cell, Part, Row, Table, finite_mean, shown, spread
-from oarlock.lab.reproduce.field_trials import NOT_PUBLIC, POINTS, RATE_HZ, SETTINGS, Scored, Setting
+from oarlock.lab.reproduce.contents import Cell, PaperPart, Row, Table, finite_mean, shown, spread
+from oarlock.lab.reproduce.field_trials import NOT_PUBLIC, POINTS, RATE_HZ, SETTINGS, Setting, TrackedTrial
 from oarlock.rowing.simulation import paper
 
 TARGET_MM = 30.0
 
 
-def table6(scored: Sequence[Scored], duration_s: float) -> Part:
+def table6(scored: Sequence[TrackedTrial], duration_s: float) -> PaperPart:
     """The paper's table with our values, then errors per axis, with bands and NEES."""
     settings = [s for s in SETTINGS if any(one.setting.key == s.key for one in scored)]
     seeds = sorted({one.seed for one in scored})
-    return Part(
+    return PaperPart(
         key="table6",
         title="Table 6: positions against optical markers",
         lead=(
@@ -39,7 +39,7 @@ def table6(scored: Sequence[Scored], duration_s: float) -> Part:
     )
 
 
-def rows(scored: Sequence[Scored]) -> list[Row]:
+def rows(scored: Sequence[TrackedTrial]) -> list[Row]:
     """One row for each setting, seed and point, with the printed value."""
     printed = paper.table_6()
     return [
@@ -57,12 +57,12 @@ def rows(scored: Sequence[Scored]) -> list[Row]:
     ]
 
 
-def values(scored: Sequence[Scored], setting: str, point: str, score: str) -> list[float]:
+def values(scored: Sequence[TrackedTrial], setting: str, point: str, score: str) -> list[float]:
     """One score over the seeds."""
     return [one.points[point][score] for one in scored if one.setting.key == setting]
 
 
-def _main(scored: Sequence[Scored], settings: Sequence[Setting]) -> Table:
+def _main(scored: Sequence[TrackedTrial], settings: Sequence[Setting]) -> Table:
     printed = paper.table_6()
     found = []
     for point in POINTS:
@@ -87,7 +87,7 @@ def _main(scored: Sequence[Scored], settings: Sequence[Setting]) -> Table:
     )
 
 
-def _mean_cell(scored: Sequence[Scored], setting: Setting) -> Cell:
+def _mean_cell(scored: Sequence[TrackedTrial], setting: Setting) -> Cell:
     errors = np.array([values(scored, setting.key, point, "rmse_3d_m") for point in POINTS]) * 1e3
     mean = finite_mean(errors)
     whole = finite_mean([1e3 * p.rmse_m for p in paper.table_6().values()])
@@ -102,7 +102,7 @@ def _mean_cell(scored: Sequence[Scored], setting: Setting) -> Cell:
     )
 
 
-def _axes(scored: Sequence[Scored], setting: Setting) -> Table:
+def _axes(scored: Sequence[TrackedTrial], setting: Setting) -> Table:
     found = []
     for point in POINTS:
         of = {k: values(scored, setting.key, point, k) for k in next(iter(scored)).points[point]}

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Format:
+class WireFormat:
     """A wire format.
 
     Args:
@@ -41,25 +41,29 @@ class Format:
 
 
 _FORMATS = (
-    Format("csafe", "csafe", ("ble", "serial"), "CSAFE frames of fitness machines"),
-    Format("cycling_power", "cycling_power", ("ble",), "Cycling power measurements (0x2A63)"),
-    Format("dot", "dot", ("ble",), "Movella DOT (Xsens DOT): measurement payloads, battery, messages"),
-    Format("ftms", "ftms", ("ble",), "Rower data of fitness machines (FTMS, 0x2AD1)"),
-    Format("heart_rate", "heart_rate", ("ble",), "Heart rate belts and watches (0x2A37)"),
-    Format(
+    WireFormat("csafe", "csafe", ("ble", "serial"), "CSAFE frames of fitness machines"),
+    WireFormat("cycling_power", "cycling_power", ("ble",), "Cycling power measurements (0x2A63)"),
+    WireFormat("dot", "dot", ("ble",), "Movella DOT (Xsens DOT): measurement payloads, battery, messages"),
+    WireFormat("ftms", "ftms", ("ble",), "Rower data of fitness machines (FTMS, 0x2AD1)"),
+    WireFormat("heart_rate", "heart_rate", ("ble",), "Heart rate belts and watches (0x2A37)"),
+    WireFormat(
         "lines", "lines", ("serial", "tcp", "udp"), "own lines t_us,seq,ax..mz, or JSON, one object a line"
     ),
-    Format("lsl", "lsl", ("lsl",), "Lab Streaming Layer: inertial units by labels and units, other channels"),
-    Format("mvn", "mxtp", ("tcp", "udp"), "Xsens MVN network streamer: types 02 and 23"),
-    Format("ngimu", "ngimu", ("serial", "udp"), "x-io NGIMU"),
-    Format("nmea", "nmea", ("serial", "tcp", "udp"), "GPS receivers: RMC and VTG"),
-    Format("open_rowing_monitor", "open_rowing_monitor", ("mqtt", "websocket"), "Open Rowing Monitor, JSON"),
-    Format("osc", "osc_readings", ("serial", "udp"), "Open Sound Control, addresses DEVICE/QUANTITY"),
-    Format("pm5", "pm5", ("ble",), "Concept2 PM5: status, strokes, force curves"),
-    Format("shimmer3", "shimmer3", ("serial",), "Shimmer3 with LogAndStream firmware"),
-    Format("vicon", "vicon", ("udp",), "Vicon Tracker: UDP object stream"),
-    Format("ximu3", "ximu3", ("serial", "tcp", "udp"), "x-io x-IMU3"),
+    WireFormat(
+        "lsl", "lsl", ("lsl",), "Lab Streaming Layer: inertial units by labels and units, other channels"
+    ),
+    WireFormat("mvn", "mxtp", ("tcp", "udp"), "Xsens MVN network streamer: types 02 and 23"),
+    WireFormat("ngimu", "ngimu", ("serial", "udp"), "x-io NGIMU"),
+    WireFormat("nmea", "nmea", ("serial", "tcp", "udp"), "GPS receivers: RMC and VTG"),
+    WireFormat(
+        "open_rowing_monitor", "open_rowing_monitor", ("mqtt", "websocket"), "Open Rowing Monitor, JSON"
+    ),
+    WireFormat("osc", "osc_readings", ("serial", "udp"), "Open Sound Control, addresses DEVICE/QUANTITY"),
+    WireFormat("pm5", "pm5", ("ble",), "Concept2 PM5: status, strokes, force curves"),
+    WireFormat("shimmer3", "shimmer3", ("serial",), "Shimmer3 with LogAndStream firmware"),
+    WireFormat("vicon", "vicon", ("udp",), "Vicon Tracker: UDP object stream"),
+    WireFormat("ximu3", "ximu3", ("serial", "tcp", "udp"), "x-io x-IMU3"),
 )
 
-DECODERS: Mapping[str, Format] = MappingProxyType({format.name: format for format in _FORMATS})
+DECODERS: Mapping[str, WireFormat] = MappingProxyType({format.name: format for format in _FORMATS})
 """The formats by name."""

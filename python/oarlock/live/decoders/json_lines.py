@@ -22,18 +22,18 @@ MOST_DEVICES = 64
 
 
 @dataclass
-class Clock:
+class MicrosecondCounter:
     """The microseconds and the count of one device, unwrapped: they may wrap at 2^32, the count also earlier."""
 
     time_us: Wrapping = field(default_factory=lambda: Wrapping(2**32))
     count: Wrapping = field(default_factory=lambda: Wrapping(*REGISTERS))
 
 
-class Objects:
+class JsonObjects:
     """JSON objects of one sender to readings."""
 
     def __init__(self) -> None:
-        self._clocks: dict[str, Clock] = {}
+        self._clocks: dict[str, MicrosecondCounter] = {}
 
     def readings(self, line: bytes) -> list[Reading] | None:
         """The readings of one object; None if it is damaged."""
@@ -67,10 +67,10 @@ class Objects:
         count = clock.count.unwrapped(numbers[counter]) if counter in numbers else None
         return Reading(device, clock_s, values, count)
 
-    def _clock(self, device: str) -> Clock:
+    def _clock(self, device: str) -> MicrosecondCounter:
         if device not in self._clocks and len(self._clocks) >= MOST_DEVICES:
             raise ValueError("too many devices")
-        return self._clocks.setdefault(device, Clock())
+        return self._clocks.setdefault(device, MicrosecondCounter())
 
 
 def _whole(value: object) -> int:

@@ -11,27 +11,27 @@ from __future__ import annotations
 import math
 
 from oarlock.formats.devices.lines import HEADER, SHORT_HEADER, sample_of
-from oarlock.live.decoders.json_lines import Clock, Objects
-from oarlock.live.decoders.messages import Messages
+from oarlock.live.decoders.json_lines import JsonObjects, MicrosecondCounter
+from oarlock.live.decoders.messages import MessageDecoder
 from oarlock.live.reading import Reading, Value
 
 _COLUMNS = (("accel_m_s2", 2), ("gyro_rad_s", 5), ("mag_ut", 8))
 _HEADERS = (HEADER.encode(), SHORT_HEADER.encode())
 
 
-def decoder(*, datagrams: bool = False) -> Messages:
+def decoder(*, datagrams: bool = False) -> MessageDecoder:
     """A decoder of one sender.
 
     Args:
         datagrams: each packet has whole lines, of which the last may lack its LF, as in UDP.
     """
-    return Messages(_Lines().readings, datagrams=datagrams)
+    return MessageDecoder(_LineReader().readings, datagrams=datagrams)
 
 
-class _Lines:
+class _LineReader:
     def __init__(self) -> None:
-        self._clock = Clock()
-        self._objects = Objects()
+        self._clock = MicrosecondCounter()
+        self._objects = JsonObjects()
 
     def readings(self, line: bytes) -> list[Reading] | None:
         line = line.strip()

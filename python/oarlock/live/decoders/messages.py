@@ -10,7 +10,7 @@ MOST_BYTES = 4096
 """Longer messages are damaged: their delimiter was lost."""
 
 
-class Messages:
+class MessageDecoder:
     """Decodes a stream of messages, each of which ends with the same byte.
 
     Args:

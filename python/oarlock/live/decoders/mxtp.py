@@ -16,7 +16,7 @@ from types import MappingProxyType
 from oarlock.formats.devices.mvnx import FULL_BODY, SENSOR
 from oarlock.formats.devices.unit_readings import stream_name
 from oarlock.live.decoders.quantities import are_sound, radians
-from oarlock.live.decoders.sample_clock import SampleClock
+from oarlock.live.decoders.sample_clock import MillisecondClock
 from oarlock.live.decoders.wrapping import Wrapping
 from oarlock.live.reading import Reading, Value
 
@@ -61,7 +61,7 @@ class MxtpDecoder:
             raise ValueError(f'gyro_unit is "{gyro_unit}"; expected deg/s or rad/s')
         self.damaged = 0
         self._gyro, self._every, self._datagrams = _GYRO[gyro_unit], every, datagrams
-        self._samples, self._clock, self._fine = Wrapping(2**32), Wrapping(2**32), SampleClock()
+        self._samples, self._clock, self._fine = Wrapping(2**32), Wrapping(2**32), MillisecondClock()
         self._rest = b""
         self._lost = False
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
-from oarlock.live.decoders.messages import Messages
-from oarlock.live.decoders.osc import Message, seconds
+from oarlock.live.decoders.messages import MessageDecoder
+from oarlock.live.decoders.osc import OscMessage, seconds
 from oarlock.live.decoders.osc_readings import osc_decoder, value_of
 from oarlock.live.decoders.quantities import are_sound, from_gravities, radians
 from oarlock.live.reading import Reading, Value
@@ -18,7 +18,7 @@ from oarlock.live.reading import Reading, Value
 Numbers = tuple[float, ...]
 
 
-def decoder(*, datagrams: bool = False) -> Messages:
+def decoder(*, datagrams: bool = False) -> MessageDecoder:
     """A decoder of one unit.
 
     Args:
@@ -52,7 +52,7 @@ _KNOWN: Mapping[str, tuple[int, Callable[[Numbers], dict[str, Value]]]] = Mappin
 """Address -> how many arguments, and what they are. Arguments of others are passed on by their address, as sent."""
 
 
-def _readings(found: list[Message]) -> list[Reading] | None:
+def _readings(found: list[OscMessage]) -> list[Reading] | None:
     readings: list[Reading] = []
     for message in found:
         values = _values(message)
@@ -63,7 +63,7 @@ def _readings(found: list[Message]) -> list[Reading] | None:
     return readings
 
 
-def _values(message: Message) -> dict[str, Value] | None:
+def _values(message: OscMessage) -> dict[str, Value] | None:
     numbers = tuple(float(one) for one in message.arguments if isinstance(one, int | float))
     if message.address in _KNOWN:
         width, read = _KNOWN[message.address]

@@ -11,7 +11,7 @@ import datetime
 from functools import reduce
 from operator import xor
 
-from oarlock.live.decoders.messages import Messages
+from oarlock.live.decoders.messages import MessageDecoder
 from oarlock.live.decoders.quantities import are_sound
 from oarlock.live.reading import Reading, Value
 
@@ -21,13 +21,13 @@ _CENTURY_FROM = 80
 """Two digits of a year from here on are of the century before."""
 
 
-def decoder(*, datagrams: bool = False) -> Messages:
+def decoder(*, datagrams: bool = False) -> MessageDecoder:
     """A decoder of one receiver.
 
     Args:
         datagrams: each packet has whole sentences, of which the last may lack its end, as in UDP.
     """
-    return Messages(_readings, datagrams=datagrams)
+    return MessageDecoder(_readings, datagrams=datagrams)
 
 
 def sentence(body: str) -> bytes:

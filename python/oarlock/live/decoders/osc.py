@@ -22,7 +22,7 @@ _NUMBERS = {"i": ">i", "f": ">f", "d": ">d", "h": ">q", "t": ">Q"}
 _PLAIN = {"T": True, "F": False}
 
 
-class Message(NamedTuple):
+class OscMessage(NamedTuple):
     """A message, with the time tag of its bundle: 2^-32 s since 1900, or None."""
 
     tag: int | None
@@ -30,7 +30,7 @@ class Message(NamedTuple):
     arguments: tuple[Argument, ...]
 
 
-def messages(packet: bytes) -> list[Message] | None:
+def messages(packet: bytes) -> list[OscMessage] | None:
     """The messages of a packet; None if any is malformed, or has an argument other than i f d T F s b h t."""
     try:
         return _messages(packet, None, 0)
@@ -68,14 +68,14 @@ def bundle(tag: int, packets: Sequence[bytes]) -> bytes:
     return _BUNDLE + struct.pack(">Q", tag) + sized
 
 
-def _messages(packet: bytes, tag: int | None, depth: int) -> list[Message]:
+def _messages(packet: bytes, tag: int | None, depth: int) -> list[OscMessage]:
     if not packet.startswith(_BUNDLE):
         return [_message(packet, tag)]
     if depth > _DEEPEST:
         raise ValueError("too deep")
     (own,) = struct.unpack_from(">Q", packet, len(_BUNDLE))
     tag = None if own == _IMMEDIATELY else own
-    found: list[Message] = []
+    found: list[OscMessage] = []
     at = 16
     while at < len(packet):
         (size,) = struct.unpack_from(">I", packet, at)
@@ -86,7 +86,7 @@ def _messages(packet: bytes, tag: int | None, depth: int) -> list[Message]:
     return found
 
 
-def _message(packet: bytes, tag: int | None) -> Message:
+def _message(packet: bytes, tag: int | None) -> OscMessage:
     address, at = _text(packet, 0)
     kinds, at = _text(packet, at)
     if not address.startswith("/") or not kinds.startswith(","):
@@ -97,7 +97,7 @@ def _message(packet: bytes, tag: int | None) -> Message:
         arguments.append(value)
     if at != len(packet):
         raise ValueError("bytes behind the last argument")
-    return Message(tag, address, tuple(arguments))
+    return OscMessage(tag, address, tuple(arguments))
 
 
 def _argument(packet: bytes, at: int, kind: str) -> tuple[Argument, int]:

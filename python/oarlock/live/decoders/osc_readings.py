@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from oarlock.live.decoders.messages import Messages
-from oarlock.live.decoders.osc import SLIP_END, Argument, Message, messages, seconds, unslipped
+from oarlock.live.decoders.messages import MessageDecoder
+from oarlock.live.decoders.osc import SLIP_END, Argument, OscMessage, messages, seconds, unslipped
 from oarlock.live.decoders.quantities import are_sound
 from oarlock.live.reading import Reading, Value
 
 
-def decoder(*, datagrams: bool = False) -> Messages:
+def decoder(*, datagrams: bool = False) -> MessageDecoder:
     """A decoder of one sender.
 
     Args:
@@ -23,7 +23,9 @@ def decoder(*, datagrams: bool = False) -> Messages:
     return osc_decoder(readings, datagrams=datagrams)
 
 
-def osc_decoder(read: Callable[[list[Message]], list[Reading] | None], *, datagrams: bool) -> Messages:
+def osc_decoder(
+    read: Callable[[list[OscMessage]], list[Reading] | None], *, datagrams: bool
+) -> MessageDecoder:
     """A decoder of OSC packets.
 
     Args:
@@ -36,10 +38,10 @@ def osc_decoder(read: Callable[[list[Message]], list[Reading] | None], *, datagr
         found = None if plain is None else messages(plain)
         return None if found is None else read(found)
 
-    return Messages(packet, b"" if datagrams else SLIP_END)
+    return MessageDecoder(packet, b"" if datagrams else SLIP_END)
 
 
-def readings(found: list[Message]) -> list[Reading] | None:
+def readings(found: list[OscMessage]) -> list[Reading] | None:
     """A reading for each device and time tag of a packet; None if a quantity is not what its name says."""
     grouped: dict[tuple[int | None, str], dict[str, Value]] = {}
     for tag, address, arguments in found:

@@ -6,7 +6,7 @@ HALF_COUNT_S = 5e-4
 """Rounding to milliseconds."""
 
 
-class SampleClock:
+class MillisecondClock:
     """Time of samples at equal intervals: it goes on by their mean interval, within the rounding of the stamps.
 
     Whole milliseconds as they are would cost 0.5 ms: at 200 deg/s 0.1 deg.

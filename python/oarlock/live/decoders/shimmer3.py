@@ -11,8 +11,8 @@ from __future__ import annotations
 from oarlock.live.decoders.shimmer3_channels import (
     CALIBRATION_BYTES,
     INQUIRY_BYTES,
-    Calibration,
-    Layout,
+    ChannelCalibration,
+    PacketLayout,
     calibrations_of,
     channel_count,
     layout_of,
@@ -54,10 +54,10 @@ def decoder(*, accel: str = "", inquiry: str = "") -> Shimmer3Decoder:
 class Shimmer3Decoder:
     """The stream of one unit."""
 
-    def __init__(self, accel: str, layout: Layout | None) -> None:
+    def __init__(self, accel: str, layout: PacketLayout | None) -> None:
         self.damaged = 0
         self._accel, self._layout = accel, layout
-        self._calibrations: dict[str, Calibration] = {}
+        self._calibrations: dict[str, ChannelCalibration] = {}
         self._clock = Wrapping(_TICKS)
         self._last: int | None = None
         self._in_step = layout is None

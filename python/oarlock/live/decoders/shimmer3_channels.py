@@ -23,40 +23,43 @@ from oarlock.storage.array_gate import FloatArray
 
 
 @dataclass(frozen=True)
-class _Channel:
+class _ChannelFormat:
     name: str
     width: int = 2
     order: Literal["little", "big"] = "little"
     signed: bool = True
 
 
-def _triad(first: int, name: str, order: Literal["little", "big"] = "little") -> dict[int, _Channel]:
-    return {first + k: _Channel(f"{name}_{axis}", order=order) for k, axis in enumerate("xyz")}
+def _triad(first: int, name: str, order: Literal["little", "big"] = "little") -> dict[int, _ChannelFormat]:
+    return {first + k: _ChannelFormat(f"{name}_{axis}", order=order) for k, axis in enumerate("xyz")}
 
 
-_CHANNELS: Mapping[int, _Channel] = MappingProxyType(
+_CHANNELS: Mapping[int, _ChannelFormat] = MappingProxyType(
     {
         **_triad(0x00, "accel_ln"),
-        0x03: _Channel("battery"),
+        0x03: _ChannelFormat("battery"),
         **_triad(0x04, "accel_wr"),
         **_triad(0x07, "mag"),
         **_triad(0x0A, "gyro", "big"),
-        **{0x0D + k: _Channel(f"adc_{n}", signed=False) for k, n in enumerate((7, 6, 15, 1, 12, 13, 14))},
-        0x1A: _Channel("temperature", 2, "big", signed=False),
-        0x1B: _Channel("pressure", 3, "big", signed=False),
-        0x1C: _Channel("gsr", signed=False),
-        0x1D: _Channel("exg1_status", 1, signed=False),
-        0x1E: _Channel("exg1_ch1", 3, "big"),
-        0x1F: _Channel("exg1_ch2", 3, "big"),
-        0x20: _Channel("exg2_status", 1, signed=False),
-        0x21: _Channel("exg2_ch1", 3, "big"),
-        0x22: _Channel("exg2_ch2", 3, "big"),
-        0x23: _Channel("exg1_ch1", 2, "big"),
-        0x24: _Channel("exg1_ch2", 2, "big"),
-        0x25: _Channel("exg2_ch1", 2, "big"),
-        0x26: _Channel("exg2_ch2", 2, "big"),
-        0x27: _Channel("strain_high", signed=False),
-        0x28: _Channel("strain_low", signed=False),
+        **{
+            0x0D + k: _ChannelFormat(f"adc_{n}", signed=False)
+            for k, n in enumerate((7, 6, 15, 1, 12, 13, 14))
+        },
+        0x1A: _ChannelFormat("temperature", 2, "big", signed=False),
+        0x1B: _ChannelFormat("pressure", 3, "big", signed=False),
+        0x1C: _ChannelFormat("gsr", signed=False),
+        0x1D: _ChannelFormat("exg1_status", 1, signed=False),
+        0x1E: _ChannelFormat("exg1_ch1", 3, "big"),
+        0x1F: _ChannelFormat("exg1_ch2", 3, "big"),
+        0x20: _ChannelFormat("exg2_status", 1, signed=False),
+        0x21: _ChannelFormat("exg2_ch1", 3, "big"),
+        0x22: _ChannelFormat("exg2_ch2", 3, "big"),
+        0x23: _ChannelFormat("exg1_ch1", 2, "big"),
+        0x24: _ChannelFormat("exg1_ch2", 2, "big"),
+        0x25: _ChannelFormat("exg2_ch1", 2, "big"),
+        0x26: _ChannelFormat("exg2_ch2", 2, "big"),
+        0x27: _ChannelFormat("strain_high", signed=False),
+        0x28: _ChannelFormat("strain_low", signed=False),
     }
 )
 _SENSORS = ("accel_ln", "gyro", "mag", "accel_wr")
@@ -68,7 +71,7 @@ INQUIRY_BYTES = _INQUIRY.size
 
 
 @dataclass(frozen=True)
-class Layout:
+class PacketLayout:
     """What follows the time stamp of a data packet.
 
     Args:
@@ -77,7 +80,7 @@ class Layout:
     """
 
     period: int
-    channels: tuple[_Channel, ...]
+    channels: tuple[_ChannelFormat, ...]
 
     @property
     def size(self) -> int:
@@ -98,24 +101,24 @@ def channel_count(response: bytes) -> int:
     return int(_INQUIRY.unpack_from(response)[2])
 
 
-def layout_of(response: bytes) -> Layout | None:
+def layout_of(response: bytes) -> PacketLayout | None:
     """The layout by an inquiry response without its first byte; None if it is none, or has unknown channels."""
     period, _, count, buffered = _INQUIRY.unpack_from(response)
     numbers = response[INQUIRY_BYTES : INQUIRY_BYTES + count]
     if not period or not count or buffered != 1 or any(number not in _CHANNELS for number in numbers):
         return None
-    return Layout(period, tuple(_CHANNELS[number] for number in numbers))
+    return PacketLayout(period, tuple(_CHANNELS[number] for number in numbers))
 
 
 @dataclass(frozen=True)
-class Calibration:
+class ChannelCalibration:
     """Offset b in counts, (3,), and (3, 3) R^-1 K^-1, to deg/s, m/s2 or local flux."""
 
     offset: FloatArray
     matrix: FloatArray
 
 
-def calibrations_of(response: bytes) -> dict[str, Calibration]:
+def calibrations_of(response: bytes) -> dict[str, ChannelCalibration]:
     """Sensor -> its calibration, by a calibration response without its first byte; some may have none."""
     found = {}
     for name, numbers in zip(_SENSORS, _CALIBRATION.iter_unpack(response), strict=True):
@@ -126,17 +129,17 @@ def calibrations_of(response: bytes) -> dict[str, Calibration]:
         # Rows are directions: memory that was never written has others.
         if 0.5 < abs(np.linalg.det(alignment)) < 1.5:
             matrix = np.linalg.inv(alignment) / sensitivity
-            found[name] = Calibration(np.array(numbers[:3], float), matrix)
+            found[name] = ChannelCalibration(np.array(numbers[:3], float), matrix)
     return found
 
 
 def values_of(
-    counts: Mapping[str, int], calibrations: Mapping[str, Calibration], accel: str
+    counts: Mapping[str, int], calibrations: Mapping[str, ChannelCalibration], accel: str
 ) -> dict[str, Value]:
     """Quantities of the sensors that have a calibration, `NAME_counts` of all others.
 
     Args:
-        counts: as `Layout.counts`.
+        counts: as `PacketLayout.counts`.
         calibrations: as `calibrations_of`.
         accel: which accelerometer is `accel_m_s2`: "LN" (low noise) or "WR" (wide range); "" for LN where there is one.
     """

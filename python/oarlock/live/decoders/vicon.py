@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import struct
 
-from oarlock.live.decoders.messages import Messages
+from oarlock.live.decoders.messages import MessageDecoder
 from oarlock.live.decoders.quantities import are_sound
 from oarlock.live.decoders.wrapping import Wrapping
 from oarlock.live.reading import Reading
@@ -21,14 +21,14 @@ _OBJECT = struct.Struct("<24s6d")
 _OBJECT_ID = 0
 
 
-def decoder(*, rate_hz: float = 0.0) -> Messages:
+def decoder(*, rate_hz: float = 0.0) -> MessageDecoder:
     """A decoder of one Tracker: a reading for each object that it sees; its name is the device.
 
     Args:
         rate_hz: of the cameras' frames, whose count then is the readings' clock; 0 if unknown: they have none.
     """
     frames = Wrapping(2**32)
-    return Messages(lambda data: _readings(data, frames, rate_hz), b"")
+    return MessageDecoder(lambda data: _readings(data, frames, rate_hz), b"")
 
 
 def _readings(data: bytes, frames: Wrapping, rate_hz: float) -> list[Reading] | None:

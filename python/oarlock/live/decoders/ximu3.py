@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 from oarlock.formats.devices.ximu3_messages import LARGEST_US, text_arguments, unstuffed
-from oarlock.live.decoders.messages import Messages
+from oarlock.live.decoders.messages import MessageDecoder
 from oarlock.live.decoders.quantities import are_sound, from_gravities, quat_from_roll_pitch_yaw, radians
 from oarlock.live.reading import Reading, Value
 
@@ -32,7 +32,7 @@ def decoder(
     high_g_divisor: int = 1,
     magnetometer_divisor: int = 1,
     datagrams: bool = False,
-) -> Messages:
+) -> MessageDecoder:
     """A decoder of one unit, or of a multiplexed stream: the channel is the reading's device.
 
     Args:
@@ -43,7 +43,7 @@ def decoder(
     """
     divisors = {"I": inertial_divisor, "H": high_g_divisor, "M": magnetometer_divisor}
     earlier_s = {kind: 0.5 * (n - 1) / _SAMPLES_HZ[kind] for kind, n in divisors.items()}
-    return Messages(lambda message: _readings(message, earlier_s), datagrams=datagrams)
+    return MessageDecoder(lambda message: _readings(message, earlier_s), datagrams=datagrams)
 
 
 def _acceleration(name: str) -> Callable[[Numbers], dict[str, Value]]:

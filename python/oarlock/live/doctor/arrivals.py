@@ -16,7 +16,7 @@ from oarlock.live.scan.recognition import Tally
 
 
 @dataclass
-class Sender:
+class DeviceArrivals:
     """One device of a source.
 
     Args:
@@ -55,7 +55,7 @@ class StreamHeard:
     delays_s: list[float] = field(default_factory=list)
     values: list[float] = field(default_factory=list)
 
-    def take(self, sender: Sender, reading: Reading, arrival_s: float) -> None:
+    def take(self, sender: DeviceArrivals, reading: Reading, arrival_s: float) -> None:
         """Count a reading, if it has something for this stream."""
         value = values_for(self.feed, reading)
         if value is None:
@@ -89,7 +89,7 @@ class Arrivals:
 
     rig: Rig
     streams: dict[str, StreamHeard] = field(default_factory=dict)
-    senders: dict[tuple[str, str, str], Sender] = field(default_factory=dict)
+    senders: dict[tuple[str, str, str], DeviceArrivals] = field(default_factory=dict)
     damaged: dict[str, int] = field(default_factory=dict)
     readings: dict[str, int] = field(default_factory=dict)
 
@@ -102,7 +102,7 @@ class Arrivals:
                 found._take(hearing, address, packets)
         return found
 
-    def of_source(self, name: str) -> list[Sender]:
+    def of_source(self, name: str) -> list[DeviceArrivals]:
         """The devices of a source."""
         return [sender for sender in self.senders.values() if sender.source == name]
 
@@ -119,10 +119,10 @@ class Arrivals:
                     self.streams[stream].take(sender, reading, arrival_s)
         self.damaged[source.name] = self.damaged.get(source.name, 0) + decoder.damaged
 
-    def _sender(self, source: str, address: str, part: str) -> Sender:
+    def _sender(self, source: str, address: str, part: str) -> DeviceArrivals:
         key = (source, address, part)
         if key not in self.senders:
-            self.senders[key] = Sender(*key, tuple(self._fed(source, address, part)))
+            self.senders[key] = DeviceArrivals(*key, tuple(self._fed(source, address, part)))
         return self.senders[key]
 
     def _fed(self, source: str, address: str, part: str) -> Iterator[str]:

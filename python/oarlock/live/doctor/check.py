@@ -9,7 +9,7 @@ OK, NOTE, PROBLEM = "ok", "note", "problem"
 
 
 @dataclass(frozen=True)
-class Check:
+class Diagnosis:
     """One finding.
 
     Args:

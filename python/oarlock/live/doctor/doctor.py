@@ -6,7 +6,7 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from oarlock.live.doctor.check import OK, PROBLEM, Check
+from oarlock.live.doctor.check import OK, PROBLEM, Diagnosis
 from oarlock.live.doctor.disk import disk
 from oarlock.live.doctor.machine import clocks, versions
 from oarlock.live.doctor.network import network
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _USUAL_PORTS = (8000, 9000)
 
 
-async def machine_checks(rig: Rig | None, folder: Path) -> list[Check]:
+async def machine_checks(rig: Rig | None, folder: Path) -> list[Diagnosis]:
     """Of this machine.
 
     Args:
@@ -44,7 +44,7 @@ async def machine_checks(rig: Rig | None, folder: Path) -> list[Check]:
     ]
 
 
-def read_rig(file: Path) -> tuple[Rig | None, Model | None, list[Check]]:
+def read_rig(file: Path) -> tuple[Rig | None, Model | None, list[Diagnosis]]:
     """A rig and its model, and what is wrong with the file; None for what cannot be read."""
     import oarlock
 
@@ -54,13 +54,13 @@ def read_rig(file: Path) -> tuple[Rig | None, Model | None, list[Check]]:
         if rig.calibration is not None:
             oarlock.load_calibration(rig.calibration)
     except (DataError, oarlock.ModelError) as error:
-        return None, None, [Check("rig", PROBLEM, str(error), ("Correct the file, and run this again.",))]
+        return None, None, [Diagnosis("rig", PROBLEM, str(error), ("Correct the file, and run this again.",))]
     used = ", with a calibration" if rig.calibration is not None else "; mounts are those of the model"
     text = f"{len(rig.feeds)} streams of {len(rig.sources)} sources for the model {model.name}{used}"
-    return rig, model, [Check("rig", OK, text)]
+    return rig, model, [Diagnosis("rig", OK, text)]
 
 
-async def arrival_checks(rig: Rig, model: Model, seconds: float) -> list[Check]:
+async def arrival_checks(rig: Rig, model: Model, seconds: float) -> list[Diagnosis]:
     """Of what a rig's sources deliver within some seconds."""
     hearings = await hear(rig.sources.values(), seconds)
     return rig_checks(rig, model, hearings, seconds)

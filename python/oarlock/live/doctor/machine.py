@@ -11,7 +11,7 @@ from importlib import import_module, metadata
 from types import MappingProxyType
 
 from oarlock._core import __version__
-from oarlock.live.doctor.check import NOTE, OK, Check, prevents
+from oarlock.live.doctor.check import NOTE, OK, Diagnosis, prevents
 
 _EXTRAS: Mapping[str, tuple[str, str, str]] = MappingProxyType(
     {
@@ -25,14 +25,14 @@ _EXTRAS: Mapping[str, tuple[str, str, str]] = MappingProxyType(
 _WAKES, _NAP_S, _LATE_S = 200, 0.002, 0.02
 
 
-def versions(needed: Collection[str]) -> Iterator[Check]:
+def versions(needed: Collection[str]) -> Iterator[Diagnosis]:
     """Of Oarlock and of what its transports need.
 
     Args:
         needed: transports of the rig.
     """
     here = f"{platform.system()} {platform.release()}, {platform.machine()}"
-    yield Check("versions", OK, f"Oarlock {__version__}, Python {platform.python_version()}, {here}")
+    yield Diagnosis("versions", OK, f"Oarlock {__version__}, Python {platform.python_version()}, {here}")
     for transport, (module, package, what) in _EXTRAS.items():
         install = f"pip install 'oarlock[{transport}]'"
         try:
@@ -40,12 +40,12 @@ def versions(needed: Collection[str]) -> Iterator[Check]:
             import_module(module)
         except metadata.PackageNotFoundError:
             state = prevents(transport in needed)
-            yield Check("versions", state, f"{package} is not installed; {what} needs it", (install,))
+            yield Diagnosis("versions", state, f"{package} is not installed; {what} needs it", (install,))
         except (ImportError, RuntimeError, OSError) as error:
             state = prevents(transport in needed)
-            yield Check("versions", state, f"{package} {version} does not load: {error}", (install,))
+            yield Diagnosis("versions", state, f"{package} {version} does not load: {error}", (install,))
         else:
-            yield Check("versions", OK, f"{package} {version}{_library(module)}, for {what}")
+            yield Diagnosis("versions", OK, f"{package} {version}{_library(module)}, for {what}")
 
 
 def _library(module: str) -> str:
@@ -57,7 +57,7 @@ def _library(module: str) -> str:
     return f" with liblsl {number // 100}.{number % 100}"
 
 
-async def clocks() -> Check:
+async def clocks() -> Diagnosis:
     """How late this machine wakes a program that waits, which delays estimates but no stamp."""
     late_s = []
     for _ in range(_WAKES):
@@ -71,10 +71,12 @@ async def clocks() -> Check:
         f"arrivals has steps of {1e9 * time.get_clock_info('monotonic').resolution:.0f} ns"
     )
     if often < _LATE_S:
-        return Check("clock", OK, text)
+        return Diagnosis("clock", OK, text)
     busy = (
         f" ({os.getloadavg()[0]:.1f} programs want its {os.cpu_count()} cores)"
         if hasattr(os, "getloadavg")
         else ""
     )
-    return Check("clock", NOTE, f"{text}{busy}", ("Close other programs, and connect the laptop to power.",))
+    return Diagnosis(
+        "clock", NOTE, f"{text}{busy}", ("Close other programs, and connect the laptop to power.",)
+    )

@@ -8,7 +8,7 @@ import socket
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
-from oarlock.live.doctor.check import NOTE, OK, Check, prevents
+from oarlock.live.doctor.check import NOTE, OK, Diagnosis, prevents
 from oarlock.live.transports.udp import BUFFER_BYTES
 
 _WAIT_S = 5.0
@@ -16,7 +16,7 @@ _OUTSIDE = ("192.0.2.1", 9)  # documentation address (RFC 5737); choosing a rout
 _FEW_BYTES = 256 << 10
 
 
-def network(ports: Collection[int], rig_ports: Collection[int]) -> Iterator[Check]:
+def network(ports: Collection[int], rig_ports: Collection[int]) -> Iterator[Diagnosis]:
     """Checks of addresses and UDP ports.
 
     Args:
@@ -26,14 +26,14 @@ def network(ports: Collection[int], rig_ports: Collection[int]) -> Iterator[Chec
     address = own_address()
     if address is None:
         text = "this machine is in no network; only its own programs can send to it"
-        yield Check("network", NOTE, text, ("Join the sensors' Wi-Fi.",))
+        yield Diagnosis("network", NOTE, text, ("Join the sensors' Wi-Fi.",))
     else:
-        yield Check("network", OK, f"this machine is {address}: sensors must send there")
+        yield Diagnosis("network", OK, f"this machine is {address}: sensors must send there")
     found = {port: _port(port, address, port in rig_ports) for port in sorted(ports)}
     yield from (check for check in found.values() if check is not None)
     free = ", ".join(str(port) for port, check in found.items() if check is None)
     if free:
-        yield Check("network", OK, f"UDP port {free}: free, and a datagram to oneself arrives")
+        yield Diagnosis("network", OK, f"UDP port {free}: free, and a datagram to oneself arrives")
     yield _buffer()
     yield firewall(ports)
 
@@ -46,7 +46,7 @@ def own_address() -> str | None:
     return None
 
 
-def _port(port: int, address: str | None, is_needed: bool) -> Check | None:
+def _port(port: int, address: str | None, is_needed: bool) -> Diagnosis | None:
     """What is wrong with a port; None if nothing is."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
         try:
@@ -56,18 +56,18 @@ def _port(port: int, address: str | None, is_needed: bool) -> Check | None:
         for to in filter(None, ("127.0.0.1", address)):
             if not _arrives(one, to, port):
                 text = f"UDP port {port}: a datagram to {to} did not arrive"
-                return Check("network", prevents(is_needed), text, (_allow(port),))
+                return Diagnosis("network", prevents(is_needed), text, (_allow(port),))
     return None
 
 
-def _taken(port: int, why: str, is_needed: bool) -> Check:
+def _taken(port: int, why: str, is_needed: bool) -> Diagnosis:
     who = holder(port)
     text = f"UDP port {port}: {why.lower()}" + (f"; {who} listens there" if who else "")
     tries = (
         "End that program; it may be a session that still runs.",
         f"Or let the sensors send to another port, and write that in place of {port}.",
     )
-    return Check("network", prevents(is_needed), text, tries)
+    return Diagnosis("network", prevents(is_needed), text, tries)
 
 
 def _arrives(bound: socket.socket, to: str, port: int) -> bool:
@@ -98,7 +98,7 @@ def holder(port: int) -> str:
     return ""
 
 
-def _buffer() -> Check:
+def _buffer() -> Diagnosis:
     """How much the kernel keeps while the tracker is busy."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
         with contextlib.suppress(OSError):
@@ -106,20 +106,20 @@ def _buffer() -> Check:
         granted = one.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
     text = f"the kernel keeps up to {granted / 1e6:.1f} MB of datagrams while this program is busy"
     if granted >= _FEW_BYTES:
-        return Check("network", OK, text)
+        return Diagnosis("network", OK, text)
     tries = (f"sudo sysctl -w net.core.rmem_max={BUFFER_BYTES}",) if platform.system() == "Linux" else ()
-    return Check("network", NOTE, text, tries)
+    return Diagnosis("network", NOTE, text, tries)
 
 
-def firewall(ports: Collection[int]) -> Check:
+def firewall(ports: Collection[int]) -> Diagnosis:
     """Which firewall there is, and how it lets sensors through."""
     ask = tuple(_allow(port) for port in sorted(ports)[:3])
     name = _firewall_name()
     if not name:
-        return Check(
+        return Diagnosis(
             "firewall", OK, "neither ufw nor firewalld is on; sudo nft list ruleset shows other rules"
         )
-    return Check("firewall", NOTE, f"{name} may drop what sensors send; if nothing arrives:", ask)
+    return Diagnosis("firewall", NOTE, f"{name} may drop what sensors send; if nothing arrives:", ask)
 
 
 def _firewall_name() -> str:

@@ -8,14 +8,14 @@ import platform
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
-from oarlock.live.doctor.check import NOTE, OK, Check, prevents
+from oarlock.live.doctor.check import NOTE, OK, Diagnosis, prevents
 
 _LINES = ("ttyUSB*", "ttyACM*", "rfcomm*")
 _BUS = Path("/run/dbus/system_bus_socket")
 _ADAPTERS, _SWITCHES = Path("/sys/class/bluetooth"), Path("/sys/class/rfkill")
 
 
-def permissions(lines: Collection[str], needs_bluetooth: bool) -> Iterator[Check]:
+def permissions(lines: Collection[str], needs_bluetooth: bool) -> Iterator[Diagnosis]:
     """Checks of serial lines and Bluetooth.
 
     Args:
@@ -28,18 +28,18 @@ def permissions(lines: Collection[str], needs_bluetooth: bool) -> Iterator[Check
     yield from _bluetooth(needs_bluetooth)
 
 
-def _line(line: str, is_needed: bool) -> Check:
+def _line(line: str, is_needed: bool) -> Diagnosis:
     path = Path(line)
     if platform.system() == "Windows":
-        return Check("serial", OK, f"{line}: Windows needs no permission")
+        return Diagnosis("serial", OK, f"{line}: Windows needs no permission")
     if not path.exists():
         tries = (
             "Is the cable in, and the receiver on? oarlock live scan --only serial lists the lines there are.",
         )
-        return Check("serial", prevents(is_needed), f"{line} is not there", tries)
+        return Diagnosis("serial", prevents(is_needed), f"{line} is not there", tries)
     if os.access(path, os.R_OK | os.W_OK):
-        return Check("serial", OK, f"{line}: this user may open it")
-    return Check(
+        return Diagnosis("serial", OK, f"{line}: this user may open it")
+    return Diagnosis(
         "serial",
         prevents(is_needed),
         f"{line}: this user may not open it",
@@ -53,26 +53,26 @@ def _group(path: Path) -> str:
     return "dialout"
 
 
-def _bluetooth(is_needed: bool) -> Iterator[Check]:
+def _bluetooth(is_needed: bool) -> Iterator[Diagnosis]:
     state, system = prevents(is_needed), platform.system()
     if system == "Darwin":
         tries = ("System Settings, Privacy, Bluetooth: allow your terminal",)
-        yield Check("bluetooth", NOTE, "macOS asks once whether your terminal may use Bluetooth", tries)
+        yield Diagnosis("bluetooth", NOTE, "macOS asks once whether your terminal may use Bluetooth", tries)
     if system != "Linux":
         return
     adapters = sorted(p.name for p in _ADAPTERS.glob("hci*")) if _ADAPTERS.is_dir() else []
     if not adapters:
-        yield Check("bluetooth", state, "this machine has no Bluetooth adapter", ("Plug one in.",))
+        yield Diagnosis("bluetooth", state, "this machine has no Bluetooth adapter", ("Plug one in.",))
         return
     if not _BUS.exists():
         tries = ("sudo systemctl start dbus bluetooth",)
-        yield Check("bluetooth", state, f"adapter {', '.join(adapters)}, but no Bluetooth service", tries)
+        yield Diagnosis("bluetooth", state, f"adapter {', '.join(adapters)}, but no Bluetooth service", tries)
         return
     blocked = [p.name for p in _SWITCHES.glob("rfkill*") if _is_blocked(p)] if _SWITCHES.is_dir() else []
     if blocked:
-        yield Check("bluetooth", state, "Bluetooth is switched off", ("rfkill unblock bluetooth",))
+        yield Diagnosis("bluetooth", state, "Bluetooth is switched off", ("rfkill unblock bluetooth",))
         return
-    yield Check("bluetooth", OK, f"adapter {', '.join(adapters)}")
+    yield Diagnosis("bluetooth", OK, f"adapter {', '.join(adapters)}")
 
 
 def _is_blocked(switch: Path) -> bool:

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from oarlock.live.doctor.arrivals import Arrivals, Sender
-from oarlock.live.doctor.check import NOTE, OK, PROBLEM, Check
+from oarlock.live.doctor.arrivals import Arrivals, DeviceArrivals
+from oarlock.live.doctor.check import NOTE, OK, PROBLEM, Diagnosis
 from oarlock.live.doctor.stream_checks import stream_checks
 from oarlock.live.rig import Rig, Source
 from oarlock.live.scan.finding import OWN_STATE, sends
@@ -57,7 +57,7 @@ _LOST_TRIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 """Where nobody answers, by transport."""
 
 
-def rig_checks(rig: Rig, model: Model, hearings: Sequence[Hearing], seconds: float) -> list[Check]:
+def rig_checks(rig: Rig, model: Model, hearings: Sequence[Hearing], seconds: float) -> list[Diagnosis]:
     """Findings on each source, stream and device.
 
     Args:
@@ -76,23 +76,25 @@ def rig_checks(rig: Rig, model: Model, hearings: Sequence[Hearing], seconds: flo
     idle = [s for feed in rig.feeds if feed.source in dumb for s in (feed.stream,)]
     if idle:
         checks.append(
-            Check("streams", PROBLEM, f"{', '.join(idle)}: get nothing, because their sources send nothing")
+            Diagnosis(
+                "streams", PROBLEM, f"{', '.join(idle)}: get nothing, because their sources send nothing"
+            )
         )
     if not rig.feeds:
         tries = ("oarlock live init writes a rig file of what is heard.",)
         text = "the rig feeds no stream of the model: what its devices send is shown and recorded, nothing is tracked"
-        checks.append(Check("streams", NOTE, text, tries))
+        checks.append(Diagnosis("streams", NOTE, text, tries))
     return [*checks, *_idle_devices(found), *_batteries(found)]
 
 
-def _source(hearing: Hearing, found: Arrivals, seconds: float) -> Iterator[Check]:
+def _source(hearing: Hearing, found: Arrivals, seconds: float) -> Iterator[Diagnosis]:
     source, about = hearing.source, f"source {hearing.source.name}"
     if hearing.problem:
-        yield Check(about, PROBLEM, hearing.problem.partition(": ")[2] or hearing.problem)
+        yield Diagnosis(about, PROBLEM, hearing.problem.partition(": ")[2] or hearing.problem)
         return
     if not hearing.count:
         text = f"nothing arrived in {seconds:g} s; it {hearing.state}" if hearing.state else "nothing arrived"
-        yield Check(about, PROBLEM, text, _tries(hearing))
+        yield Diagnosis(about, PROBLEM, text, _tries(hearing))
         return
     readings, damaged = found.readings.get(source.name, 0), found.damaged.get(source.name, 0)
     if not readings:
@@ -103,10 +105,10 @@ def _source(hearing: Hearing, found: Arrivals, seconds: float) -> Iterator[Check
     text = (
         f"{hearing.count:,} packets, {size / 1e3:.1f} kB/s, of {devices} device{'s' if devices > 1 else ''}"
     )
-    yield Check(about, OK, text)
+    yield Diagnosis(about, OK, text)
     if damaged > _FEW_DAMAGED * readings:
         share = 100.0 * damaged / (damaged + readings)
-        yield Check(
+        yield Diagnosis(
             about,
             NOTE,
             f"{damaged:,} messages ({share:.0f} %) could not be decoded",
@@ -122,7 +124,7 @@ def _tries(hearing: Hearing) -> tuple[str, ...]:
     return silent if is_there else _LOST_TRIES.get(transport, silent)
 
 
-def _unreadable(hearing: Hearing, about: str) -> Check:
+def _unreadable(hearing: Hearing, about: str) -> Diagnosis:
     """Bytes that the rig's format does not read; another one may."""
     source = hearing.source
     plain = Source(source.name, "", source.transport)
@@ -135,10 +137,10 @@ def _unreadable(hearing: Hearing, about: str) -> Check:
         else ("oarlock live scan shows the first bytes. Is the sensor set to the format of the rig?",)
     )
     text = f"{hearing.count:,} packets arrived, and none is a message of the format {source.format}"
-    return Check(about, PROBLEM, text, tries)
+    return Diagnosis(about, PROBLEM, text, tries)
 
 
-def _idle_devices(found: Arrivals) -> Iterator[Check]:
+def _idle_devices(found: Arrivals) -> Iterator[Diagnosis]:
     """Devices that feed nothing, by source."""
     for source, own in found.rig.sources.items():
         # In its first second a unit that is named has not announced itself yet.
@@ -147,7 +149,7 @@ def _idle_devices(found: Arrivals) -> Iterator[Check]:
         idle = [s for s in found.of_source(source) if not s.streams and _measures(s)]
         if idle:
             text = ", ".join(f"{s.name} ({sends(tuple(s.tally.last))})" for s in idle)
-            yield Check(
+            yield Diagnosis(
                 f"source {source}",
                 NOTE,
                 f"feed nothing: {text}",
@@ -155,13 +157,13 @@ def _idle_devices(found: Arrivals) -> Iterator[Check]:
             )
 
 
-def _measures(sender: Sender) -> bool:
+def _measures(sender: DeviceArrivals) -> bool:
     return bool(sender.tally.last.keys() - OWN_STATE)
 
 
-def _batteries(found: Arrivals) -> Iterator[Check]:
+def _batteries(found: Arrivals) -> Iterator[Diagnosis]:
     for sender in found.senders.values():
         charge = sender.tally.battery_percent
         if charge is not None and charge < _LOW_BATTERY:
             text = f"{sender.name}: battery {charge:.0f} %"
-            yield Check(f"source {sender.source}", NOTE, text, ("Charge it before the session.",))
+            yield Diagnosis(f"source {sender.source}", NOTE, text, ("Charge it before the session.",))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from oarlock.live.doctor.arrivals import Arrivals, StreamHeard
-from oarlock.live.doctor.check import NOTE, OK, PROBLEM, Check
+from oarlock.live.doctor.check import NOTE, OK, PROBLEM, Diagnosis
 from oarlock.live.rig import Feed
 from oarlock.live.scan.finding import sends
 from oarlock.live.scan.joint_read import joint_read, unit_read
@@ -22,7 +22,7 @@ _REST_M_S2 = (5.0, 20.0)
 """Of the median specific force; a body that moves for some seconds stays within."""
 
 
-def stream_checks(found: Arrivals, feed: Feed, model: Model, wait_s: float) -> Iterator[Check]:
+def stream_checks(found: Arrivals, feed: Feed, model: Model, wait_s: float) -> Iterator[Diagnosis]:
     """Findings on one stream whose source delivers.
 
     Args:
@@ -39,25 +39,25 @@ def stream_checks(found: Arrivals, feed: Feed, model: Model, wait_s: float) -> I
     if feed.kind == "imu":
         yield from _quantities(found, heard, about)
     if len(heard.senders) > 1:
-        yield Check(
+        yield Diagnosis(
             about, NOTE, f"{len(heard.senders)} devices feed it", ("Name one of them with device = ...",)
         )
     yield from _lateness(heard, about, wait_s)
     yield from _values(heard, about, model)
 
 
-def _nothing(found: Arrivals, feed: Feed, about: str) -> Check:
+def _nothing(found: Arrivals, feed: Feed, about: str) -> Diagnosis:
     """Why nothing comes although its source delivers."""
     senders = found.of_source(feed.source)
     named = [s for s in senders if feed.stream in s.streams]
     if named:
         sent = sends(tuple(dict.fromkeys(name for s in named for name in s.tally.last))) or "nothing measured"
         needed = sends(feed.values) if feed.kind == "imu" else feed.values[0]
-        return Check(
+        return Diagnosis(
             about, PROBLEM, f"{named[0].name} sends {sent}, and not {needed}", _other_value(feed, sent)
         )
     known = did_you_mean(feed.device, list(dict.fromkeys(s.name for s in senders)))
-    return Check(
+    return Diagnosis(
         about,
         PROBLEM,
         f'no device "{feed.device}" of the source {feed.source} was heard',
@@ -71,7 +71,7 @@ def _other_value(feed: Feed, sent: str) -> tuple[str, ...]:
     return (f'Write value = "..." with one of: {sent}.',)
 
 
-def _rate(heard: StreamHeard, about: str) -> Check:
+def _rate(heard: StreamHeard, about: str) -> Diagnosis:
     rate_hz, expected = heard.rate_hz, heard.feed.rate_hz
     lost = heard.tally.lost_percent() or 0.0
     told = "fewer than three readings" if rate_hz is None else f"{rate_hz:.4g} Hz"
@@ -79,23 +79,23 @@ def _rate(heard: StreamHeard, about: str) -> Check:
     if rate_hz is None or expected is None:
         tries = () if rate_hz is None else (f"Write rate_hz = {rate_hz:.4g} into the rig file.",)
         return (
-            Check(about, NOTE, f"{told}{missing}; the rig file expects no rate", tries)
+            Diagnosis(about, NOTE, f"{told}{missing}; the rig file expects no rate", tries)
             if rate_hz
-            else Check(about, NOTE, told, ("Listen longer: --seconds 20.",))
+            else Diagnosis(about, NOTE, told, ("Listen longer: --seconds 20.",))
         )
     if abs(rate_hz - expected) > _RATE_OFF * expected:
         text = f"{told}{missing}, and rate_hz says {expected:g}"
-        return Check(
+        return Diagnosis(
             about, NOTE, text, (f"Set the device to {expected:g} Hz, or write rate_hz = {rate_hz:.4g}.",)
         )
     if lost > _MUCH_LOST:
-        return Check(
+        return Diagnosis(
             about, NOTE, f"{told}{missing}", ("Move the receiver nearer, or use another radio channel.",)
         )
-    return Check(about, OK, f"{told}{missing}")
+    return Diagnosis(about, OK, f"{told}{missing}")
 
 
-def _quantities(found: Arrivals, heard: StreamHeard, about: str) -> Iterator[Check]:
+def _quantities(found: Arrivals, heard: StreamHeard, about: str) -> Iterator[Diagnosis]:
     missing = [name for name in heard.feed.values if name not in heard.tally.last]
     if not missing:
         return
@@ -109,22 +109,24 @@ def _quantities(found: Arrivals, heard: StreamHeard, about: str) -> Iterator[Che
     if missing == ["mag_ut"]:
         if "mag_arbitrary" in sent:
             text += ": the device sends its magnetic field without a unit"
-        yield Check(about, NOTE, f"{text}; headings are less certain without it")
+        yield Diagnosis(about, NOTE, f"{text}; headings are less certain without it")
     else:
-        yield Check(about, PROBLEM, text, ("Set the device to send raw gyroscope and accelerometer.",))
+        yield Diagnosis(about, PROBLEM, text, ("Set the device to send raw gyroscope and accelerometer.",))
 
 
-def _lateness(heard: StreamHeard, about: str, wait_s: float) -> Iterator[Check]:
+def _lateness(heard: StreamHeard, about: str, wait_s: float) -> Iterator[Diagnosis]:
     late_s = heard.late_s(_LATE_SHARE)
     if late_s is not None and late_s > wait_s:
         text = (
             f"1 of 100 readings comes more than {1e3 * late_s:.0f} ms behind the fastest; estimates wait "
             f"{1e3 * wait_s:g} ms"
         )
-        yield Check(about, NOTE, text, (f"Write wait_ms = {1e3 * late_s:.0f}, or improve the radio link.",))
+        yield Diagnosis(
+            about, NOTE, text, (f"Write wait_ms = {1e3 * late_s:.0f}, or improve the radio link.",)
+        )
 
 
-def _values(heard: StreamHeard, about: str, model: Model) -> Iterator[Check]:
+def _values(heard: StreamHeard, about: str, model: Model) -> Iterator[Diagnosis]:
     """Whether the values can be in the right unit."""
     if not heard.values:
         return
@@ -133,7 +135,7 @@ def _values(heard: StreamHeard, about: str, model: Model) -> Iterator[Check]:
         low, high = _REST_M_S2
         if not low < usual < high:
             text = f"its acceleration is {usual:.3g} m/s2 in the middle; at rest it must be 9.8"
-            yield Check(about, NOTE, text, ("Does the device send m/s2, and not multiples of gravity?",))
+            yield Diagnosis(about, NOTE, text, ("Does the device send m/s2, and not multiples of gravity?",))
         return
     joint = joint_read(model, heard.feed.stream)
     if joint is None:
@@ -143,6 +145,6 @@ def _values(heard: StreamHeard, about: str, model: Model) -> Iterator[Check]:
     if not low - room < usual < high + room:
         unit = unit_read(model, heard.feed.stream)
         text = f"its value is {usual:.4g} {unit}; the joint has a range of {low:.3g} to {high:.3g} {unit}"
-        yield Check(
+        yield Diagnosis(
             about, NOTE, text, (f"Write scale and offset, so that scale * value + offset is {unit}.",)
         )

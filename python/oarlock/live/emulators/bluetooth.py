@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from oarlock.live.emulators.air import on_adapter
 from oarlock.live.emulators.carriers import paced
-from oarlock.live.emulators.emulated import Emulated, Message, Sender
+from oarlock.live.emulators.emulated import DeviceMessage, Emulated, UnitAddress
 from oarlock.live.emulators.peripheral import Peripheral
 from oarlock.storage.errors import DataError
 
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 ADDRESS = "F0:00:00:00:00:01"
 
 
-def sender(name: str) -> Sender:
+def sender(name: str) -> UnitAddress:
     """The one device of a source."""
-    return Sender(name, "ble", {"address": ADDRESS}, ADDRESS)
+    return UnitAddress(name, "ble", {"address": ADDRESS}, ADDRESS)
 
 
 @asynccontextmanager
@@ -46,9 +46,9 @@ async def placed(emulated: Emulated, address: str = ADDRESS) -> AsyncIterator[De
 
 async def notify(
     peripheral: Peripheral,
-    messages: Iterable[Message],
+    messages: Iterable[DeviceMessage],
     uuid: Callable[[str], str] = lambda channel: channel,
-    sent: Callable[[Message], None] = lambda message: None,
+    sent: Callable[[DeviceMessage], None] = lambda message: None,
 ) -> None:
     """Notifies each message when it is due.
 

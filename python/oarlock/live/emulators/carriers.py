@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
-from oarlock.live.emulators.emulated import Emulated, Message, Place, Sender
+from oarlock.live.emulators.emulated import Destination, DeviceMessage, Emulated, UnitAddress
 from oarlock.live.emulators.message_carriers import Answer, Published, WebSocketPage
 from oarlock.storage.errors import DataError
 
@@ -36,7 +36,7 @@ class Carrier(Protocol):
 
 
 async def carry(
-    emulated: Emulated, units: Sequence[str], messages: Iterable[Message], answer: Answer | None = None
+    emulated: Emulated, units: Sequence[str], messages: Iterable[DeviceMessage], answer: Answer | None = None
 ) -> None:
     """Sends each message when it is due, until all are sent or it is cancelled.
 
@@ -85,7 +85,7 @@ async def paced(messages: Iterable[D]) -> AsyncIterator[D]:
         yield message
 
 
-def senders(place: Place, name: str, units: Sequence[str]) -> dict[str, Sender]:
+def senders(place: Destination, name: str, units: Sequence[str]) -> dict[str, UnitAddress]:
     """How a receiver on this machine finds each unit.
 
     Args:
@@ -98,21 +98,21 @@ def senders(place: Place, name: str, units: Sequence[str]) -> dict[str, Sender]:
         own = name if len(units) == 1 else f"{name}_{k + 1}"
         host, port, path = place.host, port_of(place, k), str(line_path(place, k))
         if place.transport == "udp":
-            found[unit] = Sender(name, "udp", {"port": place.port, "host": host}, f"{host}:{port}")
+            found[unit] = UnitAddress(name, "udp", {"port": place.port, "host": host}, f"{host}:{port}")
         elif place.transport == "tcp":
-            found[unit] = Sender(own, "tcp", {"host": host, "port": port}, f"{host}:{port}")
+            found[unit] = UnitAddress(own, "tcp", {"host": host, "port": port}, f"{host}:{port}")
         else:
-            found[unit] = Sender(own, "serial", {"device": path}, path)
+            found[unit] = UnitAddress(own, "serial", {"device": path}, path)
     return found
 
 
-def port_of(place: Place, number: int) -> int:
+def port_of(place: Destination, number: int) -> int:
     """The own port of a unit: at which it serves (TCP), or from which it sends (UDP), behind the receiver's port."""
     assert place.port is not None
     return place.port + number + (place.transport == "udp")
 
 
-def line_path(place: Place, number: int) -> Path:
+def line_path(place: Destination, number: int) -> Path:
     """Where the serial line of a unit appears."""
     first = place.path or Path("oarlock-line")
     return first.with_name(f"{first.name}-{number + 1}") if number else first
@@ -181,7 +181,7 @@ class _Served:
             writer.write(data)
 
 
-class _Lines:
+class _SerialLines:
     def __init__(self, answer: Answer | None) -> None:
         self._answer = answer
         self._lines: dict[str, PseudoLine] = {}
@@ -207,7 +207,7 @@ class _Lines:
 _CARRIERS: dict[str, Callable[[Answer | None], Carrier]] = {
     "udp": _Datagrams,
     "tcp": _Served,
-    "serial": _Lines,
+    "serial": _SerialLines,
     "websocket": WebSocketPage,
     "mqtt": Published,
 }

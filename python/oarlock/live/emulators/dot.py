@@ -19,7 +19,7 @@ from bumble.device import Device
 
 from oarlock.live.emulators.bluetooth import placed
 from oarlock.live.emulators.deliveries import Delivery
-from oarlock.live.emulators.emulated import Emulated, Message, Sender, Wiring
+from oarlock.live.emulators.emulated import DeviceMessage, Emulated, UnitAddress, Wiring
 from oarlock.live.emulators.peripheral import Offers, Peripheral
 from oarlock.live.transports.radio import short
 from oarlock.recording.streams import ImuStream
@@ -51,13 +51,13 @@ def payload(
     return data.ljust(_PAYLOADS[mode][1], b"\x00")
 
 
-def messages(emulated: Emulated, mode: int = MODE) -> Iterator[Message]:
+def messages(emulated: Emulated, mode: int = MODE) -> Iterator[DeviceMessage]:
     """The notifications of all units."""
     channel = short(_UUID.format(_PAYLOADS[mode][0]))
     for delivery in emulated.deliveries():
         data = _payload_of(delivery, mode)
         if data is not None:
-            yield Message(delivery.due_s, delivery.device, data, channel)
+            yield DeviceMessage(delivery.due_s, delivery.device, data, channel)
 
 
 def wiring(emulated: Emulated) -> Wiring:
@@ -65,7 +65,7 @@ def wiring(emulated: Emulated) -> Wiring:
     names = emulated.recording.names
     addresses = [f"D4:22:CD:00:00:{number:02X}" for number in range(1, len(names) + 1)]
     options: dict[str, object] = {"addresses": addresses, "rate_hz": RATE_HZ}
-    senders = {n: Sender("dot", "ble", options, a) for n, a in zip(names, addresses, strict=True)}
+    senders = {n: UnitAddress("dot", "ble", options, a) for n, a in zip(names, addresses, strict=True)}
     streams = {name: (name, "") for name in names}
     return Wiring("dot", senders, streams, {"mode": MODE}, ("gyro_rad_s", "accel_m_s2"))
 
@@ -111,7 +111,7 @@ async def be(
             if data is not None:
                 yield delivery.due_s, delivery.count, data
 
-    await _Unit(device, name, rows, begun).run(sent)
+    await _DotSender(device, name, rows, begun).run(sent)
 
 
 async def run(
@@ -147,7 +147,7 @@ async def run(
                 stamp_us = first_us + round(1e6 * time_s)
                 yield time_s / speed, row, payload(mode, stamp_us, gyro, accel, mag, quat)
 
-    await _Unit(device, name, rows).run(sent)
+    await _DotSender(device, name, rows).run(sent)
 
 
 def _payload_of(delivery: Delivery, mode: int) -> bytes | None:
@@ -160,7 +160,7 @@ def _payload_of(delivery: Delivery, mode: int) -> bytes | None:
     return payload(mode, stamp_us, values["gyro_rad_s"], values["accel_m_s2"], field, _UNTURNED)
 
 
-class _Unit:
+class _DotSender:
     """Sends the rows of a mode: when each is due after the start, its number, and the payload."""
 
     def __init__(

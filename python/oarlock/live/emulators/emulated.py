@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Place:
+class Destination:
     """Where a device sends.
 
     Args:
@@ -50,7 +50,7 @@ class Emulated:
     period_s: float | None = None
     faults: Faults = field(default_factory=Faults)
     seed: int = 0
-    place: Place = field(default_factory=Place)
+    place: Destination = field(default_factory=Destination)
     say: Callable[[str], None] = lambda text: None
 
     def of(self, *kinds: str) -> Emulated:
@@ -72,7 +72,7 @@ class Emulated:
 
 
 @dataclass(frozen=True, slots=True)
-class Message:
+class DeviceMessage:
     """Bytes that a device sends at once.
 
     Args:
@@ -89,7 +89,7 @@ class Message:
 
 
 @dataclass(frozen=True)
-class Sender:
+class UnitAddress:
     """How a receiver finds one unit: a source of its rig file, and the address from which packets come.
 
     Args:
@@ -118,7 +118,7 @@ class Wiring:
     """
 
     format: str
-    senders: dict[str, Sender]
+    senders: dict[str, UnitAddress]
     streams: dict[str, tuple[str, str]]
     decoder: dict[str, object] = field(default_factory=dict)
     values: tuple[str, ...] = ("gyro_rad_s", "accel_m_s2", "mag_ut")

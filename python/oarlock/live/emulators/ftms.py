@@ -13,7 +13,7 @@ from struct import pack
 from bumble.device import Device
 
 from oarlock.live.emulators.bluetooth import notify, placed, sender
-from oarlock.live.emulators.emulated import Emulated, Message, Wiring
+from oarlock.live.emulators.emulated import DeviceMessage, Emulated, Wiring
 from oarlock.live.emulators.on_the_way import on_the_way
 from oarlock.live.emulators.peripheral import Offers, Peripheral
 from oarlock.live.emulators.rower import Rowing, Values
@@ -34,12 +34,12 @@ def record(v: Values) -> tuple[bytes, bytes]:
     return first, pack("<H", _ENERGY) + strokes + energy
 
 
-def messages(emulated: Emulated, rowing: Rowing | None = None) -> Iterator[Message]:
+def messages(emulated: Emulated, rowing: Rowing | None = None) -> Iterator[DeviceMessage]:
     """A record each second."""
     rower = rowing or Rowing()
     for due_s, time_s, _ in on_the_way(emulated, ((float(second), None) for second in count())):
         for part in record(rower.values(time_s)):
-            yield Message(due_s, _UNIT, part, _ROWER_DATA)
+            yield DeviceMessage(due_s, _UNIT, part, _ROWER_DATA)
 
 
 def wiring(emulated: Emulated) -> Wiring:
@@ -49,10 +49,10 @@ def wiring(emulated: Emulated) -> Wiring:
 
 async def run(
     device: Device,
-    told: Iterable[Message],
+    told: Iterable[DeviceMessage],
     *,
     name: str = "Oarlock erg",
-    sent: Callable[[Message], None] = lambda message: None,
+    sent: Callable[[DeviceMessage], None] = lambda message: None,
 ) -> None:
     """Be a machine until all is sent, or it is cancelled.
 

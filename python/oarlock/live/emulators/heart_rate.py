@@ -11,7 +11,7 @@ from struct import pack
 from bumble.device import Device
 
 from oarlock.live.emulators.bluetooth import notify, placed, sender
-from oarlock.live.emulators.emulated import Emulated, Message, Wiring
+from oarlock.live.emulators.emulated import DeviceMessage, Emulated, Wiring
 from oarlock.live.emulators.on_the_way import on_the_way
 from oarlock.live.emulators.peripheral import Offers, Peripheral
 
@@ -29,11 +29,11 @@ def message(rate_per_min: float, rr_s: tuple[float, ...]) -> bytes:
 
 def messages(
     emulated: Emulated, rate_per_min: float = 150.0, swing_per_min: float = 5.0
-) -> Iterator[Message]:
+) -> Iterator[DeviceMessage]:
     """A measurement a second."""
     moments = ((float(second), one) for second, one in enumerate(_beats(rate_per_min, swing_per_min), 1))
     for due_s, _, (rate, rr_s) in on_the_way(emulated, moments):
-        yield Message(due_s, _UNIT, message(rate, rr_s), _MEASUREMENT)
+        yield DeviceMessage(due_s, _UNIT, message(rate, rr_s), _MEASUREMENT)
 
 
 def wiring(emulated: Emulated) -> Wiring:

@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING, Protocol, cast
 from oarlock.storage.errors import DataError
 
 if TYPE_CHECKING:
-    from oarlock.live.emulators.emulated import Emulated, Message, Place, Wiring
+    from oarlock.live.emulators.emulated import Destination, DeviceMessage, Emulated, Wiring
 
 
-class Device(Protocol):
+class EmulatorModule(Protocol):
     """What the module of a kind has. One that measures no movement, such as a belt, has only `emulate`."""
 
     async def emulate(self, emulated: Emulated) -> None:
         """Be the device until the movement ends, or it is cancelled."""
 
-    def messages(self, emulated: Emulated) -> Iterator[Message]:
+    def messages(self, emulated: Emulated) -> Iterator[DeviceMessage]:
         """All that the devices send, in the order of arrival; without a transport, for tests."""
 
     def wiring(self, emulated: Emulated) -> Wiring:
@@ -28,7 +28,7 @@ class Device(Protocol):
 
 
 @dataclass(frozen=True)
-class Kind:
+class EmulatorKind:
     """A device.
 
     Args:
@@ -50,14 +50,14 @@ class Kind:
     about: str
 
     @property
-    def device(self) -> Device:
+    def device(self) -> EmulatorModule:
         """Its module.
 
         Raises:
             DataError: it needs a package that is not installed.
         """
         try:
-            return cast("Device", import_module(f"oarlock.live.emulators.{self.module}"))
+            return cast("EmulatorModule", import_module(f"oarlock.live.emulators.{self.module}"))
         except ModuleNotFoundError as error:
             if (error.name or "").partition(".")[0] != "bumble":
                 raise
@@ -65,7 +65,7 @@ class Kind:
                 f"{self.name} is a Bluetooth device, which needs bumble: pip install 'oarlock[emulate]'"
             ) from error
 
-    def placed(self, place: Place) -> Place:
+    def placed(self, place: Destination) -> Destination:
         """A place with what the kind usually has.
 
         Raises:
@@ -97,15 +97,17 @@ _IMU = ("imu",)
 _WIRED = ("udp", "tcp", "serial")
 _BLE = ("ble",)
 _KINDS = (
-    Kind("dot", "dot", _BLE, _IMU, 60.0, 0, "Movella DOT, mode 20"),
-    Kind("ftms", "ftms", _BLE, (), 1.0, 0, "a rowing machine of the Fitness Machine Service"),
-    Kind("heart_rate", "heart_rate", _BLE, (), 1.0, 0, "a heart rate belt"),
-    Kind("lines", "lines", _WIRED, _ALL, 100.0, 9000, "sensors that somebody built: lines of JSON"),
-    Kind("lsl", "lsl", ("lsl",), ("imu", "scalar"), 100.0, 0, "outlets of the Lab Streaming Layer"),
-    Kind("mvn", "mvn", ("udp", "tcp"), ("imu", "orientation"), 60.0, 9763, "Xsens MVN: types 23 and 02"),
-    Kind("ngimu", "ngimu", ("udp", "serial"), _IMU, 50.0, 8000, "x-io NGIMU: OSC"),
-    Kind("nmea", "nmea", _WIRED, (), 10.0, 9000, "a GPS receiver: RMC and VTG"),
-    Kind(
+    EmulatorKind("dot", "dot", _BLE, _IMU, 60.0, 0, "Movella DOT, mode 20"),
+    EmulatorKind("ftms", "ftms", _BLE, (), 1.0, 0, "a rowing machine of the Fitness Machine Service"),
+    EmulatorKind("heart_rate", "heart_rate", _BLE, (), 1.0, 0, "a heart rate belt"),
+    EmulatorKind("lines", "lines", _WIRED, _ALL, 100.0, 9000, "sensors that somebody built: lines of JSON"),
+    EmulatorKind("lsl", "lsl", ("lsl",), ("imu", "scalar"), 100.0, 0, "outlets of the Lab Streaming Layer"),
+    EmulatorKind(
+        "mvn", "mvn", ("udp", "tcp"), ("imu", "orientation"), 60.0, 9763, "Xsens MVN: types 23 and 02"
+    ),
+    EmulatorKind("ngimu", "ngimu", ("udp", "serial"), _IMU, 50.0, 8000, "x-io NGIMU: OSC"),
+    EmulatorKind("nmea", "nmea", _WIRED, (), 10.0, 9000, "a GPS receiver: RMC and VTG"),
+    EmulatorKind(
         "open_rowing_monitor",
         "open_rowing_monitor",
         ("websocket",),
@@ -114,7 +116,7 @@ _KINDS = (
         8080,
         "Open Rowing Monitor: what its page gets",
     ),
-    Kind(
+    EmulatorKind(
         "open_rowing_monitor_mqtt",
         "open_rowing_monitor",
         ("mqtt",),
@@ -123,14 +125,14 @@ _KINDS = (
         1883,
         "Open Rowing Monitor: a message a stroke to an MQTT broker",
     ),
-    Kind("osc", "osc", ("udp", "serial"), _ALL, 100.0, 9000, "sensors that somebody built: OSC"),
-    Kind("pm5", "pm5", _BLE, (), 4.0, 0, "Concept2 PM5: status, strokes, force curves"),
-    Kind("shimmer3", "shimmer3", ("serial",), _IMU, 51.2, 0, "Shimmer3, with answers to commands"),
-    Kind("text", "text", _WIRED, _IMU, 100.0, 9000, "units that somebody built: lines t_us,seq,ax.."),
-    Kind("vicon", "vicon", ("udp",), ("vector",), 100.0, 51001, "Vicon Tracker: places of objects"),
-    Kind("ximu3", "ximu3", _WIRED, _IMU, 400.0, 8000, "x-io x-IMU3: binary messages, announcements"),
-    Kind("ximu3_text", "ximu3_text", _WIRED, _IMU, 400.0, 8000, "x-io x-IMU3: messages of text"),
+    EmulatorKind("osc", "osc", ("udp", "serial"), _ALL, 100.0, 9000, "sensors that somebody built: OSC"),
+    EmulatorKind("pm5", "pm5", _BLE, (), 4.0, 0, "Concept2 PM5: status, strokes, force curves"),
+    EmulatorKind("shimmer3", "shimmer3", ("serial",), _IMU, 51.2, 0, "Shimmer3, with answers to commands"),
+    EmulatorKind("text", "text", _WIRED, _IMU, 100.0, 9000, "units that somebody built: lines t_us,seq,ax.."),
+    EmulatorKind("vicon", "vicon", ("udp",), ("vector",), 100.0, 51001, "Vicon Tracker: places of objects"),
+    EmulatorKind("ximu3", "ximu3", _WIRED, _IMU, 400.0, 8000, "x-io x-IMU3: binary messages, announcements"),
+    EmulatorKind("ximu3_text", "ximu3_text", _WIRED, _IMU, 400.0, 8000, "x-io x-IMU3: messages of text"),
 )
 
-KINDS: Mapping[str, Kind] = MappingProxyType({kind.name: kind for kind in _KINDS})
+KINDS: Mapping[str, EmulatorKind] = MappingProxyType({kind.name: kind for kind in _KINDS})
 """By name."""

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 
 from oarlock.live.emulators.carriers import carry, senders
 from oarlock.live.emulators.deliveries import Delivery
-from oarlock.live.emulators.emulated import Emulated, Message, Wiring
+from oarlock.live.emulators.emulated import DeviceMessage, Emulated, Wiring
 
 _UNIT = "lines"
 """One sender passes on what all units measure; each line names its unit."""
@@ -28,10 +28,10 @@ def json_line(delivery: Delivery) -> bytes:
     return json.dumps(told, separators=(",", ":")).encode() + b"\n"
 
 
-def messages(emulated: Emulated) -> Iterator[Message]:
+def messages(emulated: Emulated) -> Iterator[DeviceMessage]:
     """A line for each reading."""
     for delivery in emulated.deliveries():
-        yield Message(delivery.due_s, _UNIT, json_line(delivery))
+        yield DeviceMessage(delivery.due_s, _UNIT, json_line(delivery))
 
 
 def wiring(emulated: Emulated) -> Wiring:

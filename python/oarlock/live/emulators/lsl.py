@@ -19,7 +19,7 @@ import numpy as np
 from oarlock.live.decoders.lsl import HEADER, SAMPLES
 from oarlock.live.emulators.carriers import paced
 from oarlock.live.emulators.deliveries import Delivery
-from oarlock.live.emulators.emulated import Emulated, Message, Sender, Wiring
+from oarlock.live.emulators.emulated import DeviceMessage, Emulated, UnitAddress, Wiring
 from oarlock.recording.streams import Stream
 from oarlock.storage.errors import DataError
 
@@ -76,22 +76,22 @@ def sample(stream: Stream, delivery: Delivery) -> list[float]:
     return [float(one) for one in np.array(row, dtype=np.float32)]
 
 
-def messages(emulated: Emulated) -> Iterator[Message]:
+def messages(emulated: Emulated) -> Iterator[DeviceMessage]:
     """Headers and samples as the transport of a receiver packs them."""
     streams = {stream.name: stream for stream in emulated.recording.streams}
     for name, stream in streams.items():
-        yield Message(0.0, name, header(stream), HEADER)
+        yield DeviceMessage(0.0, name, header(stream), HEADER)
     for delivery in emulated.deliveries():
         row = sample(streams[delivery.device], delivery)
         packed = pack(f"<{1 + len(row)}d", delivery.clock_s, *row)
-        yield Message(delivery.due_s, delivery.device, packed, SAMPLES)
+        yield DeviceMessage(delivery.due_s, delivery.device, packed, SAMPLES)
 
 
 def wiring(emulated: Emulated) -> Wiring:
     """Each stream is a source of its own."""
     names = emulated.recording.names
     senders = {
-        name: Sender(f"lsl_{k}", "lsl", {"source_id": source_id(name)}, source_id(name))
+        name: UnitAddress(f"lsl_{k}", "lsl", {"source_id": source_id(name)}, source_id(name))
         for k, name in enumerate(names, 1)
     }
     return Wiring("lsl", senders, {name: (name, "") for name in names})

@@ -14,7 +14,7 @@ from typing import cast
 
 from oarlock.live.emulators.carriers import carry, senders
 from oarlock.live.emulators.deliveries import Delivery
-from oarlock.live.emulators.emulated import Emulated, Message, Wiring
+from oarlock.live.emulators.emulated import DeviceMessage, Emulated, Wiring
 from oarlock.live.emulators.frames import frames
 
 SEGMENTS = (
@@ -61,13 +61,13 @@ def segments(names: Sequence[str]) -> dict[str, int]:
     return found | dict(zip(others, free, strict=False))
 
 
-def messages(emulated: Emulated) -> Iterator[Message]:
+def messages(emulated: Emulated) -> Iterator[DeviceMessage]:
     """A datagram of each type that has readings, at each time."""
     number = segments(emulated.recording.names)
     for frame in frames(emulated):
         for kind, items in _items(frame, number):
             first = frame[0]
-            yield Message(first.due_s, _UNIT, datagram(kind, first.count, first.clock_s, items))
+            yield DeviceMessage(first.due_s, _UNIT, datagram(kind, first.count, first.clock_s, items))
 
 
 def wiring(emulated: Emulated) -> Wiring:

@@ -12,7 +12,7 @@ from typing import cast
 
 from oarlock.live.emulators.carriers import carry, senders
 from oarlock.live.emulators.deliveries import Delivery
-from oarlock.live.emulators.emulated import Emulated, Message, Wiring
+from oarlock.live.emulators.emulated import DeviceMessage, Emulated, Wiring
 from oarlock.live.emulators.osc_packets import osc_bundle, osc_message, slip
 
 _GRAVITY_M_S2, _PRESSURE_HPA = 9.80665, 1013.25
@@ -33,11 +33,11 @@ def packet(delivery: Delivery) -> bytes:
     return osc_bundle(delivery.clock_s, [sensors, *battery])
 
 
-def messages(emulated: Emulated) -> Iterator[Message]:
+def messages(emulated: Emulated) -> Iterator[DeviceMessage]:
     """A packet for each sample."""
     framed = slip if emulated.place.transport == "serial" else bytes
     for delivery in emulated.deliveries():
-        yield Message(delivery.due_s, delivery.device, framed(packet(delivery)))
+        yield DeviceMessage(delivery.due_s, delivery.device, framed(packet(delivery)))
 
 
 def wiring(emulated: Emulated) -> Wiring:

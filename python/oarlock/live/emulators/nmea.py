@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from itertools import count
 
 from oarlock.live.emulators.carriers import carry, senders
-from oarlock.live.emulators.emulated import Emulated, Message, Wiring
+from oarlock.live.emulators.emulated import DeviceMessage, Emulated, Wiring
 from oarlock.live.emulators.on_the_way import on_the_way
 
 RATE_HZ = 10.0
@@ -69,12 +69,12 @@ def vtg(at: Fix) -> bytes:
     return _sentence(f"GNVTG,{at.course_deg:05.1f},T,,M,{knots:.3f},N,{kmh:.3f},K,A")
 
 
-def messages(emulated: Emulated) -> Iterator[Message]:
+def messages(emulated: Emulated) -> Iterator[DeviceMessage]:
     """Both sentences of each fix together."""
     moments = ((number / RATE_HZ, None) for number in count())
     for due_s, time_s, _ in on_the_way(emulated, moments):
         at = fix(time_s)
-        yield Message(due_s, _UNIT, rmc(at) + vtg(at))
+        yield DeviceMessage(due_s, _UNIT, rmc(at) + vtg(at))
 
 
 def wiring(emulated: Emulated) -> Wiring:

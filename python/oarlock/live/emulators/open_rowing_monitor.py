@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from itertools import count
 
 from oarlock.live.emulators.carriers import carry
-from oarlock.live.emulators.emulated import Emulated, Message, Sender, Wiring
+from oarlock.live.emulators.emulated import DeviceMessage, Emulated, UnitAddress, Wiring
 from oarlock.live.emulators.on_the_way import on_the_way
 from oarlock.live.emulators.rower import DRIVING, Rowing
 
@@ -81,7 +81,7 @@ def broker_metrics(rowing: Rowing, time_s: float) -> bytes:
     return json.dumps(told).encode()
 
 
-def messages(emulated: Emulated, rowing: Rowing | None = None) -> Iterator[Message]:
+def messages(emulated: Emulated, rowing: Rowing | None = None) -> Iterator[DeviceMessage]:
     """All that the page, or the broker, gets."""
     rower = rowing or Rowing()
     if emulated.place.transport == "mqtt":
@@ -90,7 +90,7 @@ def messages(emulated: Emulated, rowing: Rowing | None = None) -> Iterator[Messa
     else:
         moments = ((number / PAGE_RATE_HZ, page_metrics) for number in count())
     for due_s, time_s, made in on_the_way(emulated, moments):
-        yield Message(due_s, _unit(emulated), made(rower, time_s))
+        yield DeviceMessage(due_s, _unit(emulated), made(rower, time_s))
 
 
 def wiring(emulated: Emulated) -> Wiring:
@@ -101,7 +101,7 @@ def wiring(emulated: Emulated) -> Wiring:
     if place.transport == "mqtt":
         options = {"host": place.host, "port": place.port, "topic": "OpenRowingMonitor/+/metrics"}
         address = TOPIC
-    return Wiring("open_rowing_monitor", {unit: Sender("erg", place.transport, options, address)}, {})
+    return Wiring("open_rowing_monitor", {unit: UnitAddress("erg", place.transport, options, address)}, {})
 
 
 async def emulate(emulated: Emulated) -> None:

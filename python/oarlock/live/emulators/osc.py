@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from oarlock.live.emulators.carriers import carry, senders
 from oarlock.live.emulators.deliveries import Delivery
-from oarlock.live.emulators.emulated import Emulated, Message, Wiring
+from oarlock.live.emulators.emulated import DeviceMessage, Emulated, Wiring
 from oarlock.live.emulators.osc_packets import osc_bundle, osc_message, slip
 
 _UNIT = "osc"
@@ -19,11 +19,11 @@ def packet(delivery: Delivery) -> bytes:
     return osc_bundle(delivery.clock_s, said)
 
 
-def messages(emulated: Emulated) -> Iterator[Message]:
+def messages(emulated: Emulated) -> Iterator[DeviceMessage]:
     """A packet for each reading."""
     framed = slip if emulated.place.transport == "serial" else bytes
     for delivery in emulated.deliveries():
-        yield Message(delivery.due_s, _UNIT, framed(packet(delivery)))
+        yield DeviceMessage(delivery.due_s, _UNIT, framed(packet(delivery)))
 
 
 def wiring(emulated: Emulated) -> Wiring:

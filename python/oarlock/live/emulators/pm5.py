@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator
 from bumble.device import Device
 
 from oarlock.live.emulators.bluetooth import placed, sender
-from oarlock.live.emulators.emulated import Emulated, Message, Wiring
+from oarlock.live.emulators.emulated import DeviceMessage, Emulated, Wiring
 from oarlock.live.emulators.on_the_way import on_the_way
 from oarlock.live.emulators.peripheral import Offers, Peripheral
 from oarlock.live.emulators.pm5_messages import MESSAGES, force_curve
@@ -71,13 +71,13 @@ def _events(rowing: Rowing) -> Iterator[Moment]:
         yield number * rowing.stroke_s - 1e-6, (0x35,)  # still of the stroke that ends
 
 
-def messages(emulated: Emulated, rowing: Rowing | None = None) -> Iterator[Message]:
+def messages(emulated: Emulated, rowing: Rowing | None = None) -> Iterator[DeviceMessage]:
     """What a monitor notifies whose status is asked for each 250 ms, each characteristic by itself."""
     rower = rowing or Rowing()
     for due_s, time_s, numbers in on_the_way(emulated, _moments(rower, lambda: _PERIODS_S[2])):
         for number in numbers:
             for data in _parts(rower, number, time_s, False):
-                yield Message(due_s, _UNIT, data, short(_UUID.format(number)))
+                yield DeviceMessage(due_s, _UNIT, data, short(_UUID.format(number)))
 
 
 def wiring(emulated: Emulated) -> Wiring:

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from oarlock._core import Model
 from oarlock.live.emulators.emulated import Emulated
-from oarlock.live.emulators.kinds import Kind
+from oarlock.live.emulators.kinds import EmulatorKind
 from oarlock.live.rig import Feed, Rig, Source, streams_of
 
 LINES = "lines"
 
 
-def rig_of(kind: Kind, emulated: Emulated, model: Model, name: str) -> Rig:
+def rig_of(kind: EmulatorKind, emulated: Emulated, model: Model, name: str) -> Rig:
     """The rig file's content that receives what a kind sends on this machine.
 
     Args:
         kind: that emulates.
-        emulated: as `Kind.emulated` gives it.
+        emulated: as `EmulatorKind.emulated` gives it.
         model: of the body.
         name: of the model, as a rig file has it.
     """

@@ -14,7 +14,7 @@ from typing import cast
 
 from oarlock.live.emulators.carriers import carry, senders
 from oarlock.live.emulators.deliveries import Delivery
-from oarlock.live.emulators.emulated import Emulated, Message, Wiring
+from oarlock.live.emulators.emulated import DeviceMessage, Emulated, Wiring
 
 TICKS_HZ = 32768
 Numbers = Sequence[float]
@@ -55,11 +55,11 @@ def calibration_response() -> bytes:
     return b"\x2d" + b"".join(pack(">6h9b", *[zero] * 3, *[gain] * 3, *_ALIGNED) for zero, gain in sensors)
 
 
-def messages(emulated: Emulated) -> Iterator[Message]:
+def messages(emulated: Emulated) -> Iterator[DeviceMessage]:
     """What a unit sends that was asked and started at once."""
     units = Units(emulated)
     for name in emulated.recording.names:
-        yield Message(0.0, name, units.answer(name, b"\x01\x2c\x07"))
+        yield DeviceMessage(0.0, name, units.answer(name, b"\x01\x2c\x07"))
     yield from units.streaming()
 
 
@@ -97,12 +97,12 @@ class Units:
             at += 1 + _PARAMETERS.get(commands[at], 0)
         return replies
 
-    def streaming(self) -> Iterator[Message]:
+    def streaming(self) -> Iterator[DeviceMessage]:
         """Data packets of the units that have been started."""
         for delivery in self._emulated.deliveries():
             # An empty message lets the time go on.
             data = _packet(delivery) if delivery.device in self._started else b""
-            yield Message(delivery.due_s, delivery.device, data)
+            yield DeviceMessage(delivery.due_s, delivery.device, data)
 
     def _reply(self, unit: str, command: int) -> bytes:
         rate_hz = self._rates[unit]

@@ -7,7 +7,7 @@ from typing import cast
 
 from oarlock.live.emulators.carriers import carry, senders
 from oarlock.live.emulators.deliveries import Delivery
-from oarlock.live.emulators.emulated import Emulated, Message, Wiring
+from oarlock.live.emulators.emulated import DeviceMessage, Emulated, Wiring
 
 _WRAP = 2**32
 
@@ -21,12 +21,12 @@ def line(delivery: Delivery) -> bytes:
     return ",".join([*map(str, stamps), *cells]).encode() + b"\n"
 
 
-def messages(emulated: Emulated) -> Iterator[Message]:
+def messages(emulated: Emulated) -> Iterator[DeviceMessage]:
     """A line for each reading."""
     for delivery in emulated.deliveries():
         if {"accel_m_s2", "gyro_rad_s"} > delivery.values.keys():
             continue
-        yield Message(delivery.due_s, delivery.device, line(delivery))
+        yield DeviceMessage(delivery.due_s, delivery.device, line(delivery))
 
 
 def wiring(emulated: Emulated) -> Wiring:

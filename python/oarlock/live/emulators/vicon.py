@@ -11,7 +11,7 @@ from struct import pack
 
 from oarlock.live.emulators.carriers import carry, senders
 from oarlock.live.emulators.deliveries import Delivery
-from oarlock.live.emulators.emulated import Emulated, Message, Wiring
+from oarlock.live.emulators.emulated import DeviceMessage, Emulated, Wiring
 from oarlock.live.emulators.frames import frames
 
 _UNIT = "vicon"
@@ -27,11 +27,11 @@ def datagram(frame: int, places_m: Sequence[tuple[str, Sequence[float]]]) -> byt
     return pack("<IB", frame % 2**32, len(places_m)) + b"".join(items)
 
 
-def messages(emulated: Emulated) -> Iterator[Message]:
+def messages(emulated: Emulated) -> Iterator[DeviceMessage]:
     """A datagram for each frame."""
     for frame in frames(emulated):
         places = list(_places(frame))
-        yield Message(frame[0].due_s, _UNIT, datagram(frame[0].count, places))
+        yield DeviceMessage(frame[0].due_s, _UNIT, datagram(frame[0].count, places))
 
 
 def wiring(emulated: Emulated) -> Wiring:

@@ -12,7 +12,7 @@ from bumble.core import UUID, AdvertisingData, BaseBumbleError
 from bumble.device import Advertisement, Connection, Device, Peer
 from bumble.gatt_client import CharacteristicProxy
 
-from oarlock.live.transports.radio import Found, RadioError
+from oarlock.live.transports.radio import BleAdvertisement, RadioError
 
 T = TypeVar("T")
 _MTU = 247
@@ -27,10 +27,10 @@ class VirtualRadio:
         self._connections: dict[str, Connection] = {}
         self._peers: dict[str, Peer] = {}
 
-    async def scan(self, duration_s: float) -> list[Found]:
+    async def scan(self, duration_s: float) -> list[BleAdvertisement]:
         """The devices that advertise within a time."""
         await self._power_on()
-        heard: dict[str, Found] = {}
+        heard: dict[str, BleAdvertisement] = {}
 
         def hear(told: Advertisement) -> None:
             found = _found(told)
@@ -100,11 +100,11 @@ class VirtualRadio:
             raise RadioError(str(error) or type(error).__name__) from error
 
 
-def _found(told: Advertisement) -> Found:
+def _found(told: Advertisement) -> BleAdvertisement:
     kind = AdvertisingData.Type
     short = told.data.get_all(kind.COMPLETE_LIST_OF_16_BIT_SERVICE_CLASS_UUIDS)
     long = told.data.get_all(kind.COMPLETE_LIST_OF_128_BIT_SERVICE_CLASS_UUIDS)
     services = [one for several in (*short, *long) for one in several]
     name = told.data.get(kind.COMPLETE_LOCAL_NAME) or ""
     full = tuple(str(uuid.UUID(bytes=one.to_bytes(force_128=True)[::-1])) for one in services)
-    return Found(str(told.address).partition("/")[0], str(name), full, float(told.rssi))
+    return BleAdvertisement(str(told.address).partition("/")[0], str(name), full, float(told.rssi))

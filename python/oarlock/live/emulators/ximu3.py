@@ -18,7 +18,7 @@ from typing import cast
 
 from oarlock.live.emulators.carriers import carry, port_of, senders
 from oarlock.live.emulators.deliveries import Delivery
-from oarlock.live.emulators.emulated import Emulated, Message, Wiring
+from oarlock.live.emulators.emulated import DeviceMessage, Emulated, Wiring
 
 ANNOUNCED_AT = 10000
 """UDP port."""
@@ -64,7 +64,7 @@ def announcement(emulated: Emulated, number: int) -> bytes:
     return json.dumps(told, separators=(",", ":")).encode()
 
 
-def messages(emulated: Emulated, write: Write = binary) -> Iterator[Message]:
+def messages(emulated: Emulated, write: Write = binary) -> Iterator[DeviceMessage]:
     """Inertial messages of each unit; of its magnetometer and battery as often as a unit sends those."""
     due_s: dict[tuple[str, str], float] = {}
     for delivery in emulated.deliveries():
@@ -74,7 +74,7 @@ def messages(emulated: Emulated, write: Write = binary) -> Iterator[Message]:
             if delivery.clock_s > due_s.get(key, -math.inf) - 1e-3:
                 due_s[key] = delivery.clock_s + every_s
                 data = write(letter, round(1e6 * delivery.clock_s), numbers)
-                yield Message(delivery.due_s, delivery.device, data)
+                yield DeviceMessage(delivery.due_s, delivery.device, data)
 
 
 def wiring(emulated: Emulated) -> Wiring:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from oarlock.live.emulators import ximu3
-from oarlock.live.emulators.emulated import Emulated, Message
+from oarlock.live.emulators.emulated import DeviceMessage, Emulated
 from oarlock.live.emulators.ximu3 import wiring
 
 __all__ = ["emulate", "messages", "wiring"]
 
 
-def messages(emulated: Emulated) -> Iterator[Message]:
+def messages(emulated: Emulated) -> Iterator[DeviceMessage]:
     """As binary units, in text."""
     return ximu3.messages(emulated, ximu3.text)
 

@@ -13,12 +13,12 @@ import numpy as np
 
 from oarlock.calibration.session.checks import REDO
 from oarlock.live.guide.pictures import pictures_of
-from oarlock.live.guide.steps import PAD_S, PRESSES, Cut, Guide, Judge, Listen, Order, Send, Swap
+from oarlock.live.guide.steps import PAD_S, PRESSES, CheckSteps, Cut, Guide, Listen, Order, Send, Swap
 from oarlock.live.guide.verdict import Task, Verdict, judged, prepared
 from oarlock.live.health import SILENT_S
-from oarlock.live.intake import Sampled
+from oarlock.live.intake import SensorReading
 from oarlock.live.reading import Packet
-from oarlock.live.rows import Rows
+from oarlock.live.rows import StreamBuffer
 from oarlock.live.session import LiveSession, command
 from oarlock.live.swaps.swaps import swapping
 from oarlock.live.transports.transport import now_ns
@@ -42,7 +42,7 @@ class Lead:
     """
 
     guide: Guide
-    _rows: Rows = field(init=False)
+    _rows: StreamBuffer = field(init=False)
     _parts: dict[str, Recording] = field(init=False, default_factory=dict)
     _newest_s: dict[str, float] = field(init=False, default_factory=dict)
     _is_listening: bool = field(init=False, default=False)
@@ -70,7 +70,7 @@ class Lead:
         """
         self.session, self._pool = session, pool
         self._deliver, self._tell, self._publish = deliver, tell, publish
-        self._rows = Rows(session.rig)
+        self._rows = StreamBuffer(session.rig)
         session.listeners.append(self._hear)
         self.hello = self._described(picture)
         # The other process starts while the person reads.
@@ -122,7 +122,7 @@ class Lead:
     def _now_s(self) -> float:
         return self.session.intake.seconds(now_ns())
 
-    def _hear(self, sampled: list[Sampled]) -> None:
+    def _hear(self, sampled: list[SensorReading]) -> None:
         for one in sampled:
             self._newest_s[one.stream] = one.time_s
         if self._is_listening:
@@ -143,7 +143,7 @@ class Lead:
                 self._is_listening = True
             elif isinstance(order, Cut):
                 self._cut(order)
-            elif isinstance(order, Judge):
+            elif isinstance(order, CheckSteps):
                 self._start(order)
             else:
                 self._swap(order)
@@ -166,7 +166,7 @@ class Lead:
             self._tell(f'guided start: nothing was heard in "{order.name}"')
         self._rows.clear()
 
-    def _start(self, order: Judge) -> None:
+    def _start(self, order: CheckSteps) -> None:
         steps = sorted(order.plan.steps, key=lambda step: step.start_s or 0.0)
         parts = [self._parts[step.name] for step in steps if step.name in self._parts]
         task = Task(order.number, self.session.model, order.plan, parts, self.session.calibration)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.calibration.session.body import Body
+from oarlock.calibration.session.body import BodyKinematics
 from oarlock.model.rotation import quat_from_rotvec, quat_product, rotvec_from_quat
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def pictures_of(
     model: Model, steps: Sequence[SessionStep], picture: LivePicture | None
 ) -> list[list[dict[str, Any]]]:
     """Frames of each step, as `LivePicture.frame` has them; none without a figure or a posture."""
-    body = Body.of(model, [])
+    body = BodyKinematics.of(model, [])
     return [
         []
         if picture is None or step.kind not in ("pose", "move")
@@ -36,7 +36,7 @@ def pictures_of(
     ]
 
 
-def _postures(body: Body, step: SessionStep) -> list[Floats]:
+def _postures(body: BodyKinematics, step: SessionStep) -> list[Floats]:
     posture = body.posture(step.pose)
     if step.kind == "pose":
         return [posture]
@@ -44,7 +44,7 @@ def _postures(body: Body, step: SessionStep) -> list[Floats]:
     return [_swung(body, step, posture, float(swing)) for swing in swings]
 
 
-def _swung(body: Body, step: SessionStep, posture: Floats, swing: float) -> Floats:
+def _swung(body: BodyKinematics, step: SessionStep, posture: Floats, swing: float) -> Floats:
     """The posture with the step's joints turned by a share of their swing, the first side being positive."""
     q = posture.copy()
     limits = {j.name: j.limits for j in body.model.describe().joints if j.kind == "hinge"}

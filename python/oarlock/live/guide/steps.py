@@ -25,7 +25,7 @@ LEAST_RUN_S = 3.0
 
 
 @dataclass(frozen=True)
-class Pace:
+class GuideDurations:
     """How long what lasts, s.
 
     Args:
@@ -65,7 +65,7 @@ class Cut:
 
 
 @dataclass(frozen=True)
-class Judge:
+class CheckSteps:
     """Judge the steps that are done: a plan with their times."""
 
     number: int
@@ -79,7 +79,7 @@ class Swap:
     streams: tuple[str, str]
 
 
-Order = Send | Listen | Cut | Judge | Swap
+Order = Send | Listen | Cut | CheckSteps | Swap
 
 
 @dataclass
@@ -111,7 +111,7 @@ class Guide:
     """
 
     plan: SessionPlan
-    pace: Pace = field(default_factory=Pace)
+    pace: GuideDurations = field(default_factory=GuideDurations)
     phase: str = "offered"
     at: int = 0
     begins_s: float = 0.0
@@ -280,9 +280,9 @@ class Guide:
         keys = {"name": one.step.name, "begin_s": one.span_s[0], "end_s": one.span_s[1]}
         return [Send("step", keys), Cut(one.step.name, one.span_s), self._judge()]
 
-    def _judge(self) -> Judge:
+    def _judge(self) -> CheckSteps:
         self.phase, self.tasks, self.judging = "checking", self.tasks + 1, self._done()
-        return Judge(self.tasks, self.judging)
+        return CheckSteps(self.tasks, self.judging)
 
     def _done(self) -> SessionPlan:
         spans = {one.step.name: one.span_s for one in self.progress if one.span_s is not None}

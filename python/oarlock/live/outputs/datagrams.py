@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from oarlock.live.decoders.osc import UNIX_EPOCH_S, bundle, message
-from oarlock.live.outputs.output import Start
+from oarlock.live.outputs.output import SessionStart
 
-Encoder = Callable[[Mapping[str, Any], Start], bytes]
+Encoder = Callable[[Mapping[str, Any], SessionStart], bytes]
 ROOT = "/oarlock"
 _NOT_IN_ADDRESSES = re.compile(r"[^\x21-\x7e]|[#*,/?\[\]{}]")
 """OSC 1.0 forbids these in the parts of an address."""
@@ -33,9 +33,9 @@ class Datagrams:
     port: int
     encoder: Encoder
     _socket: socket.socket | None = field(init=False, default=None)
-    _start: Start = field(init=False, default=Start(0, 0.0))
+    _start: SessionStart = field(init=False, default=SessionStart(0, 0.0))
 
-    def open(self, start: Start) -> None:
+    def open(self, start: SessionStart) -> None:
         """Finds the host."""
         kind, _, _, _, address = socket.getaddrinfo(self.host, self.port, type=socket.SOCK_DGRAM)[0]
         self._start = start
@@ -55,12 +55,12 @@ class Datagrams:
             self._socket = None
 
 
-def json_line(message: Mapping[str, Any], start: Start) -> bytes:
+def json_line(message: Mapping[str, Any], start: SessionStart) -> bytes:
     """A message as one line of JSON."""
     return json.dumps(message, allow_nan=False).encode() + b"\n"
 
 
-def osc_bundle(told: Mapping[str, Any], start: Start) -> bytes:
+def osc_bundle(told: Mapping[str, Any], start: SessionStart) -> bytes:
     """A message as an OSC bundle; its time tag is the moment that the message is about, UTC."""
     tag = round((start.epoch_s + told["time_s"] + UNIX_EPOCH_S) * 2.0**20) << 12
     # the seconds of time tags begin at 0 again in 2036

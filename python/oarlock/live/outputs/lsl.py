@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from oarlock.live.named_angles import NamedAngles, joints_with_names
-from oarlock.live.outputs.output import Start
+from oarlock.live.named_angles import LiveAngles, joints_with_names
+from oarlock.live.outputs.output import SessionStart
 from oarlock.live.transports.transport import now_ns
 from oarlock.model.coordinates import parts
 from oarlock.storage.errors import DataError
@@ -55,7 +55,7 @@ class LslStreams:
                 f"LSL needs pylsl with its library: pip install 'oarlock[lsl]' ({error})"
             ) from error
 
-    def open(self, start: Start) -> None:
+    def open(self, start: SessionStart) -> None:
         """Announces both streams."""
         lsl = self._lsl
         # On Linux both clocks are the same; elsewhere they have different zeros.
@@ -113,7 +113,7 @@ def _rows(model: Model) -> Iterator[tuple[str, str]]:
     for name in model.coordinate_names:
         yield "joints", name
     if joints_with_names(model):
-        for name in NamedAngles(model).names:
+        for name in LiveAngles(model).names:
             yield "angles", name
 
 

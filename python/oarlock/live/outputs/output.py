@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from oarlock.live.disk import reason_of
 from oarlock.live.frame import frame_of
-from oarlock.live.named_angles import NamedAngles
+from oarlock.live.named_angles import LiveAngles
 
 if TYPE_CHECKING:
     from oarlock._core import Model
@@ -24,7 +24,7 @@ LONGEST_END_S = 2.0
 
 
 @dataclass(frozen=True)
-class Start:
+class SessionStart:
     """The session's start, from which the times of messages count.
 
     Args:
@@ -42,7 +42,7 @@ class Way(Protocol):
     name: str
     """For people: "OSC to 127.0.0.1:9000"."""
 
-    def open(self, start: Start) -> None:
+    def open(self, start: SessionStart) -> None:
         """Gets ready to send; also again after a failure."""
 
     def send(self, message: Mapping[str, Any]) -> None:
@@ -73,10 +73,10 @@ class Output:
         self._estimates: deque[Estimate] = deque(maxlen=MOST_ESTIMATES)
         self._told: deque[Mapping[str, Any]] = deque(maxlen=MOST_TOLD)
         self._news, self._ended = threading.Condition(), threading.Event()
-        self._named = NamedAngles(self.model)
+        self._named = LiveAngles(self.model)
         self._thread: threading.Thread | None = None
 
-    def start(self, start: Start) -> None:
+    def start(self, start: SessionStart) -> None:
         """Begins to send.
 
         Raises:
@@ -114,7 +114,7 @@ class Output:
         """How it does, for the page."""
         return {"name": self.way.name, "problem": self.problem, "sent": self.sent, "skipped": self.skipped}
 
-    def _run(self, start: Start) -> None:
+    def _run(self, start: SessionStart) -> None:
         while not self._ended.is_set():
             try:
                 self.way.open(start)

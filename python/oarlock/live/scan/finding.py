@@ -30,7 +30,7 @@ BATTERY = "battery_percent"
 
 
 @dataclass(frozen=True)
-class Part:
+class DevicePart:
     """What one device sends, or one part of it.
 
     Args:
@@ -55,7 +55,7 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Finding:
+class Sender:
     """One sender.
 
     Args:
@@ -72,7 +72,7 @@ class Finding:
     what: str
     address: str
     source: Source | None
-    parts: tuple[Part, ...] = ()
+    parts: tuple[DevicePart, ...] = ()
     battery_percent: float | None = None
     signal: str = ""
     note: str = ""
@@ -80,7 +80,7 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class Problem:
+class ScanProblem:
     """Where a scan could not look.
 
     Args:
@@ -97,9 +97,9 @@ class Scan:
     """All that a scan has found."""
 
     seconds: float
-    findings: tuple[Finding, ...]
-    problems: tuple[Problem, ...]
-    others: tuple[Finding, ...] = ()
+    findings: tuple[Sender, ...]
+    problems: tuple[ScanProblem, ...]
+    others: tuple[Sender, ...] = ()
     """Bluetooth devices of no known kind."""
 
 
@@ -110,7 +110,7 @@ def sends(names: Sequence[str]) -> str:
 
 
 @dataclass(frozen=True)
-class Device:
+class ScanDevice:
     """One device of a source.
 
     Args:
@@ -120,23 +120,23 @@ class Device:
     """
 
     name: str
-    finding: Finding
-    part: Part | None
+    finding: Sender
+    part: DevicePart | None
 
 
-def devices_of(findings: Sequence[Finding]) -> list[Device]:
+def devices_of(findings: Sequence[Sender]) -> list[ScanDevice]:
     """The devices of one source, by the shortest names that tell them apart."""
-    every: list[tuple[Finding, Part | None]] = []
+    every: list[tuple[Sender, DevicePart | None]] = []
     for one in findings:
         every += [(one, part) for part in one.parts or (None,)]
     names = [_names(one, part) for one, part in every]
     return [
-        Device(next((name for name in own if sum(name in o for o in names) == 1), own[-1]), one, part)
+        ScanDevice(next((name for name in own if sum(name in o for o in names) == 1), own[-1]), one, part)
         for own, (one, part) in zip(names, every, strict=True)
     ]
 
 
-def _names(one: Finding, part: Part | None) -> list[str]:
+def _names(one: Sender, part: DevicePart | None) -> list[str]:
     """The names by which a rig file may call it, the shortest first."""
     whole = [one.address]
     if one.source is not None and one.source.transport == "udp" and ":" in one.address:
@@ -146,9 +146,9 @@ def _names(one: Finding, part: Part | None) -> list[str]:
     )
 
 
-def received_together(findings: Sequence[Finding]) -> list[tuple[Source, list[Finding]]]:
+def received_together(findings: Sequence[Sender]) -> list[tuple[Source, list[Sender]]]:
     """The sources of a rig file that receive all findings, and which finding each receives."""
-    groups: dict[object, tuple[Source, list[Finding]]] = {}
+    groups: dict[object, tuple[Source, list[Sender]]] = {}
     for finding in findings:
         source = finding.source
         if source is None:

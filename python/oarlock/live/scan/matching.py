@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from oarlock.live.rig import Source
-from oarlock.live.scan.finding import OWN_STATE, Device, Finding, devices_of, received_together
+from oarlock.live.scan.finding import OWN_STATE, ScanDevice, Sender, devices_of, received_together
 from oarlock.recording.unit_names import assign_units
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
@@ -33,7 +33,7 @@ _ASKED_HZ = MappingProxyType({"dot": 60.0})
 
 
 @dataclass(frozen=True)
-class Candidate:
+class DeviceCandidate:
     """A device, or one quantity of it, that may feed a stream.
 
     Args:
@@ -46,7 +46,7 @@ class Candidate:
 
     source: str
     format: str
-    device: Device
+    device: ScanDevice
     value: str = ""
     is_alone: bool = False
 
@@ -91,24 +91,24 @@ class Candidate:
 class Sources:
     """What a scan found as sources of a rig, and their devices."""
 
-    named: tuple[tuple[Source, tuple[Finding, ...]], ...]
-    candidates: tuple[Candidate, ...]
+    named: tuple[tuple[Source, tuple[Sender, ...]], ...]
+    candidates: tuple[DeviceCandidate, ...]
 
     @classmethod
-    def of(cls, findings: Sequence[Finding]) -> Sources:
+    def of(cls, findings: Sequence[Sender]) -> Sources:
         """The sources that receive all findings, with names."""
-        named: list[tuple[Source, tuple[Finding, ...]]] = []
+        named: list[tuple[Source, tuple[Sender, ...]]] = []
         for source, senders in received_together(findings):
             taken = {one.name for one, _ in named}
             named.append((replace(source, name=_free_name(source, senders, taken)), tuple(senders)))
         return cls(tuple(named), tuple(c for source, senders in named for c in _candidates(source, senders)))
 
-    def feeding(self, kind: str) -> list[Candidate]:
+    def feeding(self, kind: str) -> list[DeviceCandidate]:
         """The candidates for a kind of stream."""
         return [one for one in self.candidates if kind in _kinds(one)]
 
 
-Ask = Callable[[str, Sequence[Candidate]], Candidate | None]
+Ask = Callable[[str, Sequence[DeviceCandidate]], DeviceCandidate | None]
 
 
 def matched(
@@ -116,7 +116,7 @@ def matched(
     sources: Sources,
     by_hand: Mapping[str, str],
     ask: Ask = lambda stream, found: None,
-) -> dict[str, Candidate]:
+) -> dict[str, DeviceCandidate]:
     """What feeds which stream.
 
     Args:
@@ -128,7 +128,7 @@ def matched(
     Raises:
         DataError: a name that was given by hand does not exist, or several devices have it.
     """
-    found: dict[str, Candidate] = {}
+    found: dict[str, DeviceCandidate] = {}
     for stream, name in by_hand.items():
         if stream not in streams:
             raise DataError(f"--feed {stream}: the model has none. {did_you_mean(stream, sorted(streams))}")
@@ -144,16 +144,16 @@ def matched(
     return {stream: found[stream] for stream in streams if stream in found}
 
 
-def _by_name(streams: Sequence[str], free: Sequence[Candidate]) -> dict[str, Candidate]:
+def _by_name(streams: Sequence[str], free: Sequence[DeviceCandidate]) -> dict[str, DeviceCandidate]:
     """The streams that exactly one candidate means."""
-    meant: dict[str, list[Candidate]] = {}
+    meant: dict[str, list[DeviceCandidate]] = {}
     for one in free:
         for stream in dict.fromkeys(_meanings(one, streams)):
             meant.setdefault(stream, []).append(one)
     return {stream: own[0] for stream, own in meant.items() if len(own) == 1}
 
 
-def _meanings(one: Candidate, streams: Sequence[str]) -> Iterator[str]:
+def _meanings(one: DeviceCandidate, streams: Sequence[str]) -> Iterator[str]:
     """The streams whose name a candidate has, in any spelling."""
     plain = {_plain(stream): stream for stream in streams}
     value = one.value
@@ -173,7 +173,7 @@ def _meanings(one: Candidate, streams: Sequence[str]) -> Iterator[str]:
             return
 
 
-def _called(name: str, stream: str, candidates: Sequence[Candidate]) -> Candidate:
+def _called(name: str, stream: str, candidates: Sequence[DeviceCandidate]) -> DeviceCandidate:
     own, _, value = name.rpartition(":")
     for device, quantity in ((name, ""), (own, value)):
         called = [
@@ -193,19 +193,19 @@ def _called(name: str, stream: str, candidates: Sequence[Candidate]) -> Candidat
     raise DataError(f"--feed {stream}={name}: no such device was heard that could feed it. {known}")
 
 
-def _candidates(source: Source, senders: Sequence[Finding]) -> Iterator[Candidate]:
+def _candidates(source: Source, senders: Sequence[Sender]) -> Iterator[DeviceCandidate]:
     devices = devices_of(senders)
     listed = any(isinstance(value, list) for value in source.options.values())
     for device in devices:
         alone = len(devices) == 1 and not listed and not (device.part and device.part.name)
-        one = Candidate(source.name, source.format, device, "", alone)
+        one = DeviceCandidate(source.name, source.format, device, "", alone)
         yield one
         for name, value in {} if device.part is None else device.part.last.items():
             if isinstance(value, float | int) and name not in OWN_STATE and not _OTHER_UNITS.search(name):
                 yield replace(one, value=name)
 
 
-def _kinds(one: Candidate) -> set[str]:
+def _kinds(one: DeviceCandidate) -> set[str]:
     """The kinds of streams that a candidate can feed."""
     part = one.device.part
     if one.value:
@@ -215,7 +215,7 @@ def _kinds(one: Candidate) -> set[str]:
     return {kind for kind, needed in _NEEDED.items() if set(needed) & part.last.keys()}
 
 
-def _free_name(source: Source, senders: Sequence[Finding], taken: set[str]) -> str:
+def _free_name(source: Source, senders: Sequence[Sender], taken: set[str]) -> str:
     told = senders[0].name if source.transport == "lsl" else source.format
     name = re.sub(r"\W+", "_", told).strip("_") or source.format
     numbers = (f"{name}_{k}" for k in range(2, len(taken) + 3))

@@ -11,7 +11,7 @@ from oarlock.live.decoders.ximu3_announcement import Announcement
 from oarlock.live.reading import Packet
 from oarlock.live.rig import Source
 from oarlock.live.scan import listening
-from oarlock.live.scan.finding import Finding, Problem
+from oarlock.live.scan.finding import ScanProblem, Sender
 from oarlock.live.scan.listening import Hearing
 from oarlock.live.scan.recognition import recognised
 from oarlock.live.transports.announced import Announcements
@@ -38,21 +38,21 @@ class Network:
         self._hearings = [Hearing(source) for source in sources]
         self._tasks: list[asyncio.Task[None]] = []
 
-    async def scan(self, seconds: float) -> tuple[list[Finding], list[Problem]]:
+    async def scan(self, seconds: float) -> tuple[list[Sender], list[ScanProblem]]:
         """What was heard within a time."""
         self._tasks = [asyncio.create_task(listening.listen(hearing)) for hearing in self._hearings]
         problems = await self._announced(seconds)
         await listening.ended(self._tasks)
         by_address = {unit.address: unit for unit in self._units.values()}
-        found: list[Finding] = []
+        found: list[Sender] = []
         for hearing in self._hearings:
             if hearing.problem:
-                problems.append(Problem(_place(hearing.source), hearing.problem.partition(": ")[2]))
+                problems.append(ScanProblem(_place(hearing.source), hearing.problem.partition(": ")[2]))
             for address, packets in hearing.by_address().items():
                 found.append(_finding(hearing.source, address, packets, by_address))
         return [*_once(found), *self._silent(found)], problems
 
-    async def _announced(self, seconds: float) -> list[Problem]:
+    async def _announced(self, seconds: float) -> list[ScanProblem]:
         if not self._announcements:
             await listening.pause(seconds)
             return []
@@ -62,7 +62,7 @@ class Network:
         except OSError as error:
             await listening.pause(seconds)
             port = ximu3_announcement.PORT
-            return [Problem(f"UDP port {port}", f"x-IMU3 units cannot be heard there ({error.strerror})")]
+            return [ScanProblem(f"UDP port {port}", f"x-IMU3 units cannot be heard there ({error.strerror})")]
         return []
 
     def _take(self, unit: Announcement) -> None:
@@ -81,17 +81,17 @@ class Network:
         self._hearings.append(hearing)
         self._tasks.append(asyncio.create_task(listening.listen(hearing)))
 
-    def _silent(self, found: Sequence[Finding]) -> list[Finding]:
+    def _silent(self, found: Sequence[Sender]) -> list[Sender]:
         """The units that announced themselves and of which nothing was received."""
         heard = {one.address for one in found}
         return [
-            _of_unit(unit, Finding("", unit.serial, Source("", "ximu3", "tcp", {"units": [unit.serial]})))
+            _of_unit(unit, Sender("", unit.serial, Source("", "ximu3", "tcp", {"units": [unit.serial]})))
             for unit in self._units.values()
             if unit.serial not in heard
         ]
 
 
-def _once(found: Sequence[Finding]) -> list[Finding]:
+def _once(found: Sequence[Sender]) -> list[Sender]:
     """Without the connections to units that send datagrams, too: those need none."""
     sending = {one.address for one in found if one.source is not None and one.source.transport == "udp"}
     return [
@@ -108,7 +108,7 @@ def _place(source: Source) -> str:
 
 def _finding(
     source: Source, address: str, packets: Sequence[Packet], units: dict[str, Announcement]
-) -> Finding:
+) -> Sender:
     """What a sender is, by what it sent."""
     what = recognised(packets, source)
     if what is None:
@@ -120,10 +120,10 @@ def _finding(
             note = f"the format {source.format} does not read it: {text}{more}. Leave the format out."
         else:
             note = f"no format of Oarlock reads it: {text}{more}"
-        return Finding(f"unknown, at {_place(source)}", address, None, note=note)
+        return Sender(f"unknown, at {_place(source)}", address, None, note=note)
     note = f"{what.damaged:,} messages could not be decoded" if what.damaged > 1 else ""
     own = replace(source, format=what.format)
-    found = Finding(DECODERS[what.format].about, address, own, what.parts, note=note)
+    found = Sender(DECODERS[what.format].about, address, own, what.parts, note=note)
     unit = units.get(address.rpartition(":")[0] or address) if what.format == "ximu3" else None
     by_serial = {one.serial: one for one in units.values()}
     if source.transport == "udp" and unit is not None:
@@ -132,7 +132,7 @@ def _finding(
     return _of_unit(by_serial[address], found) if address in by_serial else found
 
 
-def _of_unit(unit: Announcement, found: Finding) -> Finding:
+def _of_unit(unit: Announcement, found: Sender) -> Sender:
     signal = "is the access point" if unit.rssi_percent < 0 else f"{unit.rssi_percent:.0f} %"
     return replace(
         found,

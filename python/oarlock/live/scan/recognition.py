@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from oarlock.live.decoders import DECODERS
 from oarlock.live.reading import Packet, Reading, Value
 from oarlock.live.rig import Source
-from oarlock.live.scan.finding import BATTERY, Part
+from oarlock.live.scan.finding import BATTERY, DevicePart
 from oarlock.storage.errors import DataError
 
 _ORDER = ("lines", "mvn", "nmea", "osc", "ngimu", "vicon", "ximu3")
@@ -44,10 +44,10 @@ class Tally:
         if reading.count is not None:
             self.counts.add(reading.count)
 
-    def part(self, name: str) -> Part:
+    def part(self, name: str) -> DevicePart:
         """All of it, as a part of this name."""
         rates_hz = {key: self.rate_hz(key) for key in self.arrivals_s}
-        return Part(name, rates_hz, self.battery_percent, self.lost_percent(), self.last)
+        return DevicePart(name, rates_hz, self.battery_percent, self.lost_percent(), self.last)
 
     def rate_hz(self, name: str) -> float | None:
         """Rate of a quantity: by the device's clock where it has one, because arrivals come in bursts."""
@@ -79,7 +79,7 @@ class Recognised:
     """
 
     format: str
-    parts: tuple[Part, ...]
+    parts: tuple[DevicePart, ...]
     readings: int
     damaged: int
 

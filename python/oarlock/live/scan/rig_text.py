@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from oarlock.live.rig import FORMAT, Rig, Source, streams_of
-from oarlock.live.scan.finding import Finding, sends
+from oarlock.live.scan.finding import Sender, sends
 from oarlock.live.scan.joint_read import unit_read
-from oarlock.live.scan.matching import Candidate, Sources
+from oarlock.live.scan.matching import DeviceCandidate, Sources
 from oarlock.storage.toml import toml_text
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ class RigDraft:
     model_name: str
     calibration: str
     sources: Sources
-    feeds: Mapping[str, Candidate]
+    feeds: Mapping[str, DeviceCandidate]
 
     @property
     def free(self) -> list[str]:
@@ -77,7 +77,7 @@ class RigDraft:
         for source, senders in self.sources.named:
             yield from self._source(source, senders)
 
-    def _source(self, source: Source, senders: Sequence[Finding]) -> Iterator[str]:
+    def _source(self, source: Source, senders: Sequence[Sender]) -> Iterator[str]:
         yield f"[sources.{source.name}]"
         yield from (f"# {what}" for what in dict.fromkeys(one.what for one in senders))
         if all(one.source != source.name for one in self.feeds.values()):
@@ -101,7 +101,7 @@ class RigDraft:
             yield from ("", _with_comment(f"# [streams.{stream}]", _KINDS[kinds[stream]]))
             yield from self._choices(kinds[stream])
 
-    def _stream(self, stream: str, one: Candidate) -> Iterator[str]:
+    def _stream(self, stream: str, one: DeviceCandidate) -> Iterator[str]:
         yield f"[streams.{stream}]"
         yield from _keys({"source": one.source})
         part = one.device.part
@@ -116,7 +116,7 @@ class RigDraft:
             yield _with_comment(_key("rate_hz", one.rate_hz), told)
         yield ""
 
-    def _value(self, stream: str, one: Candidate) -> Iterator[str]:
+    def _value(self, stream: str, one: DeviceCandidate) -> Iterator[str]:
         unit = unit_read(self.model, stream)
         yield from _keys({"value": one.value})
         if one.scale is not None:

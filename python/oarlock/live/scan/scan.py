@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from oarlock.live.rig import Source
 from oarlock.live.scan.bluetooth import advertised
-from oarlock.live.scan.finding import Finding, Problem, Scan
+from oarlock.live.scan.finding import Scan, ScanProblem, Sender
 from oarlock.live.scan.lsl_streams import streams
 from oarlock.live.scan.network import USUAL_PORTS, Network
 from oarlock.live.scan.serial_ports import ports
@@ -17,7 +17,7 @@ PLACES = ("network", "ble", "lsl", "serial")
 
 
 @dataclass(frozen=True)
-class Asked:
+class ScanRequest:
     """Where to look.
 
     Args:
@@ -33,7 +33,7 @@ class Asked:
     connects: bool = False
 
 
-async def scan(asked: Asked) -> Scan:
+async def scan(asked: ScanRequest) -> Scan:
     """All that is found within the time."""
     network, bluetooth, lsl = await asyncio.gather(_network(asked), _bluetooth(asked), _lsl(asked))
     opened = frozenset(str(source.options.get("device", "")) for source in asked.sources)
@@ -44,10 +44,10 @@ async def scan(asked: Asked) -> Scan:
     )
 
 
-Found = tuple[list[Finding], list[Problem]]
+Found = tuple[list[Sender], list[ScanProblem]]
 
 
-async def _network(asked: Asked) -> Found:
+async def _network(asked: ScanRequest) -> Found:
     is_asked = "network" in asked.places
     own = {source.options.get("port") for source in asked.sources if source.transport == "udp"}
     usual = [Source("", "", "udp", {"port": port}) for port in USUAL_PORTS if is_asked and port not in own]
@@ -55,10 +55,10 @@ async def _network(asked: Asked) -> Found:
     return await network.scan(asked.seconds)
 
 
-async def _bluetooth(asked: Asked) -> tuple[list[Finding], list[Finding], list[Problem]]:
+async def _bluetooth(asked: ScanRequest) -> tuple[list[Sender], list[Sender], list[ScanProblem]]:
     return await advertised(asked.seconds) if "ble" in asked.places else ([], [], [])
 
 
-async def _lsl(asked: Asked) -> Found:
+async def _lsl(asked: ScanRequest) -> Found:
     """In a thread, because liblsl waits."""
     return await asyncio.to_thread(streams, asked.seconds) if "lsl" in asked.places else ([], [])

@@ -5,17 +5,17 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
-from oarlock.live.scan.finding import Finding, Problem
+from oarlock.live.scan.finding import ScanProblem, Sender
 
 
-def ports(asked: frozenset[str] = frozenset()) -> tuple[list[Finding], list[Problem]]:
+def ports(asked: frozenset[str] = frozenset()) -> tuple[list[Sender], list[ScanProblem]]:
     """The ports but for those that are read already."""
     try:
         listing: Any = import_module("serial.tools.list_ports")
     except ImportError:
-        return [], [Problem("Serial ports", "need pyserial: pip install 'oarlock[serial]'")]
+        return [], [ScanProblem("Serial ports", "need pyserial: pip install 'oarlock[serial]'")]
     found = [
-        Finding(
+        Sender(
             f"serial port, {port.description}" if port.description not in ("", "n/a") else "serial port",
             port.device,
             None,

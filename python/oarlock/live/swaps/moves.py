@@ -25,7 +25,7 @@ BASE_STD_M_S2, BASE_SLOPE_M_S3 = 3.0, 20.0
 
 
 @dataclass(frozen=True)
-class Readings:
+class PredictedReadings:
     """What a body's sensors read along movements, and how that depends on the movements' numbers.
 
     Args:
@@ -79,7 +79,7 @@ class Moves:
         self._rate = np.stack([np.zeros_like(t), np.ones_like(t), t, t**2 / 2.0])
         self._change = np.stack([np.zeros_like(t), np.zeros_like(t), np.ones_like(t), t])
 
-    def readings(self, posture: FloatArray, numbers: FloatArray) -> Readings:
+    def readings(self, posture: FloatArray, numbers: FloatArray) -> PredictedReadings:
         """Readings of movements.
 
         Args:
@@ -92,7 +92,7 @@ class Moves:
         qd, qdd = (np.einsum("ot,mon->mtn", one, parts) for one in (self._rate, self._change))
         turned = self._turned(q, posture)
         force = numbers[:, ORDER * n :].reshape(count, 2, -1)
-        base = _Base.of(force[:, 0, None] + force[:, 1, None] * self.time_s[:, None], self._axes)
+        base = _AcceleratingRoot.of(force[:, 0, None] + force[:, 1, None] * self.time_s[:, None], self._axes)
         values = self.model.predict_measurements(q, qd, qdd, base)[..., self.rows]
         by = self.model.measurement_jacobian(q, qd, qdd, base)
         by_q = by.by_q[..., self.rows, :]
@@ -103,7 +103,7 @@ class Moves:
             + np.einsum("ot,mtrn->mtron", self._rate, by.by_qd[..., self.rows, :])
             + np.einsum("ot,mtrn->mtron", self._change, by.by_qdd[..., self.rows, :])
         ).reshape(*values.shape, ORDER * n)
-        return Readings(
+        return PredictedReadings(
             values, np.concatenate([slopes, *self._by_base(q, qd, qdd, base, values)], axis=-1), q
         )
 
@@ -129,21 +129,21 @@ class Moves:
         return found
 
     def _by_base(
-        self, q: FloatArray, qd: FloatArray, qdd: FloatArray, base: _Base, values: FloatArray
+        self, q: FloatArray, qd: FloatArray, qdd: FloatArray, base: _AcceleratingRoot, values: FloatArray
     ) -> list[FloatArray]:
         """How readings change with the base's accelerations: they are linear in these."""
         if not len(self._axes):
             return []
         changes = []
         for axis in self._axes:
-            more = _Base(base.acceleration_m_s2 + axis)
+            more = _AcceleratingRoot(base.acceleration_m_s2 + axis)
             changed = self.model.predict_measurements(q, qd, qdd, more)[..., self.rows]
             changes.append(changed - values)
         by = np.stack(changes, axis=-1)
         return [by, by * self.time_s[:, None, None]]
 
 
-class _Base:
+class _AcceleratingRoot:
     """A root that accelerates and does not turn."""
 
     def __init__(self, acceleration_m_s2: FloatArray) -> None:
@@ -153,5 +153,5 @@ class _Base:
         self.angular_acceleration_rad_s2 = np.zeros_like(acceleration_m_s2)
 
     @classmethod
-    def of(cls, along: FloatArray, axes: FloatArray) -> _Base:
+    def of(cls, along: FloatArray, axes: FloatArray) -> _AcceleratingRoot:
         return cls(along @ axes)

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from oarlock.live.lately import Rows
+from oarlock.live.lately import StreamRows
 from oarlock.live.swaps.fits import STEPS, Fitting
-from oarlock.live.swaps.window import TIMES_S, Layout
+from oarlock.live.swaps.window import TIMES_S, WindowLayout
 from oarlock.recording.corrections import corrected
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
@@ -32,7 +32,7 @@ TOGETHER = 24
 
 
 @dataclass(frozen=True)
-class Look:
+class SwapTest:
     """What is to be looked at.
 
     Args:
@@ -42,7 +42,7 @@ class Look:
         calibration: with which is tracked.
     """
 
-    rows: tuple[Rows, ...]
+    rows: tuple[StreamRows, ...]
     middle_s: float
     posture: tuple[float, ...]
     calibration: Calibration | None
@@ -73,13 +73,13 @@ def prepared() -> None:
         os.setpriority(os.PRIO_PROCESS, 0, 15)
 
 
-def looked(look: Look, model: Model) -> Seen:
+def looked(look: SwapTest, model: Model) -> Seen:
     """What a window shows."""
     body = model
     if look.calibration is not None and look.calibration.parameters:
         body = model.with_parameters(look.calibration.parameters)
     measured = corrected(Recording([rows.stream() for rows in look.rows]), look.calibration)
-    layout = Layout.of(body, look.calibration)
+    layout = WindowLayout.of(body, look.calibration)
     seen = layout.seen(measured, look.middle_s)
     units = [s.name for s in measured.streams if isinstance(s, ImuStream) and s.name in layout.columns]
     return Search(body, layout, seen, units, np.array(look.posture), look.middle_s).seen_as()
@@ -99,7 +99,7 @@ class Search:
     """
 
     model: Model
-    layout: Layout
+    layout: WindowLayout
     seen: FloatArray
     units: list[str]
     posture: FloatArray

@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from oarlock.evaluation.child_process import child_pool
-from oarlock.live.intake import Device, Sampled
+from oarlock.live.intake import DeviceState, SensorReading
 from oarlock.live.lately import Lately
 from oarlock.live.session import LiveSession, command
-from oarlock.live.swaps.search import Look, Seen, looked, prepared
+from oarlock.live.swaps.search import Seen, SwapTest, looked, prepared
 from oarlock.live.swaps.window import WINDOW_S
 from oarlock.live.time_source import MACHINE_TIME, TimeSource
 from oarlock.storage.errors import DataError
@@ -90,7 +90,7 @@ class Swaps:
     _looked_s: float = -math.inf
     _since_s: float = math.inf
     """Units sit where they are since this time."""
-    _fed_by: dict[str, Device] = field(default_factory=dict)
+    _fed_by: dict[str, DeviceState] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         feeds = [feed for feed in self.session.rig.feeds if feed.kind in ("imu", "scalar")]
@@ -117,7 +117,7 @@ class Swaps:
             if pool is not None:
                 pool.shutdown(wait=False, cancel_futures=True)
 
-    def look(self) -> Look | None:
+    def look(self) -> SwapTest | None:
         """What is to be looked at now; None if nothing is tracked, or too little was heard of two units."""
         tracker = self.session.tracker
         belief = None if tracker is None else tracker.belief
@@ -132,7 +132,7 @@ class Swaps:
             return None
         known = dict(zip(belief.state_names, belief.mean.tolist(), strict=True))
         posture = tuple(known.get(name, math.nan) for name in self.session.model.coordinate_names)
-        return Look(rows, ends_s - 0.5 * WINDOW_S, posture, self.session.calibration)
+        return SwapTest(rows, ends_s - 0.5 * WINDOW_S, posture, self.session.calibration)
 
     def _see_exchanges(self) -> None:
         """What was read before units were exchanged says nothing of where they sit now."""
@@ -142,13 +142,13 @@ class Swaps:
             self.verdicts, self._since_s = Verdicts(), max(self._newest_s.values())
         self._fed_by.update(fed_by)
 
-    def _judge(self, look: Look, seen: Seen) -> None:
+    def _judge(self, look: SwapTest, seen: Seen) -> None:
         pair = self.verdicts.take(seen)
         if pair:
             one, other = sorted(pair, key=self._units.index)
             self.tell(f"{one} and {other} are swapped: exchange the units on the body, or in the session")
 
-    def _hear(self, sampled: list[Sampled]) -> None:
+    def _hear(self, sampled: list[SensorReading]) -> None:
         for one in sampled:
             if one.stream in self._lately:
                 self._newest_s[one.stream] = one.time_s

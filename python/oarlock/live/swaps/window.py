@@ -33,7 +33,7 @@ _QUANTITIES = {"gyro": ("gyro_rad_s", GYRO_STD_RAD_S), "accel": ("accel_m_s2", A
 
 
 @dataclass(frozen=True)
-class Layout:
+class WindowLayout:
     """Which of the model's measurements a window has.
 
     Args:
@@ -49,7 +49,7 @@ class Layout:
     turns: dict[str, FloatArray]
 
     @classmethod
-    def of(cls, model: Model, calibration: Calibration | None) -> Layout:
+    def of(cls, model: Model, calibration: Calibration | None) -> WindowLayout:
         """The layout of a model's inertial units, encoders and closures."""
         described = model.describe()
         slides = {joint.name for joint in described.joints if joint.kind == "slide"}

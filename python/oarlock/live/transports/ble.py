@@ -44,7 +44,9 @@ class Ble:
         )
         profile, radio = KINDS[name].profile(options), radio or own_radio()
         self.state = "not started"
-        self.links = tuple(Link(source, address, profile, radio, self._told) for address in addresses)
+        self.links = tuple(
+            BleConnection(source, address, profile, radio, self._told) for address in addresses
+        )
         """One for each device."""
 
     async def run(self, deliver: Deliver) -> None:
@@ -57,7 +59,7 @@ class Ble:
         self.state = "; ".join(link.state for link in self.links)
 
 
-class Link(ToldState):
+class BleConnection(ToldState):
     """A device that is kept connected.
 
     Args:

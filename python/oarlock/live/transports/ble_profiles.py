@@ -56,7 +56,7 @@ class Profile:
 
 
 @dataclass(frozen=True)
-class Kind:
+class BleDeviceKind:
     """How a kind of device is recognised and asked.
 
     Args:
@@ -104,13 +104,13 @@ def _listening(characteristic: int) -> Callable[[Options], Profile]:
     return lambda options: Profile((Subscribe(standard(characteristic)),))
 
 
-KINDS: Mapping[str, Kind] = MappingProxyType(
+KINDS: Mapping[str, BleDeviceKind] = MappingProxyType(
     {
-        "cycling_power": Kind(_listening(0x2A63), service=standard(0x1818)),
-        "dot": Kind(_dot, ("mode", "rate_hz"), ("Movella DOT", "Xsens DOT")),
-        "ftms": Kind(_listening(0x2AD1), service=standard(0x1826)),
-        "heart_rate": Kind(_listening(0x2A37), service=standard(0x180D)),
-        "pm5": Kind(_pm5, ("period_ms",), ("PM5",)),
+        "cycling_power": BleDeviceKind(_listening(0x2A63), service=standard(0x1818)),
+        "dot": BleDeviceKind(_dot, ("mode", "rate_hz"), ("Movella DOT", "Xsens DOT")),
+        "ftms": BleDeviceKind(_listening(0x2AD1), service=standard(0x1826)),
+        "heart_rate": BleDeviceKind(_listening(0x2A37), service=standard(0x180D)),
+        "pm5": BleDeviceKind(_pm5, ("period_ms",), ("PM5",)),
     }
 )
 """Kinds of devices by the name of their wire format."""

@@ -6,7 +6,7 @@ from collections.abc import Awaitable, Callable
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from oarlock.live.transports.radio import Found, RadioError
+from oarlock.live.transports.radio import BleAdvertisement, RadioError
 from oarlock.storage.errors import DataError
 
 if TYPE_CHECKING:
@@ -34,12 +34,14 @@ class BleakRadio:
         self._clients: dict[str, BleakClient] = {}
         self._seen: dict[str, BLEDevice] = {}
 
-    async def scan(self, duration_s: float) -> list[Found]:
+    async def scan(self, duration_s: float) -> list[BleAdvertisement]:
         """The devices that advertise within a time, the nearest first."""
         heard = await self._done(self._scanner.discover(timeout=duration_s, return_adv=True))
         self._seen |= {device.address: device for device, _ in heard.values()}
         found = [
-            Found(device.address, told.local_name or device.name or "", tuple(told.service_uuids), told.rssi)
+            BleAdvertisement(
+                device.address, told.local_name or device.name or "", tuple(told.service_uuids), told.rssi
+            )
             for device, told in heard.values()
         ]
         return sorted(found, key=lambda one: -one.rssi_dbm)

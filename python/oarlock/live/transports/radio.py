@@ -14,7 +14,7 @@ class RadioError(OSError):
 
 
 @dataclass(frozen=True)
-class Found:
+class BleAdvertisement:
     """A device that advertises.
 
     Args:
@@ -36,7 +36,7 @@ class Radio(Protocol):
     All methods raise `RadioError`, or `TimeoutError`, if they cannot do it.
     """
 
-    async def scan(self, duration_s: float) -> list[Found]:
+    async def scan(self, duration_s: float) -> list[BleAdvertisement]:
         """The devices that advertise within a time."""
 
     async def connect(self, address: str, lost: Callable[[], None]) -> None:

@@ -47,10 +47,10 @@ class Tcp:
                     link.told = told
                     group.create_task(link.run(deliver))
 
-    async def _links(self, stack: AsyncExitStack) -> list[_Link]:
+    async def _links(self, stack: AsyncExitStack) -> list[_TcpDevice]:
         if not self._units:
             place = f"{self.host}:{self.port}"
-            return [_Link(self.source, place, place, self._given)]
+            return [_TcpDevice(self.source, place, place, self._given)]
         try:
             announced = await stack.enter_async_context(Announcements())
         except OSError as error:
@@ -58,7 +58,9 @@ class Tcp:
                 f"source '{self.source}': cannot hear which x-IMU3 units there are ({error.strerror}). "
                 "Give host and port of each in place of units"
             ) from error
-        return [_Link(self.source, unit, f"x-IMU3 {unit}", _found(announced, unit)) for unit in self._units]
+        return [
+            _TcpDevice(self.source, unit, f"x-IMU3 {unit}", _found(announced, unit)) for unit in self._units
+        ]
 
     async def _given(self) -> tuple[str, int]:
         return self.host, self.port
@@ -72,7 +74,7 @@ def _found(announced: Announcements, unit: str) -> Where:
     return where
 
 
-class _Link(ToldState):
+class _TcpDevice(ToldState):
     """One device."""
 
     def __init__(self, source: str, address: str, place: str, where: Where) -> None:

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from oarlock.movement.video.alignment import Alignment, Candidate, align
+from oarlock.movement.video.alignment import OffsetCandidate, VideoAlignment, align
 from oarlock.movement.video.body_motion import body_motion, motion_of_places
 from oarlock.movement.video.camera import Camera, load_camera
 from oarlock.movement.video.clap import ClapOffset, clap_offset
@@ -14,10 +14,10 @@ from oarlock.movement.video.picture_motion import picture_motion
 from oarlock.movement.video.reading import VideoInfo, sound_of, video_info
 
 __all__ = [
-    "Alignment",
     "Camera",
-    "Candidate",
     "ClapOffset",
+    "OffsetCandidate",
+    "VideoAlignment",
     "VideoInfo",
     "align",
     "body_motion",

@@ -33,7 +33,7 @@ APART_S = 0.3
 
 
 @dataclass(frozen=True)
-class Candidate:
+class OffsetCandidate:
     """An offset that fits, s, and by how much it is worse than the best: 2 log of the likelihood ratio."""
 
     offset_s: float
@@ -41,7 +41,7 @@ class Candidate:
 
 
 @dataclass(frozen=True)
-class Alignment:
+class VideoAlignment:
     """Where a video lies in a track's time.
 
     Attributes:
@@ -60,7 +60,7 @@ class Alignment:
     drift_std_ppm: float
     correlation: float
     overlap_s: float
-    candidates: tuple[Candidate, ...]
+    candidates: tuple[OffsetCandidate, ...]
 
     @property
     def ambiguous(self) -> bool:
@@ -83,7 +83,7 @@ class Alignment:
 
 
 @dataclass(frozen=True)
-class _Fit:
+class _LaggedSignals:
     """Courses of picture and body on one grid; the body's row is the picture's plus `lag`."""
 
     picture: Signals
@@ -106,7 +106,7 @@ def align(
     near_s: float | None = None,
     within_s: float = 2.0,
     frame_s: float = 0.04,
-) -> Alignment:
+) -> VideoAlignment:
     """Find the offset of a video from the motion of its picture.
 
     Args:
@@ -119,7 +119,7 @@ def align(
     Raises:
         DataError: too little in common, or picture and body move unlike each other at every offset.
     """
-    fit = _Fit(picture, body)
+    fit = _LaggedSignals(picture, body)
     lags, score, count = _scores(fit)
     allowed = count * STEP_S >= min(LEAST_OVERLAP_S, 0.5 * _shortest_s(picture, body))
     if near_s is not None:
@@ -133,7 +133,7 @@ def align(
     peaks = _peaks(np.where(allowed, score * count, -np.inf))
     best = _champion(fit, lags[peaks])
     independent_hz, correlation = _independence(fit, best)
-    fit = _Fit(picture, body, independent_hz)
+    fit = _LaggedSignals(picture, body, independent_hz)
     at = int(np.flatnonzero(lags == best)[0])
     _require_likeness(fit, score[at], float(count[at]), correlation, int(allowed.sum()))
     offset_s, std_s = _refined(fit, best, score[at - 1 : at + 2], float(count[at]))
@@ -142,7 +142,7 @@ def align(
     ]
     rivals.sort(key=lambda one: one[1])
     overlap_s = STEP_S * float(count[at])
-    return Alignment(
+    return VideoAlignment(
         offset_s=offset_s,
         # a picture stands for a moment somewhere within its time
         std_s=float(np.hypot(std_s, frame_s / np.sqrt(12.0))),
@@ -151,7 +151,7 @@ def align(
         correlation=correlation,
         overlap_s=overlap_s,
         candidates=tuple(
-            Candidate(fit.offset_s(lag), max(0.0, worse)) for lag, worse in rivals[:MOST_CANDIDATES]
+            OffsetCandidate(fit.offset_s(lag), max(0.0, worse)) for lag, worse in rivals[:MOST_CANDIDATES]
         ),
     )
 
@@ -160,7 +160,7 @@ def _shortest_s(picture: Signals, body: Signals) -> float:
     return STEP_S * min(len(picture.values), len(body.values))
 
 
-def _scores(fit: _Fit) -> tuple[NDArray[np.int64], Floats, Floats]:
+def _scores(fit: _LaggedSignals) -> tuple[NDArray[np.int64], Floats, Floats]:
     """All lags, and at each the score and the number of common samples."""
     p, b = fit.scaled
     mp, mb = fit.picture.valid.astype(float), fit.body.valid.astype(float)
@@ -213,7 +213,7 @@ def _peaks(evidence: Floats) -> NDArray[np.int64]:
     return high
 
 
-def _common(fit: _Fit, lags: tuple[int, ...]) -> NDArray[np.int64]:
+def _common(fit: _LaggedSignals, lags: tuple[int, ...]) -> NDArray[np.int64]:
     """Rows of the picture that have a partner in the body at all these lags."""
     rows = np.flatnonzero(fit.picture.valid)
     for lag in lags:
@@ -223,14 +223,14 @@ def _common(fit: _Fit, lags: tuple[int, ...]) -> NDArray[np.int64]:
     return rows
 
 
-def _score_of(fit: _Fit, rows: NDArray[np.int64], lag: int) -> float:
+def _score_of(fit: _LaggedSignals, rows: NDArray[np.int64], lag: int) -> float:
     p, b = fit.scaled[0][rows], fit.scaled[1][rows + lag]
     p, b = p - p.mean(axis=0), b - b.mean(axis=0)
     n = len(rows)
     return float(_information(p.T @ p / n, b.T @ b / n, p.T @ b / n))
 
 
-def _worse_by(fit: _Fit, best: int, other: int) -> float:
+def _worse_by(fit: _LaggedSignals, best: int, other: int) -> float:
     """2 log of the likelihood ratio of two lags, by pictures with a partner at both; negative if `other` is better.
 
     Offsets with too little in common are both judged by all of their own pictures.
@@ -244,7 +244,7 @@ def _worse_by(fit: _Fit, best: int, other: int) -> float:
     return one - two
 
 
-def _champion(fit: _Fit, lags: NDArray[np.int64]) -> int:
+def _champion(fit: _LaggedSignals, lags: NDArray[np.int64]) -> int:
     """The lag that is better than each one it was compared with."""
     best = int(lags[0])
     for lag in lags[1:]:
@@ -253,7 +253,7 @@ def _champion(fit: _Fit, lags: NDArray[np.int64]) -> int:
     return best
 
 
-def _independence(fit: _Fit, lag: int) -> tuple[float, float]:
+def _independence(fit: _LaggedSignals, lag: int) -> tuple[float, float]:
     """Independent samples in a second by the residual of the best pair of courses, and that pair's correlation."""
     rows = _common(fit, (lag,))
     p, b = fit.scaled[0][rows], fit.scaled[1][rows + lag]
@@ -273,7 +273,9 @@ def _independence(fit: _Fit, lag: int) -> tuple[float, float]:
     return min(2.0 * HIGHEST_HZ, 1.0 / memory_s), correlation
 
 
-def _require_likeness(fit: _Fit, score: float, count: float, correlation: float, offsets: int) -> None:
+def _require_likeness(
+    fit: _LaggedSignals, score: float, count: float, correlation: float, offsets: int
+) -> None:
     """Refuse a best offset that chance alone would give: under chance the evidence is chi-squared."""
     freedom = fit.picture.values.shape[1] * fit.body.values.shape[1]
     evidence = fit.independent_hz * STEP_S * count * score
@@ -286,7 +288,7 @@ def _require_likeness(fit: _Fit, score: float, count: float, correlation: float,
         )
 
 
-def _refined(fit: _Fit, lag: int, score: Floats, count: float) -> tuple[float, float]:
+def _refined(fit: _LaggedSignals, lag: int, score: Floats, count: float) -> tuple[float, float]:
     """Offset between the grid's lags by a parabola, and its standard deviation by the curvature there, s."""
     left, middle, right = (float(value) for value in score)
     bend = left - 2.0 * middle + right

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.movement.video.alignment import Alignment, align
+from oarlock.movement.video.alignment import VideoAlignment, align
 from oarlock.movement.video.signals import Signals
 from oarlock.storage.errors import DataError
 
@@ -20,7 +20,7 @@ NEAR_S = 0.6
 """Within this of the common offset each half minute is searched: less than half a cycle, so that none slips by one."""
 
 
-def with_drift(picture: Signals, body: Signals, found: Alignment, frame_s: float) -> Alignment:
+def with_drift(picture: Signals, body: Signals, found: VideoAlignment, frame_s: float) -> VideoAlignment:
     """The alignment with the drift of the two clocks, if both cover three minutes; otherwise as it is.
 
     Args:
@@ -58,7 +58,7 @@ def with_drift(picture: Signals, body: Signals, found: Alignment, frame_s: float
     return replace(found, offset_s=offset_s, drift_ppm=1e6 * slope, drift_std_ppm=1e6 * std)
 
 
-def _both_s(picture: Signals, body: Signals, found: Alignment) -> tuple[float, float]:
+def _both_s(picture: Signals, body: Signals, found: VideoAlignment) -> tuple[float, float]:
     seen, moved = picture.times_s(), body.times_s() - found.offset_s
     return max(float(seen[0]), float(moved[0])), min(float(seen[-1]), float(moved[-1]))
 

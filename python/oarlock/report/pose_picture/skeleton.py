@@ -22,7 +22,7 @@ SAME_POINT_M = 1e-6
 
 
 @dataclass(frozen=True)
-class Link:
+class SkeletonLine:
     """A line on a frame between two points in root axes, m; `moves` is false if it is fixed to the root."""
 
     start: Vector
@@ -41,10 +41,10 @@ class Spot:
 
 
 @dataclass(frozen=True)
-class Skeleton:
+class StickFigure:
     """The content of a picture in root axes, m; `gaps` join the two points of each closure."""
 
-    links: tuple[Link, ...]
+    links: tuple[SkeletonLine, ...]
     spots: tuple[Spot, ...]
     gaps: tuple[tuple[Vector, Vector], ...]
     up: Vector
@@ -63,7 +63,7 @@ class View:
         """Point in root axes to (right, up), m."""
         return float(point @ self.right), float(point @ self.up)
 
-    def bounds(self, body: Skeleton) -> Bounds:
+    def bounds(self, body: StickFigure) -> Bounds:
         """The smallest box, sides along right and up, that contains every spot."""
         flat = np.array([self.project(spot.point) for spot in body.spots])
         left, bottom = (float(value) for value in flat.min(axis=0))
@@ -91,13 +91,13 @@ class Bounds:
         return self.top - self.bottom
 
 
-def views(body: Skeleton) -> tuple[View, View]:
+def views(body: StickFigure) -> tuple[View, View]:
     """Side view and front view of a body."""
     left = _unit(np.cross(body.up, body.forward))
     return View("from its right side", body.forward, body.up), View("from the front", left, body.up)
 
 
-def skeleton(model: Model, q: ArrayLike) -> Skeleton:
+def skeleton(model: Model, q: ArrayLike) -> StickFigure:
     """The lines and points of a model's posture.
 
     Args:
@@ -118,7 +118,7 @@ def skeleton(model: Model, q: ArrayLike) -> Skeleton:
         for frame in frames
         for link in _links(frame, place, frame.name in moving, kinds.get(frame.joint or "", "fixed"))
     ]
-    return Skeleton(
+    return StickFigure(
         links=tuple(links),
         spots=_spots(frames, place, {sensor.frame for sensor in description.sensors}),
         gaps=tuple(_gap(closure, place) for closure in description.closures),
@@ -135,7 +135,9 @@ def _moving(frames: Sequence[FrameDescription]) -> set[str]:
     return moving
 
 
-def _links(frame: FrameDescription, place: Mapping[str, Vector], moves: bool, kind: str) -> list[Link]:
+def _links(
+    frame: FrameDescription, place: Mapping[str, Vector], moves: bool, kind: str
+) -> list[SkeletonLine]:
     # no line joins a free body to its parent
     if frame.parent is None or kind == "free":
         return []
@@ -145,7 +147,7 @@ def _links(frame: FrameDescription, place: Mapping[str, Vector], moves: bool, ki
     corner = end - float((end - start) @ parent[:3, 2]) * parent[:3, 2]
     ends = (start, corner, end) if kind in ("hinge", "slide") else (start, end)
     return [
-        Link(a, b, moves, frame.parent)
+        SkeletonLine(a, b, moves, frame.parent)
         for a, b in pairwise(ends)
         if float(np.linalg.norm(b - a)) > SAME_POINT_M
     ]

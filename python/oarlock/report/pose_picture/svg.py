@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from xml.sax.saxutils import escape
 
-from oarlock.report.pose_picture.skeleton import Bounds, Link, Skeleton, Spot, Vector, View, views
+from oarlock.report.pose_picture.skeleton import Bounds, SkeletonLine, Spot, StickFigure, Vector, View, views
 
 Point = tuple[float, float]
 Box = tuple[float, float, float, float]
@@ -21,7 +21,7 @@ _PAD_PX = 70.0
 _HEAD_PX = 56.0
 
 
-def draw_svg(body: Skeleton, title: str) -> str:
+def draw_svg(body: StickFigure, title: str) -> str:
     """The two views as one SVG document on white, with the names of all frames that fit."""
     pair = views(body)
     boxes = [view.bounds(body) for view in pair]
@@ -42,7 +42,7 @@ def draw_svg(body: Skeleton, title: str) -> str:
     )
 
 
-def _svg_panel(body: Skeleton, view: View, box: Bounds, px_per_m: float, left: float, width: float) -> str:
+def _svg_panel(body: StickFigure, view: View, box: Bounds, px_per_m: float, left: float, width: float) -> str:
     def place(point: Vector) -> Point:
         right, up = view.project(point)
         return (
@@ -70,7 +70,7 @@ def _svg_panel(body: Skeleton, view: View, box: Bounds, px_per_m: float, left: f
     return "\n".join(parts)
 
 
-def _link_style(link: Link) -> str:
+def _link_style(link: SkeletonLine) -> str:
     if link.moves:
         return 'stroke="#33475b" stroke-width="5" stroke-linecap="round"'
     return 'stroke="#b5c0cb" stroke-width="1.5"'

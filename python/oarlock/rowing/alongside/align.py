@@ -74,7 +74,7 @@ def align_strokes(export: StrokeTable, track: StrokeTable, offset_s: float | Non
     catch_places = np.flatnonzero(np.isfinite(track[ONSET]))
     catch_s = track[ONSET][catch_places]
     near_s = apart_s(export.epoch, track.epoch) if offset_s is None else offset_s
-    found = _Found.empty(len(export))
+    found = _StrokeMatches.empty(len(export))
     notes = [] if is_onset else [NO_ONSET]
     for run in _runs(stamps_s):
         notes += _align_run(found, run, stamps_s, (catch_places, catch_s), near_s)
@@ -90,7 +90,7 @@ def align_strokes(export: StrokeTable, track: StrokeTable, offset_s: float | Non
 
 
 @dataclass
-class _Found:
+class _StrokeMatches:
     stroke: Places
     onset_s: Floats
     onset_std_s: Floats
@@ -98,7 +98,7 @@ class _Found:
     matches: list[ClockMatch]
 
     @classmethod
-    def empty(cls, count: int) -> _Found:
+    def empty(cls, count: int) -> _StrokeMatches:
         onset_s, std_s, apart_s = (np.full(count, np.nan) for _ in range(3))
         return cls(np.full(count, -1), onset_s, std_s, apart_s, [])
 
@@ -112,7 +112,7 @@ def _runs(stamps_s: Floats) -> list[NDArray[np.int64]]:
 
 
 def _align_run(
-    found: _Found,
+    found: _StrokeMatches,
     run: NDArray[np.int64],
     stamps_s: Floats,
     catches: tuple[NDArray[np.int64], Floats],

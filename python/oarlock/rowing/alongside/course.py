@@ -9,8 +9,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.rowing.alongside.piece_start import Start, start_of
-from oarlock.rowing.alongside.stretches import Clock, Stretch, reasons_left_out, stretches_of
+from oarlock.rowing.alongside.piece_start import PieceStart, start_of
+from oarlock.rowing.alongside.stretches import ContinuousPiece, RowTimeline, reasons_left_out, stretches_of
 from oarlock.rowing.exports.activity import Activity
 from oarlock.rowing.strokes.table import Floats, StrokeTable, running
 
@@ -33,7 +33,7 @@ _ALONE = "outside of the pieces: fewer than 6 strokes together, or without way"
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class SpeedProfile:
     """Numbers over time: (N,) each, NaN where they are missing.
 
     Attributes:
@@ -46,11 +46,11 @@ class Course:
         through_water: whether speed and distance are those of an impeller.
     """
 
-    clock: Clock
+    clock: RowTimeline
     values: Mapping[str, Floats]
     counted: NDArray[np.bool_]
     left_out: Mapping[str, int]
-    stretches: Sequence[Stretch]
+    stretches: Sequence[ContinuousPiece]
     is_strokes: bool
     through_water: bool
 
@@ -70,7 +70,7 @@ class Course:
         return sum(one.distance_m for one in self.stretches) if self.stretches else float("nan")
 
     @property
-    def starts(self) -> list[Start]:
+    def starts(self) -> list[PieceStart]:
         """The starts of the pieces that have one."""
         return [one.start for one in self.stretches if one.start is not None]
 
@@ -103,13 +103,13 @@ class Course:
         return _reach(np.append(self.clock.distance_m, [one.begin_m for one in self.stretches]))
 
     @property
-    def longest(self) -> Stretch | None:
+    def longest(self) -> ContinuousPiece | None:
         """The longest piece; None without times."""
         return max(self.stretches, key=lambda one: one.duration_s, default=None)
 
 
 @dataclass(frozen=True)
-class Part:
+class Split:
     """A part of a piece: its name, strokes, time, distance, the medians of the quantities, and the pause before it."""
 
     name: str
@@ -126,7 +126,7 @@ class Part:
         return self.distance_m / self.duration_s if known else self.medians.get("speed_m_s", float("nan"))
 
 
-def course_of(found: StrokeTable | Activity) -> Course:
+def course_of(found: StrokeTable | Activity) -> SpeedProfile:
     """The course of an export; the clock and the distance go on where they restart."""
     is_strokes = isinstance(found, StrokeTable)
     clock, through_water = _clock(found)
@@ -144,10 +144,10 @@ def course_of(found: StrokeTable | Activity) -> Course:
     if "peak_force_n" in values:
         values.pop("curve_peak_force_n", None)
     left_out = {reason: told.count(reason) for reason in dict.fromkeys(told)}
-    return Course(clock, values, counted, left_out, stretches, is_strokes, through_water)
+    return SpeedProfile(clock, values, counted, left_out, stretches, is_strokes, through_water)
 
 
-def _started(one: Stretch, clock: Clock, found: StrokeTable | Activity) -> Stretch:
+def _started(one: ContinuousPiece, clock: RowTimeline, found: StrokeTable | Activity) -> ContinuousPiece:
     """The piece with its start. Without a speed the power decides, which grows with the cube of the speed."""
     speed = clock.speed_m_s
     if "power_w" in found and not np.isfinite(speed[one.rows]).any():
@@ -157,7 +157,7 @@ def _started(one: Stretch, clock: Clock, found: StrokeTable | Activity) -> Stret
     return replace(one, start=start_of(rows, clock.time_s, clock.distance_m, speed, begin))
 
 
-def _clock(found: StrokeTable | Activity) -> tuple[Clock, bool]:
+def _clock(found: StrokeTable | Activity) -> tuple[RowTimeline, bool]:
     """When and where each row was, and whether an impeller says so."""
     ends_s = found.end_of_stroke_s if isinstance(found, StrokeTable) else found["time_s"]
     count = len(ends_s)
@@ -176,7 +176,7 @@ def _clock(found: StrokeTable | Activity) -> tuple[Clock, bool]:
     restarts = np.zeros(count, dtype=bool)
     known = np.flatnonzero(np.isfinite(time_s))
     restarts[known[1:]] = np.diff(ends_s[known]) < 0.0
-    return Clock(
+    return RowTimeline(
         time_s, distance_m, speed, np.nan_to_num(column("interval"), nan=1.0), restarts
     ), through_water
 
@@ -202,12 +202,12 @@ def _speed_m_s(time_s: Floats, distance_m: Floats) -> Floats:
     return speed
 
 
-def parts_of(course: Course) -> list[Part]:
+def parts_of(course: SpeedProfile) -> list[Split]:
     """The pieces between pauses, or the parts of the only one."""
     return pieces_of(course) if len(course.stretches) > 1 else splits_of(course)
 
 
-def pieces_of(course: Course) -> list[Part]:
+def pieces_of(course: SpeedProfile) -> list[Split]:
     """What was rowed between pauses, after the starts."""
     return [
         _part(course, f"piece {k + 1}", one.steady, one.steady_s, one.steady_m, one.pause_s)
@@ -215,12 +215,12 @@ def pieces_of(course: Course) -> list[Part]:
     ]
 
 
-def starts_of(course: Course) -> list[Part]:
+def starts_of(course: SpeedProfile) -> list[Split]:
     """The starts of the pieces that have one."""
     return [part for one in course.stretches for part in _start_part(course, one)]
 
 
-def _start_part(course: Course, one: Stretch) -> list[Part]:
+def _start_part(course: SpeedProfile, one: ContinuousPiece) -> list[Split]:
     if one.start is None:
         return []
     rows = one.rows & ~one.steady
@@ -228,7 +228,7 @@ def _start_part(course: Course, one: Stretch) -> list[Part]:
     return [_part(course, one.start.name, rows, took_s, way_m)]
 
 
-def splits_of(course: Course) -> list[Part]:
+def splits_of(course: SpeedProfile) -> list[Split]:
     """The longest piece: its start, then 500 m by 500 m, or fifths of its time if it is short or has no distance.
 
     Marks count from where the piece begins, as in a race: the first 500 m lack the way of the start.
@@ -272,16 +272,16 @@ def _within(
 
 
 def _part(
-    course: Course,
+    course: SpeedProfile,
     name: str,
     rows: NDArray[np.bool_],
     duration_s: float,
     distance_m: float,
     pause_s: float = 0.0,
-) -> Part:
+) -> Split:
     strokes = int(rows.sum()) if course.is_strokes else 0
     medians = {key: _median(values[rows]) for key, values in course.values.items()}
-    return Part(name, strokes, duration_s, distance_m, medians, pause_s)
+    return Split(name, strokes, duration_s, distance_m, medians, pause_s)
 
 
 def _reach(values: Floats) -> float:

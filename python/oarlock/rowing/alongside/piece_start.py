@@ -1,4 +1,4 @@
-"""`Start`: the first strokes of a piece, until the boat or the flywheel is up to speed. For `Course`."""
+"""`PieceStart`: the first strokes of a piece, until the boat or the flywheel is up to speed. For `SpeedProfile`."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _MISREAD = 2.0
 
 
 @dataclass(frozen=True)
-class Start:
+class PieceStart:
     """The start of a piece.
 
     Attributes:
@@ -50,7 +50,7 @@ class Start:
 
 def start_of(
     order: Order, time_s: Floats, distance_m: Floats, speed: Floats, begin: tuple[float, float]
-) -> Start | None:
+) -> PieceStart | None:
     """The start of a piece; None if it begins at speed, or takes longer than `LONGEST_S`.
 
     Args:
@@ -72,7 +72,7 @@ def start_of(
     end_s, end_m = float(time_s[rows[-1]]), float(distance_m[rows[-1]])
     if not 0.0 < end_s - begin[0] <= LONGEST_S or _went_on(order[fast[0] :], time_s, distance_m, begin, rows):
         return None
-    return Start(rows, end_s, end_m, bool(np.nanmin(share[slow[0] : fast[0]]) < STANDING))
+    return PieceStart(rows, end_s, end_m, bool(np.nanmin(share[slow[0] : fast[0]]) < STANDING))
 
 
 def _share(order: Order, time_s: Floats, speed: Floats) -> float:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.rowing.alongside.piece_start import Start
+from oarlock.rowing.alongside.piece_start import PieceStart
 from oarlock.rowing.exports.activity import Activity
 from oarlock.rowing.strokes.table import Floats, StrokeTable
 
@@ -34,7 +34,7 @@ _SPARSE = 3.0
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch:
+class ContinuousPiece:
     """A piece that was rowed without a pause.
 
     Attributes:
@@ -51,7 +51,7 @@ class Stretch:
     begin_m: float
     end_m: float
     pause_s: float
-    start: Start | None = None
+    start: PieceStart | None = None
 
     @property
     def steady(self) -> Rows:
@@ -88,7 +88,7 @@ class Stretch:
 
 
 @dataclass(frozen=True, eq=False)
-class Clock:
+class RowTimeline:
     """When and where each row of an export was: (N,) each; NaN where it is missing.
 
     Attributes:
@@ -106,7 +106,7 @@ class Clock:
     restarts: Rows
 
 
-def reasons_left_out(found: StrokeTable | Activity, clock: Clock) -> list[str]:
+def reasons_left_out(found: StrokeTable | Activity, clock: RowTimeline) -> list[str]:
     """Why each row (N) is no rowing; "" for rows that are."""
     reasons = np.full(len(clock.time_s), "", dtype=object)
 
@@ -131,7 +131,7 @@ def reasons_left_out(found: StrokeTable | Activity, clock: Clock) -> list[str]:
     return [str(reason) for reason in reasons]
 
 
-def _slow(clock: Clock, rowing: Rows) -> Rows:
+def _slow(clock: RowTimeline, rowing: Rows) -> Rows:
     """Rows without way, but for those of a start, which lead to a piece with growing speed."""
     order = np.flatnonzero(rowing)
     slow = np.asarray(clock.speed_m_s < SLOW * _usual_m_s(clock, order), dtype=bool)
@@ -142,7 +142,7 @@ def _slow(clock: Clock, rowing: Rows) -> Rows:
     return slow
 
 
-def stretches_of(clock: Clock, rowing: Rows) -> list[Stretch]:
+def stretches_of(clock: RowTimeline, rowing: Rows) -> list[ContinuousPiece]:
     """The pieces between pauses, of the rows (N,) of rowing; none without times."""
     order = np.flatnonzero(rowing & np.isfinite(clock.time_s))
     if len(order) < 2:
@@ -155,7 +155,7 @@ def stretches_of(clock: Clock, rowing: Rows) -> list[Stretch]:
     restarted = np.diff(run) > 0
     interval = _whole_intervals(clock.interval[order])
     cuts = np.flatnonzero(paused | restarted | (np.diff(interval) != 0.0)) + 1
-    found: list[Stretch] = []
+    found: list[ContinuousPiece] = []
     for rows in np.split(order, cuts):
         one = _stretch(clock, rows, found[-1] if found else None)
         drifted = one.distance_m < SLOW * _usual_m_s(clock, order) * one.duration_s
@@ -164,7 +164,7 @@ def stretches_of(clock: Clock, rowing: Rows) -> list[Stretch]:
     return found
 
 
-def _stretch(clock: Clock, rows: Order, earlier: Stretch | None) -> Stretch:
+def _stretch(clock: RowTimeline, rows: Order, earlier: ContinuousPiece | None) -> ContinuousPiece:
     inside = np.zeros(len(clock.time_s), dtype=bool)
     inside[rows] = True
     begin_s, begin_m = _begin(clock, int(rows[0]))
@@ -172,12 +172,12 @@ def _stretch(clock: Clock, rows: Order, earlier: Stretch | None) -> Stretch:
     if earlier is not None:
         stood = clock.restarts[np.flatnonzero(earlier.rows)[-1] + 1 : rows[0] + 1].any()
         pause_s = float("nan") if stood else begin_s - earlier.end_s
-    return Stretch(
+    return ContinuousPiece(
         inside, begin_s, float(clock.time_s[rows[-1]]), begin_m, float(clock.distance_m[rows[-1]]), pause_s
     )
 
 
-def _rowed_on(clock: Clock, order: Order) -> Rows:
+def _rowed_on(clock: RowTimeline, order: Order) -> Rows:
     """Whether the boat went on between each row of `order` and the next one, as before."""
     steps_s, steps_m = np.diff(clock.time_s[order]), np.diff(clock.distance_m[order])
     speed = clock.speed_m_s[order]
@@ -186,7 +186,7 @@ def _rowed_on(clock: Clock, order: Order) -> Rows:
         return np.asarray((steps_s < _LONGEST_GAP_S) & (steps_m > _ON * before * steps_s), dtype=bool)
 
 
-def _usual_m_s(clock: Clock, order: Order) -> float:
+def _usual_m_s(clock: RowTimeline, order: Order) -> float:
     known = clock.speed_m_s[order]
     known = known[np.isfinite(known) & (known > 0.0)]
     return float(np.median(known)) if len(known) else float("nan")
@@ -202,7 +202,7 @@ def _whole_intervals(interval: Floats) -> Floats:
     return kept
 
 
-def _begin(clock: Clock, row: int) -> tuple[float, float]:
+def _begin(clock: RowTimeline, row: int) -> tuple[float, float]:
     """Where a piece begins: with its first row, or where the device began to count, if it was rowed from there."""
     time_s, distance_m = float(clock.time_s[row]), float(clock.distance_m[row])
     restarts = np.flatnonzero(clock.restarts[: row + 1])

@@ -28,7 +28,7 @@ _SIGNALS = (("oars", ("r_oar_phi", "l_oar_phi", "oar_phi")), ("handle", ("handle
 
 
 @dataclass(frozen=True)
-class Stretch:
+class StrokeEstimates:
     """Estimates around a stroke that has ended; with them alone `live_stroke` computes its technique.
 
     Attributes:
@@ -72,7 +72,7 @@ class LiveTechnique:
             )
         self._finder, self._columns = LiveStrokes(source), {n: names.index(n) for n in joints}
 
-    def step(self, time_s: float, belief: Belief) -> Stretch | None:
+    def step(self, time_s: float, belief: Belief) -> StrokeEstimates | None:
         """The estimates of a stroke, once its end is sure; that is within 0.3 s of the next catch, and its margin.
 
         Args:
@@ -94,13 +94,13 @@ class LiveTechnique:
                     return self._stretch(last_s)
         return None
 
-    def _stretch(self, catch_s: float) -> Stretch | None:
+    def _stretch(self, catch_s: float) -> StrokeEstimates | None:
         rows = [row for row in self._kept if row[0] > catch_s - MARGIN_S]
         if not rows or rows[0][0] > catch_s:
             return None
         whole = tuple(row for row in self._whole if row[0] >= rows[0][0])
         time_s, means, stds = (np.array([row[k] for row in rows]) for k in range(3))
-        return Stretch(catch_s, time_s, means, stds, whole) if whole else None
+        return StrokeEstimates(catch_s, time_s, means, stds, whole) if whole else None
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,9 @@ class LiveStroke:
     values: Mapping[str, tuple[float, float]]
 
 
-def live_stroke(stretch: Stretch, model: Model, calibration: Calibration | None = None) -> LiveStroke | None:
+def live_stroke(
+    stretch: StrokeEstimates, model: Model, calibration: Calibration | None = None
+) -> LiveStroke | None:
     """The technique of the stroke in a stretch, as `technique` gives it; None if it finds none there.
 
     It takes longer than a tracker may wait: give it to another process.

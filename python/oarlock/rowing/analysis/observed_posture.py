@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock import Track
-from oarlock.rowing.analysis.rower_places import SIDES, Rower
+from oarlock.rowing.analysis.rower_places import SIDES, RowerFrames
 
 Floats = NDArray[np.float64]
 
@@ -14,7 +14,7 @@ SEEN_SHARE = 0.5
 """What is observed in less than this share of the time counts as not observed."""
 
 
-def observed_q(track: Track, rower: Rower) -> Floats:
+def observed_q(track: Track, rower: RowerFrames) -> Floats:
     """Coordinates (T, n_coordinates); NaN in rows where a handle's joint is not observed, and where an arm never is.
 
     An oar that neither its encoder nor the arm measures stands at its rest, and an arm without sensors follows its

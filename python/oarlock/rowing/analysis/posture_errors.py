@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock import Model
-from oarlock.rowing.analysis.rower_places import Rower
-from oarlock.rowing.analysis.stroke_grid import POINTS, Course, Grid
+from oarlock.rowing.analysis.rower_places import RowerFrames
+from oarlock.rowing.analysis.stroke_grid import POINTS, CoordinateCurves, PhaseGrid
 from oarlock.rowing.analysis.stroke_values import (
     Posture,
     Values,
@@ -63,26 +63,26 @@ class Events:
         """Some of the strokes."""
         return Events(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
-    def moved(self, name: str, sign: float) -> Grid:
+    def moved(self, name: str, sign: float) -> PhaseGrid:
         """The grid when one of the events is off by its standard deviation."""
         times = {key: getattr(self, f"{key}_s") for key in ("catch", "finish", "end")}
         times[name] = times[name] + sign * getattr(self, f"{name}_std_s")
-        return Grid.of(times["catch"], times["finish"], times["end"])
+        return PhaseGrid.of(times["catch"], times["finish"], times["end"])
 
 
 @dataclass(frozen=True, eq=False)
 class Scatter:
     """Values of technique with standard deviations, for some strokes of a track."""
 
-    rower: Rower
-    course: Course
+    rower: RowerFrames
+    course: CoordinateCurves
     events: Events
     zero_std: float
     lengths_std: dict[str, float]
 
     def values_and_stds(self) -> tuple[Values, Values]:
         """Numbers (N,) and curves (N, POINTS) by name, and their standard deviations."""
-        grid = Grid.of(self.events.catch_s, self.events.finish_s, self.events.end_s)
+        grid = PhaseGrid.of(self.events.catch_s, self.events.finish_s, self.events.end_s)
         q, qd, stds, rate_stds = self.course.at(grid)
         posture = _posture(self.rower, grid, q, qd)
         values = stroke_values(posture)
@@ -163,7 +163,7 @@ def _length_groups(stds: dict[str, float]) -> list[list[str]]:
     return list(groups.values())
 
 
-def _posture(rower: Rower, grid: Grid, q: Floats, qd: Floats) -> Posture:
+def _posture(rower: RowerFrames, grid: PhaseGrid, q: Floats, qd: Floats) -> Posture:
     places, rates = rower.places(q), np.nan_to_num(qd)
     held = grip_names(places)
     moves = rower.moves(q, held.values())

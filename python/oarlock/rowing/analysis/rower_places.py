@@ -21,7 +21,7 @@ NEEDED = ("seat", "r_shoulder", "l_shoulder")
 
 
 @dataclass(frozen=True, eq=False)
-class Rower:
+class RowerFrames:
     """The frames of a model that are parts of a rower's body; None if the model lacks one.
 
     Args:

@@ -34,18 +34,18 @@ _LASTING = 8.0
 
 
 @dataclass(frozen=True, eq=False)
-class Grid:
+class PhaseGrid:
     """Times (N, POINTS), s; NaN where a stroke has no recovery that ended in a catch."""
 
     time_s: Floats
 
     @staticmethod
-    def of(catch_s: Floats, finish_s: Floats, end_s: Floats) -> Grid:
+    def of(catch_s: Floats, finish_s: Floats, end_s: Floats) -> PhaseGrid:
         """Of strokes with these events, (N,) each, s."""
         share = np.linspace(0.0, 1.0, STEPS + 1)
         drive = catch_s[:, None] + share * (finish_s - catch_s)[:, None]
         recovery = finish_s[:, None] + share[1:] * (end_s - finish_s)[:, None]
-        return Grid(np.concatenate([drive, recovery], axis=1))
+        return PhaseGrid(np.concatenate([drive, recovery], axis=1))
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -67,7 +67,7 @@ class Grid:
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class CoordinateCurves:
     """The track's coordinates in continuous time: values, rates and standard deviations.
 
     Rates are slopes of the values over 0.14 s (Savitzky and Golay 1964): a filter's own rates jump from sample to
@@ -81,7 +81,7 @@ class Course:
     track: Track
     q: Floats
 
-    def at(self, grid: Grid) -> tuple[Floats, Floats, Floats, Floats]:
+    def at(self, grid: PhaseGrid) -> tuple[Floats, Floats, Floats, Floats]:
         """Values, rates and their standard deviations, (N, POINTS, n_coordinates) each; NaN where nothing was read."""
         shape = (*grid.time_s.shape, len(self.track.coordinate_names))
         values, rates = np.full(shape, np.nan), np.full(shape, np.nan)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.rowing.analysis.features import FEATURES
-from oarlock.rowing.analysis.stroke_grid import FINISH, Grid
+from oarlock.rowing.analysis.stroke_grid import FINISH, PhaseGrid
 from oarlock.rowing.analysis.stroke_values import Values
 from oarlock.rowing.strokes.table import StrokeTable
 
@@ -104,7 +104,7 @@ def _mean(
 
 
 def phase_curves(
-    grid: Grid, values: Values, stds: Values, counted: NDArray[np.bool_], names: Sequence[str]
+    grid: PhaseGrid, values: Values, stds: Values, counted: NDArray[np.bool_], names: Sequence[str]
 ) -> Mapping[str, PhaseCurve]:
     """Mean and spread of curves (N, POINTS) on the grid."""
     whole = counted & np.isfinite(grid.phase).all(axis=1)
@@ -123,6 +123,6 @@ def phase_curves(
     return MappingProxyType(curves)
 
 
-def _normalised(grid: Grid, values: Floats, rows: NDArray[np.bool_]) -> Floats:
+def _normalised(grid: PhaseGrid, values: Floats, rows: NDArray[np.bool_]) -> Floats:
     percent = np.linspace(0.0, 1.0, 101)
     return np.array([np.interp(percent, p, v) for p, v in zip(grid.phase[rows], values[rows], strict=True)])

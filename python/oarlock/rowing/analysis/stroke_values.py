@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.rowing.analysis.rower_places import Rower
+from oarlock.rowing.analysis.rower_places import RowerFrames
 from oarlock.rowing.analysis.stroke_grid import (
     CATCH,
     DRIVE,
@@ -18,7 +18,7 @@ from oarlock.rowing.analysis.stroke_grid import (
     MIDDLE,
     RECOVERY,
     STEPS,
-    Grid,
+    PhaseGrid,
 )
 
 Floats = NDArray[np.float64]
@@ -35,8 +35,8 @@ EVENTS = {"catch": CATCH, "finish": FINISH}
 class Posture:
     """What the numbers come from: places (N, POINTS, 3); speeds toward the bow (N, POINTS)."""
 
-    rower: Rower
-    grid: Grid
+    rower: RowerFrames
+    grid: PhaseGrid
     q: Floats
     places: dict[str, Floats]
     seat_speed_m_s: Floats
@@ -236,7 +236,7 @@ def _crossover(right: Floats, left: Floats) -> Values:
     return values
 
 
-def boat_values(grid: Grid, surge_m_s2: Floats, mean_speed_m_s: float | None) -> Values:
+def boat_values(grid: PhaseGrid, surge_m_s2: Floats, mean_speed_m_s: float | None) -> Values:
     """Of the hull, from its acceleration (N, POINTS), stern positive as in the model."""
     bow = -surge_m_s2
     steps = np.diff(grid.time_s, axis=1)

@@ -15,8 +15,8 @@ from oarlock import Calibration, Track
 from oarlock.rowing.analysis.features import CURVES, FEATURES, NUMBERS, Feature
 from oarlock.rowing.analysis.observed_posture import SEEN_SHARE, observed_q
 from oarlock.rowing.analysis.posture_errors import SHAPES, Events, Scatter
-from oarlock.rowing.analysis.rower_places import SIDES, Rower
-from oarlock.rowing.analysis.stroke_grid import Course, Grid
+from oarlock.rowing.analysis.rower_places import SIDES, RowerFrames
+from oarlock.rowing.analysis.stroke_grid import CoordinateCurves, PhaseGrid
 from oarlock.rowing.analysis.stroke_means import (
     FeatureMean,
     PhaseCurve,
@@ -96,7 +96,7 @@ def technique(
     """
     if track.model is None:
         raise DataError("technique: this track was loaded without its model; load the model file again")
-    rower = Rower(track.model)
+    rower = RowerFrames(track.model)
     found = _settled(track, find_strokes(track) if strokes is None else strokes)
     values, stds = _values(track, rower, found, _lengths_std(rower, calibration), mean_speed_m_s)
     _forget_unobserved(track, rower, found, values, stds)
@@ -125,8 +125,8 @@ def _settled(track: Track, found: Strokes) -> Strokes:
     return replace(found, left_out=tuple(left_out))
 
 
-def _grid(found: Strokes) -> Grid:
-    return Grid.of(found.catch_time_s, found.finish_time_s, found.end_time_s)
+def _grid(found: Strokes) -> PhaseGrid:
+    return PhaseGrid.of(found.catch_time_s, found.finish_time_s, found.end_time_s)
 
 
 def _events(found: Strokes) -> Events:
@@ -140,17 +140,17 @@ def _events(found: Strokes) -> Events:
     )
 
 
-def _lengths_std(rower: Rower, calibration: Calibration | None) -> dict[str, float]:
+def _lengths_std(rower: RowerFrames, calibration: Calibration | None) -> dict[str, float]:
     known = {row.name: float(row.std or 0.0) for row in rower.model.describe().parameters}
     return known | dict({} if calibration is None else calibration.parameter_stds)
 
 
 def _values(
-    track: Track, rower: Rower, found: Strokes, lengths: dict[str, float], mean_speed_m_s: float | None
+    track: Track, rower: RowerFrames, found: Strokes, lengths: dict[str, float], mean_speed_m_s: float | None
 ) -> tuple[Values, Values]:
     if len(found) == 0:
         return {}, {}
-    course, events = Course(track, observed_q(track, rower)), _events(found)
+    course, events = CoordinateCurves(track, observed_q(track, rower)), _events(found)
 
     def part(first: int) -> tuple[Values, Values]:
         own = events.part(slice(first, first + _STROKES_AT_ONCE))
@@ -183,7 +183,7 @@ def _joined(parts: list[Values]) -> Values:
     return joined
 
 
-def _boat(track: Track, grid: Grid, mean_speed_m_s: float | None) -> tuple[Values, Values]:
+def _boat(track: Track, grid: PhaseGrid, mean_speed_m_s: float | None) -> tuple[Values, Values]:
     if "surge" not in track.slow:
         return {}, {}
     surge = track.slow["surge"]
@@ -200,7 +200,9 @@ def _boat(track: Track, grid: Grid, mean_speed_m_s: float | None) -> tuple[Value
     return values, {name: np.sqrt(square) for name, square in squares.items()}
 
 
-def _oars(rower: Rower, course: Course, grid: Grid, zero_std: float) -> tuple[Values, Values]:
+def _oars(
+    rower: RowerFrames, course: CoordinateCurves, grid: PhaseGrid, zero_std: float
+) -> tuple[Values, Values]:
     q, _, stds, _ = course.at(grid)
     names = list(rower.model.coordinate_names)
     values, found_stds = {}, {}
@@ -213,7 +215,9 @@ def _oars(rower: Rower, course: Course, grid: Grid, zero_std: float) -> tuple[Va
     return values, found_stds
 
 
-def _forget_unobserved(track: Track, rower: Rower, found: Strokes, values: Values, stds: Values) -> None:
+def _forget_unobserved(
+    track: Track, rower: RowerFrames, found: Strokes, values: Values, stds: Values
+) -> None:
     """Numbers that depend on unobserved coordinates come from the prior alone and are not reported."""
     known = list(track.coordinate_names)
     told_by = [
@@ -262,7 +266,7 @@ def _table(track: Track, found: Strokes, values: Values, stds: Values) -> tuple[
     return table, tuple(curves)
 
 
-def _hundred(grid: Grid, rows: Floats) -> Floats:
+def _hundred(grid: PhaseGrid, rows: Floats) -> Floats:
     """Curves (N, 101) at 0 to 100 % of the time from catch to next catch."""
     percent = np.linspace(0.0, 1.0, 101)
     return np.array(

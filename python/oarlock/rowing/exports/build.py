@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from oarlock.rowing.exports.cells import Column, Floats, derived, durations, numbers
-from oarlock.rowing.exports.grid import Rows
+from oarlock.rowing.exports.cells import Cells, Floats, derived, durations, numbers
+from oarlock.rowing.exports.grid import TableRows
 from oarlock.rowing.strokes.table import StrokeTable
 from oarlock.storage.errors import DataError
 
@@ -18,7 +18,7 @@ _MOST_NAMED = 5
 
 
 @dataclass(frozen=True)
-class Wanted:
+class ColumnMap:
     """Which column of a file becomes which of the table.
 
     Attributes:
@@ -37,16 +37,16 @@ class Wanted:
 
 
 @dataclass
-class Gathered:
+class TableBuilder:
     """What has been read so far of one file's rows."""
 
-    rows: Rows
-    columns: dict[str, Column] = field(default_factory=dict)
+    rows: TableRows
+    columns: dict[str, Cells] = field(default_factory=dict)
     curves: dict[str, tuple[Floats, ...]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     onset: str = ""
 
-    def read(self, wanted: Iterable[Wanted]) -> None:
+    def read(self, wanted: Iterable[ColumnMap]) -> None:
         """Reads those of the wanted columns that the file has; one that is empty in all rows is only noted."""
         empty = []
         for one in wanted:
@@ -73,7 +73,7 @@ class Gathered:
             column = self.columns[name]
             known = {value: place + 1.0 for place, value in enumerate(dict.fromkeys(column.values))}
             numbered = [known[value] if np.isfinite(value) else np.nan for value in column.values]
-            self.columns[name] = Column(np.array(numbered), column.reasons)
+            self.columns[name] = Cells(np.array(numbered), column.reasons)
 
     def derive(self, name: str, values: Floats, reason: str) -> None:
         """Adds a computed column, unless it is NaN in all rows."""

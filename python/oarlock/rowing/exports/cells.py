@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.rowing.exports.grid import Rows
+from oarlock.rowing.exports.grid import TableRows
 from oarlock.storage.errors import DataError
 
 Floats = NDArray[np.float64]
@@ -24,16 +24,16 @@ _DURATION = re.compile(r"(\d{1,6}:){0,2}\d{1,9}(\.\d{0,9})?")
 
 
 @dataclass(frozen=True)
-class Column:
+class Cells:
     """A column of the table (N,), and for each row why its number is NaN, or ""."""
 
     values: Floats
     reasons: tuple[str, ...]
 
-    def but(self, rows: NDArray[np.bool_], reason: str) -> Column:
+    def but(self, rows: NDArray[np.bool_], reason: str) -> Cells:
         """The same with NaN and a reason in some rows."""
         reasons = tuple(reason if bad else text for bad, text in zip(rows, self.reasons, strict=True))
-        return Column(np.where(rows, np.nan, self.values), reasons)
+        return Cells(np.where(rows, np.nan, self.values), reasons)
 
     @property
     def is_empty(self) -> bool:
@@ -46,7 +46,7 @@ def is_missing(cell: str) -> bool:
     return cell.casefold() in _MISSING
 
 
-def numbers(rows: Rows, place: int, scale: float = 1.0) -> Column:
+def numbers(rows: TableRows, place: int, scale: float = 1.0) -> Cells:
     """A column as numbers times `scale`.
 
     Raises:
@@ -55,7 +55,7 @@ def numbers(rows: Rows, place: int, scale: float = 1.0) -> Column:
     return _column(rows, place, scale, _number)
 
 
-def durations(rows: Rows, place: int) -> Column:
+def durations(rows: TableRows, place: int) -> Cells:
     """A column of clock times as seconds: `12.3`, `01:02.3`, `1:00:02.3`.
 
     Raises:
@@ -64,7 +64,7 @@ def durations(rows: Rows, place: int) -> Column:
     return _column(rows, place, 1.0, _duration_s)
 
 
-def listed(rows: Rows, place: int, row: int, separator: str = ",") -> Floats:
+def listed(rows: TableRows, place: int, row: int, separator: str = ",") -> Floats:
     """Parse a cell that contains a list of numbers, (K,).
 
     Raises:
@@ -75,12 +75,14 @@ def listed(rows: Rows, place: int, row: int, separator: str = ",") -> Floats:
     return np.array([_number(rows, place, row, part) for part in parts], dtype=np.float64)
 
 
-def derived(values: Floats, reason: str) -> Column:
+def derived(values: Floats, reason: str) -> Cells:
     """A column that was computed: one reason wherever it is NaN."""
-    return Column(values, tuple("" if known else reason for known in np.isfinite(values)))
+    return Cells(values, tuple("" if known else reason for known in np.isfinite(values)))
 
 
-def _column(rows: Rows, place: int, scale: float, read: Callable[[Rows, int, int, str], float]) -> Column:
+def _column(
+    rows: TableRows, place: int, scale: float, read: Callable[[TableRows, int, int, str], float]
+) -> Cells:
     values, reasons = np.full(len(rows), np.nan), []
     for row, cells in enumerate(rows.cells):
         cell = cells[place]
@@ -88,10 +90,10 @@ def _column(rows: Rows, place: int, scale: float, read: Callable[[Rows, int, int
         if not missing:
             values[row] = read(rows, place, row, cell)
         reasons.append((f'"{cell}" in the file' if cell else "empty in the file") if missing else "")
-    return Column(values * scale, tuple(reasons))
+    return Cells(values * scale, tuple(reasons))
 
 
-def _number(rows: Rows, place: int, row: int, text: str) -> float:
+def _number(rows: TableRows, place: int, row: int, text: str) -> float:
     if _NUMBER.fullmatch(text) and abs(value := float(text)) <= MOST:
         return value
     hint = (
@@ -100,7 +102,7 @@ def _number(rows: Rows, place: int, row: int, text: str) -> float:
     raise _wrong(rows, place, row, text, "a number", hint)
 
 
-def _duration_s(rows: Rows, place: int, row: int, text: str) -> float:
+def _duration_s(rows: TableRows, place: int, row: int, text: str) -> float:
     if not _DURATION.fullmatch(text):
         raise _wrong(rows, place, row, text, "a time such as 00:01:02.3")
     seconds = 0.0
@@ -109,7 +111,7 @@ def _duration_s(rows: Rows, place: int, row: int, text: str) -> float:
     return seconds
 
 
-def _wrong(rows: Rows, place: int, row: int, text: str, wanted: str, hint: str = "") -> DataError:
+def _wrong(rows: TableRows, place: int, row: int, text: str, wanted: str, hint: str = "") -> DataError:
     shown = text if len(text) <= 40 else f"{text[:40]}..."
     where = f'{rows.file}:{rows.lines[row]}, column "{rows.names[place]}"'
     return DataError(f'{where}: "{shown}" is not {wanted}.{hint}')

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from oarlock.rowing.exports.build import Gathered, many
+from oarlock.rowing.exports.build import TableBuilder, many
 
 _BEYOND_SHARE = 0.02
 """More strokes than this with the peak of force beyond the finish, and its angle is none of the oar."""
 
 
-def told_angles(gathered: Gathered) -> None:
+def told_angles(gathered: TableBuilder) -> None:
     """Checks signs and the meaning of the angle of peak force.
 
     NK counts oar angles from the oar across the boat, catch negative, finish positive, as Oarlock does. LiNK 1.26 wrote
@@ -31,7 +31,7 @@ def told_angles(gathered: Gathered) -> None:
         )
 
 
-def add_arcs(gathered: Gathered) -> None:
+def add_arcs(gathered: TableBuilder) -> None:
     """Arc, and arc without slip and wash."""
     arc = gathered.values("finish_angle_rad") - gathered.values("catch_angle_rad")
     effective = arc - gathered.values("slip_rad") - gathered.values("wash_rad")

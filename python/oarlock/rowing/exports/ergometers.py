@@ -9,9 +9,9 @@ from types import MappingProxyType
 
 import numpy as np
 
-from oarlock.rowing.exports.build import Gathered, Wanted, left_out_note, many, twice_note
+from oarlock.rowing.exports.build import ColumnMap, TableBuilder, left_out_note, many, twice_note
 from oarlock.rowing.exports.cells import POUND_FORCE_N, listed
-from oarlock.rowing.exports.grid import Grid, Rows
+from oarlock.rowing.exports.grid import CellGrid, TableRows
 from oarlock.rowing.strokes.table import StrokeTable
 
 _MS = 1e-3
@@ -19,7 +19,7 @@ _CM = 0.01
 
 
 @dataclass(frozen=True)
-class Pace:
+class PaceColumn:
     """A column with the time, s or mm:ss, for a distance in m."""
 
     header: str
@@ -47,8 +47,8 @@ class Log:
 
     title: str
     marks: tuple[str, ...]
-    wanted: tuple[Wanted, ...]
-    pace: Pace | None = None
+    wanted: tuple[ColumnMap, ...]
+    pace: PaceColumn | None = None
     count: str = ""
     until_blank: bool = False
     forces: str = ""
@@ -58,11 +58,11 @@ class Log:
     remarks: tuple[str, ...] = ()
 
 
-def read(log: Log, grid: Grid, header: int) -> StrokeTable:
+def read(log: Log, grid: CellGrid, header: int) -> StrokeTable:
     """A file of this kind."""
     all_rows = grid.rows(header, until_blank=log.until_blank)
     rows, firsts, notes = _strokes(log, all_rows)
-    gathered = Gathered(rows, notes=notes)
+    gathered = TableBuilder(rows, notes=notes)
     gathered.read(log.wanted)
     _take_begins(gathered, firsts, log)
     _add_speed(log, gathered)
@@ -73,7 +73,7 @@ def read(log: Log, grid: Grid, header: int) -> StrokeTable:
     return gathered.table(log.title)
 
 
-def _strokes(log: Log, rows: Rows) -> tuple[Rows, Rows, list[str]]:
+def _strokes(log: Log, rows: TableRows) -> tuple[TableRows, TableRows, list[str]]:
     """The last and the first row of each stroke, and notes on all other rows."""
     kind = rows.place(log.stroke_type) if log.stroke_type else None
     if kind is not None:
@@ -84,7 +84,7 @@ def _strokes(log: Log, rows: Rows) -> tuple[Rows, Rows, list[str]]:
     return (rows, rows, []) if count is None else _first_and_last(rows, count)
 
 
-def _first_and_last(rows: Rows, place: int) -> tuple[Rows, Rows, list[str]]:
+def _first_and_last(rows: TableRows, place: int) -> tuple[TableRows, TableRows, list[str]]:
     """Of the rows with the same count the last, which knows most of the stroke, and the first, which knows its time."""
     counts = [cells[place] for cells in rows.cells]
     first = [
@@ -103,10 +103,10 @@ def _before_strokes(count: str) -> bool:
     return count in ("", "0")
 
 
-def _take_begins(gathered: Gathered, firsts: Rows, log: Log) -> None:
+def _take_begins(gathered: TableBuilder, firsts: TableRows, log: Log) -> None:
     if firsts is gathered.rows:
         return
-    begins = Gathered(firsts)
+    begins = TableBuilder(firsts)
     begins.read([wanted for wanted in log.wanted if wanted.name in _OF_THE_BEGIN])
     gathered.columns |= begins.columns
 
@@ -114,24 +114,24 @@ def _take_begins(gathered: Gathered, firsts: Rows, log: Log) -> None:
 _OF_THE_BEGIN = ("time_s", "distance_m", "interval")
 
 
-def _count_notes(log: Log, rows: Rows) -> list[str]:
-    counted = Gathered(rows)
+def _count_notes(log: Log, rows: TableRows) -> list[str]:
+    counted = TableBuilder(rows)
     counted.read([wanted for wanted in log.wanted if wanted.name == "stroke_number"])
     number = counted.values("stroke_number")
     return left_out_note(number, rows.lines) + ([] if log.count else twice_note(number, rows.lines))
 
 
-def _add_speed(log: Log, gathered: Gathered) -> None:
+def _add_speed(log: Log, gathered: TableBuilder) -> None:
     if log.pace is None:
         return
-    pace = Gathered(gathered.rows)
-    pace.read([Wanted("pace_s", (log.pace.header,), is_time=log.pace.is_time)])
+    pace = TableBuilder(gathered.rows)
+    pace.read([ColumnMap("pace_s", (log.pace.header,), is_time=log.pace.is_time)])
     seconds = pace.values("pace_s")
     speed = np.divide(log.pace.distance_m, seconds, out=np.full(len(seconds), np.nan), where=seconds > 0.0)
     gathered.derive("speed_m_s", speed, "the pace is 0 or missing in the file")
 
 
-def _add_forces(log: Log, gathered: Gathered) -> None:
+def _add_forces(log: Log, gathered: TableBuilder) -> None:
     rows, place = gathered.rows, gathered.rows.place(log.forces) if log.forces else None
     if place is None:
         return
@@ -142,7 +142,7 @@ def _add_forces(log: Log, gathered: Gathered) -> None:
         gathered.derive("curve_peak_force_n", peaks, "no curve in the file")
 
 
-def _add_drive_times(log: Log, gathered: Gathered) -> None:
+def _add_drive_times(log: Log, gathered: TableBuilder) -> None:
     """Catch, finish and next catch, where the file has the moment of each drive's begin."""
     rows, (begin, zero) = gathered.rows, log.drive_start
     begin_place, zero_place = (rows.place(name) if name else None for name in (begin, zero))
@@ -170,67 +170,67 @@ LOGS: Mapping[str, Log] = MappingProxyType(
             "ErgData of Concept2, strokes (CSV)",
             ("Stroke Number", "Time (seconds)", "Distance (meters)", "Stroke Rate"),
             (
-                Wanted("time_s", ("Time (seconds)",)),
-                Wanted("stroke_number", ("Stroke Number",)),
-                Wanted("distance_m", ("Distance (meters)",)),
-                Wanted("rate_per_min", ("Stroke Rate",), zero_is_missing=True),
-                Wanted("heart_rate_per_min", ("Heart Rate",), zero_is_missing=True),
+                ColumnMap("time_s", ("Time (seconds)",)),
+                ColumnMap("stroke_number", ("Stroke Number",)),
+                ColumnMap("distance_m", ("Distance (meters)",)),
+                ColumnMap("rate_per_min", ("Stroke Rate",), zero_is_missing=True),
+                ColumnMap("heart_rate_per_min", ("Heart Rate",), zero_is_missing=True),
             ),
-            pace=Pace("Pace (seconds per 500m", 500.0),
+            pace=PaceColumn("Pace (seconds per 500m", 500.0),
         ),
         "concept2-logbook": Log(
             "Concept2 logbook, strokes of a workout (CSV)",
             ("Number", "Time (seconds)", "Pace (seconds)", "Stroke Rate"),
             (
-                Wanted("time_s", ("Time (seconds)",)),
-                Wanted("stroke_number", ("Number",)),
-                Wanted("distance_m", ("Distance (meters)", "Distance (metres)")),
-                Wanted("rate_per_min", ("Stroke Rate",), zero_is_missing=True),
-                Wanted("heart_rate_per_min", ("Heart Rate",), zero_is_missing=True),
-                Wanted("power_w", ("Watts",), zero_is_missing=True),
+                ColumnMap("time_s", ("Time (seconds)",)),
+                ColumnMap("stroke_number", ("Number",)),
+                ColumnMap("distance_m", ("Distance (meters)", "Distance (metres)")),
+                ColumnMap("rate_per_min", ("Stroke Rate",), zero_is_missing=True),
+                ColumnMap("heart_rate_per_min", ("Heart Rate",), zero_is_missing=True),
+                ColumnMap("power_w", ("Watts",), zero_is_missing=True),
             ),
-            pace=Pace("Pace (seconds)", 500.0),
+            pace=PaceColumn("Pace (seconds)", 500.0),
         ),
         "painsled": Log(
             "Painsled, strokes (CSV)",
             ("ElapsedTime (sec)", "Cadence (strokes/min)", "StrokeCount", "DriveLength (meters)"),
             (
-                Wanted("time_s", ("ElapsedTime (sec)",)),
-                Wanted("interval", ("lapIdx",)),
-                Wanted("stroke_number", ("StrokeCount",)),
-                Wanted("distance_m", ("Horizontal (meters)",)),
-                Wanted("speed_m_s", ("Speed (m/sec)",), zero_is_missing=True),
-                Wanted("distance_per_stroke_m", ("StrokeDistance (meters)",)),
-                Wanted("rate_per_min", ("Cadence (strokes/min)",), zero_is_missing=True),
-                Wanted("heart_rate_per_min", ("HRCur (bpm)",), zero_is_missing=True),
-                Wanted("drive_time_s", ("DriveTime (ms)",), _MS, zero_is_missing=True),
-                Wanted("recovery_time_s", ("StrokeRecoveryTime (ms)",), _MS, zero_is_missing=True),
-                Wanted("handle_travel_m", ("DriveLength (meters)",)),
-                Wanted("peak_force_n", ("PeakDriveForce (lbs)",), POUND_FORCE_N, zero_is_missing=True),
-                Wanted("mean_force_n", ("AverageDriveForce (lbs)",), POUND_FORCE_N, zero_is_missing=True),
-                Wanted("work_j", ("WorkPerStroke (joules)",), zero_is_missing=True),
-                Wanted("power_w", ("Power (watts)",)),
-                Wanted("drag_factor", ("DragFactor",), zero_is_missing=True),
+                ColumnMap("time_s", ("ElapsedTime (sec)",)),
+                ColumnMap("interval", ("lapIdx",)),
+                ColumnMap("stroke_number", ("StrokeCount",)),
+                ColumnMap("distance_m", ("Horizontal (meters)",)),
+                ColumnMap("speed_m_s", ("Speed (m/sec)",), zero_is_missing=True),
+                ColumnMap("distance_per_stroke_m", ("StrokeDistance (meters)",)),
+                ColumnMap("rate_per_min", ("Cadence (strokes/min)",), zero_is_missing=True),
+                ColumnMap("heart_rate_per_min", ("HRCur (bpm)",), zero_is_missing=True),
+                ColumnMap("drive_time_s", ("DriveTime (ms)",), _MS, zero_is_missing=True),
+                ColumnMap("recovery_time_s", ("StrokeRecoveryTime (ms)",), _MS, zero_is_missing=True),
+                ColumnMap("handle_travel_m", ("DriveLength (meters)",)),
+                ColumnMap("peak_force_n", ("PeakDriveForce (lbs)",), POUND_FORCE_N, zero_is_missing=True),
+                ColumnMap("mean_force_n", ("AverageDriveForce (lbs)",), POUND_FORCE_N, zero_is_missing=True),
+                ColumnMap("work_j", ("WorkPerStroke (joules)",), zero_is_missing=True),
+                ColumnMap("power_w", ("Power (watts)",)),
+                ColumnMap("drag_factor", ("DragFactor",), zero_is_missing=True),
             ),
         ),
         "painsled-desktop": Log(
             "Painsled for the desktop, strokes with force curves (CSV)",
             ("stroke.driveStartMs", "stroke.strokeNumber", "stroke.driveMs", "stroke.forceMap"),
             (
-                Wanted("time_s", ("stroke.elapsedTimeSec",)),
-                Wanted("interval", ("stroke.intervalNumber",)),
-                Wanted("stroke_number", ("stroke.strokeNumber",)),
-                Wanted("distance_m", ("stroke.startWorkoutMeter",)),
-                Wanted("distance_per_stroke_m", ("stroke.strokeMeters",)),
-                Wanted("rate_per_min", ("stroke.strokesPerMin",), zero_is_missing=True),
-                Wanted("heart_rate_per_min", ("stroke.hrBpm",), zero_is_missing=True),
-                Wanted("duration_s", ("stroke.strokeTimeMs",), _MS, zero_is_missing=True),
-                Wanted("drive_time_s", ("stroke.driveMs",), _MS, zero_is_missing=True),
-                Wanted("recovery_time_s", ("stroke.slideMs",), _MS, zero_is_missing=True),
-                Wanted("power_w", ("stroke.watts",), zero_is_missing=True),
-                Wanted("drag_factor", ("stroke.dragFactor",), zero_is_missing=True),
+                ColumnMap("time_s", ("stroke.elapsedTimeSec",)),
+                ColumnMap("interval", ("stroke.intervalNumber",)),
+                ColumnMap("stroke_number", ("stroke.strokeNumber",)),
+                ColumnMap("distance_m", ("stroke.startWorkoutMeter",)),
+                ColumnMap("distance_per_stroke_m", ("stroke.strokeMeters",)),
+                ColumnMap("rate_per_min", ("stroke.strokesPerMin",), zero_is_missing=True),
+                ColumnMap("heart_rate_per_min", ("stroke.hrBpm",), zero_is_missing=True),
+                ColumnMap("duration_s", ("stroke.strokeTimeMs",), _MS, zero_is_missing=True),
+                ColumnMap("drive_time_s", ("stroke.driveMs",), _MS, zero_is_missing=True),
+                ColumnMap("recovery_time_s", ("stroke.slideMs",), _MS, zero_is_missing=True),
+                ColumnMap("power_w", ("stroke.watts",), zero_is_missing=True),
+                ColumnMap("drag_factor", ("stroke.dragFactor",), zero_is_missing=True),
             ),
-            pace=Pace("stroke.paceSecPer1k", 1000.0),
+            pace=PaceColumn("stroke.paceSecPer1k", 1000.0),
             forces="stroke.forceMap",
             drive_start=("stroke.driveStartMs", "workout.rowStartMs"),
             onset="the monitor's begin of the drive: the flywheel accelerates (states of a stroke in Concept2's CSAFE "
@@ -242,48 +242,48 @@ LOGS: Mapping[str, Log] = MappingProxyType(
             "SmartRow, strokes (CSV)",
             ("Stroke (#)", "Second (#)", "Work (J)", "Stroke rate (SPM)"),
             (
-                Wanted("time_s", ("Second (#)",)),
-                Wanted("stroke_number", ("Stroke (#)",)),
-                Wanted("distance_m", ("Distance (m)",)),
-                Wanted("rate_per_min", ("Stroke rate (SPM)",)),
-                Wanted("heart_rate_per_min", ("Heart rate (bpm)",), zero_is_missing=True),
-                Wanted("work_j", ("Work (J)",)),
-                Wanted("power_w", ("Actual power (W)",)),
+                ColumnMap("time_s", ("Second (#)",)),
+                ColumnMap("stroke_number", ("Stroke (#)",)),
+                ColumnMap("distance_m", ("Distance (m)",)),
+                ColumnMap("rate_per_min", ("Stroke rate (SPM)",)),
+                ColumnMap("heart_rate_per_min", ("Heart rate (bpm)",), zero_is_missing=True),
+                ColumnMap("work_j", ("Work (J)",)),
+                ColumnMap("power_w", ("Actual power (W)",)),
             ),
-            pace=Pace("Actual split (s)", 500.0),
+            pace=PaceColumn("Actual split (s)", 500.0),
         ),
         "hero": Log(
             "Hero, strokes (CSV)",
             ("Stroke #", "Time", "Stroke Rate", "Drive Time", "Recovery Time"),
             (
-                Wanted("time_s", ("Time",), is_time=True),
-                Wanted("stroke_number", ("Stroke #",)),
-                Wanted("distance_m", ("Distance",)),
-                Wanted("distance_per_stroke_m", ("Distance per Stroke",)),
-                Wanted("rate_per_min", ("Stroke Rate",)),
-                Wanted("heart_rate_per_min", ("HR",), zero_is_missing=True),
-                Wanted("drive_time_s", ("Drive Time",)),
-                Wanted("recovery_time_s", ("Recovery Time",)),
-                Wanted("handle_travel_m", ("Stroke Length",), _CM),
-                Wanted("peak_force_n", ("Peak Drive Force (N)",)),
-                Wanted("mean_force_n", ("Average Drive Force (N)",)),
-                Wanted("work_j", ("Work (J)",)),
-                Wanted("power_w", ("Watts",)),
-                Wanted("drag_factor", ("Drag Factor",)),
+                ColumnMap("time_s", ("Time",), is_time=True),
+                ColumnMap("stroke_number", ("Stroke #",)),
+                ColumnMap("distance_m", ("Distance",)),
+                ColumnMap("distance_per_stroke_m", ("Distance per Stroke",)),
+                ColumnMap("rate_per_min", ("Stroke Rate",)),
+                ColumnMap("heart_rate_per_min", ("HR",), zero_is_missing=True),
+                ColumnMap("drive_time_s", ("Drive Time",)),
+                ColumnMap("recovery_time_s", ("Recovery Time",)),
+                ColumnMap("handle_travel_m", ("Stroke Length",), _CM),
+                ColumnMap("peak_force_n", ("Peak Drive Force (N)",)),
+                ColumnMap("mean_force_n", ("Average Drive Force (N)",)),
+                ColumnMap("work_j", ("Work (J)",)),
+                ColumnMap("power_w", ("Watts",)),
+                ColumnMap("drag_factor", ("Drag Factor",)),
             ),
-            pace=Pace("Split", 500.0, is_time=True),
+            pace=PaceColumn("Split", 500.0, is_time=True),
             remarks=("the file names no unit of stroke length; by its size it is cm",),
         ),
         "coxmate": Log(
             "CoxMate, strokes (CSV)",
             ("Stroke", "Time", "Rating", "Ratio", "Cover"),
             (
-                Wanted("time_s", ("Time",)),
-                Wanted("stroke_number", ("Stroke",)),
-                Wanted("distance_m", ("Distance",)),
-                Wanted("rate_per_min", ("Rating",), zero_is_missing=True),
-                Wanted("speed_m_s", ("Speed",), zero_is_missing=True),
-                Wanted("heart_rate_per_min", ("Heart Rate",), zero_is_missing=True),
+                ColumnMap("time_s", ("Time",)),
+                ColumnMap("stroke_number", ("Stroke",)),
+                ColumnMap("distance_m", ("Distance",)),
+                ColumnMap("rate_per_min", ("Rating",), zero_is_missing=True),
+                ColumnMap("speed_m_s", ("Speed",), zero_is_missing=True),
+                ColumnMap("heart_rate_per_min", ("Heart Rate",), zero_is_missing=True),
             ),
             remarks=("Ratio and Cover are not read: nothing says how they are defined",),
         ),
@@ -291,21 +291,21 @@ LOGS: Mapping[str, Log] = MappingProxyType(
             "ErgStick, rows in time (CSV)",
             ("Total elapsed time (s)", "Stroke count", "Drive length (m)", "Stroke recovery time (s)"),
             (
-                Wanted("time_s", ("Total elapsed time (s)",)),
-                Wanted("interval", ("Interval count",)),
-                Wanted("stroke_number", ("Stroke count",)),
-                Wanted("distance_m", ("Total distance (m)",)),
-                Wanted("speed_m_s", ("Speed (m/s)",), zero_is_missing=True),
-                Wanted("distance_per_stroke_m", ("Stroke distance (m)",), zero_is_missing=True),
-                Wanted("rate_per_min", ("Stroke rate (/min)",), zero_is_missing=True),
-                Wanted("heart_rate_per_min", ("Current heart rate (bpm)",), zero_is_missing=True),
-                Wanted("drive_time_s", ("Drive time (s)",), zero_is_missing=True),
-                Wanted("recovery_time_s", ("Stroke recovery time (s)",), zero_is_missing=True),
-                Wanted("handle_travel_m", ("Drive length (m)",), zero_is_missing=True),
-                Wanted("peak_force_n", ("Peak drive force (lbs)",), POUND_FORCE_N, zero_is_missing=True),
-                Wanted("mean_force_n", ("Ave. drive force (lbs)",), POUND_FORCE_N, zero_is_missing=True),
-                Wanted("power_w", ("Stroke power (W)",), zero_is_missing=True),
-                Wanted("drag_factor", ("Drag factor",), zero_is_missing=True),
+                ColumnMap("time_s", ("Total elapsed time (s)",)),
+                ColumnMap("interval", ("Interval count",)),
+                ColumnMap("stroke_number", ("Stroke count",)),
+                ColumnMap("distance_m", ("Total distance (m)",)),
+                ColumnMap("speed_m_s", ("Speed (m/s)",), zero_is_missing=True),
+                ColumnMap("distance_per_stroke_m", ("Stroke distance (m)",), zero_is_missing=True),
+                ColumnMap("rate_per_min", ("Stroke rate (/min)",), zero_is_missing=True),
+                ColumnMap("heart_rate_per_min", ("Current heart rate (bpm)",), zero_is_missing=True),
+                ColumnMap("drive_time_s", ("Drive time (s)",), zero_is_missing=True),
+                ColumnMap("recovery_time_s", ("Stroke recovery time (s)",), zero_is_missing=True),
+                ColumnMap("handle_travel_m", ("Drive length (m)",), zero_is_missing=True),
+                ColumnMap("peak_force_n", ("Peak drive force (lbs)",), POUND_FORCE_N, zero_is_missing=True),
+                ColumnMap("mean_force_n", ("Ave. drive force (lbs)",), POUND_FORCE_N, zero_is_missing=True),
+                ColumnMap("power_w", ("Stroke power (W)",), zero_is_missing=True),
+                ColumnMap("drag_factor", ("Drag factor",), zero_is_missing=True),
             ),
             count="Stroke count",
             remarks=("Work per stroke (J) is not read: its numbers are a hundredth of power times time",),
@@ -314,20 +314,20 @@ LOGS: Mapping[str, Log] = MappingProxyType(
             "BoatCoach on an ergometer, rows in time (CSV)",
             ("workoutType", "strokeRate", "strokeCount", "strokeDriveTime", "strokePeakForce"),
             (
-                Wanted("time_s", ("workTime",), is_time=True),
-                Wanted("interval", ("intervalCount",)),
-                Wanted("stroke_number", ("strokeCount",)),
-                Wanted("distance_m", ("workDistance",)),
-                Wanted("rate_per_min", ("strokeRate",), zero_is_missing=True),
-                Wanted("heart_rate_per_min", ("currentHeartRate",), zero_is_missing=True),
-                Wanted("drive_time_s", ("strokeDriveTime",), zero_is_missing=True),
-                Wanted("handle_travel_m", ("strokeLength",), zero_is_missing=True),
-                Wanted("peak_force_n", ("strokePeakForce",), POUND_FORCE_N, zero_is_missing=True),
-                Wanted("mean_force_n", ("strokeAverageForce",), POUND_FORCE_N, zero_is_missing=True),
-                Wanted("power_w", ("strokePower",), zero_is_missing=True),
-                Wanted("drag_factor", ("dragFactor",), zero_is_missing=True),
+                ColumnMap("time_s", ("workTime",), is_time=True),
+                ColumnMap("interval", ("intervalCount",)),
+                ColumnMap("stroke_number", ("strokeCount",)),
+                ColumnMap("distance_m", ("workDistance",)),
+                ColumnMap("rate_per_min", ("strokeRate",), zero_is_missing=True),
+                ColumnMap("heart_rate_per_min", ("currentHeartRate",), zero_is_missing=True),
+                ColumnMap("drive_time_s", ("strokeDriveTime",), zero_is_missing=True),
+                ColumnMap("handle_travel_m", ("strokeLength",), zero_is_missing=True),
+                ColumnMap("peak_force_n", ("strokePeakForce",), POUND_FORCE_N, zero_is_missing=True),
+                ColumnMap("mean_force_n", ("strokeAverageForce",), POUND_FORCE_N, zero_is_missing=True),
+                ColumnMap("power_w", ("strokePower",), zero_is_missing=True),
+                ColumnMap("drag_factor", ("dragFactor",), zero_is_missing=True),
             ),
-            pace=Pace("stroke500MPace", 500.0, is_time=True),
+            pace=PaceColumn("stroke500MPace", 500.0, is_time=True),
             count="strokeCount",
             remarks=("the file names no unit of force; a Concept2 monitor gives pounds, which become N",),
         ),
@@ -335,27 +335,27 @@ LOGS: Mapping[str, Log] = MappingProxyType(
             "BoatCoach on the water, rows in time (CSV)",
             ("Elapsed Time", "Piece Number", "Stroke Rate", "Cumulative Stroke Count"),
             (
-                Wanted("time_s", ("TOTAL Time Since Start BoatCoach",), is_time=True),
-                Wanted("interval", ("Piece Number",)),
-                Wanted("stroke_number", ("Cumulative Stroke Count",)),
-                Wanted("distance_m", ("Cumulative Distance(m)",)),
-                Wanted("rate_per_min", ("Stroke Rate",), zero_is_missing=True),
-                Wanted("heart_rate_per_min", ("Heart Rate",), zero_is_missing=True),
+                ColumnMap("time_s", ("TOTAL Time Since Start BoatCoach",), is_time=True),
+                ColumnMap("interval", ("Piece Number",)),
+                ColumnMap("stroke_number", ("Cumulative Stroke Count",)),
+                ColumnMap("distance_m", ("Cumulative Distance(m)",)),
+                ColumnMap("rate_per_min", ("Stroke Rate",), zero_is_missing=True),
+                ColumnMap("heart_rate_per_min", ("Heart Rate",), zero_is_missing=True),
             ),
-            pace=Pace("Last 10 Stroke Speed(/500m)", 500.0, is_time=True),
+            pace=PaceColumn("Last 10 Stroke Speed(/500m)", 500.0, is_time=True),
             count="Cumulative Stroke Count",
         ),
         "rowpro": Log(
             "RowPro, strokes (CSV)",
             ("Time", "Distance", "Pace", "Watts", "Cals", "SPM", "HR", "DutyCycle"),
             (
-                Wanted("time_s", ("Time",), _MS),
-                Wanted("distance_m", ("Distance",)),
-                Wanted("rate_per_min", ("SPM",), zero_is_missing=True),
-                Wanted("heart_rate_per_min", ("HR",), zero_is_missing=True),
-                Wanted("power_w", ("Watts",)),
+                ColumnMap("time_s", ("Time",), _MS),
+                ColumnMap("distance_m", ("Distance",)),
+                ColumnMap("rate_per_min", ("SPM",), zero_is_missing=True),
+                ColumnMap("heart_rate_per_min", ("HR",), zero_is_missing=True),
+                ColumnMap("power_w", ("Watts",)),
             ),
-            pace=Pace("Pace", 1.0),
+            pace=PaceColumn("Pace", 1.0),
             until_blank=True,
             remarks=("DutyCycle is not read: it is a third in every row",),
         ),

@@ -54,7 +54,7 @@ _NOT_IN_RECORD = "not in the file's record"
 
 
 @dataclass
-class _Found:
+class _FitContents:
     """What has been read so far of one file."""
 
     rows: list[dict[str, float]] = field(default_factory=list)
@@ -81,7 +81,7 @@ def read_fit(file: Path) -> StrokeTable | Activity:
     Raises:
         DataError: the file cannot be read, is damaged (with the byte), or has no records; or fitdecode is not there.
     """
-    found = _Found()
+    found = _FitContents()
     for message in _messages(file):
         if message.name == "developer_data_id":
             _take_application(found, message)
@@ -118,7 +118,7 @@ def _messages(file: Path) -> Iterator[FitDataMessage]:
         ) from error
 
 
-def _take_application(found: _Found, message: FitDataMessage) -> None:
+def _take_application(found: _FitContents, message: FitDataMessage) -> None:
     index, application = (
         message.get_raw_value(name, fallback=None) for name in ("developer_data_index", "application_id")
     )
@@ -127,7 +127,7 @@ def _take_application(found: _Found, message: FitDataMessage) -> None:
         found.own.add(index)
 
 
-def _describe(found: _Found, message: FitDataMessage) -> None:
+def _describe(found: _FitContents, message: FitDataMessage) -> None:
     """Keep the scale of a developer field, which fitdecode does not apply."""
     known = [_number(message.get_value(name, fallback=None)) for name in ("scale", "offset")]
     scale, offset = (
@@ -137,7 +137,7 @@ def _describe(found: _Found, message: FitDataMessage) -> None:
     found.scales[key] = (scale or 1.0, offset)
 
 
-def _take_session(found: _Found, message: FitDataMessage) -> None:
+def _take_session(found: _FitContents, message: FitDataMessage) -> None:
     start = _number(message.get_raw_value("start_time", fallback=None))
     found.start_s = start if np.isnan(found.start_s) else found.start_s
     found.strategy = _number(message.get_value(STRATEGY_NAME, fallback=None))
@@ -145,7 +145,7 @@ def _take_session(found: _Found, message: FitDataMessage) -> None:
     found.sport = sport if isinstance(sport, int) else -1
 
 
-def _take_record(found: _Found, message: FitDataMessage) -> None:
+def _take_record(found: _FitContents, message: FitDataMessage) -> None:
     row = {"stamp": _number(message.get_raw_value("timestamp", fallback=None))}
     for column, names, scale in _NATIVE:
         values = (_number(message.get_value(name, fallback=None)) for name in names)
@@ -179,7 +179,7 @@ def _columns(rows: list[dict[str, float]]) -> dict[str, Floats]:
     return {name: np.array([row.get(name, np.nan) for row in rows]) for name in names}
 
 
-def _timed(found: _Found, by_stamp: bool) -> tuple[dict[str, Floats], str]:
+def _timed(found: _FitContents, by_stamp: bool) -> tuple[dict[str, Floats], str]:
     """The columns with the time since the start, of the stamps or of the file's own fields; the epoch of the start."""
     columns = _columns(found.rows)
     stamp = columns.pop("stamp")
@@ -192,7 +192,7 @@ def _timed(found: _Found, by_stamp: bool) -> tuple[dict[str, Floats], str]:
     return columns, epoch_of_seconds(start_s + EPOCH_S) if start_s >= _ABSOLUTE_S else ""
 
 
-def _activity(file: Path, found: _Found) -> Activity:
+def _activity(file: Path, found: _FitContents) -> Activity:
     columns, epoch = _timed(found, by_stamp=True)
     notes = []
     if found.sport in _NO_STROKE_RATE:
@@ -204,7 +204,7 @@ def _activity(file: Path, found: _Found) -> Activity:
     return Activity(known_columns(wanted), f"{file.name}: {TITLE}, points in time", epoch, tuple(notes))
 
 
-def _strokes(file: Path, found: _Found) -> StrokeTable | None:
+def _strokes(file: Path, found: _FitContents) -> StrokeTable | None:
     columns, epoch = _timed(found, by_stamp=False)
     number = columns["stroke_number"]
     of_strokes = [name for name in columns if name not in {*(name for name, _, _ in _NATIVE), "time_s"}]

@@ -19,7 +19,7 @@ _HEAD = 20_000  # characters
 
 
 @dataclass(frozen=True)
-class Rows:
+class TableRows:
     """The rows of one table: the line number of each, and its cells without surrounding blanks.
 
     Attributes:
@@ -43,15 +43,15 @@ class Rows:
         found = [plain.index(plain_name(name)) for name in names if plain_name(name) in plain]
         return found[0] if found else None
 
-    def chosen(self, kept: Iterable[int]) -> Rows:
+    def chosen(self, kept: Iterable[int]) -> TableRows:
         """Some of the rows, in this order."""
         places = list(kept)
         lines, cells = [self.lines[k] for k in places], [self.cells[k] for k in places]
-        return Rows(self.file, self.names, tuple(lines), tuple(cells))
+        return TableRows(self.file, self.names, tuple(lines), tuple(cells))
 
 
 @dataclass(frozen=True)
-class Grid:
+class CellGrid:
     """All rows of a file under one delimiter."""
 
     file: Path
@@ -66,7 +66,7 @@ class Grid:
                 return place
         return None
 
-    def rows(self, header: int, skipped: int = 0, until_blank: bool = False) -> Rows:
+    def rows(self, header: int, skipped: int = 0, until_blank: bool = False) -> TableRows:
         """The table below a header.
 
         Args:
@@ -89,7 +89,7 @@ class Grid:
                 continue
             lines.append(line)
             cells.append(_checked(self.file, names, line, row))
-        return Rows(self.file, names, tuple(lines), tuple(cells))
+        return TableRows(self.file, names, tuple(lines), tuple(cells))
 
 
 def plain_name(text: str) -> str:
@@ -118,12 +118,12 @@ def _without_zeros(file: Path, text: str) -> str:
     return text
 
 
-def grids(file: Path, text: str) -> list[Grid]:
+def grids(file: Path, text: str) -> list[CellGrid]:
     """The file split at commas, semicolons and tabs; delimiters that it does not contain are skipped."""
     return [_grid(file, text, delimiter) for delimiter in _DELIMITERS if delimiter in text[:_HEAD]]
 
 
-def _grid(file: Path, text: str, delimiter: str) -> Grid:
+def _grid(file: Path, text: str, delimiter: str) -> CellGrid:
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter, skipinitialspace=True)
     lines, cells = [], []
     try:
@@ -132,7 +132,7 @@ def _grid(file: Path, text: str, delimiter: str) -> Grid:
             cells.append([cell.strip() for cell in row])
     except csv.Error as error:
         raise DataError(f"{file}:{reader.line_num}: cannot be split into cells ({error})") from error
-    return Grid(file, tuple(lines), tuple(cells))
+    return CellGrid(file, tuple(lines), tuple(cells))
 
 
 def _without_empty_end(row: list[str]) -> list[str]:

@@ -12,7 +12,7 @@ from types import MappingProxyType
 from oarlock.rowing.exports import ergometers, nk_logbook, nk_speedcoach, quiske, rowingdata, rp3
 from oarlock.rowing.exports.activity import Activity
 from oarlock.rowing.exports.fit import is_fit, read_fit
-from oarlock.rowing.exports.grid import Grid, grids, text_of
+from oarlock.rowing.exports.grid import CellGrid, grids, text_of
 from oarlock.rowing.exports.peach import BEGIN, is_peach, read_peach
 from oarlock.rowing.exports.refused import what_it_is
 from oarlock.rowing.exports.starts import epoch_of_export
@@ -35,7 +35,7 @@ class ExportFormat:
     name: str
     title: str
     marks: tuple[str, ...]
-    read: Callable[[Grid, int], StrokeTable | Activity]
+    read: Callable[[CellGrid, int], StrokeTable | Activity]
 
 
 def _formats() -> Mapping[str, ExportFormat]:
@@ -117,7 +117,7 @@ def load_stroke_export(path: str | PathLike[str], format: str | None = None) -> 
     return found
 
 
-def _by_tabs(file: Path, found: Sequence[Grid]) -> Grid:
+def _by_tabs(file: Path, found: Sequence[CellGrid]) -> CellGrid:
     """The one of the grids in which sections begin."""
     for grid in found:
         if any(row and row[0] == BEGIN and row[1:] for row in grid.cells):
@@ -127,7 +127,7 @@ def _by_tabs(file: Path, found: Sequence[Grid]) -> Grid:
     )
 
 
-def _unknown(file: Path, text: str, found: Sequence[Grid], format: str | None) -> str:
+def _unknown(file: Path, text: str, found: Sequence[CellGrid], format: str | None) -> str:
     what = what_it_is(found)
     if what:
         return f"{file}: is {what}. Export the strokes as CSV."

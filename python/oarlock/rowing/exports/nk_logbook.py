@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from oarlock.rowing.exports.build import Gathered, Wanted, left_out_note, many, twice_note
+from oarlock.rowing.exports.build import ColumnMap, TableBuilder, left_out_note, many, twice_note
 from oarlock.rowing.exports.cells import DEGREE_RAD, is_missing
 from oarlock.rowing.exports.empower import add_arcs, told_angles
-from oarlock.rowing.exports.grid import Grid, Rows
+from oarlock.rowing.exports.grid import CellGrid, TableRows
 from oarlock.rowing.strokes.table import StrokeTable
 
 TITLE = "NK Logbook, strokes (CSV)"
@@ -15,36 +15,36 @@ MARKS = ("sessionIntervalId", "elapsedTime", "strokeCount", "gpsInstaSpeed")
 
 _MS = 1e-3
 _WANTED = (
-    Wanted("time_s", ("elapsedTime",), _MS),
-    Wanted("interval", ("sessionIntervalId",)),
-    Wanted("stroke_number", ("strokeCount",)),
-    Wanted("distance_m", ("gpsTotalDistance",)),
-    Wanted("impeller_distance_m", ("impellerTotalDistance",), zero_is_missing=True),
-    Wanted("speed_m_s", ("gpsInstaSpeed",)),
-    Wanted("impeller_speed_m_s", ("impellerInstaSpeed",), zero_is_missing=True),
-    Wanted("distance_per_stroke_m", ("gpsDistStroke",)),
-    Wanted("rate_per_min", ("strokeRate",)),
-    Wanted("heart_rate_per_min", ("heartRate",), zero_is_missing=True),
-    Wanted("duration_s", ("cycleTime",), _MS),
-    Wanted("drive_time_s", ("driveTime",), _MS),
-    Wanted("catch_angle_rad", ("catchAngle",), DEGREE_RAD),
-    Wanted("finish_angle_rad", ("finishAngle",), DEGREE_RAD),
-    Wanted("slip_rad", ("slip",), DEGREE_RAD),
-    Wanted("wash_rad", ("wash",), DEGREE_RAD),
-    Wanted("peak_force_n", ("maxHandleForce",)),
-    Wanted("mean_force_n", ("handleForceAvg",)),
-    Wanted("peak_force_angle_rad", ("positionOfMaxForce",), DEGREE_RAD),
-    Wanted("work_j", ("realWorkPerStroke",)),
-    Wanted("power_w", ("power",)),
+    ColumnMap("time_s", ("elapsedTime",), _MS),
+    ColumnMap("interval", ("sessionIntervalId",)),
+    ColumnMap("stroke_number", ("strokeCount",)),
+    ColumnMap("distance_m", ("gpsTotalDistance",)),
+    ColumnMap("impeller_distance_m", ("impellerTotalDistance",), zero_is_missing=True),
+    ColumnMap("speed_m_s", ("gpsInstaSpeed",)),
+    ColumnMap("impeller_speed_m_s", ("impellerInstaSpeed",), zero_is_missing=True),
+    ColumnMap("distance_per_stroke_m", ("gpsDistStroke",)),
+    ColumnMap("rate_per_min", ("strokeRate",)),
+    ColumnMap("heart_rate_per_min", ("heartRate",), zero_is_missing=True),
+    ColumnMap("duration_s", ("cycleTime",), _MS),
+    ColumnMap("drive_time_s", ("driveTime",), _MS),
+    ColumnMap("catch_angle_rad", ("catchAngle",), DEGREE_RAD),
+    ColumnMap("finish_angle_rad", ("finishAngle",), DEGREE_RAD),
+    ColumnMap("slip_rad", ("slip",), DEGREE_RAD),
+    ColumnMap("wash_rad", ("wash",), DEGREE_RAD),
+    ColumnMap("peak_force_n", ("maxHandleForce",)),
+    ColumnMap("mean_force_n", ("handleForceAvg",)),
+    ColumnMap("peak_force_angle_rad", ("positionOfMaxForce",), DEGREE_RAD),
+    ColumnMap("work_j", ("realWorkPerStroke",)),
+    ColumnMap("power_w", ("power",)),
 )
 _STROKE = {"0", "0.0"}
 
 
-def read(grid: Grid, header: int) -> StrokeTable:
+def read(grid: CellGrid, header: int) -> StrokeTable:
     """A file of the NK Logbook: rows of type 0 are strokes, in order of time; others mark distances, times and laps."""
     rows = grid.rows(header)
     strokes, notes = _strokes(rows)
-    gathered = Gathered(strokes, notes=notes)
+    gathered = TableBuilder(strokes, notes=notes)
     gathered.read(_WANTED)
     gathered.number_from_one("interval")
     if "catch_angle_rad" in gathered.columns:
@@ -59,7 +59,7 @@ def read(grid: Grid, header: int) -> StrokeTable:
     return gathered.table(TITLE)
 
 
-def _strokes(rows: Rows) -> tuple[Rows, list[str]]:
+def _strokes(rows: TableRows) -> tuple[TableRows, list[str]]:
     notes = []
     kind, clock = rows.place("type"), rows.place("elapsedTime")
     kept = list(range(len(rows)))

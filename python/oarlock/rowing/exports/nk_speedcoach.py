@@ -7,10 +7,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from oarlock.rowing.exports.build import NAMED, Gathered, Wanted, left_out_note, many, twice_note
-from oarlock.rowing.exports.cells import DEGREE_RAD, POUND_FORCE_N, Column, is_missing
+from oarlock.rowing.exports.build import NAMED, ColumnMap, TableBuilder, left_out_note, many, twice_note
+from oarlock.rowing.exports.cells import DEGREE_RAD, POUND_FORCE_N, Cells, is_missing
 from oarlock.rowing.exports.empower import add_arcs, told_angles
-from oarlock.rowing.exports.grid import Grid, Rows, plain_name
+from oarlock.rowing.exports.grid import CellGrid, TableRows, plain_name
 from oarlock.rowing.strokes.table import StrokeTable
 from oarlock.storage.errors import DataError
 
@@ -53,17 +53,17 @@ _COLUMNS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
 _NOT_COUNTED = "--- in the file: the oarlock measured a stroke that the SpeedCoach did not count"
 
 
-def read(grid: Grid, header: int) -> StrokeTable:
+def read(grid: CellGrid, header: int) -> StrokeTable:
     """A file of NK LiNK; the order of its columns changes with its version, so they are found by name."""
     rows, empty = _strokes(grid, header)
-    gathered = Gathered(rows)
+    gathered = TableBuilder(rows)
     if empty:
         gathered.notes.append(f"{many(empty, 'row')} below the strokes with nothing in the named columns")
     units = _units(grid, header)
     gathered.notes += _swapped_units(units)
-    gathered.read([Wanted("time_s", ("Elapsed Time",), is_time=True)])
+    gathered.read([ColumnMap("time_s", ("Elapsed Time",), is_time=True)])
     gathered.read(
-        Wanted(name, heads, _scale(rows, units, unit, heads), zero_is_missing=name.startswith("impeller"))
+        ColumnMap(name, heads, _scale(rows, units, unit, heads), zero_is_missing=name.startswith("impeller"))
         for name, unit, heads in _COLUMNS
     )
     _name_oarlock_strokes(gathered)
@@ -75,7 +75,7 @@ def read(grid: Grid, header: int) -> StrokeTable:
     return gathered.table(TITLE)
 
 
-def _strokes(grid: Grid, header: int) -> tuple[Rows, int]:
+def _strokes(grid: CellGrid, header: int) -> tuple[TableRows, int]:
     """The rows of strokes, and how many others there are: people make notes to the right of and below the table."""
     rows = grid.rows(header, skipped=1)
     named = [k for k, name in enumerate(rows.names) if name]
@@ -83,7 +83,7 @@ def _strokes(grid: Grid, header: int) -> tuple[Rows, int]:
     return rows.chosen(kept), len(rows) - len(kept)
 
 
-def _units(grid: Grid, header: int) -> dict[str, str]:
+def _units(grid: CellGrid, header: int) -> dict[str, str]:
     """The row of units below the header, by column name."""
     names = grid.cells[header]
     units = grid.cells[header + 1] if header + 1 < len(grid.cells) else []
@@ -104,7 +104,7 @@ def _swapped_units(units: dict[str, str]) -> list[str]:
     ]
 
 
-def _scale(rows: Rows, units: dict[str, str], unit: str, heads: tuple[str, ...]) -> float:
+def _scale(rows: TableRows, units: dict[str, str], unit: str, heads: tuple[str, ...]) -> float:
     place = rows.place(*heads)
     if place is None:
         return 1.0
@@ -117,21 +117,21 @@ def _scale(rows: Rows, units: dict[str, str], unit: str, heads: tuple[str, ...])
     return _UNITS[unit][written]
 
 
-def _name_oarlock_strokes(gathered: Gathered) -> None:
+def _name_oarlock_strokes(gathered: TableBuilder) -> None:
     """Rows that only the oarlock wrote have no time, speed and rate."""
     if "time_s" not in gathered.columns or "catch_angle_rad" not in gathered.columns:
         return
     alone = np.isnan(gathered.values("time_s")) & np.isfinite(gathered.values("catch_angle_rad"))
     for name, column in gathered.columns.items():
         rows = alone & np.isnan(column.values)
-        gathered.columns[name] = Column(column.values, column.but(rows, _NOT_COUNTED).reasons)
+        gathered.columns[name] = Cells(column.values, column.but(rows, _NOT_COUNTED).reasons)
     if alone.any():
         gathered.notes.append(
             f"the oarlock measured {many(alone.sum(), 'stroke')} that the SpeedCoach did not count"
         )
 
 
-def _counts(gathered: Gathered) -> list[str]:
+def _counts(gathered: TableBuilder) -> list[str]:
     """Gaps and doubles of the SpeedCoach's count, which begins again with each interval."""
     number = gathered.values("stroke_number").copy()
     number[np.isnan(gathered.values("time_s"))] = np.nan
@@ -139,7 +139,7 @@ def _counts(gathered: Gathered) -> list[str]:
     return left_out_note(number, lines) + twice_note(number, lines)
 
 
-def _settings(grid: Grid, header: int) -> list[str]:
+def _settings(grid: CellGrid, header: int) -> list[str]:
     """What the head of the file says of the oarlock: side, oar, firmware."""
     found: dict[str, str] = {}
     for row in grid.cells[:header]:

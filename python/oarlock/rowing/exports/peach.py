@@ -16,7 +16,7 @@ import numpy as np
 
 from oarlock import Recording, ScalarStream
 from oarlock.rowing.exports.cells import DEGREE_RAD, Floats, derived, numbers
-from oarlock.rowing.exports.grid import Grid, Rows
+from oarlock.rowing.exports.grid import CellGrid, TableRows
 from oarlock.rowing.strokes.find_strokes import find_strokes
 from oarlock.rowing.strokes.table import StrokeTable
 from oarlock.storage.errors import DataError
@@ -39,7 +39,7 @@ def is_peach(text: str) -> bool:
     return text.lstrip().startswith(f"{BEGIN}\t")
 
 
-def read_peach(grid: Grid, seat: int | None) -> StrokeTable:
+def read_peach(grid: CellGrid, seat: int | None) -> StrokeTable:
     """The strokes of one seat, with gate angle and gate force as curves over the time since the catch.
 
     Args:
@@ -73,7 +73,7 @@ def read_peach(grid: Grid, seat: int | None) -> StrokeTable:
     return _with_boat(_with_curves(table, time_s, angles, forces), time_s, boat, grid, chosen)
 
 
-def _periodic(grid: Grid) -> tuple[Rows, list[str]]:
+def _periodic(grid: CellGrid) -> tuple[TableRows, list[str]]:
     """The rows of the section Periodic, and the seat of each of their columns."""
     marks = [k for k, row in enumerate(grid.cells) if row and row[0] == BEGIN]
     named = [
@@ -89,12 +89,12 @@ def _periodic(grid: Grid) -> tuple[Rows, list[str]]:
     begin, end = named[0][0] + 1, named[0][1]
     if end - begin < 2:
         raise DataError(f"{grid.file}: its section Periodic is empty")
-    part = Grid(grid.file, grid.lines[begin:end], grid.cells[begin:end])
+    part = CellGrid(grid.file, grid.lines[begin:end], grid.cells[begin:end])
     seats = grid.cells[begin + 1]
     return part.rows(0, skipped=1), [*seats, *[""] * len(grid.cells[begin])]
 
 
-def _seat(rows: Rows, seats: list[str], seat: int | None) -> str:
+def _seat(rows: TableRows, seats: list[str], seat: int | None) -> str:
     held = sorted(
         {
             seats[k]
@@ -112,7 +112,7 @@ def _seat(rows: Rows, seats: list[str], seat: int | None) -> str:
     return str(seat)
 
 
-def _column(rows: Rows, seats: list[str], name: str, seat: str, scale: float = 1.0) -> Floats | None:
+def _column(rows: TableRows, seats: list[str], name: str, seat: str, scale: float = 1.0) -> Floats | None:
     for place, own in enumerate(rows.names):
         if own == name and (not seat or seats[place] == seat):
             return numbers(rows, place, scale).values
@@ -150,7 +150,7 @@ def _with_curves(
 
 
 def _with_boat(
-    table: StrokeTable, time_s: Floats, boat: Mapping[str, Floats | None], grid: Grid, seat: str
+    table: StrokeTable, time_s: Floats, boat: Mapping[str, Floats | None], grid: CellGrid, seat: str
 ) -> StrokeTable:
     """With the boat's mean speed and its distance at the end of each stroke."""
     columns, reasons = dict(table.columns), dict(table.reasons)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.rowing.exports.build import Gathered, Wanted
-from oarlock.rowing.exports.cells import DEGREE_RAD, Column, Floats, listed
-from oarlock.rowing.exports.grid import Grid, Rows
+from oarlock.rowing.exports.build import ColumnMap, TableBuilder
+from oarlock.rowing.exports.cells import DEGREE_RAD, Cells, Floats, listed
+from oarlock.rowing.exports.grid import CellGrid, TableRows
 from oarlock.rowing.strokes.table import StrokeTable
 from oarlock.storage.errors import DataError
 
@@ -15,14 +15,14 @@ TITLE = "Quiske, strokes (CSV)"
 MARKS = ("timestamp(s)", "stroke angle (deg)", "oar angle velocity curve", "seat curve")
 
 _WANTED = (
-    Wanted("time_s", ("timestamp(s)",)),
-    Wanted("distance_m", ("distance(m)",)),
-    Wanted("rate_per_min", ("SPM (strokes per minute)",)),
-    Wanted("speed_m_s", ("speed (m/s)",)),
-    Wanted("arc_rad", ("stroke angle (deg)",), DEGREE_RAD),
-    Wanted("peak_oar_rate_rad_s", ("max drive speed (deg/s)",), DEGREE_RAD),
-    Wanted("peak_seat_drive_speed_m_s", ("max seat speed (m/s)",)),
-    Wanted("peak_seat_recovery_speed_m_s", ("max seat recovery speed (m/s)",)),
+    ColumnMap("time_s", ("timestamp(s)",)),
+    ColumnMap("distance_m", ("distance(m)",)),
+    ColumnMap("rate_per_min", ("SPM (strokes per minute)",)),
+    ColumnMap("speed_m_s", ("speed (m/s)",)),
+    ColumnMap("arc_rad", ("stroke angle (deg)",), DEGREE_RAD),
+    ColumnMap("peak_oar_rate_rad_s", ("max drive speed (deg/s)",), DEGREE_RAD),
+    ColumnMap("peak_seat_drive_speed_m_s", ("max seat speed (m/s)",)),
+    ColumnMap("peak_seat_recovery_speed_m_s", ("max seat recovery speed (m/s)",)),
 )
 _CURVES = (
     ("boat_acceleration_m_s2", "boat accelerator curve", 9.80665),
@@ -37,14 +37,14 @@ _RATE_AGREES = 0.1
 _RATE_ROUNDING_PER_MIN = 1.0
 
 
-def read(grid: Grid, header: int) -> StrokeTable:
+def read(grid: CellGrid, header: int) -> StrokeTable:
     """A file of Quiske.
 
     `arc_rad` is the device's own. `curve_arc_rad` is integrated from the curve of angular velocity: the swing of its
     integral over the stroke, its mean taken off, since the oar comes back to where it was.
     """
     rows = grid.rows(header)
-    gathered = Gathered(rows)
+    gathered = TableBuilder(rows)
     gathered.read(_WANTED)
     cut = {name: _curves(gathered, name, head, scale) for name, head, scale in _CURVES}
     duration_s = _durations_s(gathered)
@@ -58,7 +58,7 @@ def read(grid: Grid, header: int) -> StrokeTable:
     return gathered.table(TITLE)
 
 
-def _curves(gathered: Gathered, name: str, header: str, scale: float) -> NDArray[np.bool_]:
+def _curves(gathered: TableBuilder, name: str, header: str, scale: float) -> NDArray[np.bool_]:
     """Reads a curve of each stroke, (K,), and marks those that were cut off when the file was saved."""
     rows, place = gathered.rows, gathered.rows.place(header)
     if place is None:
@@ -75,11 +75,11 @@ def _curves(gathered: Gathered, name: str, header: str, scale: float) -> NDArray
     return cut
 
 
-def _is_cut(rows: Rows, place: int, row: int) -> bool:
+def _is_cut(rows: TableRows, place: int, row: int) -> bool:
     return len(rows.cells[row][place]) == _LONGEST_CELL
 
 
-def _durations_s(gathered: Gathered) -> Floats:
+def _durations_s(gathered: TableBuilder) -> Floats:
     """How long each stroke took, (N,): the raw curve at 100 Hz, else the next stamp, else the rounded rate."""
     rate = gathered.values("rate_per_min")
     by_rate_s = np.divide(60.0, rate, out=np.full(len(rate), np.nan), where=rate > 0.0)
@@ -98,7 +98,7 @@ def _durations_s(gathered: Gathered) -> Floats:
 
 
 def _add_swing(
-    gathered: Gathered, curve: str, name: str, duration_s: Floats, cut: dict[str, NDArray[np.bool_]]
+    gathered: TableBuilder, curve: str, name: str, duration_s: Floats, cut: dict[str, NDArray[np.bool_]]
 ) -> None:
     curves = gathered.curves.get(curve)
     if curves is None:
@@ -117,7 +117,7 @@ def _swing(rate: Floats, lasted_s: float) -> float:
     return float(np.ptp(np.cumsum(rate - rate.mean())) * lasted_s / len(rate))
 
 
-def _stamp(gathered: Gathered, duration_s: Floats) -> None:
+def _stamp(gathered: TableBuilder, duration_s: Floats) -> None:
     """Gives each point of a curve its time from the stroke's begin; takes the first stamp off the clock."""
     for name, curves in list(gathered.curves.items()):
         pairs = zip(curves, duration_s, strict=True)
@@ -129,5 +129,5 @@ def _stamp(gathered: Gathered, duration_s: Floats) -> None:
     if "time_s" in gathered.columns:
         stamps = gathered.columns["time_s"]
         first_s = np.nanmin(stamps.values)
-        gathered.columns["time_s"] = Column(stamps.values - first_s, stamps.reasons)
+        gathered.columns["time_s"] = Cells(stamps.values - first_s, stamps.reasons)
         gathered.notes.append(f"times count from the first stamp, {first_s:.3f} s of Unix time")

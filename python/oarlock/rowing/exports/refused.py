@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from oarlock.rowing.exports.grid import Grid
+from oarlock.rowing.exports.grid import CellGrid
 
 _BY_HEADER = (
     (
@@ -19,7 +19,7 @@ _BY_HEADER = (
 )
 
 
-def what_it_is(grids: Sequence[Grid]) -> str:
+def what_it_is(grids: Sequence[CellGrid]) -> str:
     """What a file is that no format reads; "" where it is not known."""
     found = [what for marks, what in _BY_HEADER for grid in grids if grid.header(marks) is not None]
     return found[0] if found else ""

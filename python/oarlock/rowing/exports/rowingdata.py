@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from oarlock.rowing.exports.activity import Activity, known_columns
-from oarlock.rowing.exports.build import Gathered, Wanted, left_out_note
-from oarlock.rowing.exports.cells import DEGREE_RAD, POUND_FORCE_N, Column, Floats
+from oarlock.rowing.exports.build import ColumnMap, TableBuilder, left_out_note
+from oarlock.rowing.exports.cells import DEGREE_RAD, POUND_FORCE_N, Cells, Floats
 from oarlock.rowing.exports.empower import add_arcs, told_angles
-from oarlock.rowing.exports.grid import Grid, Rows
+from oarlock.rowing.exports.grid import CellGrid, TableRows
 from oarlock.rowing.strokes.table import StrokeTable
 from oarlock.storage.epoch import FIRST_S
 
@@ -29,25 +29,25 @@ _MS = 1e-3
 _FROM_ONE_ROW = {"time_s", "distance_m", "interval"}
 # The first header that a file has gives the column; forces exist in both units.
 _WANTED = (
-    Wanted("time_s", (STAMP,)),
-    Wanted("interval", ("lapIdx",)),
-    Wanted("stroke_number", ("Stroke Number",), zero_is_missing=True),
-    Wanted("distance_m", ("Horizontal (meters)", "cum_dist", "DistanceMeters")),
-    Wanted("rate_per_min", (RATE,), zero_is_missing=True),
-    Wanted("heart_rate_per_min", ("HRCur (bpm)",), zero_is_missing=True),
-    Wanted("power_w", ("Power (watts)",), zero_is_missing=True),
-    Wanted("distance_per_stroke_m", ("StrokeDistance (meters)",), zero_is_missing=True),
-    Wanted("drive_time_s", ("DriveTime (ms)",), _MS, zero_is_missing=True),
-    Wanted("recovery_time_s", ("StrokeRecoveryTime (ms)",), _MS, zero_is_missing=True),
-    Wanted("handle_travel_m", ("DriveLength (meters)",), zero_is_missing=True),
-    Wanted("peak_force_n", ("PeakDriveForce (lbs)",), POUND_FORCE_N, zero_is_missing=True),
-    Wanted("peak_force_n", ("PeakDriveForce (N)",), zero_is_missing=True),
-    Wanted("mean_force_n", ("AverageDriveForce (lbs)",), POUND_FORCE_N, zero_is_missing=True),
-    Wanted("mean_force_n", ("AverageDriveForce (N)",), zero_is_missing=True),
-    Wanted("work_j", ("WorkPerStroke (joules)",), zero_is_missing=True),
-    Wanted("drag_factor", ("DragFactor",), zero_is_missing=True),
+    ColumnMap("time_s", (STAMP,)),
+    ColumnMap("interval", ("lapIdx",)),
+    ColumnMap("stroke_number", ("Stroke Number",), zero_is_missing=True),
+    ColumnMap("distance_m", ("Horizontal (meters)", "cum_dist", "DistanceMeters")),
+    ColumnMap("rate_per_min", (RATE,), zero_is_missing=True),
+    ColumnMap("heart_rate_per_min", ("HRCur (bpm)",), zero_is_missing=True),
+    ColumnMap("power_w", ("Power (watts)",), zero_is_missing=True),
+    ColumnMap("distance_per_stroke_m", ("StrokeDistance (meters)",), zero_is_missing=True),
+    ColumnMap("drive_time_s", ("DriveTime (ms)",), _MS, zero_is_missing=True),
+    ColumnMap("recovery_time_s", ("StrokeRecoveryTime (ms)",), _MS, zero_is_missing=True),
+    ColumnMap("handle_travel_m", ("DriveLength (meters)",), zero_is_missing=True),
+    ColumnMap("peak_force_n", ("PeakDriveForce (lbs)",), POUND_FORCE_N, zero_is_missing=True),
+    ColumnMap("peak_force_n", ("PeakDriveForce (N)",), zero_is_missing=True),
+    ColumnMap("mean_force_n", ("AverageDriveForce (lbs)",), POUND_FORCE_N, zero_is_missing=True),
+    ColumnMap("mean_force_n", ("AverageDriveForce (N)",), zero_is_missing=True),
+    ColumnMap("work_j", ("WorkPerStroke (joules)",), zero_is_missing=True),
+    ColumnMap("drag_factor", ("DragFactor",), zero_is_missing=True),
     *(
-        Wanted(
+        ColumnMap(
             f"{side}{name}", (f"{header}{end}",), DEGREE_RAD, zero_is_missing=header not in ("slip", "wash")
         )
         for side, end in SIDES.items()
@@ -58,10 +58,10 @@ _LOWEST, _HIGHEST = 0.75, 1.5
 """Strokes from one row to the next, by time and rate, in the median: outside of these, rows are no strokes."""
 
 
-def read(grid: Grid, header: int) -> StrokeTable | Activity:
+def read(grid: CellGrid, header: int) -> StrokeTable | Activity:
     """A file of strokes, or an activity if its rows are points in time, as those from watches are."""
     rows = grid.rows(header)
-    gathered = Gathered(rows)
+    gathered = TableBuilder(rows)
     gathered.read(_WANTED)
     _add_speed(gathered)
     _begin_at_zero(gathered)
@@ -81,22 +81,22 @@ def read(grid: Grid, header: int) -> StrokeTable | Activity:
     return gathered.table(TITLE)
 
 
-def _add_speed(gathered: Gathered) -> None:
-    pace = Gathered(gathered.rows)
-    pace.read([Wanted("pace_s", ("Stroke500mPace (sec/500m)",))])
+def _add_speed(gathered: TableBuilder) -> None:
+    pace = TableBuilder(gathered.rows)
+    pace.read([ColumnMap("pace_s", ("Stroke500mPace (sec/500m)",))])
     seconds = pace.values("pace_s")
     speed = np.divide(500.0, seconds, out=np.full(len(seconds), np.nan), where=seconds > 0.0)
     gathered.derive("speed_m_s", speed, "the pace is 0 or missing in the file")
 
 
-def _begin_at_zero(gathered: Gathered) -> None:
+def _begin_at_zero(gathered: TableBuilder) -> None:
     """Unix times count from the first of them."""
     if "time_s" not in gathered.columns:
         return
     stamps = gathered.columns["time_s"]
     first_s = float(np.nanmin(stamps.values))
     if first_s >= FIRST_S:
-        gathered.columns["time_s"] = Column(stamps.values - first_s, stamps.reasons)
+        gathered.columns["time_s"] = Cells(stamps.values - first_s, stamps.reasons)
 
 
 def follow_by_strokes(time_s: Floats, rate_per_min: Floats) -> bool:
@@ -106,11 +106,11 @@ def follow_by_strokes(time_s: Floats, rate_per_min: Floats) -> bool:
     return not len(strokes) or bool(_LOWEST <= np.median(strokes) <= _HIGHEST)
 
 
-def _are_strokes(gathered: Gathered) -> bool:
+def _are_strokes(gathered: TableBuilder) -> bool:
     return follow_by_strokes(gathered.values("time_s"), gathered.values("rate_per_min"))
 
 
-def _merged(rows: Rows, gathered: Gathered) -> Gathered | None:
+def _merged(rows: TableRows, gathered: TableBuilder) -> TableBuilder | None:
     """The strokes of rows in time with a count of strokes; None without a count that comes to every stroke."""
     number = gathered.values("stroke_number")
     known = np.flatnonzero(np.isfinite(number))
@@ -119,11 +119,11 @@ def _merged(rows: Rows, gathered: Gathered) -> Gathered | None:
         return None
     last = known[np.append(steps != 0.0, True)]
     first = known[np.append(True, steps != 0.0)]
-    found = Gathered(rows.chosen(last.tolist()))
+    found = TableBuilder(rows.chosen(last.tolist()))
     for name, column in gathered.columns.items():
         places = first if name in _FROM_ONE_ROW else last
         reasons = tuple(column.reasons[place] for place in places)
-        found.columns[name] = Column(column.values[places], reasons)
+        found.columns[name] = Cells(column.values[places], reasons)
     found.notes = [
         *gathered.notes,
         f"{len(rows)} rows in time contain {len(last)} strokes; time is that of the first row, other numbers of the "
@@ -132,20 +132,20 @@ def _merged(rows: Rows, gathered: Gathered) -> Gathered | None:
     return found if _are_strokes(found) else None
 
 
-def _activity(gathered: Gathered) -> Activity:
+def _activity(gathered: TableBuilder) -> Activity:
     names = ("time_s", "distance_m", "speed_m_s", "heart_rate_per_min", "rate_per_min", "power_w")
     columns = known_columns({name: gathered.values(name) for name in names})
     return Activity(columns, f"{gathered.rows.file.name}: RowingData CSV, points in time")
 
 
-def _take_arc(gathered: Gathered) -> None:
+def _take_arc(gathered: TableBuilder) -> None:
     """A finish without any catch is the arc: so it is in files made from those of Quiske pods, with catches of 0."""
     if "finish_angle_rad" in gathered.columns and "catch_angle_rad" not in gathered.columns:
         gathered.columns["arc_rad"] = gathered.columns.pop("finish_angle_rad")
         gathered.notes.append("no catch angles, so that finish is taken as the arc")
 
 
-def _leave_out_unmeasured(gathered: Gathered, side: str) -> None:
+def _leave_out_unmeasured(gathered: TableBuilder, side: str) -> None:
     """Slip and wash of 0 are not measured where the catch is not."""
     catch: Floats = gathered.values(f"{side}catch_angle_rad")
     for name in (f"{side}slip_rad", f"{side}wash_rad"):

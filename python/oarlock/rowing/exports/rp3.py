@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from oarlock.rowing.exports.build import Gathered, Wanted, left_out_note, many
+from oarlock.rowing.exports.build import ColumnMap, TableBuilder, left_out_note, many
 from oarlock.rowing.exports.cells import Floats, listed
-from oarlock.rowing.exports.grid import Grid
+from oarlock.rowing.exports.grid import CellGrid
 from oarlock.rowing.strokes.table import StrokeTable
 
 TITLE = "RP3 or RowPerfect, strokes (CSV)"
@@ -18,35 +18,35 @@ _PADDING = -32768.0
 _CM = 0.01
 
 _WANTED = (
-    Wanted("time_s", ("time",)),
-    Wanted("interval", ("workout_interval_id",)),
-    Wanted("stroke_number", ("stroke_number",)),
-    Wanted("distance_m", ("distance",)),
-    Wanted("distance_per_stroke_m", ("distance_per_stroke",), _CM),
-    Wanted("heart_rate_per_min", ("pulse",), zero_is_missing=True),
+    ColumnMap("time_s", ("time",)),
+    ColumnMap("interval", ("workout_interval_id",)),
+    ColumnMap("stroke_number", ("stroke_number",)),
+    ColumnMap("distance_m", ("distance",)),
+    ColumnMap("distance_per_stroke_m", ("distance_per_stroke",), _CM),
+    ColumnMap("heart_rate_per_min", ("pulse",), zero_is_missing=True),
 )
 _OF_THE_STROKE = (
-    Wanted("rate_per_min", ("stroke_rate",)),
-    Wanted("drive_time_s", ("drive_time",)),
-    Wanted("recovery_before_s", ("recover_time",)),
-    Wanted("handle_travel_m", ("stroke_length",), _CM),
-    Wanted("peak_force_n", ("peak_force",)),
-    Wanted("peak_force_position_m", ("peak_force_pos",), _CM),
-    Wanted("work_j", ("energy_per_stroke",)),
-    Wanted("power_w", ("power",)),
+    ColumnMap("rate_per_min", ("stroke_rate",)),
+    ColumnMap("drive_time_s", ("drive_time",)),
+    ColumnMap("recovery_before_s", ("recover_time",)),
+    ColumnMap("handle_travel_m", ("stroke_length",), _CM),
+    ColumnMap("peak_force_n", ("peak_force",)),
+    ColumnMap("peak_force_position_m", ("peak_force_pos",), _CM),
+    ColumnMap("work_j", ("energy_per_stroke",)),
+    ColumnMap("power_w", ("power",)),
 )
 ONSET = "the row's time stamp, taken at the end of the drive, less the drive time: the machine's begin of the drive"
 _END = "the row that closes an interval: length, force and times are 0 in the file"
 
 
-def read(grid: Grid, header: int) -> StrokeTable:
+def read(grid: CellGrid, header: int) -> StrokeTable:
     """A file of RP3 or RowPerfect.
 
     A row is stamped at the end of its drive, and its `recover_time` is the recovery before that drive: both times sum
     to the time since the row before. So `recovery_time_s`, which here follows the drive, comes from the next row.
     """
     rows = grid.rows(header)
-    gathered = Gathered(rows, onset=ONSET)
+    gathered = TableBuilder(rows, onset=ONSET)
     gathered.read((*_WANTED, *_OF_THE_STROKE))
     gathered.number_from_one("interval")
     closing = (gathered.values("handle_travel_m") == 0.0) & (gathered.values("rate_per_min") == 0.0)
@@ -64,7 +64,7 @@ def read(grid: Grid, header: int) -> StrokeTable:
     return gathered.table(TITLE)
 
 
-def _counted(gathered: Gathered) -> Floats:
+def _counted(gathered: TableBuilder) -> Floats:
     """The count of strokes over all intervals, so that a new interval is no gap."""
     number, interval = gathered.values("stroke_number"), gathered.values("interval")
     new = np.diff(interval, prepend=interval[:1]) != 0.0
@@ -73,7 +73,7 @@ def _counted(gathered: Gathered) -> Floats:
     return total
 
 
-def _add_curves(gathered: Gathered) -> None:
+def _add_curves(gathered: TableBuilder) -> None:
     rows, place = gathered.rows, gathered.rows.place("curve_data")
     if place is None:
         return
@@ -104,7 +104,7 @@ def _without_padding(force: Floats) -> Floats:
     return np.where(kept > _PADDING, kept, np.nan)
 
 
-def _add_times(gathered: Gathered) -> None:
+def _add_times(gathered: TableBuilder) -> None:
     """Catch, finish and next catch on the interval's clock; recovery after the drive."""
     end_s, drive_s = gathered.values("time_s"), gathered.values("drive_time_s")
     interval, before_s = gathered.values("interval"), gathered.values("recovery_before_s")

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
 
-from oarlock.rowing.exports.grid import Grid, Rows
+from oarlock.rowing.exports.grid import CellGrid, TableRows
 from oarlock.storage.epoch import FIRST_S, LAST_S, epoch_text
 
 _FIRST = datetime.datetime(1970, 1, 1)
@@ -24,7 +24,7 @@ _STYLES = (
 """As NK LiNK and RowPro write dates: the month comes first in all files whose day is above 12."""
 
 
-def epoch_of_export(name: str, grid: Grid, header: int) -> str:
+def epoch_of_export(name: str, grid: CellGrid, header: int) -> str:
     """The moment of 0 s of the times of a file of this format, as `Recording.epoch`; "" if the file does not say."""
     find = _FINDERS.get(name)
     try:
@@ -69,9 +69,9 @@ def _parsed(text: str) -> datetime.datetime:
     raise ValueError(f"{text} is no moment")
 
 
-def _rows(grid: Grid, header: int, *names: str) -> Iterator[list[str]]:
+def _rows(grid: CellGrid, header: int, *names: str) -> Iterator[list[str]]:
     """The named cells of each row; rows that lack one are left out."""
-    rows = Rows(grid.file, tuple(grid.cells[header]), (), ())
+    rows = TableRows(grid.file, tuple(grid.cells[header]), (), ())
     places = [rows.place(name) for name in names]
     for cells in grid.cells[header + 1 :]:
         known = [place for place in places if place is not None and place < len(cells)]
@@ -79,10 +79,10 @@ def _rows(grid: Grid, header: int, *names: str) -> Iterator[list[str]]:
             yield [cells[place] for place in known]
 
 
-def _stamps(stamp: str, elapsed: str, unit_s: float, elapsed_s: float) -> Callable[[Grid, int], str]:
+def _stamps(stamp: str, elapsed: str, unit_s: float, elapsed_s: float) -> Callable[[CellGrid, int], str]:
     """Unix times in one column, the clock of the session in another."""
 
-    def find(grid: Grid, header: int) -> str:
+    def find(grid: CellGrid, header: int) -> str:
         found = [
             float(at) * unit_s - float(after) * elapsed_s for at, after in _rows(grid, header, stamp, elapsed)
         ]
@@ -91,27 +91,27 @@ def _stamps(stamp: str, elapsed: str, unit_s: float, elapsed_s: float) -> Callab
     return find
 
 
-def _quiske(grid: Grid, header: int) -> str:
+def _quiske(grid: CellGrid, header: int) -> str:
     return epoch_of_seconds(min(float(at) for (at,) in _rows(grid, header, "timestamp(s)")))
 
 
-def _rowingdata(grid: Grid, header: int) -> str:
+def _rowingdata(grid: CellGrid, header: int) -> str:
     stamps = [float(at) for (at,) in _rows(grid, header, "TimeStamp (sec)")]
     return epoch_of_seconds(min(stamps)) if stamps else ""
 
 
-def _speedcoach(grid: Grid, header: int) -> str:
+def _speedcoach(grid: CellGrid, header: int) -> str:
     for row in grid.cells[:header]:
         if "Start Time:" in row[:-1]:
             return epoch_of_text(row[row.index("Start Time:") + 1])
     return ""
 
 
-def _painsled_desktop(grid: Grid, header: int) -> str:
+def _painsled_desktop(grid: CellGrid, header: int) -> str:
     return epoch_of_text(next(_rows(grid, header, "workout.rowStartMs"), [""])[0])
 
 
-def _boatcoach(grid: Grid, header: int) -> str:
+def _boatcoach(grid: CellGrid, header: int) -> str:
     for row in grid.cells[:header]:
         found = re.search(r"Date:\s*(\d{4}-\d\d-\d\d \d\d:\d\d)", row[0] if row else "")
         if found:
@@ -119,15 +119,15 @@ def _boatcoach(grid: Grid, header: int) -> str:
     return ""
 
 
-def _boatcoach_water(grid: Grid, header: int) -> str:
+def _boatcoach_water(grid: CellGrid, header: int) -> str:
     at, after = next(_rows(grid, header, "DateTime", "TOTAL Time Since Start BoatCoach"), ["", ""])
     return epoch_of_text(at, _clock_s(after))
 
 
-def _below(name: str) -> Callable[[Grid, int], str]:
+def _below(name: str) -> Callable[[CellGrid, int], str]:
     """A cell below one of the head of the file."""
 
-    def find(grid: Grid, header: int) -> str:
+    def find(grid: CellGrid, header: int) -> str:
         for place, row in enumerate(grid.cells[: max(header - 1, 0)]):
             if name in row:
                 return epoch_of_text(grid.cells[place + 1][row.index(name)])
@@ -143,7 +143,7 @@ def _clock_s(text: str) -> float:
     return 3600.0 * float(found[1] or 0) + 60.0 * float(found[2]) + float(found[3])
 
 
-_FINDERS: Mapping[str, Callable[[Grid, int], str]] = MappingProxyType(
+_FINDERS: Mapping[str, Callable[[CellGrid, int], str]] = MappingProxyType(
     {
         "quiske": _quiske,
         "rowingdata": _rowingdata,

@@ -59,7 +59,7 @@ def read_tcx(file: Path) -> Activity:
         DataError: it cannot be read, is no whole XML, declares entities, has several activities, or a value is no
             number; file and line.
     """
-    reader = _Reader(file)
+    reader = _TcxReader(file)
     reader.read()
     return _activity(file, reader.points)
 
@@ -79,7 +79,7 @@ def _activity(file: Path, points: _Points) -> Activity:
     return Activity(known_columns(columns), f"{file.name}: {TITLE}", epoch, notes)
 
 
-class _Reader(XmlStream):
+class _TcxReader(XmlStream):
     """Collects the points."""
 
     def __init__(self, file: Path) -> None:

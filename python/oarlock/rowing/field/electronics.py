@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from oarlock import EncoderDescription, ImuDescription, ImuStream, ScalarStream
 from oarlock.rowing.field.courses import generator
 from oarlock.rowing.field.effects import FieldEffects
-from oarlock.rowing.field.placement import Encoder, Unit
+from oarlock.rowing.field.placement import Encoder, UnitErrors
 from oarlock.rowing.field.signals import IdealReadings
 
 Array = NDArray[np.float64]
@@ -21,21 +21,21 @@ _LARGEST_JITTER = 0.4
 
 
 @dataclass(frozen=True, eq=False)
-class Sampled:
+class SampleTimes:
     """True sampling times of a unit, (N,) s, and its time stamps, (N,) s."""
 
     time_s: Array
     stamp_s: Array
 
 
-def stamped(name: str, time_s: Array, shown_s: Array, effects: FieldEffects, seed: int) -> Sampled:
+def stamped(name: str, time_s: Array, shown_s: Array, effects: FieldEffects, seed: int) -> SampleTimes:
     """Time stamps with jitter of the samples that are not lost; the first and the last are never lost."""
     rng = generator(seed, f"radio {name}")
     jitter = effects.clock_jitter_s * rng.standard_normal(time_s.size)
     arrives = rng.random(time_s.size) >= effects.packet_loss
     arrives[[0, -1]] = True
     most = _LARGEST_JITTER * float(np.diff(shown_s).min()) if time_s.size > 1 else 0.0
-    return Sampled(time_s[arrives], (shown_s + np.clip(jitter, -most, most))[arrives])
+    return SampleTimes(time_s[arrives], (shown_s + np.clip(jitter, -most, most))[arrives])
 
 
 def gap(name: str, units: list[str], time_s: Array, effects: FieldEffects, seed: int) -> NDArray[np.bool_]:
@@ -49,9 +49,9 @@ def gap(name: str, units: list[str], time_s: Array, effects: FieldEffects, seed:
 
 def read_unit(
     sensor: ImuDescription,
-    unit: Unit,
+    unit: UnitErrors,
     ideal: IdealReadings,
-    sampled: Sampled,
+    sampled: SampleTimes,
     dropout: NDArray[np.bool_],
     effects: FieldEffects,
     seed: int,

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Unit:
+class UnitErrors:
     """Mount and constant errors of one inertial unit.
 
     ``link_from_sensor`` (3, 3) and ``offset_m`` (3,) are its true mount. Its magnetometer reads ``field_gain`` (3, 3)
@@ -35,7 +35,7 @@ class Unit:
 
 
 @dataclass(frozen=True)
-class Clock:
+class SimulatedClock:
     """A stream's clock: it shows ``time_s * (1 + drift) + offset_s`` when the true time is ``time_s``."""
 
     offset_s: float = 0.0
@@ -78,7 +78,7 @@ def true_parameters(description: ModelDescription, effects: FieldEffects, seed: 
 
 def placed_unit(
     sensor: ImuDescription, effects: FieldEffects, condition_bias: tuple[float, float], seed: int
-) -> Unit:
+) -> UnitErrors:
     """One unit of a description (with the true lengths), with random errors from the seed.
 
     The condition's biases are on every axis, as in the paper's experiment; biases of the effects are added.
@@ -87,7 +87,7 @@ def placed_unit(
     mount = sensor.mount
     turned, shifted, iron = (direction(rng) for _ in range(3))
     signs = rng.choice([-1.0, 1.0], (4, 3))
-    return Unit(
+    return UnitErrors(
         frame=sensor.frame,
         link_from_sensor=rotation_by(effects.mount_error_rad * turned) @ np.asarray(mount.rotation),
         offset_m=np.asarray(mount.offset) + effects.mount_offset_m * shifted,
@@ -100,10 +100,10 @@ def placed_unit(
     )
 
 
-def clock(name: str, effects: FieldEffects, seed: int) -> Clock:
+def clock(name: str, effects: FieldEffects, seed: int) -> SimulatedClock:
     """The clock of one inertial unit."""
     offset, drift = generator(seed, f"clock {name}").choice([-1.0, 1.0], 2)
-    return Clock(float(offset * effects.clock_offset_s), float(drift * effects.clock_drift))
+    return SimulatedClock(float(offset * effects.clock_offset_s), float(drift * effects.clock_drift))
 
 
 def encoder(name: str, slide: bool, effects: FieldEffects, seed: int) -> Encoder:

@@ -78,7 +78,7 @@ def _nothing(spline: BSpline) -> BSpline:
 
 
 @dataclass(frozen=True, eq=False)
-class Session:
+class FieldSession:
     """The moving body: postures (K, n) over ``timing.time_s`` with their spline, and the hull.
 
     ``carrier`` is the part of the hull's motion for which the model has no joint: all of it if the root is the boat.
@@ -105,7 +105,7 @@ def rowed(
     duration_s: float,
     rate_spm: float | Sequence[float],
     seed: int,
-) -> Session:
+) -> FieldSession:
     """Row a piece with the true body (``description``); with all effects off it is `oarlock.rowing.sculling`'s.
 
     The rower has set the stretcher so that the arms have the reach that they would have with the nominal lengths.
@@ -128,7 +128,7 @@ def rowed(
         for name, value in hull.at_joints(time).items():
             posture[:, anatomy.columns([name])] = value[:, None]
         carrier = hull.level()
-    return Session(anatomy, timing, posture, make_interp_spline(time, posture, k=5), hull, carrier)
+    return FieldSession(anatomy, timing, posture, make_interp_spline(time, posture, k=5), hull, carrier)
 
 
 def _grip_directions(seed: int) -> tuple[float, float]:

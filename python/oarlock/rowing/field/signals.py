@@ -12,8 +12,8 @@ from oarlock import WorldDescription
 from oarlock.rowing.field.anatomy import apply, rotation_by
 from oarlock.rowing.field.courses import generator
 from oarlock.rowing.field.effects import FieldEffects
-from oarlock.rowing.field.placement import Unit, direction
-from oarlock.rowing.field.session import Session
+from oarlock.rowing.field.placement import UnitErrors, direction
+from oarlock.rowing.field.session import FieldSession
 from oarlock.rowing.field.skin import Skin
 
 Array = NDArray[np.float64]
@@ -39,7 +39,7 @@ class IdealReadings(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Surroundings:
+class AmbientFields:
     """Gravity and the magnetic field, in axes at rest; the boat's iron in the boat's axes."""
 
     gravity_m_s2: float
@@ -49,7 +49,7 @@ class Surroundings:
     iron_ut: Array
 
     @classmethod
-    def of(cls, world: WorldDescription, effects: FieldEffects, seed: int) -> Surroundings:
+    def of(cls, world: WorldDescription, effects: FieldEffects, seed: int) -> AmbientFields:
         """The surroundings from a description's world; the seed rotates the iron."""
         up, forward = np.asarray(world.up), np.asarray(world.forward)
         azimuth, dip = world.magnetic_azimuth_rad, world.magnetic_dip_rad
@@ -68,7 +68,7 @@ class Surroundings:
 
 
 def ideal_readings(
-    session: Session, surroundings: Surroundings, unit: Unit, skin: Skin, time_s: Array
+    session: FieldSession, surroundings: AmbientFields, unit: UnitErrors, skin: Skin, time_s: Array
 ) -> IdealReadings:
     """Ideal readings at times (N,); the field is in sensor axes, without hard and soft iron."""
     if time_s.size == 0:
@@ -81,7 +81,7 @@ def ideal_readings(
 
 
 def _readings_of(
-    session: Session, around: Surroundings, unit: Unit, skin: Skin, time_s: Array
+    session: FieldSession, around: AmbientFields, unit: UnitErrors, skin: Skin, time_s: Array
 ) -> IdealReadings:
     steps = np.arange(-REACH, REACH + 1) * STEP_S
     times = time_s[:, None] + steps
@@ -103,7 +103,7 @@ def _readings_of(
     return IdealReadings(gyro, apply(sensor_from_rest, force), field)
 
 
-def sensor_pose(session: Session, unit: Unit, skin: Skin, time_s: Array) -> tuple[Array, Array]:
+def sensor_pose(session: FieldSession, unit: UnitErrors, skin: Skin, time_s: Array) -> tuple[Array, Array]:
     """Rotation (..., 3, 3), root from sensor, and position (..., 3) of a unit in root axes at times (...)."""
     posture = np.asarray(session.spline(time_s))
     rotation, origin = session.anatomy.bone(unit.frame, unit.offset_m, posture)

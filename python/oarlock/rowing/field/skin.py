@@ -17,7 +17,7 @@ from scipy.signal import cont2discrete, lfilter
 from oarlock.rowing.field.anatomy import Anatomy, apply
 from oarlock.rowing.field.courses import generator, wander
 from oarlock.rowing.field.effects import FieldEffects
-from oarlock.rowing.field.placement import Unit, direction
+from oarlock.rowing.field.placement import UnitErrors, direction
 from oarlock.rowing.simulation.grip import SIDES
 from oarlock.rowing.simulation.timing import StrokeTiming
 
@@ -46,7 +46,7 @@ class Skin:
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class BoneMotion:
     """The body and the force on a bone over the knots: postures (K, n), specific force (K, 3) in link axes, m/s2."""
 
     timing: StrokeTiming
@@ -55,7 +55,7 @@ class Course:
 
 
 def skin_of(
-    name: str, unit: Unit, anatomy: Anatomy, course: Course, effects: FieldEffects, seed: int
+    name: str, unit: UnitErrors, anatomy: Anatomy, course: BoneMotion, effects: FieldEffects, seed: int
 ) -> Skin:
     """The soft tissue between one unit and its bone."""
     shift, turn = np.zeros((2, *course.force.shape))
@@ -79,7 +79,7 @@ def skin_of(
     return Skin(make_interp_spline(course.timing.time_s, np.hstack([shift, turn]), k=5))
 
 
-def _directions(unit: Unit, rng: np.random.Generator) -> tuple[Array, Array]:
+def _directions(unit: UnitErrors, rng: np.random.Generator) -> tuple[Array, Array]:
     """Direction away from the bone, and the axis about which swelling tilts the unit."""
     place = unit.offset_m.copy()
     place[np.argmax(np.abs(place))] = 0.0  # along the limb, or sideways to the spine
@@ -141,7 +141,7 @@ def _limb_start(anatomy: Anatomy, frame: str, posture: Array) -> Array:
     return anatomy.poses(_neutral(posture), (before,))[before][1]
 
 
-def _at_rest(anatomy: Anatomy, unit: Unit, posture: Array) -> Array:
+def _at_rest(anatomy: Anatomy, unit: UnitErrors, posture: Array) -> Array:
     """Specific force (3,) in link axes in the N-pose; the seat's x points up."""
     still = anatomy.poses(_neutral(posture), ("seat", unit.frame))
     return np.asarray(_G_M_S2 * still[unit.frame][0][0].T @ still["seat"][0][0][:, 0])

@@ -15,10 +15,18 @@ from oarlock import EncoderDescription, ImuDescription, ModelDescription
 from oarlock.rowing.field.anatomy import apply
 from oarlock.rowing.field.effects import FieldEffects
 from oarlock.rowing.field.electronics import gap, read_encoder, read_unit, stamped
-from oarlock.rowing.field.placement import Clock, Encoder, Unit, clock, encoder, placed_unit, true_parameters
-from oarlock.rowing.field.session import Session, rowed
-from oarlock.rowing.field.signals import REACH, STEP_S, Surroundings, ideal_readings
-from oarlock.rowing.field.skin import Course, Skin, bone_force, skin_of
+from oarlock.rowing.field.placement import (
+    Encoder,
+    SimulatedClock,
+    UnitErrors,
+    clock,
+    encoder,
+    placed_unit,
+    true_parameters,
+)
+from oarlock.rowing.field.session import FieldSession, rowed
+from oarlock.rowing.field.signals import REACH, STEP_S, AmbientFields, ideal_readings
+from oarlock.rowing.field.skin import BoneMotion, Skin, bone_force, skin_of
 from oarlock.rowing.simulation.grip import SIDES
 from oarlock.rowing.simulation.noise import SimulatedCondition, condition_named
 from oarlock.storage.errors import DataError
@@ -57,9 +65,9 @@ class FieldTrial:
     calibration: Calibration
     effects: FieldEffects
     condition: SimulatedCondition
-    clocks: Mapping[str, Clock]
+    clocks: Mapping[str, SimulatedClock]
     encoders: Mapping[str, Encoder]
-    units: Mapping[str, Unit]
+    units: Mapping[str, UnitErrors]
     hull_angles_rad: Array
     hull_heave_m: Array
     surge_m_s2: Array
@@ -109,7 +117,7 @@ def simulate_field(
     true_model = model.with_parameters(true) if true else model
     description = true_model.describe()
     session = rowed(description, nominal, effects, chosen.boat_surge, duration_s, rate_spm, seed)
-    around = Surroundings.of(nominal.world, effects, seed)
+    around = AmbientFields.of(nominal.world, effects, seed)
     bias = (chosen.gyro_bias_rad_s, chosen.accel_bias_m_s2)
     units = {s.name: placed_unit(s, effects, bias, seed) for s in description.inertial_units}
     encoders = {s.name: encoder(s.name, s.joint == "seat", effects, seed) for s in description.encoders}
@@ -156,10 +164,10 @@ def _stamps(duration_s: float, rate_hz: float) -> Array:
 
 def _unit_stream(
     sensor: ImuDescription,
-    units: Mapping[str, Unit],
-    own_clock: Clock,
-    session: Session,
-    around: Surroundings,
+    units: Mapping[str, UnitErrors],
+    own_clock: SimulatedClock,
+    session: FieldSession,
+    around: AmbientFields,
     time_s: Array,
     effects: FieldEffects,
     seed: int,
@@ -176,7 +184,12 @@ def _unit_stream(
 
 
 def _skin(
-    name: str, unit: Unit, session: Session, around: Surroundings, effects: FieldEffects, seed: int
+    name: str,
+    unit: UnitErrors,
+    session: FieldSession,
+    around: AmbientFields,
+    effects: FieldEffects,
+    seed: int,
 ) -> Skin:
     if effects.only("soft_tissue") == FieldEffects.off() or not session.anatomy.wears(unit.frame):
         return Skin(None)
@@ -185,13 +198,15 @@ def _skin(
     carrier_rotation, carrier_place = session.carrier.pose(time)
     place = carrier_place + apply(carrier_rotation, origin + apply(rotation, unit.offset_m))
     force = bone_force(time, place, carrier_rotation @ rotation, around.up, around.gravity_m_s2)
-    return skin_of(name, unit, session.anatomy, Course(session.timing, session.posture, force), effects, seed)
+    return skin_of(
+        name, unit, session.anatomy, BoneMotion(session.timing, session.posture, force), effects, seed
+    )
 
 
 def _encoder_stream(
     sensor: EncoderDescription,
     error: Encoder,
-    session: Session,
+    session: FieldSession,
     time_s: Array,
     effects: FieldEffects,
     seed: int,
@@ -200,7 +215,7 @@ def _encoder_stream(
     return read_encoder(sensor, error, value, time_s, effects, seed)
 
 
-def _truth(model: Model, session: Session, time_s: Array) -> Track:
+def _truth(model: Model, session: FieldSession, time_s: Array) -> Track:
     from oarlock import Track
 
     own = session.anatomy.own_joint_names
@@ -228,7 +243,7 @@ def _truth(model: Model, session: Session, time_s: Array) -> Track:
     )
 
 
-def _markers(session: Session, time_s: Array) -> Markers:
+def _markers(session: FieldSession, time_s: Array) -> Markers:
     found = session.anatomy.poses(np.asarray(session.spline(time_s)), MARKERS)
     boat = session.boat(time_s)
     boat_from_root = np.swapaxes(boat[0], -1, -2)
@@ -246,8 +261,8 @@ def _meta(effects: FieldEffects, condition: str, seed: int) -> dict[str, object]
 def _calibration(
     model: Model,
     nominal: ModelDescription,
-    units: Mapping[str, Unit],
-    clocks: Mapping[str, Clock],
+    units: Mapping[str, UnitErrors],
+    clocks: Mapping[str, SimulatedClock],
     encoders: Mapping[str, Encoder],
 ) -> Calibration:
     from oarlock import Calibration

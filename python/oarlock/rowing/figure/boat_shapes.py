@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from oarlock import Shape
 from oarlock.model.shapes import Part, box, loft, tube
-from oarlock.rowing.figure.rower import Rower
+from oarlock.rowing.figure.rower import RowerFigure
 
 Floats = NDArray[np.float64]
 
@@ -24,14 +24,14 @@ _DECK_ABOVE_WATER_M = 0.12
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class SceneShapes:
     """Shapes around the rower, and the height of the plane beneath, m."""
 
     shapes: tuple[Shape, ...]
     ground_m: float
 
 
-def boat_shapes(rower: Rower) -> Surroundings:
+def boat_shapes(rower: RowerFigure) -> SceneShapes:
     """Oars with blades, riggers, hull, seat and stretcher; the water lies just beneath the blades of the recovery."""
     oars, tips = [], []
     for handle, oarlock, part in _oars(rower):
@@ -43,10 +43,10 @@ def boat_shapes(rower: Rower) -> Surroundings:
     level = rower.standing(rower.boat)[1]
     water = float(np.clip(highest - _BLADE_HALF_HEIGHT_M - 0.015, level - 0.32, level - 0.02))
     shapes = (*oars, *rower.seat_and_stretcher(), *_hull(rower, water), *_riggers(rower, water))
-    return Surroundings(shapes, water)
+    return SceneShapes(shapes, water)
 
 
-def machine_shapes(rower: Rower) -> Surroundings:
+def machine_shapes(rower: RowerFigure) -> SceneShapes:
     """Rail, legs and flywheel of an ergometer, seat, stretcher, chain and handle."""
     floor = rower.toe_m[1] - 0.26
     front = rower.toe_m[2] + 0.42
@@ -71,10 +71,10 @@ def machine_shapes(rower: Rower) -> Surroundings:
         shapes.append(
             rower.carried("bar", tube(np.stack([ends[0] - out, ends[1] + out]), 0.016), "tool", "handle")
         )
-    return Surroundings(tuple(shapes), floor)
+    return SceneShapes(tuple(shapes), floor)
 
 
-def _oars(rower: Rower) -> list[tuple[str, str, Part | None]]:
+def _oars(rower: RowerFigure) -> list[tuple[str, str, Part | None]]:
     """Frame that carries each oar, its oarlock, and the side by which it is coloured."""
     if "r_oarlock" in rower.names:
         return [("r_handle", "r_oarlock", "right"), ("l_handle", "l_oarlock", "left")]
@@ -85,11 +85,13 @@ def _oars(rower: Rower) -> list[tuple[str, str, Part | None]]:
     return [(inner, "oarlock", side)]
 
 
-def _inboard(rower: Rower, handle: str, oarlock: str) -> Floats:
+def _inboard(rower: RowerFigure, handle: str, oarlock: str) -> Floats:
     return rower.standing(handle) - rower.standing(oarlock)
 
 
-def _oar(rower: Rower, handle: str, oarlock: str) -> tuple[list[tuple[Floats, NDArray[np.int64]]], Floats]:
+def _oar(
+    rower: RowerFigure, handle: str, oarlock: str
+) -> tuple[list[tuple[Floats, NDArray[np.int64]]], Floats]:
     """Grip, shaft and blade in root axes of the upright posture, and the blade's centre."""
     sweep = oarlock == "oarlock"
     length, end = (_SWEEP_OAR_M, _SWEEP_HANDLE_END_M) if sweep else (_SCULL_M, _HANDLE_END_M)
@@ -129,7 +131,7 @@ def _coloured(
     return [(grip, side or "tool"), (shaft, "tool"), (blade, side or "tool")]
 
 
-def _hull(rower: Rower, water: float) -> tuple[Shape, ...]:
+def _hull(rower: RowerFigure, water: float) -> tuple[Shape, ...]:
     """A narrow shell, open where the rower sits, with canvas decks before and behind."""
     deck = water + _DECK_ABOVE_WATER_M
     middle = rower.standing(rower.boat)[2] + 0.25
@@ -157,7 +159,7 @@ def _hull(rower: Rower, water: float) -> tuple[Shape, ...]:
     return hull, *rails
 
 
-def _riggers(rower: Rower, water: float) -> tuple[Shape, ...]:
+def _riggers(rower: RowerFigure, water: float) -> tuple[Shape, ...]:
     """From each pin two stays to the hull, and the pin itself."""
     found, up = [], np.array([0.0, 1.0, 0.0])
     for name in (n for n in rower.names if n.endswith("oarlock")):

@@ -25,7 +25,7 @@ _LEGS_SPARE = 0.985
 _LEG_M = 0.045
 
 
-class Rower:
+class RowerFigure:
     """Poses of a rower's frames, and shapes built in root axes in the upright posture, where all joints are 0."""
 
     def __init__(self, model: Model, q: Floats) -> None:

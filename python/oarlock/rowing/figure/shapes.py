@@ -14,7 +14,7 @@ import numpy as np
 
 from oarlock import Look, Strand, Viewpoint
 from oarlock.rowing.figure.boat_shapes import boat_shapes, machine_shapes
-from oarlock.rowing.figure.rower import Floats, Rower
+from oarlock.rowing.figure.rower import Floats, RowerFigure
 
 if TYPE_CHECKING:
     from oarlock import Model, Track
@@ -49,7 +49,7 @@ def rowing_look(track: Track) -> Look | None:
     model = track.model
     if model is None or not set(_NEEDED) <= set(model.frame_names):
         return None
-    rower = Rower(model, track.q)
+    rower = RowerFigure(model, track.q)
     return _look(rower, (*rower.legs(), *rower.chain()))
 
 
@@ -77,17 +77,17 @@ def live_look(model: Model) -> LiveLook | None:
     q = np.zeros((2, len(model.coordinate_names)))
     if "seat" in model.coordinate_names:
         q[1, model.coordinate_names.index("seat")] = SEAT_TRAVEL_M
-    usual = Rower(model, q)
+    usual = RowerFigure(model, q)
 
     def strands(q: Floats) -> tuple[Strand, ...]:
-        now = Rower(model, q)
+        now = RowerFigure(model, q)
         now.toe_m = usual.toe_m
         return (*now.legs(), *now.chain())
 
     return LiveLook(_look(usual, ()), strands)
 
 
-def _look(rower: Rower, strands: tuple[Strand, ...]) -> Look:
+def _look(rower: RowerFigure, strands: tuple[Strand, ...]) -> Look:
     parts = (boat_shapes if rower.afloat else machine_shapes)(rower)
     drawn = [
         "shape of the trunk, head, legs and stretcher",

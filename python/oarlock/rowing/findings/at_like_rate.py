@@ -32,7 +32,7 @@ _BEND_OF_SLOPE = 0.08
 
 
 @dataclass(frozen=True, eq=False)
-class Change:
+class RateAdjustedChange:
     """Later group minus earlier one at like rate.
 
     Attributes:
@@ -50,7 +50,7 @@ class Change:
     residuals: Floats
 
 
-def change(values: Floats, rate: Floats, later: NDArray[np.bool_], slope_sd: float) -> Change:
+def change(values: Floats, rate: Floats, later: NDArray[np.bool_], slope_sd: float) -> RateAdjustedChange:
     """Change from the strokes that are not `later` to those that are, (N,) each.
 
     `slope_sd` is the prior standard deviation of b, in the unit of the values per 1/min.
@@ -78,7 +78,7 @@ def change(values: Floats, rate: Floats, later: NDArray[np.bool_], slope_sd: flo
     alike = _alike(residuals, scatter)
     widened = (1.0 + alike) / (1.0 - alike)
     freedom = max(len(values) * (1.0 - alike**2) / (1.0 + alike**2) - 2.0, 2.0)
-    return Change(
+    return RateAdjustedChange(
         float(found[-1]),
         max(float(np.sqrt(of_values * widened)), _NO_SCATTER),
         freedom,

@@ -1,4 +1,4 @@
-"""`Candidate`: a difference of one number that may be a finding, and the four comparisons that make them."""
+"""`MetricComparison`: a difference of one number that may be a finding, and the four comparisons that make them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from oarlock.rowing.findings.at_like_rate import FITTED, Change, change, robust_sd
+from oarlock.rowing.findings.at_like_rate import FITTED, RateAdjustedChange, change, robust_sd
 from oarlock.rowing.findings.rowed import FEWEST_STROKES, Rowed
 from oarlock.rowing.findings.watched import WATCHED, Watched
 
@@ -28,7 +28,7 @@ RACE_RATE = 28.0
 
 
 @dataclass(frozen=True)
-class Candidate:
+class MetricComparison:
     """A difference of one number, in its shown unit.
 
     Attributes:
@@ -74,7 +74,7 @@ class Candidate:
         return max(certain, self.watched.least * (_SINGLE_STROKE if self.stroke else 1.0))
 
 
-def within(rowed: Rowed) -> Iterator[Candidate]:
+def within(rowed: Rowed) -> Iterator[MetricComparison]:
     """The last third against the strokes before it, and single strokes against all, at like rate."""
     columns = _columns(rowed)
     for watched in columns:
@@ -90,7 +90,7 @@ def within(rowed: Rowed) -> Iterator[Candidate]:
         yield from _odd(watched, found, wander, values, rowed.numbers[good])
 
 
-def sides(rowed: Rowed) -> Iterator[Candidate]:
+def sides(rowed: Rowed) -> Iterator[MetricComparison]:
     """Right against left, of two oars."""
     if rowed.kind != "sculling":
         return
@@ -104,10 +104,10 @@ def sides(rowed: Rowed) -> Iterator[Candidate]:
         shared = scale * rowed.shared_std(watched.name)
         sd = float(np.hypot(values.std(ddof=1) * np.sqrt(_ALIKE / count), shared))
         freedom = max(count / _ALIKE, 2.0)
-        yield Candidate(watched, "sides", mean, sd, chance(mean, sd, freedom), mean, freedom)
+        yield MetricComparison(watched, "sides", mean, sd, chance(mean, sd, freedom), mean, freedom)
 
 
-def against(rowed: Rowed, other: Rowed, kind: str) -> Iterator[Candidate]:
+def against(rowed: Rowed, other: Rowed, kind: str) -> Iterator[MetricComparison]:
     """This piece against another one at like rate; nothing if they are not comparable."""
     if not rowed.comparable(other):
         return
@@ -130,16 +130,16 @@ def against(rowed: Rowed, other: Rowed, kind: str) -> Iterator[Candidate]:
 
 
 def _of_change(
-    watched: Watched, kind: str, found: Change, shared: float, now: float, like_rate: bool
-) -> Candidate:
+    watched: Watched, kind: str, found: RateAdjustedChange, shared: float, now: float, like_rate: bool
+) -> MetricComparison:
     sd = float(np.hypot(np.hypot(found.scatter_sd, found.rate_sd), shared))
     # Welch and Satterthwaite: only the scatter is estimated from few strokes.
     freedom = found.freedom * (sd / found.scatter_sd) ** 4
     likely = chance(found.size, sd, freedom)
-    return Candidate(watched, kind, found.size, sd, likely, now, freedom, like_rate=like_rate)
+    return MetricComparison(watched, kind, found.size, sd, likely, now, freedom, like_rate=like_rate)
 
 
-def against_usual(rowed: Rowed) -> Iterator[Candidate]:
+def against_usual(rowed: Rowed) -> Iterator[MetricComparison]:
     """Means beyond the targets that were chosen, or else beyond published limits."""
     for watched in _columns(rowed):
         good, scale = rowed.good(watched.name), watched.feature.shown_scale
@@ -159,7 +159,7 @@ def against_usual(rowed: Rowed) -> Iterator[Candidate]:
         freedom = max(len(values) / _ALIKE, 2.0)
         likely = chance(mean - limit, sd, freedom)
         kind = "against usual"
-        yield Candidate(
+        yield MetricComparison(
             watched, kind, mean - limit, sd, likely, mean, freedom, limit=limit, limit_source=source
         )
 
@@ -173,7 +173,9 @@ def chance(size: float, sd: float, freedom: float) -> float:
     return float(2.0 * stdtr(min(freedom, _MANY), -abs(size) / max(sd, _NO_SCATTER)))
 
 
-def beyond_chance(candidates: Sequence[Candidate], false_share: float = FALSE_SHARE) -> list[Candidate]:
+def beyond_chance(
+    candidates: Sequence[MetricComparison], false_share: float = FALSE_SHARE
+) -> list[MetricComparison]:
     """Those large enough whose probability stays below a share of all comparisons (Holm 1979)."""
     kept = []
     for left, one in zip(
@@ -196,8 +198,8 @@ def _columns(rowed: Rowed) -> list[Watched]:
 
 
 def _odd(
-    watched: Watched, found: Change, wander: float, values: np.ndarray, numbers: np.ndarray
-) -> Iterator[Candidate]:
+    watched: Watched, found: RateAdjustedChange, wander: float, values: np.ndarray, numbers: np.ndarray
+) -> Iterator[MetricComparison]:
     """The stroke that is farthest from what the rate and the other strokes suggest."""
     k = int(np.argmax(np.abs(found.residuals)))
     sd = float(np.hypot(robust_sd(np.delete(found.residuals, k), FITTED), wander))
@@ -206,7 +208,7 @@ def _odd(
     beside = found.residuals[[j for j in (k - 1, k + 1) if 0 <= j < count]].mean()
     if abs(beside) > 0.5 * abs(found.residuals[k]):
         return  # several strokes in a row are a change that the regression does not know, not an odd stroke
-    yield Candidate(
+    yield MetricComparison(
         watched,
         "odd stroke",
         float(found.residuals[k]),

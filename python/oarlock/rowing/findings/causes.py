@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from oarlock.rowing.findings.candidate import Candidate
+from oarlock.rowing.findings.candidate import MetricComparison
 
 _COMPARED = ("against last", "against best", "against other")
 _EXPLAINED = 0.65
@@ -23,10 +23,10 @@ class Cause:
         beside: those that may be a reason of it, named with it.
     """
 
-    lead: Candidate
-    followed: tuple[Candidate, ...]
-    others: tuple[Candidate, ...]
-    beside: tuple[Candidate, ...]
+    lead: MetricComparison
+    followed: tuple[MetricComparison, ...]
+    others: tuple[MetricComparison, ...]
+    beside: tuple[MetricComparison, ...]
 
     @property
     def weight(self) -> float:
@@ -34,7 +34,7 @@ class Cause:
         return sum(one.weight for one in (self.lead, *self.followed, *self.others))
 
 
-def by_cause(candidates: Sequence[Candidate]) -> list[Cause]:
+def by_cause(candidates: Sequence[MetricComparison]) -> list[Cause]:
     """Causes, those that explain most first."""
     left, found = list(candidates), []
     while left:
@@ -45,7 +45,7 @@ def by_cause(candidates: Sequence[Candidate]) -> list[Cause]:
     return found
 
 
-def _cause(lead: Candidate, candidates: Sequence[Candidate]) -> Cause:
+def _cause(lead: MetricComparison, candidates: Sequence[MetricComparison]) -> Cause:
     rest = [one for one in candidates if one is not lead and _same_matter(lead, one)]
     followed = tuple(one for one in rest if one.kind == lead.kind and _follows(lead, one))
     others = tuple(one for one in rest if one not in followed and _goes_with(lead, one))
@@ -57,7 +57,7 @@ def _cause(lead: Candidate, candidates: Sequence[Candidate]) -> Cause:
     return Cause(lead, followed, others, beside)
 
 
-def _same_matter(lead: Candidate, one: Candidate) -> bool:
+def _same_matter(lead: MetricComparison, one: MetricComparison) -> bool:
     """Whether one may follow from the other: of one comparison, or of a wider one that the lead shows in."""
     if lead.stroke or one.stroke:
         return lead.stroke == one.stroke
@@ -65,7 +65,7 @@ def _same_matter(lead: Candidate, one: Candidate) -> bool:
     return lead.kind == one.kind or wider or (one.kind == "against usual" and lead.kind in _COMPARED)
 
 
-def _follows(lead: Candidate, one: Candidate) -> bool:
+def _follows(lead: MetricComparison, one: MetricComparison) -> bool:
     gain = lead.watched.causes.get(one.watched.name)
     if gain is None:
         return False
@@ -74,7 +74,7 @@ def _follows(lead: Candidate, one: Candidate) -> bool:
     return share > _EXPLAINED or (share > 0.0 and abs(one.size - gain * lead.size) < 0.5 * one.watched.least)
 
 
-def _goes_with(lead: Candidate, one: Candidate) -> bool:
+def _goes_with(lead: MetricComparison, one: MetricComparison) -> bool:
     name = one.watched.name
     if name == lead.watched.name or name in lead.watched.causes:
         return lead.kind != one.kind or bool(lead.stroke)

@@ -5,20 +5,27 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from oarlock.rowing.analysis.features import Feature
-from oarlock.rowing.findings.candidate import Candidate, against, against_usual, beyond_chance, sides, within
+from oarlock.rowing.findings.candidate import (
+    MetricComparison,
+    against,
+    against_usual,
+    beyond_chance,
+    sides,
+    within,
+)
 from oarlock.rowing.findings.causes import by_cause
 from oarlock.rowing.findings.finding import Finding
-from oarlock.rowing.findings.rowed import Kept, Rowed
+from oarlock.rowing.findings.rowed import Rowed, StoredStrokes
 from oarlock.rowing.findings.sentences import finding
 from oarlock.rowing.findings.watched import LEAST, WATCHED
-from oarlock.rowing.report.piece import Piece
+from oarlock.rowing.report.piece import ReportPiece
 
 
 def findings(
-    piece: Piece,
-    last: Piece | Kept | None = None,
-    best: Piece | Kept | None = None,
-    other: Piece | None = None,
+    piece: ReportPiece,
+    last: ReportPiece | StoredStrokes | None = None,
+    best: ReportPiece | StoredStrokes | None = None,
+    other: ReportPiece | None = None,
 ) -> list[Finding]:
     """What stands out, the most important first; empty if nothing does.
 
@@ -42,7 +49,7 @@ def findings_of(rowed: Rowed, compared: Mapping[str, Rowed]) -> list[Finding]:
     return named(rowed, comparisons(rowed, compared))
 
 
-def comparisons(rowed: Rowed, compared: Mapping[str, Rowed]) -> list[Candidate]:
+def comparisons(rowed: Rowed, compared: Mapping[str, Rowed]) -> list[MetricComparison]:
     """Every difference that is looked at, named or not; `compared` as in `findings_of`."""
     if not len(rowed.numbers):
         return []
@@ -50,7 +57,7 @@ def comparisons(rowed: Rowed, compared: Mapping[str, Rowed]) -> list[Candidate]:
     return [*sides(rowed), *within(rowed), *against_usual(rowed), *others]
 
 
-def named(rowed: Rowed, candidates: Sequence[Candidate]) -> list[Finding]:
+def named(rowed: Rowed, candidates: Sequence[MetricComparison]) -> list[Finding]:
     """Findings among all comparisons of a piece, the most important first."""
     return [finding(cause, rowed.kind) for cause in by_cause(beyond_chance(candidates))]
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from oarlock.rowing.analysis.targets import Target
 from oarlock.rowing.findings.watched import Watched
-from oarlock.rowing.report.piece import Counted, Piece
+from oarlock.rowing.report.piece import Counted, ReportPiece
 from oarlock.rowing.strokes.table import StrokeTable
 
 Floats = NDArray[np.float64]
@@ -22,7 +22,7 @@ FEWEST_STROKES = 6
 """Smallest number of strokes of one number for anything but a difference of sides."""
 
 
-class Kept(Counted, Protocol):
+class StoredStrokes(Counted, Protocol):
     """Strokes without their track, which say themselves what they are: a `StoredPiece`."""
 
     def rowed(self) -> Rowed:
@@ -52,9 +52,9 @@ class Rowed:
     least: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, piece: Piece | Kept) -> Rowed:
+    def of(cls, piece: ReportPiece | StoredStrokes) -> Rowed:
         """Of a piece."""
-        if not isinstance(piece, Piece):
+        if not isinstance(piece, ReportPiece):
             return piece.rowed()
         technique = piece.technique
         rowed = cls.of_table(piece.table, piece.counted, rowing_kind(piece), technique.found.source)
@@ -96,7 +96,7 @@ class Rowed:
         return self.kind == other.kind and self.source == other.source and apart <= RATES_APART
 
 
-def rowing_kind(piece: Piece) -> str:
+def rowing_kind(piece: ReportPiece) -> str:
     """Sculling, sweep or ergometer, from the joints of the model."""
     return kind_of(piece.track.joint_names)
 

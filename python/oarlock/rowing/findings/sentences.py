@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from oarlock.rowing.alongside.paces import PER_500_M, SPEEDS, of_pace, pace_text, slower_s, slower_text
-from oarlock.rowing.findings.candidate import Candidate
+from oarlock.rowing.findings.candidate import MetricComparison
 from oarlock.rowing.findings.causes import Cause
 from oarlock.rowing.findings.finding import Finding
-from oarlock.rowing.findings.watched import Told
+from oarlock.rowing.findings.watched import SourcedText
 from oarlock.rowing.report.shown import capital, places, with_unit
 
 _MOST_FOLLOWED = 2
@@ -40,17 +40,18 @@ def finding(cause: Cause, kind_of_boat: str) -> Finding:
     )
 
 
-def _why(cause: Cause) -> Told:
+def _why(cause: Cause) -> SourcedText:
     """Why the lead matters, or else the largest of those that the sentence names with it."""
     return next(
-        (one.watched.why for one in (cause.lead, *_named_with(cause)[1]) if one.watched.why.text), Told()
+        (one.watched.why for one in (cause.lead, *_named_with(cause)[1]) if one.watched.why.text),
+        SourcedText(),
     )
 
 
-def _try(cause: Cause) -> Told:
+def _try(cause: Cause) -> SourcedText:
     """What to try against the lead, or else against the largest of those that the sentence names with it."""
     tries = (one.watched.to_try(one.size) for one in (cause.lead, *_named_with(cause)[1]))
-    return next((told for told in tries if told.text), Told())
+    return next((told for told in tries if told.text), SourcedText())
 
 
 def sentence(cause: Cause) -> str:
@@ -81,7 +82,7 @@ def _followed(cause: Cause) -> str:
     return f"{start} {' and '.join(_changed(one) for one in ones)}." if ones else ""
 
 
-def _named_with(cause: Cause) -> tuple[str, list[Candidate]]:
+def _named_with(cause: Cause) -> tuple[str, list[MetricComparison]]:
     """Those that the sentence names after the lead, and how it begins to."""
     for start, ones in ((" With it", cause.followed), (" Besides,", cause.beside)):
         if ones:
@@ -89,37 +90,37 @@ def _named_with(cause: Cause) -> tuple[str, list[Candidate]]:
     return "", []
 
 
-def _is_pace(one: Candidate) -> bool:
+def _is_pace(one: MetricComparison) -> bool:
     """Whether a difference of two speeds is given as pace, which rowers read."""
     return one.watched.name in SPEEDS and one.kind not in ("odd stroke", "against usual")
 
 
-def _as_shown(one: Candidate) -> tuple[float, float, str]:
+def _as_shown(one: MetricComparison) -> tuple[float, float, str]:
     """Size, its standard deviation and their unit."""
     if not _is_pace(one):
         return one.size, one.sd, one.watched.feature.shown_unit
     return slower_s(one.now, one.now - one.size), of_pace(one.now, one.sd), PER_500_M
 
 
-def _changed(one: Candidate) -> str:
+def _changed(one: MetricComparison) -> str:
     if _is_pace(one):
         return f"{one.watched.subject} is {slower_text(one.now, one.now - one.size)}"
     word = one.watched.grew if one.size > 0.0 else one.watched.fell
     return f"{one.watched.subject} is {_size(one)} {word}"
 
 
-def _size(one: Candidate) -> str:
+def _size(one: MetricComparison) -> str:
     feature = one.watched.feature
     return with_unit(feature, abs(one.size) / feature.shown_scale)
 
 
-def _before(one: Candidate) -> float:
+def _before(one: MetricComparison) -> float:
     """The value without the difference, so that the rounded numbers of a sentence add up."""
     digits = places(one.watched.feature)
     return round(one.now, digits) - round(one.size, digits)
 
 
-def _value(one: Candidate, value: float) -> str:
+def _value(one: MetricComparison, value: float) -> str:
     if _is_pace(one):
         return pace_text(value)
     feature, sign = one.watched.feature, -1.0 if one.watched.flipped else 1.0

@@ -31,7 +31,7 @@ _TOLD = ("why", "try_grew", "try_fell", "advice")
 
 
 @dataclass(frozen=True)
-class Told:
+class SourcedText:
     """A text with its source; both "" if there is none."""
 
     text: str = ""
@@ -81,8 +81,8 @@ class Watched:
     usual: Mapping[str, str] = field(default_factory=dict)
     usual_range: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     usual_source: str = ""
-    why: Told = Told()
-    tries: Mapping[str, Told] = field(default_factory=dict)
+    why: SourcedText = SourcedText()
+    tries: Mapping[str, SourcedText] = field(default_factory=dict)
 
     @property
     def feature(self) -> Feature:
@@ -94,15 +94,15 @@ class Watched:
         """Smallest size that is named, in the shown unit."""
         return self.own_least or LEAST[self.feature.shown_unit]
 
-    def to_try(self, size: float) -> Told:
+    def to_try(self, size: float) -> SourcedText:
         """What to try against a change of this sign."""
         return self.tries["either"] if self.sides else self.tries["grew" if size > 0.0 else "fell"]
 
-    def usual_of(self, kind: str) -> Told:
+    def usual_of(self, kind: str) -> SourcedText:
         """Usual values of a boat kind; of all kinds if it is "", not known."""
         either = "" if kind else "; ".join(f"{boat}: {words}" for boat, words in self.usual.items())
         words = self.usual.get(kind, self.usual.get("", either))
-        return Told(words, self.usual_source if words else "")
+        return SourcedText(words, self.usual_source if words else "")
 
     def beyond_usual(self, kind: str, value: float) -> float:
         """How far a value (shown unit) lies beyond the usual range of a boat kind; 0 within it or without one."""
@@ -113,7 +113,7 @@ class Watched:
 def _read() -> Iterator[Watched]:
     text = files("oarlock.rowing.findings").joinpath("watched.toml").read_text(encoding="utf-8")
     for name, row in tomllib.loads(text).items():
-        told = {key: Told(row.pop(key, ""), row.pop(f"{key}_source", "")) for key in _TOLD}
+        told = {key: SourcedText(row.pop(key, ""), row.pop(f"{key}_source", "")) for key in _TOLD}
         usual = row.pop("usual", {})
         yield Watched(
             name,

@@ -9,7 +9,7 @@ import numpy as np
 
 from oarlock.report import Axis, Series, plane_chart
 from oarlock.rowing.report.drawings import SIDES, pairs
-from oarlock.rowing.report.piece import Piece
+from oarlock.rowing.report.piece import ReportPiece
 from oarlock.rowing.strokes.table import Floats
 
 JOINTS = ("shoulder", "elbow", "wrist")
@@ -20,7 +20,7 @@ TOWARD_PORT, UP, TOWARD_BOW = (
 )
 
 
-def arms_at_finish(pieces: Sequence[Piece]) -> str:
+def arms_at_finish(pieces: Sequence[ReportPiece]) -> str:
     """Shoulder, elbow and wrist of both arms when the handle turns; "" where the model has no such frames."""
     held = [(piece, _arms(piece)) for piece in pieces]
     if not any(arms for _, arms in held):
@@ -55,7 +55,7 @@ def arms_at_finish(pieces: Sequence[Piece]) -> str:
     return pairs(figures)
 
 
-def _arms(piece: Piece) -> dict[str, Floats]:
+def _arms(piece: ReportPiece) -> dict[str, Floats]:
     """By side, (N, 3 joints, 3) m at the finish."""
     finish = piece.finish_percent
     if math.isnan(finish):
@@ -77,7 +77,7 @@ def _seen(arm: Floats, axis: Floats, name: str) -> Series:
     return Series(name, arm @ axis, arm @ UP)
 
 
-def _name(pieces: Sequence[Piece], piece: Piece, side: str) -> str:
+def _name(pieces: Sequence[ReportPiece], piece: ReportPiece, side: str) -> str:
     return SIDES[side] if len(pieces) == 1 else f"{piece.name}, {SIDES[side]}"
 
 

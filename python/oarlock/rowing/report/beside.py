@@ -6,7 +6,7 @@ from html import escape
 
 from oarlock.report import Axis, Mark, Section, Series, course_chart, grid
 from oarlock.rowing.alongside.align import Alignment, align_strokes
-from oarlock.rowing.alongside.course import Course, course_of
+from oarlock.rowing.alongside.course import SpeedProfile, course_of
 from oarlock.rowing.alongside.force_curves import LABELS, forces_on_strokes
 from oarlock.rowing.alongside.monitor import is_one_clock, place_by_clock
 from oarlock.rowing.analysis.technique import Technique
@@ -45,7 +45,7 @@ def alongside_sections(
 
 
 def _force_beside(
-    export: StrokeTable, technique: Technique, alignment: Alignment, course: Course
+    export: StrokeTable, technique: Technique, alignment: Alignment, course: SpeedProfile
 ) -> Section | None:
     stacks = forces_on_strokes(export, technique.strokes, alignment)
     related = "".join(f"<p>{escape(note)}.</p>" for note in alignment.notes)

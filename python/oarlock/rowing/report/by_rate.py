@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from oarlock.report import plain_table
 from oarlock.rowing.findings.find import least
 from oarlock.rowing.report.averages import SIGMAS_95, beyond, feature_of
-from oarlock.rowing.report.piece import Counted, Piece
+from oarlock.rowing.report.piece import Counted, ReportPiece
 from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, shown, spread
 from oarlock.rowing.report.tables import link
 from oarlock.rowing.report.words import is_ramp
@@ -30,7 +30,7 @@ _FEWEST = 3
 """Strokes of a group."""
 
 
-def by_rate(piece: Piece) -> str:
+def by_rate(piece: ReportPiece) -> str:
     """Means of groups of strokes of similar rate; markup, "" if the rate is about the same in the whole piece."""
     rates, ordered = piece.table["rate_per_min"], _groups(piece)
     if not ordered:
@@ -84,7 +84,7 @@ def _head(name: str) -> str:
     return f"{feature.label}, {joined_unit(feature).strip()}"
 
 
-def _mean(piece: Piece, name: str, rows: Rows) -> str:
+def _mean(piece: ReportPiece, name: str, rows: Rows) -> str:
     feature, values = feature_of(name), _known(piece.table[name][rows])
     if len(values) < 2:
         return '<span class="mark">not known</span>'

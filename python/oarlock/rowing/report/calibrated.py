@@ -6,7 +6,7 @@ from html import escape
 
 from oarlock.report import fixed
 from oarlock.rowing.report.averages import Average
-from oarlock.rowing.report.piece import Counted, Piece
+from oarlock.rowing.report.piece import Counted, ReportPiece
 from oarlock.rowing.report.shown import joined_unit, spread
 
 _OF_UNITS = ("_lean_rad", "elbow", "shoulder", "arm_plane", "forearm")
@@ -17,7 +17,7 @@ NOT_CALIBRATED = '<span class="mark">not calibrated</span>'
 
 def is_uncalibrated(piece: Counted, name: str) -> bool:
     """Whether this number is an angle of a unit that was not calibrated."""
-    nominal = isinstance(piece, Piece) and bool(piece.track.provenance.get("nominal_mounts"))
+    nominal = isinstance(piece, ReportPiece) and bool(piece.track.provenance.get("nominal_mounts"))
     return nominal and any(part in name for part in _OF_UNITS)
 
 

@@ -9,7 +9,7 @@ from os import PathLike
 from oarlock import Track
 from oarlock.report import day_text, fixed, who_in_words
 from oarlock.rowing.analysis.technique import technique
-from oarlock.rowing.report.piece import Counted, Piece
+from oarlock.rowing.report.piece import Counted, ReportPiece
 from oarlock.rowing.report.words import counted_rates, is_ramp, rates_at_ends
 from oarlock.storage.epoch import moment_of
 
@@ -20,7 +20,7 @@ class Folder(str):
     """The name of a track's folder: a piece is called so only if its day is not known."""
 
 
-def called(pieces: Sequence[Piece], names: Sequence[str]) -> list[Piece]:
+def called(pieces: Sequence[ReportPiece], names: Sequence[str]) -> list[ReportPiece]:
     """The pieces with names that differ. A name that is no `Folder` wins; "" is none."""
     found = [_name(piece, name) for piece, name in zip(pieces, names, strict=True)]
     athletes = {who_in_words(piece.track.provenance).partition(", ")[0] for piece in pieces}
@@ -34,12 +34,14 @@ def called(pieces: Sequence[Piece], names: Sequence[str]) -> list[Piece]:
     return [replace(piece, name=name) for piece, name in zip(pieces, found, strict=True)]
 
 
-def piece_of(track: Track, name: str, targets: str | PathLike[str] | None = None) -> Piece:
+def piece_of(track: Track, name: str, targets: str | PathLike[str] | None = None) -> ReportPiece:
     """A piece that is not called anything yet, with its folder if `name` is one."""
-    return Piece("", track, technique(track, targets=targets), str(name) if isinstance(name, Folder) else "")
+    return ReportPiece(
+        "", track, technique(track, targets=targets), str(name) if isinstance(name, Folder) else ""
+    )
 
 
-def _name(piece: Piece, name: str) -> str:
+def _name(piece: ReportPiece, name: str) -> str:
     if name and not isinstance(name, Folder):
         return name
     if not piece.date:
@@ -47,18 +49,18 @@ def _name(piece: Piece, name: str) -> str:
     return ", ".join(filter(None, (day_text(piece.date), rates_in_words(piece))))
 
 
-def _is_dated(piece: Piece, name: str) -> bool:
+def _is_dated(piece: ReportPiece, name: str) -> bool:
     return bool(piece.date) and name.startswith(day_text(piece.date))
 
 
-def _with_athlete(piece: Piece, name: str) -> str:
+def _with_athlete(piece: ReportPiece, name: str) -> str:
     """Two athletes are told apart by their names."""
     who = who_in_words(piece.track.provenance)
     athlete = who.removesuffix(day_text(piece.date)).removesuffix(", ")
     return f"{athlete}, {name}" if athlete and _is_dated(piece, name) else name
 
 
-def _with_time(piece: Piece, name: str) -> str:
+def _with_time(piece: ReportPiece, name: str) -> str:
     moment = moment_of(piece.track.provenance.get("epoch"))
     if moment is None or not piece.date or day_text(piece.date) not in name:
         return name
@@ -66,7 +68,7 @@ def _with_time(piece: Piece, name: str) -> str:
     return f"{name}, {minutes // 60:02d}:{minutes % 60:02d}"
 
 
-def _with_folder(piece: Piece, name: str) -> str:
+def _with_folder(piece: ReportPiece, name: str) -> str:
     return f"{name} ({piece.folder})" if piece.folder and name != piece.folder else name
 
 
@@ -85,5 +87,5 @@ def folders_in_words(pieces: Sequence[object]) -> list[str]:
     return [
         f"{one.name or 'This piece'}: folder {one.folder}"
         for one in pieces
-        if isinstance(one, Piece) and one.folder and one.folder != one.name
+        if isinstance(one, ReportPiece) and one.folder and one.folder != one.name
     ]

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from oarlock.report import fixed
 from oarlock.rowing.alongside.paces import PER_500_M, SPEEDS, of_pace, slower_s
-from oarlock.rowing.findings.candidate import Candidate, chance
+from oarlock.rowing.findings.candidate import MetricComparison, chance
 from oarlock.rowing.findings.find import least
 from oarlock.rowing.findings.watched import WATCHED
 from oarlock.rowing.report.averages import Average, Difference, difference
@@ -27,12 +27,12 @@ def same_rate(piece: Counted, other: Counted) -> bool:
     return not abs(now - then) >= SAME_RATE_PER_MIN
 
 
-def of_kind(candidates: Sequence[Candidate], kind: str) -> dict[str, Candidate]:
+def of_kind(candidates: Sequence[MetricComparison], kind: str) -> dict[str, MetricComparison]:
     """The comparisons of one kind, by number."""
     return {one.watched.name: one for one in candidates if one.kind == kind}
 
 
-def change(now: Average, then: Average, tested: Candidate | None = None) -> Difference:
+def change(now: Average, then: Average, tested: MetricComparison | None = None) -> Difference:
     """The difference of the means. `tested` is the comparison of findings, if the rates are alike.
 
     Its interval contains that neighbouring strokes are alike, and its size is robust against single strokes; by how
@@ -46,7 +46,7 @@ def change(now: Average, then: Average, tested: Candidate | None = None) -> Diff
     return replace(plain, uncertainty=doubt)
 
 
-def at_like_rate(tested: Candidate) -> Difference:
+def at_like_rate(tested: MetricComparison) -> Difference:
     """What remains of a difference when the stroke rate's effect is removed."""
     feature = tested.watched.feature
     size, sd, now = (value / feature.shown_scale for value in (tested.size, tested.sd, tested.now))
@@ -54,8 +54,8 @@ def at_like_rate(tested: Candidate) -> Difference:
 
 
 def as_told(
-    candidates: Sequence[Candidate], piece: Counted, others: Mapping[str, Counted]
-) -> list[Candidate]:
+    candidates: Sequence[MetricComparison], piece: Counted, others: Mapping[str, Counted]
+) -> list[MetricComparison]:
     """The comparisons as a page states them: differences of the means from pieces of the same rate, else at like rate.
 
     Args:
@@ -74,7 +74,7 @@ def as_told(
     ]
 
 
-def _of_means(one: Candidate, piece: Counted, other: Counted) -> Candidate:
+def _of_means(one: MetricComparison, piece: Counted, other: Counted) -> MetricComparison:
     now, then = (each.averages[one.watched.name] for each in (piece, other))
     scale, found = one.watched.feature.shown_scale, change(now, then, one)
     size, sd = found.told * scale, found.uncertainty * scale

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Sequence
 from html import escape
 
 from oarlock.report import fixed, plain_table
-from oarlock.rowing.findings.candidate import Candidate, against
+from oarlock.rowing.findings.candidate import MetricComparison, against
 from oarlock.rowing.findings.rowed import Rowed
 from oarlock.rowing.report.averages import SIGMAS_95
 from oarlock.rowing.report.calibrated import NOT_CALIBRATED
@@ -34,7 +34,7 @@ _STEPS = {"ms": 5.0, "deg": 1.0, "cm": 1.0, "%": 1.0, "W": 5.0, "N": 5.0, "m": 0
 _OF_NEXT = ("catch_angle_rad", "lean_swing_rad")
 
 
-def quiet(candidates: Sequence[Candidate], is_ramp: bool = False) -> tuple[str, str]:
+def quiet(candidates: Sequence[MetricComparison], is_ramp: bool = False) -> tuple[str, str]:
     """What agrees, and from which sizes differences would be named; `is_ramp`: whether the rate changes."""
     if not candidates:
         return "Too few strokes count, so nothing was compared.", ""
@@ -54,7 +54,7 @@ def quiet(candidates: Sequence[Candidate], is_ramp: bool = False) -> tuple[str, 
     return " ".join(told), limits if small else ""
 
 
-def _judged_with(candidates: Sequence[Candidate]) -> int:
+def _judged_with(candidates: Sequence[MetricComparison]) -> int:
     """Comparisons among which chance is judged on a page with another piece, where limits are larger.
 
     Limits are stated with it on a page without one too: a reader of both pages sees one limit.
@@ -64,7 +64,7 @@ def _judged_with(candidates: Sequence[Candidate]) -> int:
     return max(len(candidates), own + beside)
 
 
-def is_useful(one: Candidate, comparisons: int) -> bool:
+def is_useful(one: MetricComparison, comparisons: int) -> bool:
     """Whether less than a very large difference would be named."""
     return one.named_from(comparisons) < _USELESS * one.watched.least
 
@@ -80,7 +80,7 @@ def next_sizes(rowed: Rowed, names: Sequence[str] = _OF_NEXT) -> str:
 
 
 def sizes(
-    candidates: Sequence[Candidate], kind: str, names: Iterable[str], comparisons: int | None = None
+    candidates: Sequence[MetricComparison], kind: str, names: Iterable[str], comparisons: int | None = None
 ) -> list[tuple[str, str]]:
     """Label and size from which it is named, rounded, of those numbers that were compared.
 
@@ -93,7 +93,7 @@ def sizes(
     ]
 
 
-def _limit(one: Candidate, comparisons: int) -> str:
+def _limit(one: MetricComparison, comparisons: int) -> str:
     """The size from which it is named, as every part of a page shows it."""
     feature = one.watched.feature
     step = _STEPS.get(feature.shown_unit, 10.0 ** -places(feature))
@@ -106,7 +106,7 @@ def _listed(sizes: Sequence[tuple[str, str]]) -> str:
     return " or ".join(filter(None, (", ".join(told[:-1]), *told[-1:])))
 
 
-def checked(candidates: Sequence[Candidate], unsure: Collection[tuple[str, str]] = ()) -> str:
+def checked(candidates: Sequence[MetricComparison], unsure: Collection[tuple[str, str]] = ()) -> str:
     """A table of all comparisons with what was found and the size from which it is named; markup.
 
     `unsure` are the kinds and numbers of those in which a unit was not calibrated.
@@ -131,13 +131,13 @@ def checked(candidates: Sequence[Candidate], unsure: Collection[tuple[str, str]]
     return plain_table("checked", caption, heads, rows, style="stacked") if rows else ""
 
 
-def _compared(one: Candidate) -> str:
+def _compared(one: MetricComparison) -> str:
     if one.stroke:
         return f"Stroke {one.stroke}"
     return HEADS[one.kind] + (_LIKE if one.like_rate else "")
 
 
-def _with_interval(one: Candidate) -> str:
+def _with_interval(one: MetricComparison) -> str:
     feature = one.watched.feature
     size, sd = one.size / feature.shown_scale, one.sd / feature.shown_scale
     half = spread(feature, SIGMAS_95 * sd)

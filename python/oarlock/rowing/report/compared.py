@@ -7,7 +7,7 @@ from dataclasses import replace
 from html import escape
 
 from oarlock.report import Column, capital, day_text, sortable_table, value_cell
-from oarlock.rowing.findings.candidate import Candidate, against
+from oarlock.rowing.findings.candidate import MetricComparison, against
 from oarlock.rowing.findings.find import least
 from oarlock.rowing.findings.rowed import RATES_APART, Rowed
 from oarlock.rowing.findings.watched import WATCHED
@@ -15,7 +15,7 @@ from oarlock.rowing.report.averages import Average, Difference
 from oarlock.rowing.report.calibrated import NOT_CALIBRATED, is_uncalibrated
 from oarlock.rowing.report.changes import at_like_rate, matters, same_rate, size_in_words
 from oarlock.rowing.report.earlier import Other, change_of, compared_changes
-from oarlock.rowing.report.piece import Piece
+from oarlock.rowing.report.piece import ReportPiece
 from oarlock.rowing.report.shown import PLUS_MINUS, shown, spread, unit_of, with_unit
 from oarlock.rowing.report.tables import link, verdict
 
@@ -27,13 +27,13 @@ _MOST_LED = 2
 Found = Mapping[str, tuple[Average, Average, Difference]]
 
 
-def beside(this: Piece, other: Piece) -> Other:
+def beside(this: ReportPiece, other: ReportPiece) -> Other:
     """The second piece with its comparisons at like rate."""
     tested = against(Rowed.of(this), Rowed.of(other), "against other")
     return Other(other.name, other, {one.watched.name: one for one in tested})
 
 
-def differences(this: Piece, other: Piece) -> dict[str, tuple[Average, Average, Difference]]:
+def differences(this: ReportPiece, other: ReportPiece) -> dict[str, tuple[Average, Average, Difference]]:
     """For every number of both pieces: this, the other, this minus the other.
 
     Without an uncertainty where an angle's unit was not calibrated in one of them.
@@ -49,7 +49,7 @@ def differences(this: Piece, other: Piece) -> dict[str, tuple[Average, Average, 
     return found
 
 
-def comparison_table(key: str, this: Piece, other: Piece) -> str:
+def comparison_table(key: str, this: ReportPiece, other: ReportPiece) -> str:
     """How many numbers differ, then one row per number with both means, their difference, and whether it is clear."""
     rows = []
     found = differences(this, other)
@@ -90,7 +90,7 @@ def comparison_table(key: str, this: Piece, other: Piece) -> str:
     return counted + sortable_table(key, caption, columns, rows, style="stacked")
 
 
-def first_sentence(this: Piece, other: Piece) -> str:
+def first_sentence(this: ReportPiece, other: ReportPiece) -> str:
     """What changed between two pieces, for a coach; text."""
     second = beside(this, other)
     alike = same_rate(this, other)
@@ -111,7 +111,7 @@ def first_sentence(this: Piece, other: Piece) -> str:
     return f"Only the stroke rate and what goes with it changed; no change of technique is {rest}.{apart}"
 
 
-def _rates(this: Piece, other: Piece) -> tuple[Average, Average]:
+def _rates(this: ReportPiece, other: ReportPiece) -> tuple[Average, Average]:
     return this.averages["rate_per_min"], other.averages["rate_per_min"]
 
 
@@ -120,13 +120,13 @@ def _subject(found: Difference) -> str:
     return watched.subject if watched is not None else f"the {found.feature.label}"
 
 
-def _when(this: Piece, other: Piece) -> str:
+def _when(this: ReportPiece, other: ReportPiece) -> str:
     day = day_text(other.date)
     by_day = other.date != this.date and other.name.startswith(f"{day}, ")
     return f"on {day}" if by_day else f"in {other.name}"
 
 
-def counts(this: Piece, other: Piece) -> list[str]:
+def counts(this: ReportPiece, other: ReportPiece) -> list[str]:
     """How many numbers differ, how many would by chance, and which of them the stroke rate explains; text."""
     found = differences(this, other)
     if not found:
@@ -158,7 +158,7 @@ _NOT = "Not compared at like rate"
 _HEADS = (_RATE, _TOO, _OPEN, _NOT)
 
 
-def _of_rate(between: Difference, tested: Candidate | None) -> str:
+def _of_rate(between: Difference, tested: MetricComparison | None) -> str:
     """What the stroke rate does to a difference that is clear. That it became uncertain explains nothing."""
     if between.feature.name in _OF_RATE:
         return _RATE

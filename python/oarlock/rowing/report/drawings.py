@@ -12,7 +12,7 @@ from oarlock.rowing.analysis.features import Feature
 from oarlock.rowing.findings.watched import LEAST
 from oarlock.rowing.report.averages import SIGMAS_95, feature_of
 from oarlock.rowing.report.phase import mean_and_sd
-from oarlock.rowing.report.piece import Piece
+from oarlock.rowing.report.piece import ReportPiece
 from oarlock.rowing.report.shown import unit_of
 from oarlock.rowing.strokes.table import Floats
 
@@ -60,7 +60,7 @@ NAMES_APART = 25.0
 """Percent of the stroke that two labels need side by side."""
 
 
-def trends(pieces: Sequence[Piece], zones: Mapping[str, Zone]) -> str:
+def trends(pieces: Sequence[ReportPiece], zones: Mapping[str, Zone]) -> str:
     """Numbers of each stroke with their 95 % intervals."""
     figures = []
     for name in TRENDS:
@@ -85,7 +85,7 @@ def _key(name: str) -> str:
     return name.replace("_", "-")
 
 
-def _over_strokes(piece: Piece, name: str) -> Series:
+def _over_strokes(piece: ReportPiece, name: str) -> Series:
     feature, kept = feature_of(name), piece.counted
     value = piece.table[name][kept] * feature.shown_scale
     half = SIGMAS_95 * piece.table.std(name)[kept] * feature.shown_scale
@@ -93,12 +93,12 @@ def _over_strokes(piece: Piece, name: str) -> Series:
     return Series(piece.name, number, value, value - half, value + half)
 
 
-def curves(pieces: Sequence[Piece]) -> str:
+def curves(pieces: Sequence[ReportPiece]) -> str:
     """All mean curves, side by side; "" without any."""
     return grid(curve_drawings(pieces))
 
 
-def curve_drawings(pieces: Sequence[Piece]) -> list[str]:
+def curve_drawings(pieces: Sequence[ReportPiece]) -> list[str]:
     """Mean and SD over the strokes: one drawing with both sides of a piece, or one per side with both pieces."""
     figures = []
     for name in CURVES:
@@ -113,7 +113,7 @@ def curve_drawings(pieces: Sequence[Piece]) -> list[str]:
     return figures
 
 
-def _curve_figure(pieces: Sequence[Piece], names: tuple[str, ...]) -> str:
+def _curve_figure(pieces: Sequence[ReportPiece], names: tuple[str, ...]) -> str:
     feature = feature_of(names[0])
     label = feature.label.rpartition(",")[0] if len(names) > 1 else feature.label
     series = [found for piece in pieces for name in names if (found := _course(piece, name))]
@@ -128,7 +128,7 @@ def _curve_figure(pieces: Sequence[Piece], names: tuple[str, ...]) -> str:
     )
 
 
-def _course(piece: Piece, name: str, label: str = "") -> Series | None:
+def _course(piece: ReportPiece, name: str, label: str = "") -> Series | None:
     found = piece.technique.curves.get(name)
     if found is None:
         return None
@@ -137,7 +137,7 @@ def _course(piece: Piece, name: str, label: str = "") -> Series | None:
     return Series(label or piece.name or SIDES.get(name[0], ""), found.percent, mean, mean - sd, mean + sd)
 
 
-def speeds(pieces: Sequence[Piece]) -> list[str]:
+def speeds(pieces: Sequence[ReportPiece]) -> list[str]:
     """Speeds of handle, legs, trunk and arms: one drawing per piece; for two pieces also one per speed."""
     figures = []
     for k, piece in enumerate(pieces):
@@ -152,7 +152,7 @@ def speeds(pieces: Sequence[Piece]) -> list[str]:
     return figures
 
 
-def marks(pieces: Sequence[Piece]) -> list[Mark]:
+def marks(pieces: Sequence[ReportPiece]) -> list[Mark]:
     """Marks of the mean finish; one label if two would overlap."""
     ends = [piece.finish_percent for piece in pieces]
     apart = len(ends) > 1 and abs(ends[0] - ends[1]) > NAMES_APART
@@ -160,7 +160,7 @@ def marks(pieces: Sequence[Piece]) -> list[Mark]:
     return [Mark(end, name) for end, name in zip(ends, names, strict=False)]
 
 
-def hand_paths(pieces: Sequence[Piece]) -> str:
+def hand_paths(pieces: Sequence[ReportPiece]) -> str:
     """Paths of the handles from the side and from above, mean and SD over the strokes."""
     held = [(piece, piece.frames(_handles(piece))) for piece in pieces]
     seen = [
@@ -184,7 +184,7 @@ def hand_paths(pieces: Sequence[Piece]) -> str:
     )
 
 
-def _handles(piece: Piece) -> tuple[str, str]:
+def _handles(piece: ReportPiece) -> tuple[str, str]:
     frames = piece.track.model.frame_names if piece.track.model is not None else ()
     return ("r_handle", "l_handle") if "r_handle" in frames else ("r_hand", "l_hand")
 
@@ -202,7 +202,7 @@ def _drawn(path: tuple[Floats, Floats], name: str, axis: int) -> Series:
     return Series(name, across, up, up - sd[:, axis], up + sd[:, axis])
 
 
-def _events(piece: Piece, path: tuple[Floats, Floats]) -> list[tuple[float, float, str]]:
+def _events(piece: ReportPiece, path: tuple[Floats, Floats]) -> list[tuple[float, float, str]]:
     finish = piece.finish_percent
     told = [(0, "catch"), *([] if math.isnan(finish) else [(round(finish), "finish")])]
     return [(float(path[0][k, 0]), float(path[0][k, 1]), name) for k, name in told]

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from oarlock.report import capital, plain_table
 from oarlock.rowing.alongside.paces import SPEEDS, pace_text
-from oarlock.rowing.findings.candidate import Candidate
+from oarlock.rowing.findings.candidate import MetricComparison
 from oarlock.rowing.report.averages import Average, Difference, feature_of
 from oarlock.rowing.report.calibrated import NOT_CALIBRATED, about, is_uncalibrated
 from oarlock.rowing.report.changes import at_like_rate, change, in_words, matters, of_kind, same_rate
@@ -48,11 +48,11 @@ class Other(NamedTuple):
 
     label: str
     piece: Counted
-    tested: Mapping[str, Candidate] = {}
+    tested: Mapping[str, MetricComparison] = {}
 
 
 def earlier_pieces(
-    last: Counted | None, best: Counted | None, candidates: Sequence[Candidate] = ()
+    last: Counted | None, best: Counted | None, candidates: Sequence[MetricComparison] = ()
 ) -> list[Other]:
     """Last time and own best, where they are given; `candidates` has the comparisons of findings."""
     named = (("last time", "against last", last), ("own best", "against best", best))

@@ -9,7 +9,7 @@ import numpy as np
 
 from oarlock.report import Column, Section, fixed, plain_table
 from oarlock.rowing.alongside.clock_match import Places
-from oarlock.rowing.alongside.course import Course
+from oarlock.rowing.alongside.course import SpeedProfile
 from oarlock.rowing.alongside.paces import PER_500_M, SPEEDS, of_pace, pace_text, slower_s
 from oarlock.rowing.analysis.features import Feature
 from oarlock.rowing.findings.at_like_rate import change
@@ -69,14 +69,14 @@ class Faded:
         return 100.0 * (self.last / self.first - 1.0) if self.first else float("nan")
 
 
-def quarters(course: Course) -> tuple[Places, Places]:
+def quarters(course: SpeedProfile) -> tuple[Places, Places]:
     """Rows of the first and of the last quarter of the longest piece after its start; empty if it is short."""
     rows = np.flatnonzero(course.longest.steady if course.longest else course.steady)
     count = len(rows) // 4
     return (rows[:count], rows[-count:]) if count >= FEWEST_STROKES else (rows[:0], rows[:0])
 
 
-def faded_of(rowed: Rowed, course: Course) -> dict[str, Faded]:
+def faded_of(rowed: Rowed, course: SpeedProfile) -> dict[str, Faded]:
     """By column, of those with enough strokes in both quarters; `rowed` has the steady rows of the course."""
     place = np.cumsum(course.steady) - 1
     first, last = (place[rows] for rows in quarters(course))
@@ -105,7 +105,7 @@ def _faded(rowed: Rowed, name: str, first: Places, last: Places) -> Faded | None
     return Faded(feature, *ends, ends[1] - ends[0], sd, least)
 
 
-def fade_section(faded: dict[str, Faded], course: Course) -> Section | None:
+def fade_section(faded: dict[str, Faded], course: SpeedProfile) -> Section | None:
     """The table; None if the piece is too short."""
     if not faded:
         return None
@@ -141,7 +141,7 @@ def _as_pace(one: Faded) -> tuple[str, str, str, str, str]:
     return one.feature.label, f"as pace, {PER_500_M}", pace_text(one.first), pace_text(one.last), change
 
 
-def where_lost(faded: dict[str, Faded], course: Course) -> str:
+def where_lost(faded: dict[str, Faded], course: SpeedProfile) -> str:
     """Which of rate, force and length went down with power or speed; "" if neither fell clearly."""
     led = next((faded[k] for k in ("power_w", "speed_m_s", "impeller_speed_m_s") if k in faded), None)
     if led is None or not led.clear or led.change > 0.0:

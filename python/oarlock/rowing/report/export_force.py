@@ -9,7 +9,7 @@ import numpy as np
 
 from oarlock.report import Axis, Column, Section, Series, course_chart, fixed, grid, plain_table
 from oarlock.rowing.alongside.clock_match import Places
-from oarlock.rowing.alongside.course import Course
+from oarlock.rowing.alongside.course import SpeedProfile
 from oarlock.rowing.alongside.force_curves import LABELS, ForceStack, force_stacks
 from oarlock.rowing.findings.rowed import FEWEST_STROKES
 from oarlock.rowing.report.averages import feature_of
@@ -43,7 +43,7 @@ BAND = "Tinted: one standard deviation (SD) from stroke to stroke on either side
 _PLACES = {"%": "of the drive", "m": "of handle travel", "s": "after the catch"}
 
 
-def force_section(export: StrokeTable, course: Course) -> Section | None:
+def force_section(export: StrokeTable, course: SpeedProfile) -> Section | None:
     """Forces and curves of the rowed strokes; None without any."""
     counted = np.flatnonzero(course.steady)
     stacks, table = force_stacks(export), _table(export, counted, course)
@@ -75,13 +75,13 @@ def _where(export: StrokeTable) -> str:
     return "The force is that at the handle, as the ergometer gives it."
 
 
-def after_start(course: Course) -> str:
+def after_start(course: SpeedProfile) -> str:
     """What follows "the rowed strokes" where means leave out starts; "" without any."""
     starts = len(course.starts)
     return " after the starts" if starts > 1 else " after the start" if starts else ""
 
 
-def _table(export: StrokeTable, counted: Places, course: Course) -> str:
+def _table(export: StrokeTable, counted: Places, course: SpeedProfile) -> str:
     """Means of forces, work and length, how far strokes differ, and the quarters if the piece is long enough."""
     held = [name for name in _NUMBERS if name in export and np.isfinite(export[name][counted]).any()]
     if not any(name.endswith("_force_n") for name in held):
@@ -99,7 +99,7 @@ def _table(export: StrokeTable, counted: Places, course: Course) -> str:
     return table + ("" if ends else _no_quarters(course))
 
 
-def _no_quarters(course: Course) -> str:
+def _no_quarters(course: SpeedProfile) -> str:
     rows = int((course.longest.steady if course.longest else course.steady).sum())
     whose = " of the longest piece" if len(course.stretches) > 1 else ""
     told = (
@@ -119,7 +119,7 @@ def _mean(values: Floats) -> float:
     return float(np.nanmean(values)) if np.isfinite(values).any() else float("nan")
 
 
-def _chart(stack: ForceStack, course: Course, key: str) -> str:
+def _chart(stack: ForceStack, course: SpeedProfile, key: str) -> str:
     first, last = quarters(course)
     named = {"first quarter": first, "last quarter": last}
     if min(len(first), len(last)) < _FEWEST:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from oarlock.report import Front, KeyFigure, Point, fixed
-from oarlock.rowing.alongside.course import Course, starts_of
+from oarlock.rowing.alongside.course import SpeedProfile, starts_of
 from oarlock.rowing.alongside.paces import clock_text, pace_text
 from oarlock.rowing.analysis.features import Feature
 from oarlock.rowing.exports.activity import Activity
@@ -77,7 +77,7 @@ def _point(found: Finding, defined: Mapping[str, Feature]) -> Point:
     return replace(told, meaning=defined[found.name].in_words) if found.name in defined else told
 
 
-def course_front(found: Activity, course: Course) -> Front:
+def course_front(found: Activity, course: SpeedProfile) -> Front:
     """The front of points in time."""
     return Front(did=_did(found, course, "", ""), figures=_pace(course))
 
@@ -92,12 +92,12 @@ def _findings(piece: ExportPiece, earlier: ExportPiece | None) -> list[Finding]:
     return [one for one in findings_of(piece.rowed, compared_with) if one.kind != "odd stroke"]
 
 
-def left_out_text(course: Course) -> str:
+def left_out_text(course: SpeedProfile) -> str:
     """How many rows are no rowing, by reason."""
     return "; ".join(f"{count} {reason}" for reason, count in course.left_out.items()) or "none"
 
 
-def _did(found: StrokeTable | Activity, course: Course, at: str, ends: str) -> str:
+def _did(found: StrokeTable | Activity, course: SpeedProfile, at: str, ends: str) -> str:
     """What was rowed, the starts, and the pace after them; `at` is the rate."""
     count, rows = int(course.counted.sum()), len(course.counted)
     begun = moment_text(found.epoch)[:16]
@@ -123,7 +123,7 @@ def _did(found: StrokeTable | Activity, course: Course, at: str, ends: str) -> s
     return " ".join([*sentences, ends]).strip()
 
 
-def _starts(course: Course) -> str:
+def _starts(course: SpeedProfile) -> str:
     """The starts with their strokes, time and way: `Standing start: 5 strokes, 9.4 s, 24 m`."""
     parts = starts_of(course)
     names = {one.name for one in parts}
@@ -160,7 +160,7 @@ def _ends(piece: ExportPiece) -> str:
     return f"First quarter{whose}: {quarter('first')}. Last quarter: {quarter('last')}."
 
 
-def _pace(course: Course) -> list[KeyFigure]:
+def _pace(course: SpeedProfile) -> list[KeyFigure]:
     if course.distance_m > 0.0:
         speed = course.steady_m / course.steady_s
         time = clock_text(course.steady_s, tenths=True)
@@ -174,7 +174,7 @@ def _pace(course: Course) -> list[KeyFigure]:
     return [KeyFigure("pace, per 500 m", pace_text(float(np.median(known))), "median of the speed", meaning)]
 
 
-def _strokes(course: Course) -> KeyFigure:
+def _strokes(course: SpeedProfile) -> KeyFigure:
     rows, count = len(course.counted), int(course.counted.sum())
     left = f"{rows - count} of {rows} lines left out" if rows > count else "every line of the file"
     started = count - int(course.steady.sum())

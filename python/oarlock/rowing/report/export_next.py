@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from oarlock.rowing.alongside.paces import PER_500_M, SPEEDS, of_pace
-from oarlock.rowing.findings.candidate import Candidate, against
+from oarlock.rowing.findings.candidate import MetricComparison, against
 from oarlock.rowing.findings.find import comparisons
 from oarlock.rowing.findings.finding import Finding
 from oarlock.rowing.findings.rowed import FEWEST_STROKES
@@ -103,7 +103,7 @@ def _record(piece: ExportPiece) -> str:
     return f"Record {size} at one rate without a pause: then a change and a difference from this piece can be shown."
 
 
-def could_show(piece: ExportPiece, candidates: Sequence[Candidate], kind: str) -> list[str]:
+def could_show(piece: ExportPiece, candidates: Sequence[MetricComparison], kind: str) -> list[str]:
     """The smallest differences that would be named, of speed, power, force and length, without useless ones."""
     useful = [one for one in candidates if is_useful(one, len(candidates))]
     told = []

@@ -8,7 +8,7 @@ from html import escape
 import numpy as np
 
 from oarlock.report import Axis, Column, Section, Series, course_chart, fixed, grid, plain_table
-from oarlock.rowing.alongside.course import Course, Part, pieces_of, splits_of, starts_of
+from oarlock.rowing.alongside.course import SpeedProfile, Split, pieces_of, splits_of, starts_of
 from oarlock.rowing.alongside.paces import clock_text, pace_text
 from oarlock.rowing.report.export_force import after_start
 from oarlock.rowing.strokes.table import Floats
@@ -39,7 +39,7 @@ _NAMES = {
 }
 
 
-def pace_section(course: Course) -> Section | None:
+def pace_section(course: SpeedProfile) -> Section | None:
     """Speed, rate and power over time, the pieces and the splits; None without speed and distance."""
     if "speed_m_s" not in course.values and not np.isfinite(course.clock.distance_m).any():
         return None
@@ -57,7 +57,7 @@ def pace_section(course: Course) -> Section | None:
     return Section("pace", "Pace", tables + grid([chart for chart in charts if chart]))
 
 
-def heart_section(course: Course) -> Section | None:
+def heart_section(course: SpeedProfile) -> Section | None:
     """Heart rate over time; None without it."""
     if "heart_rate_per_min" not in course.values:
         return None
@@ -75,7 +75,7 @@ def heart_section(course: Course) -> Section | None:
     return Section("heart-rate", "Heart rate", f"<p>{escape(said)}</p>{grid([chart])}")
 
 
-def _over_time(key: str, caption: str, course: Course, name: str, unit: str) -> str:
+def _over_time(key: str, caption: str, course: SpeedProfile, name: str, unit: str) -> str:
     good = np.isfinite(course.time_s) & np.isfinite(course.values[name]) & course.counted
     if good.sum() < 2:
         return ""
@@ -95,7 +95,7 @@ def _running_median(values: Floats) -> Floats:
     return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, _SMOOTH), axis=1))
 
 
-def _pieces_table(course: Course) -> str:
+def _pieces_table(course: SpeedProfile) -> str:
     """What was rowed between pauses; the longest pieces if there are many."""
     pieces, starts = pieces_of(course), starts_of(course)
     if len(pieces) < 2:
@@ -111,7 +111,7 @@ def _pieces_table(course: Course) -> str:
     return _table("pace-pieces", caption, course, shown, [*foot, *_named_sum(starts), *_sums(pieces, starts)])
 
 
-def _splits_table(course: Course) -> str:
+def _splits_table(course: SpeedProfile) -> str:
     """The splits of the only piece, or of the longest one."""
     splits, many = splits_of(course), len(course.stretches) > 1
     if len(splits) < 2:
@@ -128,7 +128,7 @@ def _splits_table(course: Course) -> str:
     return table + _RACE.format(start=" The first one contains the start." if starts else "")
 
 
-def _sums(steady: Sequence[Part], starts: Sequence[Part]) -> list[Part]:
+def _sums(steady: Sequence[Split], starts: Sequence[Split]) -> list[Split]:
     """The sums below a table: what is rowed after the starts, which paces are compared with, and everything."""
     whole = _joined("together", [*starts, *steady])
     if not starts:
@@ -136,15 +136,15 @@ def _sums(steady: Sequence[Part], starts: Sequence[Part]) -> list[Part]:
     return [_joined(_AFTER + ("s" if len(starts) > 1 else ""), steady), whole]
 
 
-def _named_sum(starts: Sequence[Part]) -> list[Part]:
+def _named_sum(starts: Sequence[Split]) -> list[Split]:
     """The starts of several pieces in one row."""
     if not starts:
         return []
     return [_joined(starts[0].name if len(starts) == 1 else f"{len(starts)} starts", starts)]
 
 
-def _joined(name: str, parts: Sequence[Part]) -> Part:
-    return Part(
+def _joined(name: str, parts: Sequence[Split]) -> Split:
+    return Split(
         name,
         sum(one.strokes for one in parts),
         sum(one.duration_s for one in parts),
@@ -154,7 +154,12 @@ def _joined(name: str, parts: Sequence[Part]) -> Part:
 
 
 def _table(
-    key: str, caption: str, course: Course, parts: Sequence[Part], foot: Sequence[Part], begun: int = 0
+    key: str,
+    caption: str,
+    course: SpeedProfile,
+    parts: Sequence[Split],
+    foot: Sequence[Split],
+    begun: int = 0,
 ) -> str:
     """Rows of parts, of which the first `begun` are starts, and of sums below."""
     held = [name for name in _NAMES if name in course.values]
@@ -179,14 +184,14 @@ def _table(
     return plain_table(key, caption, heads, rows, foot=feet, style="splits")
 
 
-def _row(part: Part, held: Sequence[str], is_strokes: bool, apart: str) -> list[str]:
+def _row(part: Split, held: Sequence[str], is_strokes: bool, apart: str) -> list[str]:
     cells = [_named(part), pace_text(part.speed_m_s), apart, clock_text(part.duration_s, tenths=True)]
     cells += [fixed(part.medians[name], _NAMES[name][2]) if part.medians else "" for name in held]
     cells += [fixed(part.distance_m, 0), *([str(part.strokes)] if is_strokes else [])]
     return cells
 
 
-def _named(part: Part) -> str:
+def _named(part: Split) -> str:
     """The name of a part, and the pause before it."""
     if part.pause_s == 0.0:
         return escape(part.name)
@@ -194,7 +199,7 @@ def _named(part: Part) -> str:
     return f"{escape(part.name)} <small>{pause}</small>"
 
 
-def _pace_s(part: Part) -> float:
+def _pace_s(part: Split) -> float:
     return 500.0 / part.speed_m_s if part.speed_m_s > 0.0 else float("nan")
 
 

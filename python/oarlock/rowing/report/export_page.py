@@ -21,7 +21,7 @@ from oarlock.report import (
     who_and_when,
     who_in_words,
 )
-from oarlock.rowing.alongside.course import Course, course_of
+from oarlock.rowing.alongside.course import SpeedProfile, course_of
 from oarlock.rowing.analysis.stroke_summary import summarise_strokes
 from oarlock.rowing.exports.activity import Activity
 from oarlock.rowing.exports.build import NAMED
@@ -113,7 +113,9 @@ def strokes_page(
     )
 
 
-def _heading(found: StrokeTable | Activity, course: Course, session: Mapping[str, str]) -> tuple[str, str]:
+def _heading(
+    found: StrokeTable | Activity, course: SpeedProfile, session: Mapping[str, str]
+) -> tuple[str, str]:
     """Who and what, and markup of what else is known of the session."""
     day = moment_text(found.epoch)[:10]
     known = {**({"date": day} if day else {}), **session}
@@ -159,7 +161,7 @@ def _numbers(found: StrokeTable) -> str:
     return plain_table("numbers-all", caption, heads, rows)
 
 
-def _measured(found: StrokeTable | Activity, course: Course) -> str:
+def _measured(found: StrokeTable | Activity, course: SpeedProfile) -> str:
     notes = [
         f"{found.source}.",
         "The numbers are those of the device. They were not compared with a reference here.",

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.rowing.alongside.course import Course, course_of
+from oarlock.rowing.alongside.course import SpeedProfile, course_of
 from oarlock.rowing.analysis.stroke_means import feature_means
 from oarlock.rowing.findings.rowed import Rowed
 from oarlock.rowing.findings.watched import WATCHED
@@ -56,7 +56,7 @@ class ExportPiece:
         return device_of(self.table.source)
 
     @cached_property
-    def course(self) -> Course:
+    def course(self) -> SpeedProfile:
         """What was rowed when."""
         return course_of(self.table)
 

@@ -19,10 +19,10 @@ from oarlock.report import (
     fixed,
 )
 from oarlock.rowing.analysis.features import FEATURES
-from oarlock.rowing.findings.candidate import Candidate
+from oarlock.rowing.findings.candidate import MetricComparison
 from oarlock.rowing.findings.find import comparisons, named
 from oarlock.rowing.findings.finding import Finding
-from oarlock.rowing.findings.rowed import Kept, Rowed, rowing_kind
+from oarlock.rowing.findings.rowed import Rowed, StoredStrokes, rowing_kind
 from oarlock.rowing.report import words
 from oarlock.rowing.report.averages import SIGMAS_95
 from oarlock.rowing.report.by_rate import by_rate, range_over_rate
@@ -31,7 +31,7 @@ from oarlock.rowing.report.changes import SAME_RATE_PER_MIN, as_told, of_kind
 from oarlock.rowing.report.checked import HEADS, checked, next_sizes, quiet
 from oarlock.rowing.report.drawings import SPEEDS, curve_drawings, speeds
 from oarlock.rowing.report.earlier import Other, compared, earlier_pieces, largest_change
-from oarlock.rowing.report.piece import Piece
+from oarlock.rowing.report.piece import ReportPiece
 from oarlock.rowing.report.shown import DECIMALS, PLUS_MINUS
 from oarlock.rowing.report.usual import Beyond, beyond_usual, remark
 
@@ -46,10 +46,10 @@ UNITS = {"deg": "°", "1/min": "/min", "cm2": " cm²", "1": ""}
 
 
 def front_of(
-    piece: Piece,
-    last: Piece | Kept | None = None,
-    best: Piece | Kept | None = None,
-    other: Piece | None = None,
+    piece: ReportPiece,
+    last: ReportPiece | StoredStrokes | None = None,
+    best: ReportPiece | StoredStrokes | None = None,
+    other: ReportPiece | None = None,
 ) -> Front:
     """The front of one piece, with up to two earlier ones of the same athlete, and any other one beside it."""
     others = {"against last": last, "against best": best, "against other": other}
@@ -89,7 +89,7 @@ def front_of(
     )
 
 
-def _figures(piece: Piece, kind: str, doubted: Collection[str]) -> list[KeyFigure]:
+def _figures(piece: ReportPiece, kind: str, doubted: Collection[str]) -> list[KeyFigure]:
     """The key figures; that of a doubtful seat says so."""
     found = words.key_figures(
         piece,
@@ -105,12 +105,14 @@ def _figures(piece: Piece, kind: str, doubted: Collection[str]) -> list[KeyFigur
     ]
 
 
-def _both_did(*pieces: Piece) -> str:
+def _both_did(*pieces: ReportPiece) -> str:
     return " ".join(f"{piece.name}: {words.strokes(piece)}" for piece in pieces)
 
 
 def _not_calibrated(
-    candidates: Sequence[Candidate], piece: Piece, others: Mapping[str, Piece | Kept | None]
+    candidates: Sequence[MetricComparison],
+    piece: ReportPiece,
+    others: Mapping[str, ReportPiece | StoredStrokes | None],
 ) -> set[tuple[str, str]]:
     """Comparisons with other pieces and usual values that a mount which was not calibrated may have made."""
     return {
@@ -122,7 +124,7 @@ def _not_calibrated(
     }
 
 
-def _trust_in(other: Piece) -> str:
+def _trust_in(other: ReportPiece) -> str:
     """Whether the second piece can be believed; the line above the page is on the first one. Markup."""
     belief = belief_of(other.track, _MEASURED.get(rowing_kind(other), ""))
     text = f"{other.name}: {belief.mark} {belief.words}. {capital(belief.reason)} {belief.remedy}"
@@ -130,7 +132,7 @@ def _trust_in(other: Piece) -> str:
 
 
 def _next_step(
-    piece: Piece,
+    piece: ReportPiece,
     rowed: Rowed,
     found: Sequence[Finding],
     outside: Sequence[Beyond],
@@ -159,7 +161,7 @@ def _next_step(
     return f"{start} {again} this piece again{rate} and compare{f': {shows}' if shows else ''}.".strip()
 
 
-def _sensors_step(piece: Piece, doubted: Collection[str]) -> str:
+def _sensors_step(piece: ReportPiece, doubted: Collection[str]) -> str:
     """What to do next with the sensors; "" if nothing."""
     steps = [f"Check how the sensor {name} is mounted." for name in doubted]
     if not _nominal(piece):
@@ -171,12 +173,12 @@ def _sensors_step(piece: Piece, doubted: Collection[str]) -> str:
     return " ".join(steps)
 
 
-def _nominal(piece: Piece) -> bool:
+def _nominal(piece: ReportPiece) -> bool:
     """Whether mounts of units were assumed, not calibrated."""
     return bool(piece.track.provenance.get("nominal_mounts"))
 
 
-def _commands(piece: Piece, compared: bool) -> list[tuple[str, str]]:
+def _commands(piece: ReportPiece, compared: bool) -> list[tuple[str, str]]:
     """What each further step is for, and its command."""
     told = []
     if _nominal(piece):
@@ -219,7 +221,7 @@ def _size(found: Finding) -> str:
     return f"{sign}{fixed(found.size, digits)}{half}{unit}"
 
 
-def _course(piece: Piece) -> Course | None:
+def _course(piece: ReportPiece) -> Course | None:
     """The speeds of handle, legs, trunk and arms over a stroke; None without them."""
     found = {
         label: piece.technique.curves[name]

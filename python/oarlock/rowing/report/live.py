@@ -9,7 +9,7 @@ from typing import Any
 
 from oarlock import Belief, Calibration, Model
 from oarlock.rowing.analysis.features import FEATURES
-from oarlock.rowing.analysis.live_technique import LiveTechnique, Stretch, live_stroke
+from oarlock.rowing.analysis.live_technique import LiveTechnique, StrokeEstimates, live_stroke
 
 SHOWN = (
     "rate_per_min",
@@ -50,12 +50,14 @@ class StrokeFollower:
             {"key": name, "label": FEATURES[name].label, "unit": FEATURES[name].shown_unit} for name in SHOWN
         ]
 
-    def step(self, time_s: float, belief: Belief) -> Stretch | None:
+    def step(self, time_s: float, belief: Belief) -> StrokeEstimates | None:
         """What `work` makes a message of, when a stroke has ended."""
         return self._technique.step(time_s, belief)
 
 
-def stroke_message(model: Model, stretch: Stretch, calibration: Calibration | None) -> dict[str, Any] | None:
+def stroke_message(
+    model: Model, stretch: StrokeEstimates, calibration: Calibration | None
+) -> dict[str, Any] | None:
     """A stroke as the page gets it, in the units that people read."""
     stroke = live_stroke(stretch, model, calibration)
     if stroke is None:

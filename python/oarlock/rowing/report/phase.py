@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.rowing.analysis.observed_posture import observed_q
-from oarlock.rowing.analysis.rower_places import Rower
+from oarlock.rowing.analysis.rower_places import RowerFrames
 from oarlock.rowing.strokes.table import Floats, StrokeTable
 
 if TYPE_CHECKING:
@@ -41,20 +41,20 @@ def stack(track: Track, table: StrokeTable, counted: NDArray[np.bool_]) -> Stack
     start, end = table["catch_time_s"], table["end_time_s"]
     inside = counted & (start >= track.time_s[0]) & (end <= track.time_s[-1])
     start, end = start[inside], end[inside]
-    q = track.q if track.model is None else observed_q(track, Rower(track.model))
+    q = track.q if track.model is None else observed_q(track, RowerFrames(track.model))
     time_s = start[:, None] + (end - start)[:, None] * np.linspace(0.0, 1.0, POINTS)
     flat = [np.interp(time_s.ravel(), track.time_s, column) for column in q.T]
     return Stack(time_s, np.stack(flat, axis=-1).reshape(*time_s.shape, len(flat)))
 
 
 def frame_courses(track: Track, strokes: Stack, frames: Sequence[str]) -> dict[str, Floats]:
-    """Places of the rower's frames as in `Rower.places`; (N, POINTS, 3) m by name, NaN where they are not known.
+    """Places of the rower's frames as in `RowerFrames.places`; (N, POINTS, 3) m by name, NaN where they are not known.
 
     Computed stroke by stroke to limit memory.
     """
     if track.model is None:
         return {}
-    rower, names = Rower(track.model), [name for name in frames if name in track.model.frame_names]
+    rower, names = RowerFrames(track.model), [name for name in frames if name in track.model.frame_names]
     found = [rower.places(posture) for posture in strokes.q]
     return {name: np.array([one[name] for one in found]).reshape(-1, POINTS, 3) for name in names}
 

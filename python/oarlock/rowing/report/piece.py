@@ -43,7 +43,7 @@ class Counted(Protocol):
 
 
 @dataclass(frozen=True)
-class Piece:
+class ReportPiece:
     """A track with its technique.
 
     Attributes:

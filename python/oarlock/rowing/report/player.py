@@ -11,7 +11,7 @@ from oarlock.report import fixed, folded_help
 from oarlock.report.viewer import SHOWN_EVERY_S, Curve, embed, joint_curves, scene
 from oarlock.rowing.figure.shapes import rowing_look, stroke_marks
 from oarlock.rowing.report.calibrated import is_uncalibrated
-from oarlock.rowing.report.piece import Piece
+from oarlock.rowing.report.piece import ReportPiece
 
 LONGEST_S = 180.0
 """Longest part in the page."""
@@ -29,7 +29,7 @@ NAMES = {"oar_phi": "oar angle"}
 """Labels of joints that differ from those of the model file."""
 
 
-def player(pieces: Sequence[Piece]) -> str:
+def player(pieces: Sequence[ReportPiece]) -> str:
     """HTML with figure, curves and strokes; a second piece is drawn as the ghost."""
     start_s, end_s = _stretch(pieces[0])
     ghost = _scene(pieces[1], *_stretch(pieces[1]), bare=True) if len(pieces) > 1 else None
@@ -39,7 +39,7 @@ def player(pieces: Sequence[Piece]) -> str:
     return shown_hint + embed(shown, "player") + folded_help(HELP)
 
 
-def _scene(piece: Piece, start_s: float, end_s: float, ghost: Any = None, bare: bool = False) -> Any:
+def _scene(piece: ReportPiece, start_s: float, end_s: float, ghost: Any = None, bare: bool = False) -> Any:
     track, look = piece.track, rowing_look(piece.track)
     if look is not None:
         look = replace(look, first_curves=tuple(NAMES.get(name, name) for name in look.first_curves))
@@ -72,7 +72,7 @@ def _as_elsewhere(curve: Curve) -> Curve:
     return replace(curve, unit="cm", value=0.1 * curve.value, std=std)
 
 
-def _stretch(piece: Piece) -> tuple[float, float]:
+def _stretch(piece: ReportPiece) -> tuple[float, float]:
     """The whole of a track of up to three minutes; so much of a longer one, from its first counted stroke."""
     first, last = float(piece.track.time_s[0]), float(piece.track.time_s[-1])
     if last - first <= LONGEST_S:
@@ -83,7 +83,7 @@ def _stretch(piece: Piece) -> tuple[float, float]:
     return start, start + LONGEST_S
 
 
-def _left_out(piece: Piece, start_s: float, end_s: float) -> str:
+def _left_out(piece: ReportPiece, start_s: float, end_s: float) -> str:
     """What of a long piece the player lacks."""
     before, after = start_s - float(piece.track.time_s[0]), float(piece.track.time_s[-1]) - end_s
     parts = [
@@ -94,7 +94,7 @@ def _left_out(piece: Piece, start_s: float, end_s: float) -> str:
     return f"{' and '.join(parts)} are left out to keep the page small"
 
 
-def _hint(pieces: Sequence[Piece], start_s: float, end_s: float) -> str:
+def _hint(pieces: Sequence[ReportPiece], start_s: float, end_s: float) -> str:
     first, text = pieces[0], ""
     if end_s - start_s < float(first.track.time_s[-1] - first.track.time_s[0]) - 1e-9:
         text += f"It shows {fixed(start_s, 0)} to {fixed(end_s, 0)} s of the piece; {_left_out(first, start_s, end_s)}."

@@ -15,7 +15,7 @@ from oarlock.rowing.report.averages import feature_of
 from oarlock.rowing.report.compared import comparison_table, first_sentence
 from oarlock.rowing.report.definitions import definitions
 from oarlock.rowing.report.drawings import curves, hand_paths, pairs, speeds, trends, zone_of
-from oarlock.rowing.report.piece import Piece
+from oarlock.rowing.report.piece import ReportPiece
 from oarlock.rowing.report.player import player
 from oarlock.rowing.report.shown import PLUS_MINUS, places
 from oarlock.rowing.report.tables import (
@@ -30,7 +30,7 @@ BAND = "Tinted: SD, the standard deviation between strokes, to either side."
 _IN_FULL = '<a href="#compared-pieces-in">Side by side</a> has every number.'
 
 
-def sections_of(pieces: Sequence[Piece], csv_names: Sequence[str]) -> list[Section]:
+def sections_of(pieces: Sequence[ReportPiece], csv_names: Sequence[str]) -> list[Section]:
     """Sections of one piece, or of two compared; empty sections are left out."""
     first = pieces[0]
     zones = {
@@ -65,7 +65,7 @@ def sections_of(pieces: Sequence[Piece], csv_names: Sequence[str]) -> list[Secti
     return [_speaking(sections[0], pieces), *sections[1:]]
 
 
-def _speaking(section: Section, pieces: Sequence[Piece]) -> Section:
+def _speaking(section: Section, pieces: Sequence[ReportPiece]) -> Section:
     """The first section with the comparison in words, style and script of the page."""
     told = [f"<b>{escape(first_sentence(*pieces))}</b> {_IN_FULL}", _whose(pieces)] if len(pieces) > 1 else []
     style, script = (
@@ -80,7 +80,7 @@ def _speaking(section: Section, pieces: Sequence[Piece]) -> Section:
     )
 
 
-def _whose(pieces: Sequence[Piece]) -> str:
+def _whose(pieces: Sequence[ReportPiece]) -> str:
     first, second = (f"<b>{escape(piece.name)}</b>" for piece in pieces)
     text = f"The findings and “How it was measured” are those of {first}."
     if pieces[0].track.smoothed != pieces[1].track.smoothed:
@@ -93,7 +93,7 @@ def _hinted(hint: str, content: str) -> str:
     return f'<p class="hint">{escape(hint)}</p>{content}' if content else ""
 
 
-def _strokes(pieces: Sequence[Piece], csv_names: Sequence[str]) -> str:
+def _strokes(pieces: Sequence[ReportPiece], csv_names: Sequence[str]) -> str:
     parts = []
     for k, (piece, csv_name) in enumerate(zip(pieces, csv_names, strict=True)):
         beside = (
@@ -106,7 +106,7 @@ def _strokes(pieces: Sequence[Piece], csv_names: Sequence[str]) -> str:
     return "".join(parts)
 
 
-def _trends(pieces: Sequence[Piece], zones: dict[str, Zone]) -> str:
+def _trends(pieces: Sequence[ReportPiece], zones: dict[str, Zone]) -> str:
     hint = "Dots: counted strokes. Bars: the 95 % interval of each value; it is hidden if it is smaller than the dot."
     if zones:
         hint += (
@@ -116,7 +116,7 @@ def _trends(pieces: Sequence[Piece], zones: dict[str, Zone]) -> str:
     return _hinted(hint, trends(pieces, zones))
 
 
-def _speeds(pieces: Sequence[Piece]) -> str:
+def _speeds(pieces: Sequence[ReportPiece]) -> str:
     hint = (
         "The speed of the handle along the keel is the sum of legs (seat), trunk (shoulders relative to "
         f"the seat) and arms (handle relative to the shoulders). Means over the strokes. {BAND}"
@@ -126,14 +126,14 @@ def _speeds(pieces: Sequence[Piece]) -> str:
     )
 
 
-def _paths(pieces: Sequence[Piece]) -> str:
+def _paths(pieces: Sequence[ReportPiece]) -> str:
     hint = (
         f"Paths of the handles relative to the boat; the bow is at the right. Means over the strokes. {BAND}"
     )
     return _hinted(hint, hand_paths(pieces))
 
 
-def _arms(pieces: Sequence[Piece]) -> str:
+def _arms(pieces: Sequence[ReportPiece]) -> str:
     hint = (
         "Shoulder, elbow and wrist at the finish, means over the strokes"
         f"{'; thin lines: single strokes' if len(pieces) == 1 else ''}. The arm plane contains these three points."
@@ -141,12 +141,12 @@ def _arms(pieces: Sequence[Piece]) -> str:
     return _hinted(hint, arms_at_finish(pieces))
 
 
-def _sides(pieces: Sequence[Piece]) -> str:
+def _sides(pieces: Sequence[ReportPiece]) -> str:
     tables = [(piece, sides_table(f"sides-{k}", piece)) for k, piece in enumerate(pieces)]
     return "".join(f"{_heading(piece)}{table}" for piece, table in tables if table)
 
 
-def _numbers(pieces: Sequence[Piece], zones: dict[str, Zone]) -> str:
+def _numbers(pieces: Sequence[ReportPiece], zones: dict[str, Zone]) -> str:
     published = {name: _published(feature_of(name), zone) for name, zone in zones.items()}
     parts = []
     for k, piece in enumerate(pieces):
@@ -163,7 +163,7 @@ def _numbers(pieces: Sequence[Piece], zones: dict[str, Zone]) -> str:
     return "".join(parts)
 
 
-def _heading(piece: Piece) -> str:
+def _heading(piece: ReportPiece) -> str:
     return f"<h3>{escape(piece.name)}</h3>" if piece.name else ""
 
 
@@ -173,6 +173,6 @@ def _published(feature: Feature, zone: Zone) -> str:
     return f'{escape(told)} <span class="mark">{escape(zone.name)}</span>'
 
 
-def _meanings(pieces: Sequence[Piece]) -> str:
+def _meanings(pieces: Sequence[ReportPiece]) -> str:
     names = [name for piece in pieces for name in (*piece.table.columns, *piece.technique.curves)]
     return definitions(names)

@@ -13,7 +13,7 @@ from oarlock.rowing.analysis.features import FEATURES
 from oarlock.rowing.findings.find import least
 from oarlock.rowing.report.averages import SIGMAS_95, Average, Difference, feature_of
 from oarlock.rowing.report.calibrated import NOT_CALIBRATED, half_cell, is_uncalibrated
-from oarlock.rowing.report.piece import Counted, Piece
+from oarlock.rowing.report.piece import Counted, ReportPiece
 from oarlock.rowing.report.shown import PLUS_MINUS, apart, shown, spread, unit_of
 from oarlock.rowing.strokes.table import StrokeTable
 
@@ -60,7 +60,7 @@ def anchor(name: str) -> str:
     return f"def-{name.replace('_', '-')}"
 
 
-def strokes_table(piece: Piece, key: str, played: bool) -> str:
+def strokes_table(piece: ReportPiece, key: str, played: bool) -> str:
     """One row per stroke, sortable; below it mean, SD and the 95 % interval of one stroke.
 
     If the player shows this piece (`played`), stroke numbers link to it.
@@ -88,7 +88,7 @@ def strokes_table(piece: Piece, key: str, played: bool) -> str:
     return sortable_table(key, caption, columns, rows, foot, muted=left_out)
 
 
-def _of_one_stroke(piece: Piece, one: Average) -> str:
+def _of_one_stroke(piece: ReportPiece, one: Average) -> str:
     if is_uncalibrated(piece, one.feature.name):
         return NOT_CALIBRATED
     return spread(one.feature, SIGMAS_95 * one.over.std)
@@ -125,7 +125,7 @@ def _stroke_row(table: StrokeTable, names: Sequence[str], row: int, kept: bool, 
 
 
 def averages_table(
-    key: str, caption: str, piece: Piece, found: Iterable[Average], published: Mapping[str, str]
+    key: str, caption: str, piece: ReportPiece, found: Iterable[Average], published: Mapping[str, str]
 ) -> str:
     """One row per number of a piece: mean, its 95 % interval, SD between strokes, range, published targets.
 
@@ -153,7 +153,7 @@ def averages_table(
     return sortable_table(key, caption, columns, rows, style="stacked")
 
 
-def _average_cells(piece: Piece, one: Average) -> list[str]:
+def _average_cells(piece: ReportPiece, one: Average) -> list[str]:
     over, mean, half = one.over, _value(one, one.over.mean), half_cell(piece, one)
     if _is_unclear(one):
         mean, half = f'<span class="mark">{mean}</span>', f'{half} <span class="mark">not clear</span>'
@@ -189,7 +189,7 @@ def unknown_list(found: Iterable[Average]) -> str:
     )
 
 
-def shares_table(key: str, piece: Piece) -> str:
+def shares_table(key: str, piece: ReportPiece) -> str:
     """Contributions of legs, trunk and arms to the handle, one column each; "" if unknown."""
     parts = ("legs", "trunk", "arms")
     rows = []
@@ -206,7 +206,7 @@ def shares_table(key: str, piece: Piece) -> str:
     return f'<div class="shares">{plain_table(key, caption, ["in the drive", "unit", *parts], rows)}</div>'
 
 
-def sides_table(key: str, piece: Piece) -> str:
+def sides_table(key: str, piece: ReportPiece) -> str:
     """Right and left with their difference; empty if no number has two sides."""
     rows = []
     for name, mean in piece.sides.items():
@@ -259,7 +259,7 @@ def _between_sides(right: Average, left: Average, mean: Average) -> Difference:
     return Difference(right.feature, value, mean.uncertainty, told)
 
 
-def _whose(piece: Piece) -> str:
+def _whose(piece: ReportPiece) -> str:
     return f"{piece.name}. " if piece.name else ""
 
 

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from oarlock.report import capital, fixed
-from oarlock.rowing.findings.watched import WATCHED, Told, Watched
+from oarlock.rowing.findings.watched import WATCHED, SourcedText, Watched
 from oarlock.rowing.report.averages import SIGMAS_95, Average
-from oarlock.rowing.report.piece import Counted, Piece
+from oarlock.rowing.report.piece import Counted, ReportPiece
 from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, shown, spread
 
 _FAR = 3.0
@@ -54,12 +54,12 @@ class Beyond:
         return f"{told} {self.watched.why.text}".strip() if self.matters else told
 
     @property
-    def to_try(self) -> Told:
+    def to_try(self) -> SourcedText:
         """A drill or cue; "" if none was found in the literature."""
         return self.watched.to_try(self.by)
 
 
-def beyond_usual(piece: Piece, kind: str) -> list[Beyond]:
+def beyond_usual(piece: ReportPiece, kind: str) -> list[Beyond]:
     """All, the farthest outside first, relative to the smallest size that is named; empty if targets were chosen."""
     if piece.technique.targets:
         return []

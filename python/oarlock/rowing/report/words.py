@@ -9,10 +9,10 @@ from types import MappingProxyType
 import numpy as np
 
 from oarlock.report import KeyFigure
-from oarlock.rowing.findings.watched import WATCHED, Told, Watched
+from oarlock.rowing.findings.watched import WATCHED, SourcedText, Watched
 from oarlock.rowing.report.averages import SIGMAS_95, Average, feature_of
 from oarlock.rowing.report.calibrated import about
-from oarlock.rowing.report.piece import Counted, Piece
+from oarlock.rowing.report.piece import Counted, ReportPiece
 from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, shown, spread, with_unit
 from oarlock.rowing.report.tables import which_left_out
 from oarlock.rowing.report.usual import beyond_of, usual_span
@@ -80,7 +80,7 @@ def _ramp(piece: Counted, rate: Average) -> KeyFigure:
 
 def _key_figure(found: Average, watched: Watched | None, kind: str, against: str, unsure: bool) -> KeyFigure:
     """A number with its uncertainty, `against` usual values; `unsure`: the error of a mount comes on top."""
-    usual = watched.usual_of(kind) if watched is not None else Told()
+    usual = watched.usual_of(kind) if watched is not None else SourcedText()
     meaning = [found.feature.in_words, _within(found, unsure), _scatter(found)]
     if usual.text:
         meaning.append(f"Usual: {usual.text} ({usual.source}).")
@@ -130,7 +130,7 @@ def _scatter(found: Average) -> str:
     return f"Standard deviation from stroke to stroke: {scatter}."
 
 
-def strokes(piece: Piece) -> str:
+def strokes(piece: ReportPiece) -> str:
     """How many strokes, how long, at which rates; text."""
     count = len(piece.table)
     duration = float(piece.track.time_s[-1] - piece.track.time_s[0])
@@ -141,7 +141,7 @@ def strokes(piece: Piece) -> str:
     return f"{text}."
 
 
-def _course_of_rate(piece: Piece, rate: Average) -> str:
+def _course_of_rate(piece: ReportPiece, rate: Average) -> str:
     """How the stroke rate went: ", the rate rising from 21 to 34/min"."""
     if is_ramp(piece):
         first, last = rates_at_ends(piece)
@@ -175,7 +175,7 @@ def counted_rates(piece: Counted) -> Floats:
     return rates[np.isfinite(rates)]
 
 
-def _left_out(piece: Piece) -> list[str]:
+def _left_out(piece: ReportPiece) -> list[str]:
     count = int((~piece.counted).sum())
     if not count:
         return []
@@ -184,12 +184,12 @@ def _left_out(piece: Piece) -> list[str]:
     ]
 
 
-def notes(piece: Piece) -> list[str]:
+def notes(piece: ReportPiece) -> list[str]:
     """What was missing or left out, as markup: of the strokes, and targets without a number."""
     return [*map(escape, piece.technique.found.notes), *_left_out(piece), *_unmet(piece)]
 
 
-def _unmet(piece: Piece) -> list[str]:
+def _unmet(piece: ReportPiece) -> list[str]:
     """Targets for which this piece has no number."""
     known = {name for name, average in piece.averages.items() if average.known}
     missing = [feature_of(name).label for name in piece.technique.targets if name not in known]

@@ -11,11 +11,11 @@ from pathlib import Path
 from oarlock import DataError, Evaluation, Track
 from oarlock.report import Front, day_text, who_and_when, who_in_words, write_report
 from oarlock.rowing.exports.activity import Activity
-from oarlock.rowing.findings.rowed import Kept, rowing_kind
+from oarlock.rowing.findings.rowed import StoredStrokes, rowing_kind
 from oarlock.rowing.report.beside import alongside_sections
 from oarlock.rowing.report.called import called, folders_in_words, piece_of
 from oarlock.rowing.report.front import front_of
-from oarlock.rowing.report.piece import Piece
+from oarlock.rowing.report.piece import ReportPiece
 from oarlock.rowing.report.sections import sections_of
 from oarlock.rowing.strokes.table import StrokeTable
 from oarlock.storage.progress import Progress, mark, share, shown
@@ -40,8 +40,8 @@ def write_rowing_report(
     names: tuple[str, str] = ("", ""),
     targets: str | PathLike[str] | None = None,
     export: tuple[StrokeTable | Activity, float | None] | None = None,
-    last: tuple[str, Track] | Kept | None = None,
-    best: tuple[str, Track] | Kept | None = None,
+    last: tuple[str, Track] | StoredStrokes | None = None,
+    best: tuple[str, Track] | StoredStrokes | None = None,
     compared_notes: Sequence[str] = (),
     progress: Progress = None,
 ) -> list[Path]:
@@ -111,7 +111,7 @@ def write_rowing_report(
 
 def _pieces(
     track: Track, other: Track | None, names: tuple[str, str], targets: str | PathLike[str] | None
-) -> list[Piece]:
+) -> list[ReportPiece]:
     if other is None:
         return [piece_of(track, names[0], targets)]
     both = zip((track, other), names, strict=True)
@@ -120,8 +120,8 @@ def _pieces(
 
 def rowing_front(
     track: Track,
-    last: tuple[str, Track] | Kept | None = None,
-    best: tuple[str, Track] | Kept | None = None,
+    last: tuple[str, Track] | StoredStrokes | None = None,
+    best: tuple[str, Track] | StoredStrokes | None = None,
     *,
     other: Track | None = None,
     names: tuple[str, str] = ("", ""),
@@ -142,7 +142,7 @@ def rowing_front(
     return _heading(pieces), front_of(pieces[0], _earlier(last), _earlier(best), *pieces[1:])
 
 
-def _earlier(given: tuple[str, Track] | Kept | None) -> Piece | Kept | None:
+def _earlier(given: tuple[str, Track] | StoredStrokes | None) -> ReportPiece | StoredStrokes | None:
     if not isinstance(given, tuple):
         return given
     name, track = given
@@ -154,7 +154,7 @@ def _with_notes(front: Front, notes: Sequence[str]) -> Front:
     return replace(front, compared=front.compared + said)
 
 
-def _heading(pieces: list[Piece]) -> str:
+def _heading(pieces: list[ReportPiece]) -> str:
     if len(pieces) > 1:
         first, second = (piece.name for piece in pieces)
         # The heading of the page begins with them.

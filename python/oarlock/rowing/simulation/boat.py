@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from oarlock.rowing.simulation.curves import PeriodicCurve
-from oarlock.rowing.simulation.grip import SIDES, Body
+from oarlock.rowing.simulation.grip import SIDES, ArmKinematics
 from oarlock.rowing.simulation.timing import DRIVE_RATIO_RANGE, StrokeTiming, warp
 from oarlock.storage.errors import DataError
 
@@ -89,7 +89,7 @@ class HullMotion:
     propulsion_n: Array
 
 
-def rower_centre_of_mass(model: Body, q: Array) -> Array:
+def rower_centre_of_mass(model: ArmKinematics, q: Array) -> Array:
     """Position (K,) of the rower's centre of mass along Z, m, up to a constant, from q (K, n_joints)."""
     poses = np.asarray(model.forward_kinematics(q), dtype=np.float64)
     frames = list(model.frame_names)
@@ -110,7 +110,7 @@ def rower_centre_of_mass(model: Body, q: Array) -> Array:
     return total
 
 
-def rower_segments(model: Body, q: Array) -> tuple[Array, Array]:
+def rower_segments(model: ArmKinematics, q: Array) -> tuple[Array, Array]:
     """Shares (n,) of the body's mass, and places (K, n, 2) along Y and Z, m, from q (K, n_joints).
 
     Point masses about the root, with the legs at the height of the hips; the feet stand still and are left out.
@@ -144,7 +144,7 @@ def propulsion(timing: StrokeTiming, boat: Boat) -> Array:
     return np.asarray(peak * _FORCE(timing.phase), dtype=np.float64)
 
 
-def hull_motion(model: Body, q: Array, timing: StrokeTiming, boat: Boat) -> HullMotion:
+def hull_motion(model: ArmKinematics, q: Array, timing: StrokeTiming, boat: Boat) -> HullMotion:
     """Surge of the hull under a rower who moves as q (K, n_joints) at ``timing.time_s``.
 
     The speed starts where the first stroke, repeated, becomes periodic.

@@ -19,7 +19,7 @@ from scipy.interpolate import make_interp_spline
 from oarlock.rowing.simulation.arms import WEIGHTS, preferred_arms
 from oarlock.rowing.simulation.boat import Boat, rower_centre_of_mass
 from oarlock.rowing.simulation.curves import Variation
-from oarlock.rowing.simulation.grip import Body, GripSolver
+from oarlock.rowing.simulation.grip import ArmKinematics, GripSolver
 from oarlock.rowing.simulation.holding import Holding
 from oarlock.rowing.simulation.motion import Piece, check_joints, held_piece, knots
 from oarlock.rowing.simulation.stroke_shape import (
@@ -82,7 +82,7 @@ class Machine:
 
 
 def ergometer_piece(
-    model: Body,
+    model: ArmKinematics,
     duration_s: float = 40.0,
     rate_spm: float | Sequence[float] = 24.0,
     *,
@@ -119,7 +119,11 @@ def ergometer_piece(
 
 
 def _body_and_handle(
-    model: Body, shape: ErgometerShape, timing: StrokeTiming, variation: float, rng: np.random.Generator
+    model: ArmKinematics,
+    shape: ErgometerShape,
+    timing: StrokeTiming,
+    variation: float,
+    rng: np.random.Generator,
 ) -> dict[str, Array]:
     """Every joint (K,) but the arms'."""
     vary = Variation(rng, timing.stroke)
@@ -141,12 +145,12 @@ def _drawn(shape: ErgometerShape, phase: Array) -> Array:
     return np.asarray((along - ends[0]) / (ends[1] - ends[0]), dtype=np.float64)
 
 
-def _chain_height_m(model: Body) -> float:
+def _chain_height_m(model: ArmKinematics) -> float:
     poses = np.asarray(model.forward_kinematics(np.zeros(len(model.joint_names))), dtype=np.float64)
     return float(poses[list(model.frame_names).index("chain_end"), 1, 3])
 
 
-def _on_slides(model: Body, piece: Piece, machine: Machine) -> Piece:
+def _on_slides(model: ArmKinematics, piece: Piece, machine: Machine) -> Piece:
     time, q = piece.motion.time_s, piece.motion.q
     share = machine.rower_kg / (machine.machine_kg + machine.rower_kg)
     base = np.zeros((time.size, 3))

@@ -38,7 +38,7 @@ _MISS_DAMPING = 1e-2
 _BLOCK = 8192
 
 
-class Body(Protocol):
+class ArmKinematics(Protocol):
     """What the inverse kinematics needs of a model with the sculler's joint and frame names."""
 
     @property
@@ -85,7 +85,7 @@ class Hands:
 class GripSolver:
     """Finds arm joints for given seat, trunk and oars."""
 
-    def __init__(self, model: Body, weights: Array) -> None:
+    def __init__(self, model: ArmKinematics, weights: Array) -> None:
         frames = list(model.frame_names)
         joints = list(model.joint_names)
         self._model = model

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from oarlock.rowing.simulation.arms import WEIGHTS, preferred_arms
 from oarlock.rowing.simulation.boat import Boat, HullMotion, hull_motion
-from oarlock.rowing.simulation.grip import ARM_JOINTS, SIDES, Body, GripSolver
+from oarlock.rowing.simulation.grip import ARM_JOINTS, SIDES, ArmKinematics, GripSolver
 from oarlock.rowing.simulation.holding import Holding
 from oarlock.rowing.simulation.stroke_shape import StrokeShape, body_and_oars
 from oarlock.rowing.simulation.timing import StrokeTiming, stroke_timing
@@ -49,7 +49,7 @@ class Piece:
 
 
 def row_piece(
-    model: Body,
+    model: ArmKinematics,
     duration_s: float = 40.0,
     rate_spm: float | Sequence[float] = 24.0,
     *,
@@ -110,7 +110,7 @@ sculling = motion_of(row_piece, "sculling", "Sculling")
 
 
 def held_piece(
-    model: Body,
+    model: ArmKinematics,
     fixed: Mapping[str, Array],
     preferred: Array,
     holding: Holding,
@@ -150,7 +150,7 @@ def knots(duration_s: float, start_s: float, knots_hz: float, variation: float) 
     return start_s + np.linspace(0.0, duration_s, max(6, int(np.ceil(duration_s * knots_hz)) + 1))
 
 
-def check_joints(model: Body, needed: Iterable[str], activity: str) -> None:
+def check_joints(model: ArmKinematics, needed: Iterable[str], activity: str) -> None:
     """Refuses a model that lacks a joint, of the arms or another, before its hands are looked for."""
     names = list(model.joint_names)
     for name in (*needed, *(f"{side}_{joint}" for side in SIDES for joint in ARM_JOINTS)):

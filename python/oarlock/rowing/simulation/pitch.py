@@ -22,7 +22,7 @@ from scipy.interpolate import make_interp_spline
 from scipy.signal import lsim
 
 from oarlock.rowing.simulation.boat import Boat, HullMotion, rower_segments
-from oarlock.rowing.simulation.grip import Body
+from oarlock.rowing.simulation.grip import ArmKinematics
 from oarlock.rowing.simulation.timing import StrokeTiming
 from oarlock.storage.errors import DataError
 
@@ -96,7 +96,7 @@ class HullPitch:
 
 
 def hull_pitch(
-    model: Body, q: Array, timing: StrokeTiming, hull: HullMotion, boat: Boat, form: HullForm
+    model: ArmKinematics, q: Array, timing: StrokeTiming, hull: HullMotion, boat: Boat, form: HullForm
 ) -> HullPitch:
     """Pitch of the hull for a rower's motion q (K, n_joints) and a given surge.
 

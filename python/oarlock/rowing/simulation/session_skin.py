@@ -13,7 +13,7 @@ from oarlock import ImuDescription
 from oarlock.rowing.field.anatomy import Anatomy
 from oarlock.rowing.field.effects import FieldEffects
 from oarlock.rowing.field.placement import placed_unit
-from oarlock.rowing.field.skin import Course, skin_of
+from oarlock.rowing.field.skin import BoneMotion, skin_of
 from oarlock.rowing.simulation.timing import StrokeTiming
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def session_skin(model: Model, effects: FieldEffects | None = None, *, seed: int
         nothing = np.zeros(len(time_s))
         timing = StrokeTiming(time_s, nothing, nothing, nothing, nothing)
         unit = placed_unit(sensor, FieldEffects.off(), (0.0, 0.0), seed)
-        course = Course(timing, posture, np.zeros((len(time_s), 3)))
+        course = BoneMotion(timing, posture, np.zeros((len(time_s), 3)))
         return np.asarray(skin_of(sensor.name, unit, anatomy, course, chosen, seed).at(time_s)[1])
 
     return turned

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.rowing.simulation.arms import WEIGHTS
-from oarlock.rowing.simulation.grip import SIDES, Body, GripSolver
+from oarlock.rowing.simulation.grip import SIDES, ArmKinematics, GripSolver
 from oarlock.rowing.simulation.stroke_shape import StrokeShape, body_and_oars
 from oarlock.rowing.simulation.timing import stroke_timing
 from oarlock.storage.errors import DataError
@@ -21,7 +21,7 @@ _LARGEST_MOVE_M = 0.15
 _ROUNDS = 12
 
 
-def adjusted_stretcher(model: Body, shape: StrokeShape | None = None) -> StrokeShape:
+def adjusted_stretcher(model: ArmKinematics, shape: StrokeShape | None = None) -> StrokeShape:
     """The stroke with its seat travel shifted until both arms have ``SPARE_REACH_M`` left in the whole stroke.
 
     Raises:
@@ -46,7 +46,7 @@ def adjusted_stretcher(model: Body, shape: StrokeShape | None = None) -> StrokeS
     )
 
 
-def _lacking_reach(model: Body, solver: GripSolver, shape: StrokeShape) -> NDArray[np.float64]:
+def _lacking_reach(model: ArmKinematics, solver: GripSolver, shape: StrokeShape) -> NDArray[np.float64]:
     """By how much (2,) each arm's spare reach falls short of the wanted one in its worst place, m."""
     rng = np.random.default_rng(0)
     time = np.linspace(0.0, _PERIOD_S, _SAMPLES)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from oarlock.rowing.simulation.arms import SCULLER, WEIGHTS, arm_curves, arms_near
 from oarlock.rowing.simulation.boat import Boat
 from oarlock.rowing.simulation.curves import Variation
-from oarlock.rowing.simulation.grip import Body, GripSolver
+from oarlock.rowing.simulation.grip import ArmKinematics, GripSolver
 from oarlock.rowing.simulation.holding import Holding
 from oarlock.rowing.simulation.motion import Piece, check_joints, held_piece, knots, motion_of
 from oarlock.rowing.simulation.pitch import HullForm
@@ -67,14 +67,14 @@ class SweepShape(StrokeShape):
     rotation_rad: tuple[float, float] = (radians(30.0), radians(-13.0))
 
 
-def on_starboard(model: Body) -> bool:
+def on_starboard(model: ArmKinematics) -> bool:
     """Whether the oar of a sweep model lies on the rower's left."""
     poses = np.asarray(model.forward_kinematics(np.zeros(len(model.joint_names))))
     return bool(poses[list(model.frame_names).index("oarlock"), 0, 3] > 0.0)
 
 
 def sweep_piece(
-    model: Body,
+    model: ArmKinematics,
     duration_s: float = 40.0,
     rate_spm: float | Sequence[float] = 24.0,
     *,

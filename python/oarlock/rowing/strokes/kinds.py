@@ -30,7 +30,7 @@ _ODD_LEAST = 0.05
 
 
 @dataclass(frozen=True)
-class Stretch:
+class StrokeInterval:
     """An interval of one kind: `rowing`, `start`, `paddling`, `turn` with strokes first to last, or a `pause`."""
 
     kind: str
@@ -41,7 +41,7 @@ class Stretch:
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
+class StrokeKinds:
     """For each stroke: its kind, whether a pause follows, and why it is excluded from averages ("" if it is not)."""
 
     kinds: tuple[str, ...]
@@ -49,7 +49,7 @@ class Told:
     left_out: tuple[str, ...]
 
 
-def told_apart(strokes: Sequence[Stroke], signals: Sequence[Signal]) -> Told:
+def told_apart(strokes: Sequence[Stroke], signals: Sequence[Signal]) -> StrokeKinds:
     """The kind of each stroke; strokes are in order of time."""
     arcs, cycles = _arcs(strokes), _cycles(strokes)
     usual_cycle = float(np.median(cycles[np.isfinite(cycles)])) if np.isfinite(cycles).any() else 3.0
@@ -65,12 +65,14 @@ def told_apart(strokes: Sequence[Stroke], signals: Sequence[Signal]) -> Told:
     usual = KINDS[signals[0].source].usual
     reference = max(usual, float(np.nanpercentile(arcs, 75))) if len(arcs) else usual
     kinds = _kinds(strokes, signals, arcs / reference, cycles, paused)
-    return Told(tuple(kinds), paused, tuple(_left_out(strokes, kinds, cycles, arcs, paused)))
+    return StrokeKinds(tuple(kinds), paused, tuple(_left_out(strokes, kinds, cycles, arcs, paused)))
 
 
-def stretches(strokes: Sequence[Stroke], told: Told, start_s: float, end_s: float) -> tuple[Stretch, ...]:
+def stretches(
+    strokes: Sequence[Stroke], told: StrokeKinds, start_s: float, end_s: float
+) -> tuple[StrokeInterval, ...]:
     """Consecutive strokes of one kind as intervals, with the pauses before, between and after them."""
-    found: list[Stretch] = []
+    found: list[StrokeInterval] = []
     at = start_s
     place = 0
     while place < len(strokes):
@@ -79,13 +81,13 @@ def stretches(strokes: Sequence[Stroke], told: Told, start_s: float, end_s: floa
             last += 1
         first_s = strokes[place].catch[0]
         if first_s - at > STILL_S:
-            found.append(Stretch("pause", at, first_s, place, 0))
+            found.append(StrokeInterval("pause", at, first_s, place, 0))
         goes_on = last + 1 < len(strokes) and not told.paused[last]
         at = strokes[last + 1].catch[0] if goes_on else _known_end(strokes[last], bool(told.paused[last]))
-        found.append(Stretch(told.kinds[place], first_s, at, place, last - place + 1))
+        found.append(StrokeInterval(told.kinds[place], first_s, at, place, last - place + 1))
         place = last + 1
     if end_s - at > (STILL_S if found else 0.0):
-        found.append(Stretch("pause", at, end_s, len(strokes), 0))
+        found.append(StrokeInterval("pause", at, end_s, len(strokes), 0))
     return tuple(found)
 
 

@@ -62,7 +62,7 @@ def fit_reversal(time_s: Floats, value: Floats, around_s: float, high: bool, rea
     centre = around_s
     fit = None
     for _ in range(_ROUNDS):
-        fit = _Fit.of(time_s, value, centre, half_s)
+        fit = _PolynomialFit.of(time_s, value, centre, half_s)
         root = None if fit is None else fit.root(high)
         if fit is None or root is None:
             return None
@@ -104,7 +104,7 @@ def _half_window(time_s: Floats, value: Floats, around_s: float, reach: float) -
 
 
 @dataclass(frozen=True)
-class _Fit:
+class _PolynomialFit:
     """A polynomial in (t - centre) / half window, with what its coefficients are uncertain by."""
 
     centre_s: float
@@ -115,7 +115,7 @@ class _Fit:
     last: float
 
     @staticmethod
-    def of(time_s: Floats, value: Floats, centre_s: float, half_s: float) -> _Fit | None:
+    def of(time_s: Floats, value: Floats, centre_s: float, half_s: float) -> _PolynomialFit | None:
         rows = np.abs(time_s - centre_s) <= half_s
         u, y = (time_s[rows] - centre_s) / half_s, value[rows]
         if len(u) <= _DEGREE + 2:
@@ -135,7 +135,7 @@ class _Fit:
         information = powers[kept].T @ powers[kept]
         covariance = np.asarray(variance * np.linalg.pinv(information), dtype=np.float64)
         coefficients = np.asarray(solution, dtype=np.float64)
-        return _Fit(centre_s, half_s, coefficients, covariance, float(u[0]), float(u[-1]))
+        return _PolynomialFit(centre_s, half_s, coefficients, covariance, float(u[0]), float(u[-1]))
 
     def slope(self, order: int, u: float) -> float:
         return float(

@@ -24,7 +24,7 @@ _SIDED = {"r_oar_phi": "r", "l_oar_phi": "l", "oar_phi": ""}
 
 
 @dataclass(frozen=True)
-class Kind:
+class SignalKind:
     """Properties of the movement of a source.
 
     Attributes:
@@ -44,12 +44,12 @@ class Kind:
     words: str
 
 
-KINDS: Mapping[str, Kind] = {
-    "oars": Kind("rad", radians(30.0), radians(60.0), "", 1.0, "the oars' horizontal angles"),
-    "handle": Kind("m", 0.40, 0.80, "", 1.0, "the handle's way along the chain"),
-    "seat": Kind("m", 0.15, 0.30, "high", -1.0, "the seat"),
-    "trunk": Kind("rad", radians(15.0), radians(30.0), "low", 1.0, "the trunk's lean"),
-    "trunk_gyro": Kind("rad", radians(15.0), radians(30.0), "low", 1.0, "the gyroscope on the back"),
+KINDS: Mapping[str, SignalKind] = {
+    "oars": SignalKind("rad", radians(30.0), radians(60.0), "", 1.0, "the oars' horizontal angles"),
+    "handle": SignalKind("m", 0.40, 0.80, "", 1.0, "the handle's way along the chain"),
+    "seat": SignalKind("m", 0.15, 0.30, "high", -1.0, "the seat"),
+    "trunk": SignalKind("rad", radians(15.0), radians(30.0), "low", 1.0, "the trunk's lean"),
+    "trunk_gyro": SignalKind("rad", radians(15.0), radians(30.0), "low", 1.0, "the gyroscope on the back"),
 }
 
 

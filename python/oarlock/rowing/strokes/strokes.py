@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.rowing.strokes.events import Stroke
-from oarlock.rowing.strokes.kinds import Stretch
+from oarlock.rowing.strokes.kinds import StrokeInterval
 from oarlock.rowing.strokes.signals import KINDS
 from oarlock.rowing.strokes.table import StrokeTable
 
@@ -39,7 +39,7 @@ class Strokes:
     kinds: tuple[str, ...]
     paused: NDArray[np.bool_]
     left_out: tuple[str, ...]
-    stretches: tuple[Stretch, ...]
+    stretches: tuple[StrokeInterval, ...]
     zero_std: float = ZERO_STD
     notes: tuple[str, ...] = ()
     epoch: str = ""

@@ -1,4 +1,4 @@
-"""`Finding`: a trend or a step at a change of rig that is beyond chance, among all comparisons of a page."""
+"""`AthleteComparison`: a trend or a step at a change of rig that is beyond chance, among all comparisons of a page."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FALSE_SHARE = 0.05
 
 
 @dataclass(frozen=True)
-class Comparison:
+class AthleteComparison:
     """One comparison of an athlete with itself, in the unit of the column.
 
     Args:
@@ -46,12 +46,12 @@ class Comparison:
         return abs(self.change) / max(0.5 * (self.high - self.low), 1e-300)
 
 
-def trend_comparison(metric: str, row: Mapping[str, Any]) -> Comparison | None:
+def trend_comparison(metric: str, row: Mapping[str, Any]) -> AthleteComparison | None:
     """A row of the question `changes`; None if there are too few months."""
     if row["se"] is None or not row["se"] > 0.0 or row["months"] < MONTHS_FOR_CHANGE or not row["per_month"]:
         return None
     span = row["change"] / row["per_month"]
-    return Comparison(
+    return AthleteComparison(
         row["athlete"],
         metric,
         "trend",
@@ -64,12 +64,12 @@ def trend_comparison(metric: str, row: Mapping[str, Any]) -> Comparison | None:
     )
 
 
-def rig_comparison(metric: str, row: Mapping[str, Any]) -> Comparison | None:
+def rig_comparison(metric: str, row: Mapping[str, Any]) -> AthleteComparison | None:
     """A row of the question `rig`."""
     if row["low"] is None or row["se"] is None or not row["se"] > 0.0:
         return None
     fewer = min(row["n_before"], row["n_after"])
-    return Comparison(
+    return AthleteComparison(
         row["athlete"],
         metric,
         "rig",
@@ -82,7 +82,9 @@ def rig_comparison(metric: str, row: Mapping[str, Any]) -> Comparison | None:
     )
 
 
-def beyond_chance(comparisons: Sequence[Comparison], false_share: float = FALSE_SHARE) -> list[Comparison]:
+def beyond_chance(
+    comparisons: Sequence[AthleteComparison], false_share: float = FALSE_SHARE
+) -> list[AthleteComparison]:
     """Those that stay after a correction for the number of comparisons, largest against their band first.
 
     The procedure of Benjamini and Hochberg (1995) limits the expected share of false ones among those listed.

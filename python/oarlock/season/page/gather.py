@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from oarlock.season.page.findings import Comparison, beyond_chance, rig_comparison, trend_comparison
+from oarlock.season.page.findings import AthleteComparison, beyond_chance, rig_comparison, trend_comparison
 from oarlock.season.questions.database import Database
 from oarlock.season.store import not_in_season
 from oarlock.storage.errors import DataError
@@ -25,7 +25,7 @@ Row = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
-class Gathered:
+class SeasonPageData:
     """What a page shows; SI and radians.
 
     Args:
@@ -47,15 +47,15 @@ class Gathered:
     classes: Sequence[Row]
     comparable: str | None
     trends: Mapping[tuple[str, str], Sequence[Row]]
-    compared: Sequence[Comparison]
-    changes: Sequence[Comparison]
+    compared: Sequence[AthleteComparison]
+    changes: Sequence[AthleteComparison]
     health: Sequence[Row]
     failed: Sequence[Row]
 
 
 def gathered(
     database: Database, metrics: Sequence[str] | None = None, comparable: str | None = None
-) -> Gathered:
+) -> SeasonPageData:
     """Ask for everything.
 
     Args:
@@ -77,14 +77,14 @@ def gathered(
     shown = _class(classes, comparable)
     columns = _columns(database, metrics) if shown else []
     trends: dict[tuple[str, str], list[Row]] = {}
-    compared: list[Comparison] = []
+    compared: list[AthleteComparison] = []
     for column in columns:
         for row in _rows(database, "trend", column, shown):
             trends.setdefault((row["athlete"], column), []).append(row)
         found = [trend_comparison(column, row) for row in _rows(database, "changes", column, shown)]
         found += [rig_comparison(column, row) for row in _rows(database, "rig", column, shown)]
         compared += [one for one in found if one is not None]
-    return Gathered(
+    return SeasonPageData(
         athletes=sorted({row["athlete"] for row in recordings}),
         metrics=columns,
         recordings=recordings,

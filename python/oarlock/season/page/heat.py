@@ -10,13 +10,13 @@ from html import escape
 from oarlock.report.markup import BAR_SWATCH, Column, legend, table
 from oarlock.report.sortable import value_cell
 from oarlock.report.text import plural
-from oarlock.season.page.gather import Gathered, Row
+from oarlock.season.page.gather import Row, SeasonPageData
 
 MOST = 4
 """Sessions a week with the darkest colour."""
 
 
-def heat_map(found: Gathered) -> str:
+def heat_map(found: SeasonPageData) -> str:
     """The table; a week with a failed recording has a mark at its foot."""
     weeks = _weeks(found.recordings)
     if not weeks:

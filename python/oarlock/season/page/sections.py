@@ -11,15 +11,15 @@ from oarlock.report.markup import Column, grid, table
 from oarlock.report.sortable import value_cell
 from oarlock.report.text import DASH, fixed, number, plural
 from oarlock.season.page.charts import trend_chart
-from oarlock.season.page.findings import Comparison
-from oarlock.season.page.gather import Gathered, Row
+from oarlock.season.page.findings import AthleteComparison
+from oarlock.season.page.gather import Row, SeasonPageData
 from oarlock.season.questions.shown import shown_metric
 
 OPEN_ROWS, DRAWN = 12, 3
 """Changes in the open list, and those that are drawn; the others are folded."""
 
 
-def changes_section(found: Gathered) -> str:
+def changes_section(found: SeasonPageData) -> str:
     """Changes beyond chance, largest against their band first."""
     if not found.changes:
         return f"<p>No change is beyond chance among {plural(len(found.compared), 'comparison')}.</p>"
@@ -37,7 +37,7 @@ def changes_section(found: Gathered) -> str:
     return content + grid(drawn)
 
 
-def trends_section(found: Gathered) -> str:
+def trends_section(found: SeasonPageData) -> str:
     """Trends of all metrics; of several athletes each is folded."""
     changes = {name: sum(one.athlete == name for one in found.changes) for name in found.athletes}
     parts = ['<p class="hint">Means of months with 95 % bands; n is the number of sessions.</p>']
@@ -55,7 +55,7 @@ def trends_section(found: Gathered) -> str:
     return "".join(parts)
 
 
-def health_section(found: Gathered) -> str:
+def health_section(found: SeasonPageData) -> str:
     """Numbers about the sensors: mean over all recordings, and the worst recording."""
     if not found.health:
         return "<p>The results contain no numbers about the sensors.</p>"
@@ -68,7 +68,7 @@ def health_section(found: Gathered) -> str:
     return table("sensors", caption, heads, rows)
 
 
-def failed_section(found: Gathered) -> str:
+def failed_section(found: SeasonPageData) -> str:
     """Recordings without a result, by reason."""
     if not found.failed:
         return "<p>No recording failed.</p>"
@@ -83,7 +83,7 @@ def failed_section(found: Gathered) -> str:
     return "".join(parts)
 
 
-def _explained(found: Gathered) -> str:
+def _explained(found: SeasonPageData) -> str:
     return (
         '<p class="hint">Each athlete is compared with itself: months over the season, and 60 days after a change of '
         f"rig with 60 days before. {plural(len(found.compared), 'comparison')} were made, so some would be beyond "
@@ -92,12 +92,12 @@ def _explained(found: Gathered) -> str:
     )
 
 
-def _counted(found: Gathered) -> str:
+def _counted(found: SeasonPageData) -> str:
     count = len(found.changes)
     return plural(count, "change") if count <= OPEN_ROWS else f"The largest {OPEN_ROWS} of {count} changes."
 
 
-def _changes_table(key: str, changes: Sequence[Comparison], caption: str) -> str:
+def _changes_table(key: str, changes: Sequence[AthleteComparison], caption: str) -> str:
     heads = (
         Column("Athlete"),
         Column("Metric"),
@@ -110,7 +110,7 @@ def _changes_table(key: str, changes: Sequence[Comparison], caption: str) -> str
     return table(key, caption, heads, [_change_row(one) for one in changes], style="sortable changes")
 
 
-def _change_row(one: Comparison) -> list[str]:
+def _change_row(one: AthleteComparison) -> list[str]:
     shown = shown_metric(one.metric)
     change, low, high = (shown.scale * value for value in (one.change, one.low, one.high))
     places = _places(high - low)
@@ -125,9 +125,9 @@ def _change_row(one: Comparison) -> list[str]:
     ]
 
 
-def _drawn(found: Gathered) -> list[Comparison]:
+def _drawn(found: SeasonPageData) -> list[AthleteComparison]:
     """The largest changes, of each athlete and metric once."""
-    unique: dict[tuple[str, str], Comparison] = {}
+    unique: dict[tuple[str, str], AthleteComparison] = {}
     for one in found.changes:
         unique.setdefault((one.athlete, one.metric), one)
     return list(unique.values())[:DRAWN]

@@ -14,7 +14,7 @@ from oarlock.report.page import shell
 from oarlock.report.section import KeyFigure, tiles
 from oarlock.report.sortable import sort_script
 from oarlock.report.text import plural
-from oarlock.season.page.gather import Gathered, gathered
+from oarlock.season.page.gather import SeasonPageData, gathered
 from oarlock.season.page.heat import duration, heat_map
 from oarlock.season.page.sections import changes_section, failed_section, health_section, trends_section
 from oarlock.season.questions.database import Database
@@ -56,7 +56,7 @@ def write_season_page(
     return target
 
 
-def season_page(name: str, found: Gathered, selection: Selection) -> str:
+def season_page(name: str, found: SeasonPageData, selection: Selection) -> str:
     """The page as text."""
     sections = [
         ("changes", "What changed", changes_section(found)),
@@ -73,12 +73,12 @@ def season_page(name: str, found: Gathered, selection: Selection) -> str:
     return shell(heading, lead, sections, style=style, scripts=(sort_script(),), folded=folded)
 
 
-def _lead(found: Gathered) -> str:
+def _lead(found: SeasonPageData) -> str:
     """Who rowed how much, what changed, whether it can be believed; a paragraph each."""
     return "".join(f"<p>{escape(text)}</p>" for text in (_rowed(found), _changed(found), _believed(found)))
 
 
-def _rowed(found: Gathered) -> str:
+def _rowed(found: SeasonPageData) -> str:
     count = Counter(row["athlete"] for row in found.recordings)
     days = [row["day"] for row in found.recordings if row["day"]]
     when = f" from {_day(min(days))} to {_day(max(days))}" if days else ""
@@ -96,7 +96,7 @@ def _rowed(found: Gathered) -> str:
     return f"{plural(len(count), 'athlete')} rowed {plural(len(found.recordings), 'session')}{when}. {each}"
 
 
-def _changed(found: Gathered) -> str:
+def _changed(found: SeasonPageData) -> str:
     if not found.compared:
         return "A change cannot be stated yet: that needs 4 months with results of one athlete."
     if not found.changes:
@@ -111,7 +111,7 @@ def _changed(found: Gathered) -> str:
     )
 
 
-def _believed(found: Gathered) -> str:
+def _believed(found: SeasonPageData) -> str:
     failed, all_ = len(found.failed), len(found.recordings)
     texts = [
         f"{failed} of {plural(all_, 'recording')} failed ({100 * failed / all_:.1f} %)."
@@ -136,7 +136,7 @@ def _believed(found: Gathered) -> str:
     return " ".join(texts)
 
 
-def _figures(found: Gathered) -> list[KeyFigure]:
+def _figures(found: SeasonPageData) -> list[KeyFigure]:
     strokes = sum(row["strokes"] for row in found.recordings)
     time_s = sum(row["duration_s"] or 0.0 for row in found.recordings)
     chart = len(found.metrics)
@@ -152,7 +152,7 @@ def _figures(found: Gathered) -> list[KeyFigure]:
     ]
 
 
-def _basis(found: Gathered) -> list[str]:
+def _basis(found: SeasonPageData) -> list[str]:
     return [
         "A stroke counts by its measured uncertainty, a session by its own and by how much sessions differ. Means are "
         "brought to the athlete's usual stroke rate.",

@@ -43,14 +43,14 @@ class Tools:
 
 
 @dataclass(frozen=True)
-class Found:
+class StrokesAndHealth:
     """Strokes of a recording, None where it has none, and numbers about its sensors by name."""
 
     strokes: StrokeTable | None
     health: dict[str, float]
 
 
-Compute = Callable[[Entry, Tools], Found]
+Compute = Callable[[Entry, Tools], StrokesAndHealth]
 
 
 def run_job(job: Job, compute: Compute | None = None) -> Reply:
@@ -81,7 +81,7 @@ def run_job(job: Job, compute: Compute | None = None) -> Reply:
     return Reply(record.status, record.fault, computed_s) if is_new else Reply("there", "", computed_s)
 
 
-def computed(entry: Entry, tools: Tools) -> Found:
+def computed(entry: Entry, tools: Tools) -> StrokesAndHealth:
     """Strokes of a recording or an export.
 
     Raises:
@@ -94,18 +94,18 @@ def computed(entry: Entry, tools: Tools) -> Found:
             fetch(tools.season, entry, folder)
             if entry.kind == "export":
                 found = load_export(folder / next(iter(entry.files)))
-                return Found(found if isinstance(found, StrokeTable) else None, {})
+                return StrokesAndHealth(found if isinstance(found, StrokeTable) else None, {})
             return tracked(folder, tools)
         except (DataError, DivergedError) as error:
             raise DataError(_named(error, str(folder), recording_folder(entry.recording))) from error
 
 
-def tracked(folder: Path, tools: Tools) -> Found:
+def tracked(folder: Path, tools: Tools) -> StrokesAndHealth:
     """Strokes of a recording's folder, from a smoothed track. Curves are left out: they are 9 of 10 bytes."""
     assert tools.model is not None
     found = smooth(track(tools.model, load_recording(folder), tools.calibration, tools.config))
     table = technique(found, calibration=tools.calibration).strokes
-    return Found(replace(table, curves={}), sensor_health(found))
+    return StrokesAndHealth(replace(table, curves={}), sensor_health(found))
 
 
 def sensor_health(found: Track) -> dict[str, float]:

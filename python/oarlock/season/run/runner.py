@@ -17,7 +17,7 @@ Share = Callable[[float], None]
 
 
 @dataclass
-class Outcome:
+class RunCounts:
     """What became of the jobs: how many were computed, or stored by others meanwhile, and why the others failed."""
 
     computed: int = 0
@@ -34,7 +34,7 @@ def run_season(
     plan: Plan,
     told: Share = lambda share: None,
     look_again: Callable[[], Plan] | None = None,
-) -> Outcome:
+) -> RunCounts:
     """Compute what is missing, and what is added meanwhile; the log goes into `logs/`.
 
     Args:
@@ -47,7 +47,7 @@ def run_season(
     Raises:
         DataError: as `run_jobs`.
     """
-    log, outcome, asked = RunLog(season), Outcome(), set[str]()
+    log, outcome, asked = RunLog(season), RunCounts(), set[str]()
     outcome.log = log.name
     log.say("begun", versions=dict(versions()), jobs=len(plan.jobs))
     try:
@@ -66,7 +66,7 @@ def run_season(
 
 
 def run_jobs(
-    season: Season, jobs: Sequence[Job], executor: Executor, log: RunLog, outcome: Outcome, told: Share
+    season: Season, jobs: Sequence[Job], executor: Executor, log: RunLog, outcome: RunCounts, told: Share
 ) -> None:
     """Do the jobs. What fails becomes a stored record with its reason.
 
@@ -106,7 +106,7 @@ def _ended(executor: Executor, jobs: Iterable[Job]) -> Iterable[Ended]:
     return executor.as_completed()
 
 
-def _count(season: Season, ended: Ended, outcome: Outcome) -> None:
+def _count(season: Season, ended: Ended, outcome: RunCounts) -> None:
     reply, job = ended.reply, ended.job
     if isinstance(reply, Loss):
         outcome.failed[job.recording] = _stored(season, job, reply)

@@ -27,9 +27,9 @@ def make_setup(model: Model, calibration: Calibration | None = None, config: Con
     Raises:
         DataError: the model is no rower's, or has other parameters than its file.
     """
-    from oarlock.rowing.analysis.rower_places import Rower
+    from oarlock.rowing.analysis.rower_places import RowerFrames
 
-    Rower(model)
+    RowerFrames(model)
     if dict(Model.from_toml(model.text, "model.toml", {}).parameters) != dict(model.parameters):
         raise DataError("setup: the model has lengths other than its file; give them in a calibration")
     text = "" if calibration is None else calibration_text(replace(calibration, noted={}))

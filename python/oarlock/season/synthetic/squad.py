@@ -16,7 +16,7 @@ REFERENCE_RATE = 20.0
 
 
 @dataclass(frozen=True)
-class Base:
+class Spread:
     """How a number of a stroke varies; all in its own unit.
 
     Args:
@@ -36,16 +36,16 @@ class Base:
     measured: float
 
 
-BASES: Mapping[str, Base] = MappingProxyType(
+BASES: Mapping[str, Spread] = MappingProxyType(
     {
-        "catch_angle_rad": Base(-62.0 * _DEG, 3.0 * _DEG, 0.25 * _DEG, 0.8 * _DEG, 1.2 * _DEG, 0.6 * _DEG),
-        "finish_angle_rad": Base(41.0 * _DEG, 2.0 * _DEG, -0.05 * _DEG, 0.6 * _DEG, 0.9 * _DEG, 0.6 * _DEG),
-        "seat_travel_m": Base(0.55, 0.03, -0.001, 0.006, 0.010, 0.004),
-        "legs_share": Base(0.45, 0.03, -0.001, 0.008, 0.02, 0.01),
-        "catch_lean_rad": Base(-26.0 * _DEG, 3.0 * _DEG, 0.1 * _DEG, 1.0 * _DEG, 1.5 * _DEG, 1.2 * _DEG),
-        "finish_lean_rad": Base(27.0 * _DEG, 3.0 * _DEG, -0.1 * _DEG, 1.0 * _DEG, 1.5 * _DEG, 1.2 * _DEG),
-        "catch_factor_s": Base(-0.012, 0.008, 0.0005, 0.003, 0.008, 0.003),
-        "handle_peak_speed_m_s": Base(1.9, 0.1, 0.03, 0.04, 0.05, 0.02),
+        "catch_angle_rad": Spread(-62.0 * _DEG, 3.0 * _DEG, 0.25 * _DEG, 0.8 * _DEG, 1.2 * _DEG, 0.6 * _DEG),
+        "finish_angle_rad": Spread(41.0 * _DEG, 2.0 * _DEG, -0.05 * _DEG, 0.6 * _DEG, 0.9 * _DEG, 0.6 * _DEG),
+        "seat_travel_m": Spread(0.55, 0.03, -0.001, 0.006, 0.010, 0.004),
+        "legs_share": Spread(0.45, 0.03, -0.001, 0.008, 0.02, 0.01),
+        "catch_lean_rad": Spread(-26.0 * _DEG, 3.0 * _DEG, 0.1 * _DEG, 1.0 * _DEG, 1.5 * _DEG, 1.2 * _DEG),
+        "finish_lean_rad": Spread(27.0 * _DEG, 3.0 * _DEG, -0.1 * _DEG, 1.0 * _DEG, 1.5 * _DEG, 1.2 * _DEG),
+        "catch_factor_s": Spread(-0.012, 0.008, 0.0005, 0.003, 0.008, 0.003),
+        "handle_peak_speed_m_s": Spread(1.9, 0.1, 0.03, 0.04, 0.05, 0.02),
     }
 )
 """Numbers that are drawn; others follow from them."""
