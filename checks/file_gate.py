@@ -51,7 +51,7 @@ ALLOWED: dict[str, tuple[int, str]] = {
     "storage/folder_writer.py": (1, WRITES),
     "storage/parquet_table.py": (2, "a file that the gate has opened"),
     "storage/plain_csv.py": (1, "a file that the gate has opened"),
-    "storage/write_file.py": (4, WRITES),
+    "storage/write_file.py": (3, WRITES),
 }
 
 

@@ -487,6 +487,16 @@ def test_links_inside_a_folder_lead_nowhere(tmp_path: Path) -> None:
     assert list((tmp_path / "mine").iterdir()) == []
 
 
+def test_new_files_do_not_follow_a_link_that_was_prepared(tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "rec/.oarlock").mkdir(parents=True)
+    (tmp_path / "rec/.oarlock/new").symlink_to(tmp_path / "mine")
+    with replaced_folder(tmp_path / "rec", "recording") as stage:
+        recording(1.0).save(stage)
+        assert not list((tmp_path / "mine").iterdir())
+    assert value_of(tmp_path / "rec") == 1.0
+
+
 def test_a_folder_that_was_prepared_moves_nothing_out_of_itself(tmp_path: Path) -> None:
     recording(1.0).save(tmp_path / "rec")
     (tmp_path / "mine.txt").write_text("mine")

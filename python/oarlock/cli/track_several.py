@@ -56,6 +56,7 @@ def folders_for(recordings: Sequence[Path], out: Path, force: bool) -> dict[Path
         taken[name] = recording
     for name in taken:
         check_folder(out / name, (TRACK,), force)
+        check_writable(out / name)
     return {path: out / name for name, path in taken.items()}
 
 
@@ -78,8 +79,6 @@ def track_several(
     documents: dict[str, object] = {}
     notes: dict[str, Sequence[str]] = {}
     failed: list[str] = []
-    for out in folders.values():
-        check_writable(out)
     with progress("tracking") as told:
         for path, result, suspects in _results(
             body, load, list(folders), wearing, config, smooth, threads, look, told

@@ -183,8 +183,8 @@ def replaced_folder(
                 ending.callback(_remove_if_empty, place)
             ending.enter_context(_lock(place))
             _finish(place)
-            shutil.rmtree(new, ignore_errors=True)
-            ending.callback(shutil.rmtree, new, ignore_errors=True)
+            _remove(new)
+            ending.callback(_remove, new)
             (new / _TREE).mkdir(parents=True)
             yield new / _TREE
             _commit(place, kind, force, adds)
@@ -281,7 +281,7 @@ def _finish(folder: Path) -> None:
         os.rename(commit, folder.joinpath(*STAGED))
     except OSError as error:
         raise _unmoved(folder, error) from error
-    shutil.rmtree(folder.joinpath(*STAGED), ignore_errors=True)
+    _remove(folder.joinpath(*STAGED))
 
 
 @contextmanager
@@ -290,8 +290,8 @@ def _lock(folder: Path) -> Iterator[None]:
     work, file = folder / WORK, folder / WORK / "lock"
     while True:
         folder.mkdir(parents=True, exist_ok=True)
-        with suppress(FileNotFoundError, FileExistsError):  # another writer is just removing or making it
-            if not os.path.lexists(work):
+        with suppress(FileNotFoundError):  # the writer before us is just removing it
+            with suppress(FileExistsError):
                 work.mkdir()
             if not stat.S_ISDIR(os.lstat(work).st_mode):
                 raise DataError(f"{work}: is a link or a file; remove it, then run the command again")
@@ -310,13 +310,17 @@ def _lock(folder: Path) -> Iterator[None]:
     try:
         yield
     finally:
-        if OPEN_FILES_STAY:  # there a file that the next writer has opened stays, too
-            os.close(number)
-        with suppress(OSError):  # files on their way may be in the folder
-            file.unlink()
-            work.rmdir()
-        if not OPEN_FILES_STAY:
-            os.close(number)
+        _unlock(file, number)
+
+
+def _unlock(file: Path, number: int) -> None:
+    if OPEN_FILES_STAY:  # there a file that the next writer has opened stays, too
+        os.close(number)
+    with suppress(OSError):  # files on their way may be in the folder
+        file.unlink()
+        file.parent.rmdir()
+    if not OPEN_FILES_STAY:
+        os.close(number)
 
 
 def _is_locked(number: int) -> bool:
@@ -357,6 +361,12 @@ def _place(folder: Path, name: str) -> Path:
         if place.is_symlink() or (place.exists() and not place.is_dir()):
             raise DataError(f"{place}: is a link or a file where a folder is needed; remove it")
     return folder / name
+
+
+def _remove(folder: Path) -> None:
+    if folder.is_symlink():
+        folder.unlink()
+    shutil.rmtree(folder, ignore_errors=True)
 
 
 def _remove_if_empty(folder: Path) -> None:
