@@ -48,10 +48,10 @@ ALLOWED: dict[str, tuple[int, str]] = {
     "season/questions/database.py": (1, "a database in memory"),
     "season/run/child.py": (1, WRITES),
     "season/run/child_main.py": (1, "the pipe to the parent"),
-    "storage/folder_lock.py": (1, WRITES),
+    "storage/folder_writer.py": (1, WRITES),
     "storage/parquet_table.py": (2, "a file that the gate has opened"),
     "storage/plain_csv.py": (1, "a file that the gate has opened"),
-    "storage/write_file.py": (4, WRITES),
+    "storage/write_file.py": (3, WRITES),
 }
 
 

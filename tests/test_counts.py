@@ -21,7 +21,7 @@ from oarlock.recording.packets import missing_share, quantity_rates
 from oarlock.recording.plausibility import plausibility
 from oarlock.rowing import simulate_field
 from oarlock.rowing.simulation.experiment import simulate_sculling
-from oarlock.storage.manifest import MANIFEST
+from oarlock.storage.folder_writer import MANIFEST
 
 RATE_HZ = 125.0
 DURATION_S = 5.0

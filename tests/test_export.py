@@ -15,7 +15,7 @@ from command_line import run
 from oarlock.formats.export.export import FORMATS, files_of
 from oarlock.formats.export.plain_names import PlainNames, plain_name
 from oarlock.rowing import sculling
-from oarlock.storage.manifest import MANIFEST
+from oarlock.storage.folder_writer import MANIFEST
 from refusals import assert_refused
 
 SIZES = {name: set(files) for name, files in files_of().items()}

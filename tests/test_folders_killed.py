@@ -112,7 +112,7 @@ NAMES = ("track", "simulate", "import", "report", "export", "study")
 def is_whole(out: Path) -> bool:
     """Whether every file that the manifest lists is there and as it was written, and no other table is."""
     manifest = read_manifest(out)
-    if manifest is None:
+    if not manifest.kinds:
         return True
     there = {
         f.relative_to(out).as_posix() for f in out.rglob("*") if f.is_file() and ".oarlock" not in f.parts

@@ -29,7 +29,7 @@ from oarlock.formats.devices.sto import find_sto, read_sto
 from oarlock.formats.listing import listed
 from oarlock.model.shipped_files import model_path
 from oarlock.rowing import SIMULATORS
-from oarlock.storage.manifest import MANIFEST
+from oarlock.storage.folder_writer import MANIFEST
 from test_io_folder import example
 from test_markers_io import NEXUS, QUALISYS, c3d_file
 

@@ -155,7 +155,7 @@ def test_right_and_left_share_a_panel_and_the_look_says_which_come_first():
 
 
 def test_own_curves(pendulum):
-    speed = Curve("speed", "speed", "m/s", np.arange(len(pendulum), dtype=float))
+    speed = Curve("speed", "speed", "m/s", np.arange(len(pendulum.time_s), dtype=float))
     assert [panel["key"] for panel in scene(pendulum, curves=[speed])["panels"]] == ["speed"]
     assert scene(pendulum, curves=[])["panels"] == []
     with pytest.raises(DataError, match=r'curve "speed": 3 values; the track has'):

@@ -138,7 +138,7 @@ def report(
     from oarlock import load_track
     from oarlock.recording.session_info import session_info, session_text
     from oarlock.rowing.report.called import Folder
-    from oarlock.storage.added_files import added_files
+    from oarlock.storage.folder_writer import added_files
 
     if offset is not None and beside is None:
         raise UsageError("--offset needs --with FILE: it is the offset of that export's clock")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from oarlock.cli.tables import write_contradiction
 from oarlock.cli.terminal import heading, say, tell_fault
 from oarlock.cli.track_folder import TRACK
-from oarlock.storage.added_files import added_files
+from oarlock.storage.folder_writer import added_files
 
 if TYPE_CHECKING:
     from oarlock import Calibration, Config, Model, Recording, Suspect

@@ -287,12 +287,12 @@ def free_file(file: Path, force: bool) -> None:
         UsageError: something else is there, and `force` is not set; or it is a folder or a device.
         DataError: its folder cannot be written or made.
     """
-    from oarlock.storage.added_files import check_free
     from oarlock.storage.errors import DataError
+    from oarlock.storage.folder_writer import read_manifest
     from oarlock.storage.write_file import check_writable
 
     try:
-        check_free(file, force)
+        read_manifest(file.parent).check_free(file.name, force)
     except DataError as error:
         raise UsageError(str(error)) from None
     check_writable(file.parent)
@@ -328,15 +328,15 @@ def check_folder(folder: Path, kinds: Sequence[str], force: bool, beside: str = 
     Raises:
         UsageError: it is not so, and `force` is not set; or it is a file.
     """
-    from oarlock.storage.folder_lock import WORK
     from oarlock.storage.folder_writer import read_manifest
+    from oarlock.storage.write_file import WORK
 
     if os.path.lexists(folder) and not folder.is_dir():
         raise UsageError(f"{folder} is a file; --out names a folder")
     if force or not folder.is_dir():
         return
     manifest = read_manifest(folder)
-    if manifest is None or not set(manifest.kinds) <= set(kinds):
+    if not manifest.kinds or not set(manifest.kinds) <= set(kinds):
         if any(entry.name not in (WORK, beside) for entry in folder.iterdir()):
             raise UsageError(
                 f"{folder} exists and contains other files\nChoose another folder, or add --force."

@@ -60,6 +60,8 @@ def write_folder(
         result.save(place)
         try:
             write_any_report(result, place / "report.html", evaluation, truth)
+        except OSError:  # a full disk is no fault of the report; the folder stays as it was
+            raise
         except Exception as error:
             tell_fault("the track is written, and has no report", error)
         if csv:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
@@ -26,7 +25,9 @@ from oarlock.cli.terminal import (
     table,
 )
 from oarlock.cli.track_folder import RECORDING_FILE, TRACK, document, write_folder
-from oarlock.storage.folder_writer import FolderWriter
+from oarlock.storage.errors import DataError
+from oarlock.storage.folder_writer import replaced_folder
+from oarlock.storage.write_file import check_writable
 
 if TYPE_CHECKING:
     from oarlock import Calibration, Config, Model, Recording, Suspect, Track
@@ -55,6 +56,7 @@ def folders_for(recordings: Sequence[Path], out: Path, force: bool) -> dict[Path
         taken[name] = recording
     for name in taken:
         check_folder(out / name, (TRACK,), force)
+        check_writable(out / name)
     return {path: out / name for name, path in taken.items()}
 
 
@@ -77,21 +79,22 @@ def track_several(
     documents: dict[str, object] = {}
     notes: dict[str, Sequence[str]] = {}
     failed: list[str] = []
-    with progress("tracking") as told, ExitStack() as ended:
-        writers = {path: FolderWriter(out, TRACK, force) for path, out in folders.items()}
-        for writer in writers.values():
-            ended.callback(writer.abandon)
+    with progress("tracking") as told:
         for path, result, suspects in _results(
             body, load, list(folders), wearing, config, smooth, threads, look, told
         ):
             out = folders[path]
+            if not isinstance(result, Exception):
+                result = result.with_notes(*(suspect.note for suspect in suspects))
+                try:
+                    with replaced_folder(out, TRACK, force) as stage:
+                        write_folder(result, stage, csv)
+                except DataError as error:
+                    result = error
             if isinstance(result, Exception):
                 failed.append(str(result))
                 documents[out.name] = {"error": str(result)}
                 continue
-            result = result.with_notes(*(suspect.note for suspect in suspects))
-            write_folder(result, writers[path].stage, csv)
-            writers[path].commit()
             documents[out.name] = document(result, out, suspects)
             notes[out.name] = result.notes
             rows.append(_row(out, result))

@@ -91,7 +91,7 @@ def view(
     from oarlock import load_track
     from oarlock.report.text import fixed
     from oarlock.report.viewer import page
-    from oarlock.storage.added_files import added_files
+    from oarlock.storage.folder_writer import added_files
     from oarlock.storage.write_file import write_file
 
     _check_video_options(video, offset_s, drift_ppm, camera)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from oarlock.live.intake import Spare
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
-from oarlock.storage.folder_writer import check_files, read_manifest, replaced_folder
+from oarlock.storage.folder_writer import read_manifest, replaced_folder
 from oarlock.storage.names import file_names
 from oarlock.storage.parquet_table import columns_of, read_table, texts_of
 from oarlock.storage.paths import place_of
@@ -91,7 +91,7 @@ def channels(folder: str | PathLike[str]) -> dict[str, Channel]:
         )
     manifest = read_manifest(place)
     files = sorted(place.glob("*.parquet"))
-    check_files(manifest, [file.name for file in files])
+    manifest.check([file.name for file in files])
     found = [_read(file) for file in files]
     return {channel.name: channel for channel in sorted(found, key=lambda channel: channel.name)}
 

@@ -22,7 +22,7 @@ from oarlock.recording.streams import (
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.delimited import ColumnLayout, Dialect, numbers
 from oarlock.storage.errors import DataError
-from oarlock.storage.folder_writer import check_files, read_manifest, replaced_folder
+from oarlock.storage.folder_writer import read_manifest, replaced_folder
 from oarlock.storage.names import file_names
 from oarlock.storage.parquet_table import arrow_numbers, numbers_of, read_table
 from oarlock.storage.paths import place_of
@@ -99,7 +99,7 @@ def read_folder(path: str | PathLike[str]) -> tuple[list[Stream], Mapping[str, o
     top = _read_index(index)
     tables = top.tables("stream")
     streams = [_read_stream(table, index.parent) for table in tables]
-    check_files(manifest, [index.name, *(table.string("file") for table in tables)])
+    manifest.check([index.name, *(table.string("file") for table in tables)])
     # pyarrow keeps its buffers for the next file; for an hour of data they are a third of the recording's size.
     pa.default_memory_pool().release_unused()
     meta = top.table("meta", default={}).values

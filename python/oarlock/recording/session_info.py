@@ -12,7 +12,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from oarlock.storage.errors import DataError
-from oarlock.storage.manifest import SESSION_FILE
+from oarlock.storage.folder_writer import SESSION_FILE
 from oarlock.storage.names import check_name, check_text
 from oarlock.storage.toml import TomlTable, write_toml
 

@@ -36,7 +36,11 @@ def open_regular(file: Path) -> io.BufferedReader:
             f"{file}: cannot be read ({getattr(error, 'strerror', None) or error})"
         ) from error
     try:
-        _require_regular(file, os.fstat(number).st_mode)
+        mode = os.fstat(number).st_mode
+        if not stat.S_ISREG(mode):
+            kinds = {stat.S_IFDIR: "a folder", stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket"}
+            kind = kinds.get(stat.S_IFMT(mode), "a device")
+            raise DataError(f"{file}: is {kind}, not a regular file. Copy its contents into a file first.")
         return os.fdopen(number, "rb")
     except BaseException:
         os.close(number)
@@ -112,13 +116,3 @@ def shown_bytes(count: float) -> str:
         if count >= size:
             return f"{count / size:,.1f} {unit}"
     return f"{count:.0f} bytes"
-
-
-def _require_regular(file: Path, mode: int) -> None:
-    if not stat.S_ISREG(mode):
-        raise DataError(f"{file}: is {_kind(mode)}, not a regular file. Copy its contents into a file first.")
-
-
-def _kind(mode: int) -> str:
-    kinds = {stat.S_ISDIR: "a folder", stat.S_ISFIFO: "a pipe", stat.S_ISSOCK: "a socket"}
-    return next((name for test, name in kinds.items() if test(mode)), "a device")

@@ -7,14 +7,22 @@ import os
 import secrets
 import stat
 from contextlib import suppress
+from itertools import pairwise
 from pathlib import Path
 
 from oarlock.storage.errors import DataError
-from oarlock.storage.folder_lock import is_staged
 from oarlock.storage.names import check_text
 
 TEMPORARY = ".oarlock-"
+WORK = ".oarlock"
+"""Folder inside a folder that is being written: its lock, its new files, its files on their way."""
+STAGED = (WORK, "new")
 _ELSEWHERE = " Choose a folder that you may write into."
+
+
+def is_staged(folder: Path) -> bool:
+    """Whether the folder lies among the new files of a folder, which are synced together before they are moved."""
+    return STAGED in pairwise(folder.absolute().parts)
 
 
 def write_file(file: Path, contents: str | bytes) -> None:
@@ -37,7 +45,10 @@ def write_file(file: Path, contents: str | bytes) -> None:
     temporary = file.with_name(f"{TEMPORARY}{secrets.token_hex(8)}")
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        _write_new(temporary, contents)
+        with temporary.open("xb") as stream:
+            stream.write(contents)
+            stream.flush()
+            sync(stream.fileno())
         os.replace(temporary, file)
         sync_folder(file.parent)
     except BaseException as error:
@@ -90,6 +101,12 @@ def sync(number: int) -> None:
         os.fsync(number)
 
 
+def sync_file(file: Path) -> None:
+    """Make the contents of a file last through a loss of power."""
+    with file.open("rb+") as stream:
+        sync(stream.fileno())
+
+
 def sync_folder(folder: Path) -> None:
     """Make the names in a folder last through a loss of power, where the system can do it."""
     if os.name == "nt":
@@ -104,12 +121,6 @@ def sync_folder(folder: Path) -> None:
         os.close(number)
 
 
-def sync_file(file: Path) -> None:
-    """Make the contents of a file last through a loss of power."""
-    with file.open("rb+") as stream:
-        sync(stream.fileno())
-
-
 def unwritable(place: Path, error: OSError) -> DataError:
     """The error of a file or folder that the system does not let us write; it says what can be done."""
     advice = {
@@ -121,11 +132,3 @@ def unwritable(place: Path, error: OSError) -> DataError:
         errno.EPERM: _ELSEWHERE,
     }.get(error.errno or 0, "")
     return DataError(f"{place}: cannot be written ({error.strerror or error}).{advice}")
-
-
-def _write_new(file: Path, contents: bytes) -> None:
-    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
-    with os.fdopen(os.open(file, flags, 0o666), "wb") as stream:
-        stream.write(contents)
-        stream.flush()
-        sync(stream.fileno())

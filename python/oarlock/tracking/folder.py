@@ -15,7 +15,7 @@ from pyarrow import parquet
 from oarlock._core import Model
 from oarlock.recording.session_info import SESSION_KEY, read_session, without_session, write_session
 from oarlock.storage.errors import DataError
-from oarlock.storage.folder_writer import check_files, read_manifest, replaced_folder
+from oarlock.storage.folder_writer import read_manifest, replaced_folder
 from oarlock.storage.parquet_table import arrow_numbers, arrow_words, columns_of, numbers_of, read_table
 from oarlock.storage.paths import place_of
 from oarlock.storage.regular_file import read_text
@@ -101,7 +101,7 @@ def read_track(folder: str | PathLike[str]) -> dict[str, Any]:
         "smoothed": bool(top["smoothed"]),
         "counts": _counts(place / "run.toml", top["streams"]),
     }
-    check_files(manifest, [name for name in _FILES if (place / name).is_file()])
+    manifest.check([name for name in _FILES if (place / name).is_file()])
     return found
 
 
