@@ -99,7 +99,7 @@ golden: $(VENV)/.package $(VENV)/.dev ## compare outputs of everything with thos
 golden-write: $(VENV)/.package $(VENV)/.dev ## replace the committed outputs after a change that is meant
 	$(BIN)/python -m golden --renew
 
-lint: $(VENV)/.dev ## checks of the project's text, ruff, mypy, clippy and rustfmt, changing nothing
+lint: $(VENV)/.package $(VENV)/.dev ## checks of the project's text, ruff, mypy, clippy and rustfmt, changing nothing
 	$(BIN)/python -m checks
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
