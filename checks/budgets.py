@@ -81,8 +81,8 @@ def sizes() -> dict[str, dict[str, int]]:
 
 def findings() -> list[str]:
     """Rooms beyond their budgets, budgets that have to be lowered, rooms without one."""
-    budgets, lines = tomllib.loads(text_of(TABLE)), []
-    for room, size in sizes().items():
+    budgets, measured, lines = tomllib.loads(text_of(TABLE)), sizes(), []
+    for room, size in measured.items():
         if room not in budgets:
             lines.append(f"{room}: has no budget; add it to {name_of(TABLE)}, with a line that says what for")
         for key, value in size.items():
@@ -93,7 +93,7 @@ def findings() -> list[str]:
                 )
             elif value < (1.0 - SLACK) * budget - 2:
                 lines.append(f"{room}: {value} {key}, budget {budget}; lower it: python -m checks.budgets")
-    return lines + [f"{room}: has a budget and no file" for room in budgets if room not in sizes()]
+    return lines + [f"{room}: has a budget and no file" for room in budgets if room not in measured]
 
 
 def long_files() -> list[str]:

@@ -155,6 +155,9 @@ def test_recordings_of_arrays_and_tables(trial):
     ):
         with pytest.raises(DataError, match=words):
             oarlock.Recording.from_arrays({"back": fields})
+    frame = pytest.importorskip("pandas").DataFrame({"time_s": time_s, "gyro_": time_s, 7: time_s})
+    with pytest.raises(DataError, match="no sensor has the fields 7, gyro_"):
+        oarlock.Recording.from_pandas({"back": frame})
 
 
 def test_rooms_are_at_hand_after_the_import():

@@ -22,7 +22,7 @@ MOST_STREAMS = 2000
 """Streams of one recording; a few bytes of a damaged file announce any number of channels."""
 
 
-_OF_UNITS = {"gyro_rad_s", "accel_m_s2", "mag_ut"}
+_OF_UNITS = ("gyro_rad_s", "accel_m_s2", "mag_ut")
 
 
 class _Stream:
@@ -136,7 +136,7 @@ class ImuStream(_Stream):
     mag_ut: FloatArray | None = None
 
     def __post_init__(self) -> None:
-        present = [f for f in ("gyro_rad_s", "accel_m_s2", "mag_ut") if getattr(self, f) is not None]
+        present = [f for f in _OF_UNITS if getattr(self, f) is not None]
         self._admit(3, present)
         if not present:
             raise DataError(
@@ -292,13 +292,13 @@ def stream_of(name: str, fields: Mapping[str, Any]) -> Stream:
     if "time_s" not in fields:
         raise DataError(f'stream "{name}": has no time_s; give its time stamps in s')
     names = set(fields) - {"time_s"}
-    if names and names <= _OF_UNITS:
+    if names and names <= set(_OF_UNITS):
         return ImuStream(name, **fields)
     if names == {"quat_wxyz"}:
         return OrientationStream(name, **fields)
     if "value" in names and names <= {"value", "unit"}:
         return VectorStream(name, **fields) if np.ndim(fields["value"]) == 2 else ScalarStream(name, **fields)
-    unknown = sorted(names - _OF_UNITS - {"quat_wxyz", "value", "unit"})
+    unknown = sorted(names - {*_OF_UNITS, "quat_wxyz", "value", "unit"})
     advice = (
         did_you_mean(unknown[0], [*_OF_UNITS, "quat_wxyz", "value"])
         if unknown
@@ -314,11 +314,11 @@ def fields_of_columns(columns: Mapping[str, Any]) -> dict[str, Any]:
     fields: dict[str, Any] = {}
     by_axis: dict[str, dict[str, Any]] = {}
     for column, values in columns.items():
-        name, _, axis = column.rpartition("_")
-        if name and axis in "wxyz":
+        name, _, axis = str(column).rpartition("_")
+        if name and axis in tuple("wxyz"):
             by_axis.setdefault(name, {})[axis] = values
         else:
-            fields[column] = values
+            fields[str(column)] = values
     return fields | {
         name: np.column_stack([values[axis] for axis in "wxyz" if axis in values])
         for name, values in by_axis.items()

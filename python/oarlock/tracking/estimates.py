@@ -267,8 +267,6 @@ class Estimates(Mapping[str, Joint]):
         if not rows.any():
             whole = f"{self.time_s[0]:.3f} to {self.time_s[-1]:.3f} s" if len(self.time_s) else "no row"
             raise DataError(f"track: no row is between {first} and {last} s; the track has {whole}")
-        part = object.__new__(type(self))
-        part.__dict__.update(self.__dict__)
         changes: dict[str, Any] = {name: getattr(self, name)[rows] for name in _ARRAYS}
         changes["slow"] = MappingProxyType(
             {name: SlowSeries(s.value[rows], s.std[rows], s.unit) for name, s in self.slow.items()}
@@ -276,9 +274,13 @@ class Estimates(Mapping[str, Joint]):
         changes["info"] = None if self.info is None else self.info.of_rows(rows)
         changes["beliefs"] = None if self.beliefs is None else self.beliefs.between(first, last)
         changes |= {"run": None, "counts": ()} | ({} if rows[-1] else {"last_belief": None})
-        for name, value in changes.items():
-            part.__dict__[name] = _keep(value)
-        return part
+        return self._changed(changes)
+
+    def _changed(self, fields: Mapping[str, Any]) -> Self:
+        """The same with other values of these fields; those that are not computed yet stay so."""
+        other = object.__new__(type(self))
+        other.__dict__.update(self.__dict__ | {name: _keep(value) for name, value in fields.items()})
+        return other
 
 
 def _keep(value: Any) -> Any:

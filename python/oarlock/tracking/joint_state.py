@@ -82,11 +82,7 @@ def joint_state(belief: _Belief, name: str) -> JointState:
     if name not in names:
         raise KeyError(f"no joint '{name}'. {did_you_mean(name, names)}")
     columns = {n: k for k, n in enumerate(belief.state_names)}
-    own = [
-        k
-        for n, k in columns.items()
-        if n == name or (n.startswith(f"{name}.") and n.removeprefix(f"{name}.") in AXES)
-    ]
+    own = [k for coordinate, k in columns.items() if _joint_of(coordinate) == name]
     rates = [columns[f"{belief.state_names[k]}.velocity"] for k in own]
     value, velocity = belief.mean[own], belief.mean[rates]
     std, velocity_std = (np.sqrt(np.diagonal(belief.covariance)[k]) for k in (own, rates))

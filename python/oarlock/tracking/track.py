@@ -49,10 +49,7 @@ class Track(Estimates):
 
     def with_notes(self, *sentences: str) -> Track:
         """The same track with these sentences in front of its notes."""
-        other = object.__new__(Track)
-        other.__dict__.update(self.__dict__)
-        other.__dict__["notes"] = tuple(dict.fromkeys((*sentences, *self.notes)))
-        return other
+        return self._changed({"notes": tuple(dict.fromkeys((*sentences, *self.notes)))})
 
     def __repr__(self) -> str:
         kind = "smoothed" if self.smoothed else "filtered" if self.info else "simulated"
