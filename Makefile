@@ -25,7 +25,7 @@ help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 demo: $(VENV)/.package ## build, then track a simulated sculler and a real pendulum
-	$(BIN)/oarlock demo --out out/demo
+	$(BIN)/oarlock demo --out out/demo --force
 
 # Seeded, so that a change alone can make it fail; `make test-all` and `make fuzz` draw anew.
 test: export PROPTEST_RNG_SEED := 1

@@ -435,12 +435,12 @@ def pages(folder: Path) -> Outputs:
     run_command("track", piece, "--model", "sculler", "--out", track, "--no-suspects")
     yield from outputs_of_file("track/report.html", track / "report.html")
     yield from outputs_of("track/sensors", pq.read_table(track / "sensors.parquet"))
-    run_command("report", track, "--truth", truth, "--to", folder / "rowing.html")
-    run_command("report", track, "--summary", "--to", folder / "summary.html")
-    run_command("view", track, "--to", folder / "view.html", "--no-open")
+    run_command("report", track, "--truth", truth, "--out", folder / "rowing.html")
+    run_command("report", track, "--summary", "--out", folder / "summary.html")
+    run_command("view", track, "--out", folder / "view.html", "--no-open")
     for name in ("rowing", "summary", "view"):
         yield from outputs_of_file(f"{name}.html", folder / f"{name}.html")
-    yield from outputs_of("strokes", json.loads(run_command("strokes", track, "--json")))
+    yield from outputs_of("strokes", json.loads(run_command("rowing", "strokes", track, "--json")))
     yield from outputs_of("evaluate", json.loads(run_command("evaluate", track, truth, "--json")))
 
 
@@ -448,7 +448,7 @@ def pages(folder: Path) -> Outputs:
 def other_pages(folder: Path) -> Outputs:
     """Numbers of pages of movements, sessions, devices, comparisons, crews and refusals."""
     legs_track().save(folder / "walk")
-    run_command("report", folder / "walk", "--to", folder / "movement.html")
+    run_command("report", folder / "walk", "--out", folder / "movement.html")
     session().recording.save(folder / "session")
     run_command("calibrate", "session", folder / "session", "--model", "arm7", "--out", folder / "worn.toml")
     for name in ("rp3", "speedcoach_empower"):
@@ -517,7 +517,7 @@ def commands(folder: Path) -> Outputs:
     yield "model_show_arm", printed_numbers(run_command("model", "show", "arm"))
     yield "markers_show", printed_numbers(run_command("markers", "show", MARKERS / "reach.trc", "--json"))
     for file in sorted(STROKES.glob("*.csv")):
-        yield f"strokes/{file.name}", printed_numbers(run_command("strokes", file))
+        yield f"strokes/{file.name}", printed_numbers(run_command("rowing", "strokes", file))
     for condition in ("S-NB", "B-B"):
         words = ("--duration-s", 6, "--condition", condition, "--seed", 3, "--out", folder / condition)
         run_command("simulate", *words)

@@ -1,4 +1,4 @@
-"""Recordings of a crew with planted delays, for tests of `oarlock crew`. Uses nothing of the analysis."""
+"""Recordings of a crew with planted delays, for tests of `oarlock rowing crew`. Uses nothing of the analysis."""
 
 import numpy as np
 

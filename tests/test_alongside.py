@@ -370,21 +370,21 @@ def test_the_page_begins_with_who_and_what():
 def test_the_verb_writes_a_page_and_compares(tmp_path):
     page = tmp_path / "piece.html"
     file = str(EXAMPLES / "speedcoach_empower.csv")
-    run("strokes", file, "--report", str(page), "--last", file)
+    run("rowing", "strokes", file, "--report", str(page), "--last", file)
     assert "last time" in page.read_text("utf-8")
-    assert "exists" in run("strokes", file, "--report", str(page), status=2).output
+    assert "exists" in run("rowing", "strokes", file, "--report", str(page), status=2).output
 
 
 def test_the_page_names_who_rowed_as_given_or_as_session_toml_says(tmp_path):
     file = tmp_path / "rp3.csv"
     file.write_bytes((EXAMPLES / "rp3.csv").read_bytes())
     (tmp_path / "session.toml").write_text('athlete = "B12"\nplace = "Lake"\n', encoding="utf-8")
-    run("strokes", str(file), "--report", str(tmp_path / "a.html"))
-    run("strokes", str(file), "--report", str(tmp_path / "b.html"), "--athlete", "A07", "--boat", "1x")
+    run("rowing", "strokes", str(file), "--report", str(tmp_path / "a.html"))
+    run("rowing", "strokes", str(file), "--report", str(tmp_path / "b.html"), "--athlete", "A07", "--boat", "1x")
     texts = [Page((tmp_path / name).read_text("utf-8")).text for name in ("a.html", "b.html")]
     assert "B12: " in texts[0] and "Lake" in texts[0]
     assert "A07: " in texts[1] and "boat 1x" in texts[1] and "Lake" in texts[1]
-    assert "--athlete needs --report" in run("strokes", str(file), "--athlete", "A07", status=2).output
+    assert "--athlete needs --report" in run("rowing", "strokes", str(file), "--athlete", "A07", status=2).output
     assert "Athlete, date and place not in the file." in strokes_page(load_export(file))
 
 
@@ -401,7 +401,7 @@ def test_the_report_of_a_track_shows_force_beside_the_motion(tmp_path):
         str(export),
         "--offset",
         "-200",
-        "--to",
+        "--out",
         str(tmp_path / "piece.html"),
     )
     page = Page((tmp_path / "piece.html").read_text("utf-8"))
@@ -414,9 +414,9 @@ def test_the_report_of_a_track_shows_force_beside_the_motion(tmp_path):
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["strokes", str(EXAMPLES / "rp3.csv"), "--last", "other.csv"], "--last needs --report"),
-        (["strokes", str(EXAMPLES), "--report", "piece.html"], "is a folder"),
-        (["report", str(EXAMPLES), "--offset", "3"], "--offset needs --with"),
+        (["rowing", "strokes", str(EXAMPLES / "rp3.csv"), "--last", "other.csv"], "--last needs --report"),
+        (["rowing", "strokes", str(EXAMPLES), "--report", "piece.html"], "is a folder"),
+        (["report", str(EXAMPLES), "--offset-s", "3"], "--offset-s needs --with"),
     ],
 )
 def test_the_verbs_say_what_is_missing(words, says):
@@ -425,4 +425,4 @@ def test_the_verbs_say_what_is_missing(words, says):
 
 def test_the_verb_reads_a_seat_of_a_crew(tmp_path):
     file = made.peach(tmp_path / "p.txt", catches("steady", 12, 4), seats=(1, 2))
-    assert "seat 2" in run("strokes", str(file), "--seat", "2").output
+    assert "seat 2" in run("rowing", "strokes", str(file), "--seat", "2").output

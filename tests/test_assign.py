@@ -1,4 +1,4 @@
-"""`oarlock assign` and its questions: which unit sits where, from movements in a known order, by hand, by a file."""
+"""`oarlock calibrate units` and its questions: which unit sits where, from movements in a known order, by hand, by a file."""
 
 import json
 from dataclasses import replace
@@ -143,7 +143,7 @@ def test_units_at_one_place_have_no_order():
 def test_units_of_any_name_get_their_sensors(legs, tmp_path):
     _, recording, units = legs
     recording.save(tmp_path / "rec")
-    command = ("assign", tmp_path / "rec", "--body", "lower_body")
+    command = ("assign", tmp_path / "rec", "--model", "lower_body")
     out = ("--order", "right_leg,left_leg", "--out", tmp_path / "units.toml")
     said = run(*command, *out, "--write", tmp_path / "named").output
     assert "right_leg" in said and "100 %" in said and " cm" in said and "oarlock track" in said
@@ -151,7 +151,7 @@ def test_units_of_any_name_get_their_sensors(legs, tmp_path):
     run(*command, *out, status=2)  # the file exists
     told = json.loads(run(*command, *out, "--force", "--json").stdout)
     assert told["units"] == units and told["movements"][1]["name"] == "left_leg"
-    by_file = ("--units-file", tmp_path / "units.toml", "--write", tmp_path / "by_file")
+    by_file = ("--units", tmp_path / "units.toml", "--write", tmp_path / "by_file")
     run(*command, *by_file)
     again, first = (oarlock.load_recording(tmp_path / name) for name in ("by_file", "named"))
     np.testing.assert_array_equal(again["foot_l"].gyro_rad_s, first["foot_l"].gyro_rad_s)
@@ -165,7 +165,7 @@ def test_a_terminal_leads_through_it(legs, tmp_path, monkeypatch):
     monkeypatch.setattr("oarlock.cli.session_options.asks_questions", lambda no, json_output: True)
 
     def typed(answers, out):
-        words = ["assign", tmp_path / "rec", "--body", "lower_body", "--out", tmp_path / out]
+        words = ["assign", tmp_path / "rec", "--model", "lower_body", "--out", tmp_path / out]
         done = CliRunner().invoke(app, [str(w) for w in words], input=answers, prog_name="oarlock")
         assert done.exit_code == 0, done.output
         return done.output

@@ -372,9 +372,9 @@ def test_the_command_line_chooses_a_person_and_units():
         "model",
         "show",
         "full_body",
-        "--stature",
+        "--stature-m",
         "1.92",
-        "--mass",
+        "--mass-kg",
         "95",
         "--units",
         "thigh_l,shank_l",
@@ -395,12 +395,12 @@ def test_the_command_line_tracks_with_fewer_units(tmp_path):
         str(tmp_path / "rec"),
         "--model",
         "lower_body",
-        "--stature",
+        "--stature-m",
         "1.75",
         "--units",
         "thigh_r,shank_r",
     ]
-    run(*asked, "--low-pass", "6", "--no-suspects", "--out", tmp_path / "out")
+    run(*asked, "--low-pass-hz", "6", "--no-suspects", "--out", tmp_path / "out")
     tracked = oarlock.load_track(tmp_path / "out")
     assert tracked.coordinate_names[-3:] == ("knee_flexion_r", "knee_adduction_r", "knee_rotation_r")
     assert len(tracked.coordinate_names) == 9

@@ -219,7 +219,7 @@ def off_after_constant_turns_deg(ours, theirs):
 def test_an_arm_in_one_command_against_the_vendor(tmp_path):
     """No line of a model file, no mounts, no magnetometers, 15 s at 40 Hz."""
     folder = local_folder("data/opensimrt_upper_limb_ngimu")
-    run("run", folder, "--body", "arm", "--stature", 1.78, "--mass", 75, "--out", tmp_path / "arm")
+    run("run", folder, "--model", "arm", "--stature-m", 1.78, "--mass-kg", 75, "--out", tmp_path / "arm")
     track = oarlock.load_track(tmp_path / "arm/track")
     time_s, vendor, ups = ngimu_table(folder)
     np.testing.assert_allclose(track.time_s - track.time_s[0], time_s - time_s[0], atol=1e-3)

@@ -189,7 +189,7 @@ def test_lines_are_named(monkeypatch, tmp_path):
 
 
 REASON = "Nobody measured with it, so it went."
-VERBS = {"verbs": {"track", "run"}, "options": {"track --model", "run --body"}, "settings": {"gate"}}
+VERBS = {"verbs": {"track", "run"}, "options": {"track --model", "run --model"}, "settings": {"gate"}}
 
 
 def inventory_lines(verbs: dict[str, object], options: dict[str, object]) -> list[str]:
@@ -199,9 +199,9 @@ def inventory_lines(verbs: dict[str, object], options: dict[str, object]) -> lis
 
 
 def test_an_inventory_that_is_true_has_no_findings():
-    options = {"track": ["--model"], "run": {"new": ["--body"]}, "run --set": {"now": "settings: gate"}}
+    options = {"track": ["--model"], "run": {"new": ["--model"]}, "run --set": {"now": "settings: gate"}}
     assert inventory_lines({"track": "same", "run": "new", "smooth": {"gone": REASON}}, options) == []
-    options = {"estimate": ["--model"], "run": ["--body"], "smooth": ["--all"]}
+    options = {"estimate": ["--model"], "run": ["--model"], "smooth": ["--all"]}
     assert (
         inventory_lines({"estimate": {"now": "track"}, "run": "same", "smooth": {"gone": REASON}}, options)
         == []
@@ -211,7 +211,7 @@ def test_an_inventory_that_is_true_has_no_findings():
 def test_entries_of_the_inventory_that_are_missing_are_found():
     options = {
         "track": ["--model", "--smooth"],
-        "run": ["--body"],
+        "run": ["--model"],
         "run --set": {"now": "settings: consider"},
     }
     found = inventory_lines({"track": "same", "run": "same", "smooth": "same"}, options)
@@ -225,7 +225,7 @@ def test_entries_of_the_inventory_that_are_missing_are_found():
 @pytest.mark.parametrize("reason", ["", " ", "obsolete", "no longer used by anybody"])
 def test_a_reason_that_is_no_sentence_is_found(reason):
     verbs = {"track": "same", "run": "same", "smooth": {"gone": reason}}
-    found = inventory_lines(verbs, {"track": ["--model"], "run": ["--body"]})
+    found = inventory_lines(verbs, {"track": ["--model"], "run": ["--model"]})
     assert len(found) == 1 and '"smooth" is gone without a reason' in found[0]
 
 
@@ -235,7 +235,7 @@ def test_what_is_said_to_be_gone_what_has_no_line_and_no_answer_are_found():
     assert len(found) == 4
     assert "said to be gone and is there" in found[0] and '"smooth" has no answer' in found[1]
     assert found[2].startswith('verbs: "run" has no line') and found[3].startswith(
-        'options: "run --body" has'
+        'options: "run --model" has'
     )
 
 

@@ -185,7 +185,7 @@ def test_evaluate_prints_a_table_and_json(trial):
 
 def test_report_is_written_where_it_is_asked_for(trial, tmp_path):
     file = tmp_path / "a.html"
-    run("report", trial / "out", "--truth", trial / "trial", "--to", file)
+    run("report", trial / "out", "--truth", trial / "trial", "--out", file)
     assert "<html" in file.read_text(encoding="utf-8")
 
 

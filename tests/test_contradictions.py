@@ -77,7 +77,7 @@ def test_the_page_begins_with_the_contradiction_and_its_angles_are_no_headline(a
 
 def test_the_terminal_begins_with_the_contradiction(exchanged_axes, tmp_path: Path):
     exchanged_axes.save(tmp_path / "recording")
-    words = ["track", tmp_path / "recording", "--model", "arm", "--units", UNITS, "--no-suspects"]
+    words = ["track", tmp_path / "recording", "--model", "arm", "--sensors", UNITS, "--no-suspects"]
     printed = run(*words, "--out", tmp_path / "out").stdout
     assert printed.startswith("Do not rely on it: joints contradict the readings of")
     assert "forearm_r" in printed[: printed.index("Tracked")]

@@ -183,14 +183,14 @@ def test_the_verb_writes_the_page_and_json(four, tmp_path, monkeypatch):
     folders = [tmp_path / name for name in NAMES]
     given = ("--seats", "bow,2,3,stroke", "--clock-ms", 0, "--source", "oars", "--against", "stroke")
     out = tmp_path / "boat.html"
-    found = json.loads(run("crew", *folders, *given, "--out", out, "--json").stdout)
+    found = json.loads(run("rowing", "crew", *folders, *given, "--out", out, "--json").stdout)
     late = {(one["seat"], one["event"]): one["mean_s"] for one in found["delays"]}
     assert late["bow", "catch"] == pytest.approx(0.040, abs=0.005)
-    assert "exists" in run("crew", *folders, *given, "--out", out, status=2).stderr
+    assert "exists" in run("rowing", "crew", *folders, *given, "--out", out, status=2).stderr
     behind = [word for folder in folders for word in ("--recording", folder)]
-    told = run("crew", *folders, *given, *behind, "--out", out, "--force").stdout
+    told = run("rowing", "crew", *folders, *given, *behind, "--out", out, "--force").stdout
     assert "What stands out" in told
     assert (
         "give one a seat"
-        in run("crew", *folders, "--recording", folders[0], "--out", tmp_path / "x.html", status=2).stderr
+        in run("rowing", "crew", *folders, "--recording", folders[0], "--out", tmp_path / "x.html", status=2).stderr
     )

@@ -22,7 +22,7 @@ from oarlock import (
     track,
 )
 from oarlock.formats.csv import read_csv
-from oarlock.report import write_report
+from oarlock.report import write_page
 from oarlock.report.viewer.scene import scene
 from oarlock.storage.epoch import apart_s, epoch_text, moment_of, moment_text
 from refusals import assert_refused
@@ -272,7 +272,7 @@ def test_tracks_with_epochs_are_compared_as_moments(pair, tmp_path):
     moved = evaluate(dated, by_another_clock, 0.2)
     assert moved.samples == same.samples
     assert [score.rmse for score in moved.joints] == pytest.approx([0.0] * 3, abs=1e-12)
-    write_report(dated, tmp_path / "report.html", truth=by_another_clock)
+    write_page(dated, tmp_path / "report.html", truth=by_another_clock)
     for epoch in (None, "2023-11-14T22:11:39.750000000"):
         with pytest.raises(DataError, match="do not overlap"):
             evaluate(dated, later(dated, 100.25, epoch), 0.2)

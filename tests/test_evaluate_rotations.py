@@ -13,7 +13,7 @@ from oarlock.evaluation.evaluate import evaluate
 from oarlock.evaluation.frames import evaluate_frame_orientations
 from oarlock.evaluation.reference import Reference
 from oarlock.model.rotation import quat_from_rotvec, quat_inverse, quat_product, rotvec_from_quat
-from oarlock.report import write_report
+from oarlock.report import write_page
 from test_report import Page
 
 EXACT = 1e-9
@@ -320,7 +320,7 @@ def test_what_cannot_be_compared_is_explained(truth, asked, said):
 
 
 def test_a_report_draws_named_angles_and_says_where_they_are_singular(tmp_path, track, truth):
-    read = Page(write_report(track, tmp_path, truth=truth).read_text(encoding="utf-8"))
+    read = Page(write_page(track, tmp_path, truth=truth).read_text(encoding="utf-8"))
     assert read.errors == []
     drawn = read.all("figure")
     assert len(drawn) == 3 + 3 + 1 + 1 + 3 + 1
@@ -335,13 +335,13 @@ def test_a_report_draws_named_angles_and_says_where_they_are_singular(tmp_path, 
 def test_a_report_of_a_ball_alone_and_without_truth(tmp_path):
     truth = true_track(BallBody({"shoulder": "ball"}), 5.0)
     for track, options in ((noisy(truth, 0.02), {}), (noisy(truth, 0.02), {"truth": truth}), (truth, {})):
-        read = Page(write_report(track, tmp_path, **options).read_text(encoding="utf-8"))
+        read = Page(write_page(track, tmp_path, **options).read_text(encoding="utf-8"))
         assert read.errors == []
         assert "shoulder YXY x" in read.text
 
 
 def test_a_report_of_a_body_that_only_slides(tmp_path):
     truth = true_track(BallBody({"rail": "slide"}), 5.0)
-    read = Page(write_report(noisy(truth, 0.02), tmp_path, truth=truth).read_text(encoding="utf-8"))
+    read = Page(write_page(noisy(truth, 0.02), tmp_path, truth=truth).read_text(encoding="utf-8"))
     assert read.errors == []
     assert "No observed hinge or rotation" in read.text

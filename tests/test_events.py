@@ -24,7 +24,7 @@ from exact_recording import (
     sculler,
     silenced,
 )
-from oarlock.report import write_report
+from oarlock.report import write_page
 
 # With nothing wrong the excerpt has 0.03 deg (strapdown links, on skin: 0.29 deg; 1.0 with a forearm's gyroscope
 # stuck). Two seconds on four of five units and the loops may cost some times that; a filter that believed the fault
@@ -196,7 +196,7 @@ def test_a_fault_is_told_on_disk_and_on_paper(tmp_path: Path) -> None:
     assert np.array_equal(loaded.info.fault, track.info.fault)
     with pytest.raises(oarlock.DataError, match=r"no fault 'stack'.*stuck"):
         track.info.faulty("stack")
-    page = write_report(track, tmp_path / "report.html").read_text(encoding="utf-8").replace("\xa0", " ")
+    page = write_page(track, tmp_path / "report.html").read_text(encoding="utf-8").replace("\xa0", " ")
     assert "stuck 1" in page
 
 

@@ -261,7 +261,7 @@ def saved(track: oarlock.Track, tmp_path_factory: pytest.TempPathFactory) -> Pat
 
 
 def test_typed(saved: Path, tmp_path: Path) -> None:
-    done = run("export", saved, "--to", tmp_path / "x", "--format", "mot,osim", "-f", "csv", "--json")
+    done = run("export", saved, "--out", tmp_path / "x", "--format", "mot,osim", "-f", "csv", "--json")
     document = json.loads(done.stdout)
     assert list(document["files"]) == [
         "coordinates.mot",
@@ -271,19 +271,19 @@ def test_typed(saved: Path, tmp_path: Path) -> None:
         "frames.csv",
     ]
     assert document["body_names"]["r_wrist"] == "r_wrist"
-    again = run("export", saved, "--to", tmp_path / "x", "--radians", "--axes", "root")
+    again = run("export", saved, "--out", tmp_path / "x", "--radians", "--axes", "root")
     assert "Wrote" in again.stdout
     assert "inDegrees=no" in (tmp_path / "x/coordinates.mot").read_text(encoding="ascii")
 
 
 def test_typed_wrongly(saved: Path, tmp_path: Path) -> None:
     for flags in (("--format", "xlsx"), ("--format", "none"), ("--axes", "z-up"), ("--missing", "fill")):
-        refused = run("export", saved, "--to", tmp_path / "x", *flags, status=2)
+        refused = run("export", saved, "--out", tmp_path / "x", *flags, status=2)
         assert flags[0] in refused.stderr
     (tmp_path / "full").mkdir()
     (tmp_path / "full/file").write_text("", encoding="utf-8")
-    run("export", saved, "--to", tmp_path / "full", status=2)
-    run("export", tmp_path / "nothing", "--to", tmp_path / "x", status=1)
+    run("export", saved, "--out", tmp_path / "full", status=2)
+    run("export", tmp_path / "nothing", "--out", tmp_path / "x", status=1)
 
 
 def test_help_says_what_every_file_holds() -> None:

@@ -156,7 +156,7 @@ def test_definitions_fit_an_oarlock_on_one_oar():
 
 def test_what_the_file_does_not_say_is_asked_for(tmp_path):
     page = tmp_path / "a.html"
-    run("strokes", str(EXAMPLE), "--report", str(page), "--athlete", "A07")
+    run("rowing", "strokes", str(EXAMPLE), "--report", str(page), "--athlete", "A07")
     text = Page(page.read_text("utf-8")).text
     assert "Date and place not in the file." in text and "--date DATE" in text
     run(
@@ -174,7 +174,7 @@ def test_what_the_file_does_not_say_is_asked_for(tmp_path):
     )
     text = Page(page.read_text("utf-8")).text
     assert "A07, 3 May 2026: 17 strokes" in text and "not in the file" not in text
-    assert "--date needs --report" in run("strokes", str(EXAMPLE), "--date", "2026-05-03", status=2).output
+    assert "--date needs --report" in run("rowing", "strokes", str(EXAMPLE), "--date", "2026-05-03", status=2).output
 
 
 def test_trust_is_one_short_sentence_and_the_rest_is_below():

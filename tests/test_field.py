@@ -9,7 +9,7 @@ import oarlock
 from oarlock import Config, ImuStream, Motion, Recording
 from oarlock.evaluation.consistency import sensor_scores
 from oarlock.evaluation.interval import Interval
-from oarlock.report import write_report
+from oarlock.report import write_page
 from oarlock.storage.errors import DataError
 from oarlock.tracking.records import DISTURBED, FIELD
 
@@ -83,7 +83,7 @@ def test_a_disturbance_is_named_everywhere_and_does_no_harm(kind: str, tmp_path:
     assert note.startswith(f"head: magnetic field disturbed in 25.0 % of the readings ({kind} 25.0 %)")
     (score,) = (s for s in sensor_scores(track, Interval(-np.inf, np.inf)) if s.name == "head")
     assert score.count is not None and score.count.disturbed == {kind: pytest.approx(within.mean())}
-    page = write_report(track, tmp_path / "report.html").read_text(encoding="utf-8").replace("\xa0", " ")
+    page = write_page(track, tmp_path / "report.html").read_text(encoding="utf-8").replace("\xa0", " ")
     assert f"<td>{kind} 25.0 %</td>" in page
     track.save(tmp_path / "track")
     loaded = oarlock.load_track(tmp_path / "track")

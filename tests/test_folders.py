@@ -449,11 +449,11 @@ def test_pages_replace_nothing_unasked(tracked: Path, tmp_path: Path, verb: tupl
     link.symlink_to(thesis)
     dangling.symlink_to(tmp_path / "later.html")
     for page in (thesis, link, dangling):
-        status, said = run(*verb, tracked, "--to", page)
+        status, said = run(*verb, tracked, "--out", page)
         assert status == 2 and f"{page.name} exists" in " ".join(said.split()), said
-    assert run(*verb, tracked, "--to", link, "--force")[0] == 0
+    assert run(*verb, tracked, "--out", link, "--force")[0] == 0
     assert thesis.read_text() == "mine" and not link.is_symlink() and not (tmp_path / "later.html").exists()
-    assert run(*verb, tracked, "--to", "/dev/null", "--force")[0] == 2
+    assert run(*verb, tracked, "--out", "/dev/null", "--force")[0] == 2
     assert not Path("/dev/null").is_file()
 
 
@@ -471,7 +471,7 @@ def test_strokes_beside_a_page_replace_nothing(tmp_path: Path) -> None:
     assert run("simulate", "--out", tmp_path / "trial", "--duration-s", 8)[0] == 0
     (tmp_path / "pages").mkdir()
     (tmp_path / "pages/strokes.csv").write_text("mine")
-    status, said = run("report", tmp_path / "trial/truth", "--to", tmp_path / "pages/report.html")
+    status, said = run("report", tmp_path / "trial/truth", "--out", tmp_path / "pages/report.html")
     assert status == 1 and "strokes.csv exists" in " ".join(said.split()), said
     assert (tmp_path / "pages/strokes.csv").read_text() == "mine"
     assert not (tmp_path / "pages/report.html").exists()

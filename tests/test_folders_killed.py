@@ -20,7 +20,7 @@ import pytest
 
 import oarlock
 from headless_chromium import chromium, quiet_tabs
-from oarlock.report import write_report
+from oarlock.report import write_page
 from oarlock.report.viewer import page, scene
 from oarlock.storage.folder_writer import read_manifest
 
@@ -99,9 +99,9 @@ def verbs(world: Path, out: Path) -> dict[str, Verb]:
             lambda n: ["import", "csv", world / f"{n}-csv/map.toml", "--out", out, "--force"],
         ),
         "report": both(
-            "report.html", lambda n: ["report", world / f"{n}-track", "--to", out / "report.html", "--force"]
+            "report.html", lambda n: ["report", world / f"{n}-track", "--out", out / "report.html", "--force"]
         ),
-        "export": both("coordinates.csv", lambda n: ["export", world / f"{n}-track", "--to", out]),
+        "export": both("coordinates.csv", lambda n: ["export", world / f"{n}-track", "--out", out]),
         "study": both("runs.csv", lambda n: ["study", world / f"{n}.toml", "--jobs", 1, "--out", out]),
     }
 
@@ -234,8 +234,8 @@ def hostile_pages(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     ]
     noted = oarlock.Recording([*measured, *named], {"athlete": HOSTILE[0], "rig": {HOSTILE[2]: HOSTILE[3]}})
     track = oarlock.track(model, noted.only(model.sensor_names)).with_notes(*HOSTILE)
-    write_report(track, folder / "report.html", truth=truth, title=HOSTILE[0])
-    write_report(track, folder / "long.html", title=HOSTILE[-1])
+    write_page(track, folder / "report.html", truth=truth, title=HOSTILE[0])
+    write_page(track, folder / "long.html", title=HOSTILE[-1])
     (folder / "view.html").write_text(page(scene(track, title=HOSTILE[1]), HOSTILE[1]), encoding="utf-8")
     return sorted(folder.iterdir())
 

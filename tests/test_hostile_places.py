@@ -64,7 +64,7 @@ def inputs(verb):
 def command(verb, hostile, place, places, out):
     words = [] if verb.endswith("PATH") else verb.split()
     words = words or verb.split()[:1]
-    words += ["lines", "--seconds", "0.1"] if verb == "emulate" else []
+    words += ["lines", "--duration-s", "0.1"] if verb == "emulate" else []
     filled = FILLED | {"out": out, "to": out, "at": places / "season"}
     for param in app_verb(verb).params:
         if param is hostile:

@@ -21,7 +21,7 @@ def test_a_rig_is_recorded_and_the_recording_written_again(sculler, tmp_path):
         tmp_path / "rig.toml", rig_document(lines_rig(sculler, "sculler", free_port(), 100.0, ("back",)))
     )
     out = tmp_path / "today"
-    said = run("live", "run", tmp_path / "rig.toml", "--no-page", "--seconds", "0.3", "--out", out).stdout
+    said = run("live", "run", tmp_path / "rig.toml", "--no-page", "--duration-s", "0.3", "--out", out).stdout
     assert "0 estimates" in said and "Wrote" in said
     assert "No sensor of the rig was heard" in said
     assert f"oarlock live doctor {out / 'rig.toml'}" in " ".join(said.split())
@@ -32,7 +32,7 @@ def test_a_rig_is_recorded_and_the_recording_written_again(sculler, tmp_path):
     assert (
         "has a live session already"
         in run(
-            "live", "run", tmp_path / "rig.toml", "--no-page", "--seconds", "0.3", "--out", out, status=1
+            "live", "run", tmp_path / "rig.toml", "--no-page", "--duration-s", "0.3", "--out", out, status=1
         ).stderr
     )
 
@@ -59,7 +59,7 @@ def test_recover_names_commands_that_it_skips_and_fails_where_packets_are_missin
 
 def test_the_demo_tracks_emulated_sensors(tmp_path):
     out = tmp_path / "demo"
-    said = run("live", "demo", "--no-page", "--seconds", "4", "--out", out).stdout
+    said = run("live", "demo", "--no-page", "--duration-s", "4", "--out", out).stdout
     recording = oarlock.load_recording(out / "recording")
     assert {"back", "seat", "r_oar_phi"} <= set(recording.names)
     assert np.isfinite(recording.sensor("back").gyro_rad_s).all()

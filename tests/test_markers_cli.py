@@ -60,7 +60,7 @@ def test_attach_places_markers_by_a_static_trial(tmp_path):
     rest = model.forward_kinematics(np.zeros(7))[model.frame_names.index("wrist")]
     place = rest[:3, :3] @ [0.0, 0.05, 0.02] + rest[:3, 3]
     oarlock.Markers(("WRA",), [0.0, 0.1], np.tile(place, (2, 1, 1))).save(tmp_path / "static.csv")
-    command = ("markers", "attach", tmp_path / "static.csv", "--model", "arm7", "--on", "WRA=wrist", "--out")
+    command = ("markers", "attach", tmp_path / "static.csv", "--model", "arm7", "--frames", "WRA=wrist", "--out")
     run(*command, tmp_path / "p.toml")
     np.testing.assert_allclose(
         oarlock.load_attachments(tmp_path / "p.toml")[0].point_m, [0.0, 0.05, 0.02], atol=1e-12
@@ -73,7 +73,7 @@ def test_attach_places_markers_by_a_static_trial(tmp_path):
     [
         (("markers", "show", "none.trc"), 1, "no such file"),
         (("markers", "show", EXAMPLE / "reach.trc", "--axes", "z"), 1, "y-up-from-z-up"),
-        (("markers", "attach", EXAMPLE / "reach.trc", "--on", "T1", "--out", "x.toml"), 2, "MARKER=FRAME"),
+        (("markers", "attach", EXAMPLE / "reach.trc", "--frames", "T1", "--out", "x.toml"), 2, "MARKER=FRAME"),
     ],
 )
 def test_mistakes_are_told(arguments, status, said):

@@ -135,16 +135,16 @@ def test_the_report_finds_the_monitor_of_its_own_session(tmp_path):
     rowed_s = {name: found[name][whole] for name in ("catch_time_s", "end_time_s")}
     live = session(tmp_path / "today", StrokeTable(rowed_s))
     replace(track, provenance={**track.provenance, "epoch": live.epoch}).save(tmp_path / "out")
-    run("report", str(tmp_path / "out"), "--to", str(tmp_path / "piece.html"))
+    run("report", str(tmp_path / "out"), "--out", str(tmp_path / "piece.html"))
     page = Page((tmp_path / "piece.html").read_text("utf-8"))
     assert_loads_nothing(page)
     assert "Force beside the motion" in page.text and "Force of erg in the live session today" in page.text
     assert "recorded by one computer in one session" in page.text and "Heart rate" in page.text
     track.save(tmp_path / "other")
-    run("report", str(tmp_path / "other"), "--to", str(tmp_path / "other.html"))
+    run("report", str(tmp_path / "other"), "--out", str(tmp_path / "other.html"))
     assert "Force beside" not in Page((tmp_path / "other.html").read_text("utf-8")).text
-    words = ("--with", str(tmp_path / "today"), "--offset", "0.0")
-    run("report", str(tmp_path / "other"), *words, "--to", str(tmp_path / "with.html"))
+    words = ("--with", str(tmp_path / "today"), "--offset-s", "0.0")
+    run("report", str(tmp_path / "other"), *words, "--out", str(tmp_path / "with.html"))
     assert "placed at the catch on average" in Page((tmp_path / "with.html").read_text("utf-8")).text
 
 

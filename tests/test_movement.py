@@ -364,5 +364,5 @@ def test_the_verb_writes_both(reaches: oarlock.Track, tmp_path: Path):
     reaches.save(tmp_path / "out")
     run("report", tmp_path / "out")
     assert (tmp_path / "out" / "cycles.csv").exists()
-    run("report", tmp_path / "out", "--to", tmp_path / "other.html")
+    run("report", tmp_path / "out", "--out", tmp_path / "other.html")
     assert (tmp_path / "other-cycles.csv").exists()

@@ -139,7 +139,7 @@ def test_joint_angles_of_a_slow_motion(name, slow):
 
 
 def test_the_track_comes_back_from_its_folder_and_can_be_reported(slow, tmp_path):
-    from oarlock.report import write_report
+    from oarlock.report import write_page
 
     model, truth, recording = slow
     track = oarlock.track_orientations(model, recording, "vector_kf")
@@ -148,7 +148,7 @@ def test_the_track_comes_back_from_its_folder_and_can_be_reported(slow, tmp_path
     assert np.array_equal(again.q, track.q, equal_nan=True)
     assert np.isnan(again.q_std).all()
     assert again.notes == track.notes
-    assert write_report(again, tmp_path / "report.html", truth=truth).stat().st_size > 10_000
+    assert write_page(again, tmp_path / "report.html", truth=truth).stat().st_size > 10_000
 
 
 def test_mounts_and_magnetic_offsets_of_a_calibration_are_used(slow):

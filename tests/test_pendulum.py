@@ -308,8 +308,8 @@ def test_the_commands_of_the_page_lead_from_the_file_to_angles(tmp_path):
     calibrate = ("calibrate", "chain", rec, "--model", "pendulum3", "--out", cal)
     shown = run(*calibrate).stdout
     assert "l_upper = 0.52" in shown
-    assert f"--calibration {cal} --only upper,middle,lower" in " ".join(shown.split())
-    only = ("--only", "upper,middle,lower")
+    assert f"--calibration {cal} --streams upper,middle,lower" in " ".join(shown.split())
+    only = ("--streams", "upper,middle,lower")
     run("track", rec, "--model", "pendulum3", "--calibration", cal, *only, "--out", out)
     assert (out / "report.html").is_file()
     assert "--force" in run(*calibrate, status=2).stderr

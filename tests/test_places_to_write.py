@@ -26,13 +26,13 @@ INTO_FOLDERS = {
     "simulate": ["simulate", "--duration-s", 2, "--out", "{place}"],
     "track": ["track", "{world}/rec", "--model", "pendulum3", "--out", "{place}"],
     "import": ["import", "csv", "{world}/map.toml", "--out", "{place}"],
-    "export": ["export", "{world}/track", "--to", "{place}"],
+    "export": ["export", "{world}/track", "--out", "{place}"],
     "study": ["study", "{world}/study.toml", "--jobs", 1, "--out", "{place}"],
-    "strokes": ["strokes", "{world}/rowed", "--out", "{place}"],
+    "strokes": ["rowing", "strokes", "{world}/rowed", "--out", "{place}"],
 }
 INTO_FILES = {
-    "report": ["report", "{world}/track", "--to", "{place}/page.html"],
-    "view": ["view", "{world}/track", "--no-open", "--to", "{place}/page.html"],
+    "report": ["report", "{world}/track", "--out", "{place}/page.html"],
+    "view": ["view", "{world}/track", "--no-open", "--out", "{place}/page.html"],
     "copy": ["model", "copy", "arm7", "{place}/mine.toml"],
     "show": ["model", "show", "arm7", "--svg", "{place}/pose.svg"],
     "stature": ["calibrate", "stature", 1.8, "--model", "sculler", "--out", "{place}/person.toml"],

@@ -14,7 +14,7 @@ from html_page import (
     assert_speaks_to_screen_readers,
 )
 from oarlock.evaluation.suspects.suspect import SUSPECT_NOTE
-from oarlock.report import KeyFigure, Section, plot, write_report
+from oarlock.report import KeyFigure, Section, plot, write_page
 from oarlock.report.health import smoothed_nis
 from oarlock.report.text import fixed, number
 from oarlock.storage.errors import DataError
@@ -40,7 +40,7 @@ def track(truth):
 
 
 def page(tmp_path, track, **options) -> Page:
-    return Page(write_report(track, tmp_path / "report.html", **options).read_text(encoding="utf-8"))
+    return Page(write_page(track, tmp_path / "report.html", **options).read_text(encoding="utf-8"))
 
 
 def test_page_is_well_formed_and_loads_nothing(tmp_path, track, truth):
@@ -132,18 +132,18 @@ def test_sparse_tracks_are_drawn(tmp_path, track, truth):
     assert page(tmp_path, bare).errors == []
     assert page(tmp_path, empty).errors == []
     with pytest.raises(DataError, match="no samples"):
-        write_report(replace(track, time_s=TIME_S[:0]), tmp_path / "none.html")
+        write_page(replace(track, time_s=TIME_S[:0]), tmp_path / "none.html")
 
 
 def test_folders_get_a_file_and_missing_parents_are_made(tmp_path, track):
-    assert write_report(track, tmp_path) == tmp_path / "report.html"
-    assert write_report(track, tmp_path / "a" / "b.html").exists()
+    assert write_page(track, tmp_path) == tmp_path / "report.html"
+    assert write_page(track, tmp_path / "a" / "b.html").exists()
 
 
 def test_forty_seconds_of_a_whole_body_stay_small(tmp_path):
     units = ("rad",) * 22
     truth = true_track(np.arange(5001) / 125, tuple(f"joint_{k}" for k in range(22)), units)
-    path = write_report(noisy_track(truth, 0.01), tmp_path, truth=truth)
+    path = write_page(noisy_track(truth, 0.01), tmp_path, truth=truth)
     assert path.stat().st_size < LARGEST_BYTES
 
 

@@ -20,7 +20,7 @@ from oarlock.report import (
     belief_markup,
     named_file,
     who_and_when,
-    write_report,
+    write_page,
     write_summary,
 )
 from oarlock.report.page import sensors_of
@@ -72,7 +72,7 @@ def test_who_and_when_make_title_and_file_name():
 
 def test_the_page_answers_in_order_who_what_stands_out_and_compared(track, tmp_path):
     known = replace(track, provenance={**track.provenance, "session": SESSION})
-    text = write_report(known, tmp_path / "r.html", front=FRONT).read_text(encoding="utf-8")
+    text = write_page(known, tmp_path / "r.html", front=FRONT).read_text(encoding="utf-8")
     read = Page(text)
     assert read.errors == []
     assert_references_lead_somewhere(read)
@@ -233,7 +233,7 @@ def test_the_front_has_the_first_reason_and_what_was_measured_all(track, tmp_pat
     assert belief.shown == 2 and "3.0 times" in belief_markup(belief, "measured-in")
     quiet = replace(belief, reasons=(*belief.reasons, "a third."))
     assert "a third" not in quiet.reason and "A third" not in belief_markup(quiet, "measured-in")
-    text = write_report(nominal, tmp_path / "r.html", front=Front(direct="oars")).read_text(encoding="utf-8")
+    text = write_page(nominal, tmp_path / "r.html", front=Front(direct="oars")).read_text(encoding="utf-8")
     assert text.count("Oars are within their ±") == 1 and text.count("oars are within their ±") == 1
     assert "oars" not in trust(nominal, None, loud, "oars").reason
 
@@ -267,11 +267,11 @@ def test_the_verb_names_files_by_athlete_and_says_who(piece, tmp_path: Path):
     piece.save(tmp_path / "out")
     (tmp_path / "send").mkdir()
     told = json.loads(
-        run("report", tmp_path / "out", "--summary", "--to", tmp_path / "send", "--json").stdout
+        run("report", tmp_path / "out", "--summary", "--out", tmp_path / "send", "--json").stdout
     )
     assert told["session"] == SESSION
     assert Path(told["report"]).name == "A07-2026-05-01-summary.html"
-    assert "A07, 2026-05-01" in run("report", tmp_path / "out", "--to", tmp_path / "x.html").stdout
+    assert "A07, 2026-05-01" in run("report", tmp_path / "out", "--out", tmp_path / "x.html").stdout
 
 
 def test_sheet_and_picture_take_another_piece_and_targets_and_refuse_what_they_cannot_show(piece, tmp_path):

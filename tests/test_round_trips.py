@@ -27,7 +27,7 @@ def piece(tmp_path_factory):
     place = tmp_path_factory.mktemp("piece")
     run("simulate", "--out", place / "rec", "--duration-s", 6)
     run("track", place / "rec", "--model", "sculler", "--out", place / "track")
-    run("export", place / "track", "--to", place / "exported")
+    run("export", place / "track", "--out", place / "exported")
     return place
 
 
@@ -95,8 +95,8 @@ def test_exported_orientations_are_a_recording(piece, tmp_path):
 
 
 def test_strokes_of_a_track_are_an_activity_file_with_strokes(piece, tmp_path):
-    run("strokes", piece / "track", "--fit", tmp_path / "piece.fit", "--start", "2026-05-01T07:30:00Z")
-    run("strokes", tmp_path / "piece.fit")
+    run("rowing", "strokes", piece / "track", "--fit", tmp_path / "piece.fit", "--start", "2026-05-01T07:30:00Z")
+    run("rowing", "strokes", tmp_path / "piece.fit")
 
 
 def test_a_recording_of_oarlock_needs_no_import_and_says_so(piece, tmp_path):
@@ -108,7 +108,7 @@ def test_a_recording_of_oarlock_needs_no_import_and_says_so(piece, tmp_path):
 
 @pytest.mark.long
 def test_a_plan_that_was_written_is_read_again(tmp_path):
-    run("simulate", "--session", "--model", "arm7", "--out", tmp_path / "rec")
+    run("simulate", "--calibration-session", "--model", "arm7", "--out", tmp_path / "rec")
     run("calibrate", "session", "--model", "arm7", "--write-plan", tmp_path / "plan.toml")
     words = ["calibrate", "session", tmp_path / "rec", "--model", "arm7"]
     run(*words, "--plan", tmp_path / "plan.toml", "--out", tmp_path / "cal.toml")

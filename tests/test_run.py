@@ -14,7 +14,7 @@ from walking_body import walk
 
 MEAN_MOUNT_DEG = 4.0
 LEG = ["pelvis", "thigh_r", "shank_r"]
-BODY = ("--model", "lower_body", "--units", ",".join(LEG))
+BODY = ("--model", "lower_body", "--sensors", ",".join(LEG))
 
 
 @pytest.fixture
@@ -34,7 +34,7 @@ def test_mounts_from_a_walk(recording, tmp_path):
 
 def test_from_files_to_a_report(recording, tmp_path):
     out = tmp_path / "walk"
-    said = run("run", recording, "--body", "lower_body", "--out", out).output
+    said = run("run", recording, "--model", "lower_body", "--out", out).output
     assert (out / "calibration.toml").is_file() and (out / "track/report.html").is_file()
     angle_rad = oarlock.load_track(out / "track")["knee_flexion_r"].angle_rad
     assert np.ptp(angle_rad) > np.radians(40.0)
@@ -45,18 +45,18 @@ def test_from_files_to_a_report(recording, tmp_path):
 def test_a_step_that_fails_ends_it(recording, tmp_path):
     still = oarlock.load_recording(recording).slice(-np.inf, 2.5)
     still.save(tmp_path / "still")
-    run("run", tmp_path / "still", "--body", "lower_body", "--out", tmp_path / "out", status=1)
+    run("run", tmp_path / "still", "--model", "lower_body", "--out", tmp_path / "out", status=1)
     assert not (tmp_path / "out/track").exists()
 
 
 def test_two_sources_of_mounts_contradict_each_other(recording, tmp_path):
     both = ("--session", recording, "--calibration", tmp_path / "cal.toml")
-    shown = run("run", recording, "--body", "lower_body", *both, "--out", tmp_path / "out", status=2).stderr
+    shown = run("run", recording, "--model", "lower_body", *both, "--out", tmp_path / "out", status=2).stderr
     assert "--session and --calibration contradict each other" in shown
 
 
 def test_a_folder_that_exists_is_replaced_only_with_force(recording, tmp_path):
-    command = ("run", recording, "--body", "lower_body", "--out", tmp_path / "out")
+    command = ("run", recording, "--model", "lower_body", "--out", tmp_path / "out")
     (tmp_path / "out").mkdir()
     (tmp_path / "out/calibration.toml").write_text("mine")
     run(*command, status=2)
@@ -69,7 +69,7 @@ def test_a_calibration_is_used_as_it_is(recording, tmp_path):
     known = tmp_path / "cal.toml"
     run("calibrate", "sagittal", recording, *BODY, "--out", known)
     out = tmp_path / "out"
-    said = run("run", recording, "--body", "lower_body", "--calibration", known, "--out", out).output
+    said = run("run", recording, "--model", "lower_body", "--calibration", known, "--out", out).output
     assert "$ oarlock calibrate" not in said and not (out / "calibration.toml").exists()
     (typed,) = [shlex.split(line[2:]) for line in said.splitlines() if line.startswith("$ oarlock ")]
     run(*typed[1:-1], tmp_path / "again")  # the last word is the folder
@@ -85,7 +85,7 @@ def test_a_session_in_another_pose(tmp_path):
     command = (
         "run",
         tmp_path / "rec",
-        "--body",
+        "--model",
         "lower_body",
         "--out",
         tmp_path / "out",
@@ -114,10 +114,10 @@ def test_files_of_text_with_a_session_and_names_by_device(tmp_path, monkeypatch)
     ):
         written_as_text(renamed(recording, ids), tmp_path / name)
     monkeypatch.chdir(tmp_path)
-    common = ("--body", "lower_body", "--units", ",".join(LEG))
-    run("assign", "moves", *common, "--order", "right_leg", "--out", "units.toml")
+    common = ("--model", "lower_body", "--sensors", ",".join(LEG))
+    run("calibrate", "units", "moves", *common, "--order", "right_leg", "--out", "units.toml")
     said = run(
-        "run", "trial", *common, "--units-file", "units.toml", "--session", "session", "--out", "out"
+        "run", "trial", *common, "--units", "units.toml", "--session", "session", "--out", "out"
     ).output
     commands = [shlex.split(line[2:])[1] for line in said.splitlines() if line.startswith("$ oarlock ")]
     assert commands == ["import", "import", "calibrate", "track"]

@@ -1,4 +1,4 @@
-"""`oarlock simulate --session` and `oarlock calibrate session`: files, page, exit status."""
+"""`oarlock simulate --calibration-session` and `oarlock calibrate session`: files, page, exit status."""
 
 import json
 
@@ -19,7 +19,7 @@ TILT_TOLERANCE_RAD = np.radians(0.2)
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("session")
-    run("simulate", "--session", "--model", "arm7", "--seed", 5, "--out", place / "rec")
+    run("simulate", "--calibration-session", "--model", "arm7", "--seed", 5, "--out", place / "rec")
     return place
 
 

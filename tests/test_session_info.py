@@ -7,7 +7,7 @@ import oarlock
 from command_line import run
 from oarlock.recording.session_info import checked_session, session_info, session_text
 from oarlock.report.viewer import scene
-from oarlock.report.write import write_report
+from oarlock.report.write import write_page
 
 WHO = {"athlete": "A07", "date": "2026-05-01", "place": "Bled", "boat": "2x", "seat": "2", "note": "windy"}
 
@@ -46,7 +46,7 @@ def test_tracks_carry_it_and_their_hash_does_not(tmp_path):
     assert "A07" not in (tmp_path / "out/run.toml").read_text()
     again = oarlock.load_track(tmp_path / "out")
     assert dict(session_info(again.provenance)) == WHO
-    page = write_report(again, tmp_path / "report.html").read_text(encoding="utf-8")
+    page = write_page(again, tmp_path / "report.html").read_text(encoding="utf-8")
     assert page.count("A07, 1 May 2026") >= 2  # title and heading
     assert "Bled, boat 2x, seat 2, windy" in page
     assert scene(again)["title"].startswith("A07") and scene(again, title="x")["title"] == "x"

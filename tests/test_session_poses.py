@@ -117,7 +117,7 @@ def test_a_plan_file_with_a_pose_of_its_own(tmp_path):
 
 def test_on_the_command_line(tmp_path):
     common = ("--model", "arm", "--pose", "T")
-    said = run("simulate", "--session", *common, "--seed", 2, "--out", tmp_path / "rec").output
+    said = run("simulate", "--calibration-session", *common, "--seed", 2, "--out", tmp_path / "rec").output
     assert "--pose T" in said
     said = run("calibrate", "session", *common, "--write-plan", tmp_path / "plan.toml").output
     assert "T-pose again" in said

@@ -377,18 +377,18 @@ def test_summary_is_in_degrees_and_counts_what_is_there():
 
 
 def test_command_shows_and_writes(tmp_path):
-    shown = run("strokes", EXAMPLES / "speedcoach_empower.csv", "--each", "--out", tmp_path / "out")
+    shown = run("rowing", "strokes", EXAMPLES / "speedcoach_empower.csv", "--each", "--out", tmp_path / "out")
     assert "30 strokes" in shown.output and "catch angle" in shown.output and "-59.0" in shown.output
     written = {file.name for file in (tmp_path / "out").iterdir()}
     assert written == {"oarlock-manifest.toml", "strokes.csv", "strokes.parquet"}
-    document = json.loads(run("strokes", EXAMPLES / "rp3.csv", "--json").stdout)
+    document = json.loads(run("rowing", "strokes", EXAMPLES / "rp3.csv", "--json").stdout)
     assert document["strokes"] == len(document["rows"]) == 22
     assert document["rows"][9]["peak_force_n"] is None
 
 
 def test_page_shows_what_the_command_prints():
     page = (Path(__file__).parents[1] / "docs/stroke-exports.md").read_text(encoding="utf-8")
-    shown = run("strokes", EXAMPLES / "speedcoach_empower.csv").stdout
+    shown = run("rowing", "strokes", EXAMPLES / "speedcoach_empower.csv").stdout
     assert shown.startswith("speedcoach_empower.csv") and shown in page
 
 
@@ -399,11 +399,11 @@ def test_command_refuses(tmp_path):
         ((tmp_path, "--format", "rp3"), 2, "--format needs a file"),
         ((tmp_path,), 1, "contains neither"),
     ):
-        assert words in " ".join(run("strokes", *arguments, status=status).stderr.split())
+        assert words in " ".join(run("rowing", "strokes", *arguments, status=status).stderr.split())
 
 
 def test_command_takes_a_track_or_a_recording(tmp_path):
     run("simulate", "--out", tmp_path / "trial", "--duration-s", 8)
     for folder in (tmp_path / "trial", tmp_path / "trial/truth"):
-        shown = run("strokes", folder, "--json")
+        shown = run("rowing", "strokes", folder, "--json")
         assert json.loads(shown.stdout)["strokes"] >= 2

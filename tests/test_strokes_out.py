@@ -324,19 +324,19 @@ def test_saved_strokes_are_loaded(tmp_path: Path) -> None:
 
 def test_the_command_writes_what_it_is_asked_for(tmp_path: Path) -> None:
     fit, rowingdata = tmp_path / "row.fit", tmp_path / "row.csv"
-    shown = run("strokes", EXAMPLES / "rp3.csv", "--fit", fit, status=1)
+    shown = run("rowing", "strokes", EXAMPLES / "rp3.csv", "--fit", fit, status=1)
     assert "--start 2026-05-01T07:30:00Z" in shown.output and not fit.exists()
     told = ("--start", "2026-05-01T09:30:00+02:00", "--fit", fit, "--rowingdata", rowingdata)
-    document = json.loads(run("strokes", EXAMPLES / "rp3.csv", *told, "--json").stdout)
+    document = json.loads(run("rowing", "strokes", EXAMPLES / "rp3.csv", *told, "--json").stdout)
     assert document["files"] == [str(fit), str(rowingdata)]
     assert load_export(fit).epoch == "2026-05-01T07:30:00.000000000Z"
-    assert "exists" in run("strokes", EXAMPLES / "rp3.csv", *told, status=2).output
-    run("strokes", EXAMPLES / "rp3.csv", *told, "--force")
-    again = run("strokes", fit, "--out", tmp_path / "out")
+    assert "exists" in run("rowing", "strokes", EXAMPLES / "rp3.csv", *told, status=2).output
+    run("rowing", "strokes", EXAMPLES / "rp3.csv", *told, "--force")
+    again = run("rowing", "strokes", fit, "--out", tmp_path / "out")
     assert "22 strokes" in again.output
-    assert "22 strokes" in run("strokes", tmp_path / "out/strokes.parquet").output
+    assert "22 strokes" in run("rowing", "strokes", tmp_path / "out/strokes.parquet").output
     for start in ("today", "2026-05-01T07:30:00"):
-        assert "with its zone" in run("strokes", fit, "--start", start, status=2).output
+        assert "with its zone" in run("rowing", "strokes", fit, "--start", start, status=2).output
 
 
 def test_the_command_shows_an_activity_without_positions(tmp_path: Path) -> None:
@@ -344,17 +344,17 @@ def test_the_command_shows_an_activity_without_positions(tmp_path: Path) -> None
 
     file = tmp_path / "watch.fit"
     file.write_bytes(fit_bytes.fit_file(fit_bytes.watch(90)))
-    shown = run("strokes", file).output
+    shown = run("rowing", "strokes", file).output
     assert "90 points, no strokes" in shown and "89 s, 356 m" in shown and "stroke rate" in shown
-    document = json.loads(run("strokes", file, "--json").stdout)
+    document = json.loads(run("rowing", "strokes", file, "--json").stdout)
     assert (document["points"], document["duration_s"], document["distance_m"]) == (90, 89.0, 356.0)
     assert "48.2" not in shown + json.dumps(document)
-    assert "contains no strokes" in run("strokes", file, "--out", tmp_path / "out", status=2).output
+    assert "contains no strokes" in run("rowing", "strokes", file, "--out", tmp_path / "out", status=2).output
 
 
 def test_a_simulated_recording_goes_out(tmp_path: Path) -> None:
     run("simulate", "--out", tmp_path / "trial", "--duration-s", 8)
     fit = tmp_path / "row.fit"
-    run("strokes", tmp_path / "trial", "--fit", fit, "--start", "2026-05-01T07:30:00Z")
+    run("rowing", "strokes", tmp_path / "trial", "--fit", fit, "--start", "2026-05-01T07:30:00Z")
     names = {field.name for m in messages_of(fit) if m.name == "record" for field in m.fields}
     assert {"Catch", "CatchStd", "Finish", "CatchPort", "Arc", "ArcStd", "Rhythm", "RhythmStd"} <= names

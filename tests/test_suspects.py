@@ -13,7 +13,7 @@ from oarlock import ImuStream, Recording, ScalarStream
 from oarlock.evaluation.suspects.changes import MIRRORS, PROPER, turns
 from oarlock.evaluation.suspects.fit import USUAL
 from oarlock.recording.frozen_signals import clipped_texts, stuck_texts
-from oarlock.report import write_report
+from oarlock.report import write_page
 from oarlock.rowing import FieldEffects, simulate_field
 
 suspects = partial(oarlock.suspects, budget_s=600.0)
@@ -151,7 +151,7 @@ def test_the_summary_of_a_report_begins_with_suspects(tmp_path) -> None:
     notes = (suspect.note for suspect in suspects(model, spoilt))
     track = oarlock.track(model, spoilt).with_notes(*notes)
     assert track.notes[0].startswith("Suspect: accelerometer of upperarm")
-    page = write_report(track, tmp_path).read_text(encoding="utf-8")
+    page = write_page(track, tmp_path).read_text(encoding="utf-8")
     lead = page[page.index('class="lead"') :]
     assert lead.index("accelerometer of upperarm looks with the sign of gravity") < lead.index("samples")
     track.save(tmp_path)

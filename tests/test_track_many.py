@@ -194,7 +194,7 @@ def trials(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_several_recordings_write_a_folder_each(trials: Path, tmp_path: Path) -> None:
     given = [trials / "trial_1", trials / "trial_2" / "recording.toml", trials / "trial_3"]
-    done = run("track", *given, "--model", "sculler", "--threads", 2, "--out", tmp_path / "out", "--csv")
+    done = run("track", *given, "--model", "sculler", "--jobs", 2, "--out", tmp_path / "out", "--csv")
     for k in (1, 2, 3):
         found = oarlock.load_track(tmp_path / "out" / f"trial_{k}")
         assert found.q.tobytes() == alone()[k].q.tobytes()

@@ -86,9 +86,9 @@ def test_mounts_of_any_orientation_are_within_their_standard_deviations(model, s
 def test_the_verb_shows_mounts_of_an_elbow_with_their_own_standard_deviations(model, tmp_path):
     _, recording = recorded(model, reaching(model, 0), 0)
     recording.save(tmp_path / "reach")
-    body = ("--model", "arm", "--stature", 1.78, "--mass", 75, "--units", ",".join(UNITS))
+    body = ("--model", "arm", "--stature-m", 1.78, "--mass-kg", 75, "--sensors", ",".join(UNITS))
     out = tmp_path / "cal.toml"
-    shown = run("calibrate", "sagittal", tmp_path / "reach", *body, "--still", *STILL_S, "--out", out).output
+    shown = run("calibrate", "sagittal", tmp_path / "reach", *body, "--still-s", *STILL_S, "--out", out).output
     found = oarlock.load_calibration(out)
     for name in ELBOW:
         unit = found.noted["sensor"][name]

@@ -82,10 +82,10 @@ def seen(motion: Motion, own_s: np.ndarray, stamps_s: np.ndarray):
 
 
 def test_the_verb_finds_a_drawn_video_within_a_frame(drawn):
-    said = json.loads(run("video", "align", drawn / "track", drawn / "piece.webm", "--json").stdout)
+    said = json.loads(run("calibrate", "video", drawn / "track", drawn / "piece.webm", "--json").stdout)
     assert abs(said["offset_s"] - OFFSET_S) < FRAME_S
     assert said["candidates"] == []
-    shown = run("video", "align", drawn / "track", drawn / "piece.webm", "--near-s", "7").output
+    shown = run("calibrate", "video", drawn / "track", drawn / "piece.webm", "--near-s", "7").output
     assert "oarlock view" in shown and "--offset-s 7." in shown
 
 
@@ -101,14 +101,14 @@ def test_the_page_refers_to_the_video_and_holds_no_picture(drawn, tmp_path):
         "--no-open",
         "--json",
     )
-    said = json.loads(run(*asked, "--offset-s", "7.3", "--to", page).stdout)
+    said = json.loads(run(*asked, "--offset-s", "7.3", "--out", page).stdout)
     assert said["video"]["offset_s"] == 7.3 and said["video"]["drift_ppm"] == 20.0
     text = page.read_text(encoding="utf-8")
     assert "piece.webm" in text and "media-src 'self' file: blob:" in text and "data:video" not in text
 
 
 def test_what_does_not_fit_together_is_refused(drawn, tmp_path):
-    view = ("view", drawn / "track", "--no-open", "--to", tmp_path / "a.html")
+    view = ("view", drawn / "track", "--no-open", "--out", tmp_path / "a.html")
     assert "--camera needs --video" in run(*view, "--camera", "c.toml", status=2).output
     assert "no such file" in run(*view, "--video", tmp_path / "none.mp4", status=1).output
     (tmp_path / "text.mp4").write_text("no video")
@@ -229,7 +229,7 @@ def test_the_verb_aligns_by_a_clap(motion, tmp_path):
     tiny = side_camera(64, 36)
     write_video(tmp_path / "clap.webm", motion, stamps_s, stamps_s, camera=tiny, sound=np.clip(sound, -1, 1))
     oarlock.Recording([struck((6.0,))]).save(tmp_path / "rec")
-    said = json.loads(run("video", "clap", tmp_path / "rec", tmp_path / "clap.webm", "--json").stdout)
+    said = json.loads(run("calibrate", "clap", tmp_path / "rec", tmp_path / "clap.webm", "--json").stdout)
     # Opus moves a clap by some milliseconds
     assert abs(said["offset_s"] - 4.5) < 0.02
     assert video_info(tmp_path / "clap.webm").sound

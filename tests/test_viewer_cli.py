@@ -38,13 +38,13 @@ def test_it_writes_beside_the_track_and_opens_it(folder, browsed):
 
 def test_it_opens_nothing_when_told_so(folder, browsed, tmp_path):
     there = tmp_path / "new" / "a.html"
-    run("view", folder, "--no-open", "--to", there)
+    run("view", folder, "--no-open", "--out", there)
     assert there.stat().st_size > 100_000 and not browsed
 
 
 def test_json_says_what_was_written(folder, browsed, tmp_path):
-    arguments = ["view", folder, "--ghost", folder, "--start", "1", "--end", "2.5", "--json"]
-    done = run(*arguments, "--to", tmp_path / "a.html")
+    arguments = ["view", folder, "--ghost", folder, "--start-s", "1", "--end-s", "2.5", "--json"]
+    done = run(*arguments, "--out", tmp_path / "a.html")
     said = json.loads(done.stdout)
     assert said["shown_s"] == [1.0, 2.5] and said["cut"] is False and not browsed
     assert said["bytes"] == (tmp_path / "a.html").stat().st_size
@@ -52,7 +52,7 @@ def test_json_says_what_was_written(folder, browsed, tmp_path):
 
 def test_a_long_track_is_cut_and_it_is_said(folder, browsed, tmp_path, monkeypatch):
     monkeypatch.setattr(view, "LONGEST_S", 2.0)
-    done = run("view", folder, "--no-open", "--to", tmp_path / "a.html")
+    done = run("view", folder, "--no-open", "--out", tmp_path / "a.html")
     assert "0 to 2 s of a longer track" in done.output
 
 
@@ -61,7 +61,7 @@ def test_a_long_track_is_cut_and_it_is_said(folder, browsed, tmp_path, monkeypat
     [
         (["--start", "3", "--end", "2"], 2, "--start 3 is not before --end 2"),
         (["--start", "30", "--end", "40"], 1, "no sample from 30.0 to 40.0 s"),
-        (["--every", "0"], 1, "every_s is 0"),
+        (["--every-s", "0"], 1, "every_s is 0"),
         (["--ghost", "nowhere"], 1, "nowhere"),
     ],
 )

@@ -85,8 +85,8 @@ PIECES = (
         "An arm in its calibration session",
         "No rowing: joint angles with bands, and the health of each sensor.",
         (
-            "simulate --model arm --stature 1.78 --mass 75 --out session",
-            "run session --body arm --session session --stature 1.78 --mass 75 --out reach",
+            "simulate --model arm --stature-m 1.78 --mass-kg 75 --out session",
+            "run session --model arm --session session --stature-m 1.78 --mass-kg 75 --out reach",
         ),
         "reach/track/report.html",
     ),
@@ -117,7 +117,7 @@ PIECES = (
         "moving-figure.html",
         "The moving figure beside its curves",
         "Space plays, the mouse turns, 1 to 9 are views.",
-        ("view tracked --start 20 --end 30 --every 0.05 --to figure.html --no-open",),
+        ("view tracked --start-s 20 --end-s 30 --every-s 0.05 --to figure.html --no-open",),
         "figure.html",
     ),
     Piece(

@@ -74,7 +74,7 @@ def test_a_session_becomes_a_track_that_other_verbs_read(sculler, sent, tmp_path
     assert {count.name for count in track.counts} == set(sent[0])
 
     run("report", out)
-    run("export", out, "--to", tmp_path / "export")
+    run("export", out, "--out", tmp_path / "export")
     summary = json.loads(run("live", "track", place.path, "--out", out, "--json").stdout)
     assert summary["samples"] == len(made) and summary["provenance"]["live"] is True
 

@@ -156,7 +156,7 @@ def test_files_that_may_not_grow_are_a_full_disk_too(sculler, tmp_path):
 
 def refused(rig, out, *options):
     """A session that cannot begin: what it says."""
-    status, said = LiveProcess(rig, out, "--seconds", "30", *options).end_by_itself()
+    status, said = LiveProcess(rig, out, "--duration-s", "30", *options).end_by_itself()
     assert status == 1 and "Traceback" not in said
     return said
 

@@ -37,7 +37,7 @@ def port(monkeypatch):
 
 
 def init(port, out, *more, status=0):
-    words = ("--model", "sculler", "--only", "none", "--source", f"udp:{port}")
+    words = ("--model", "sculler", "--places", "none", "--source", f"udp:{port}")
     return run("live", "init", *words, "--out", out, *more, status=status)
 
 
@@ -114,7 +114,7 @@ def test_paths_are_relative_to_the_file(port, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     out = tmp_path / "rigs" / "rig.toml"
     run(
-        *("live", "init", "--model", "own.toml", "--calibration", "cal.toml", "--only", "none"),
+        *("live", "init", "--model", "own.toml", "--calibration", "cal.toml", "--places", "none"),
         *("--source", f"udp:{port}", "--out", "rigs/rig.toml"),
     )
     assert 'model = "../own.toml"' in out.read_text() and 'calibration = "../cal.toml"' in out.read_text()
@@ -125,7 +125,7 @@ def test_paths_are_relative_to_the_file(port, tmp_path, monkeypatch):
 def test_nothing_heard_gives_a_file_that_says_what_to_write(monkeypatch, tmp_path):
     while_listening(monkeypatch)
     out = tmp_path / "rig.toml"
-    said = run("live", "init", "--model", "sculler", "--only", "none", "--out", out).stdout
+    said = run("live", "init", "--model", "sculler", "--places", "none", "--out", out).stdout
     assert "0 of 12 streams are fed" in " ".join(said.split()) and "edit" in said
     assert not Rig.load(out).feeds
     plain = out.read_text().replace("# [sources.units]", "[sources.units]")
@@ -207,7 +207,7 @@ def test_announced_units_are_written_with_their_serial_numbers(monkeypatch, tmp_
         datagrams(port, ximu3()),
     )
     out = tmp_path / "rig.toml"
-    run("live", "init", "--model", "sculler", "--only", "network", "--out", out)
+    run("live", "init", "--model", "sculler", "--places", "network", "--out", out)
     rig = Rig.load(out)
     (source,), (feed,) = rig.sources.values(), rig.feeds
     assert source.options == {"port": port, "units": ["65577B49"]}

@@ -150,7 +150,7 @@ def test_the_verb_lists_what_sends_to_ports(monkeypatch):
         datagrams(port, [*json_lines("back", UNIT), *json_lines("seat", {"value": 310.0}, 50.0)], ngimu()),
         datagrams(other, [b"\x01\x02hello"] * 5),
     )
-    words = ("live", "scan", "--only", "none", "--source", f"udp:{port}", "--source", f"udp:{other}")
+    words = ("live", "scan", "--places", "none", "--source", f"udp:{port}", "--source", f"udp:{other}")
     said = run(*words).stdout
     assert f'format = "lines", transport = "udp", port = {port}' in said
     assert f'format = "ngimu", transport = "udp", port = {port}' in said
@@ -163,8 +163,8 @@ def test_the_verb_lists_what_sends_to_ports(monkeypatch):
 
 def test_nothing_is_said_to_be_nothing(monkeypatch):
     while_listening(monkeypatch)
-    assert "Nothing was heard" in run("live", "scan", "--only", "none").stdout
-    assert "choose some of" in run("live", "scan", "--only", "radio", status=2).stderr
+    assert "Nothing was heard" in run("live", "scan", "--places", "none").stdout
+    assert "choose some of" in run("live", "scan", "--places", "radio", status=2).stderr
     assert "expected udp:PORT" in run("live", "scan", "--source", "udp:x", status=2).stderr
 
 
@@ -173,7 +173,7 @@ def test_a_port_that_is_taken_is_named(monkeypatch):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
         one.bind(("0.0.0.0", 0))
         port = one.getsockname()[1]
-        said = run("live", "scan", "--only", "none", "--source", f"udp:{port}").stdout
+        said = run("live", "scan", "--places", "none", "--source", f"udp:{port}").stdout
     assert f"UDP port {port}" in said and "cannot be opened" in said
 
 
@@ -254,11 +254,11 @@ def test_bluetooth_devices_are_named_by_their_kind(monkeypatch):
     )
     monkeypatch.setattr("oarlock.live.transports.ble.own_radio", lambda: radio)
     while_listening(monkeypatch)
-    said = run("live", "scan", "--only", "ble", "--all").stdout
+    said = run("live", "scan", "--places", "ble", "--all").stdout
     assert 'addresses = ["D4:22:CD:00:00:01"]' in said and 'format = "pm5"' in said
     assert "-71 dBm" in said and "Television" in said
     monkeypatch.setattr("oarlock.live.transports.ble.own_radio", Radio)
-    assert "Bluetooth: no adapter" in run("live", "scan", "--only", "ble").stdout
+    assert "Bluetooth: no adapter" in run("live", "scan", "--places", "ble").stdout
 
 
 def test_missing_extras_are_said_with_the_command_that_installs_them(monkeypatch):
@@ -274,7 +274,7 @@ def test_missing_extras_are_said_with_the_command_that_installs_them(monkeypatch
     for place in ("transports.bleak_radio", "scan.lsl_streams", "scan.serial_ports"):
         monkeypatch.setattr(f"oarlock.live.{place}.import_module", without)
     while_listening(monkeypatch)
-    said = " ".join(run("live", "scan", "--only", "ble,lsl,serial").stdout.split())
+    said = " ".join(run("live", "scan", "--places", "ble,lsl,serial").stdout.split())
     for extra in ("ble", "lsl", "serial"):
         assert f"pip install 'oarlock[{extra}]'" in said
 
@@ -286,7 +286,7 @@ def test_serial_ports_are_listed_and_not_opened(monkeypatch):
     )()
     monkeypatch.setattr(ports, "comports", lambda: [port])
     while_listening(monkeypatch)
-    said = run("live", "scan", "--only", "serial").stdout
+    said = run("live", "scan", "--places", "serial").stdout
     assert "/dev/ttyUSB7" in said and "FT232R" in said
     assert "oarlock live scan --source serial:/dev/ttyUSB7" in " ".join(said.split())
 
@@ -301,7 +301,7 @@ def test_lsl_streams_are_listed_with_what_they_send(monkeypatch):
         lambda wait_time: pylsl.resolve_byprop("source_id", "oarlock-scan-seat", 1, 60.0),
     )
     outlet = pylsl.StreamOutlet(info)
-    said = run("live", "scan", "--only", "lsl").stdout
+    said = run("live", "scan", "--places", "lsl").stdout
     assert 'LSL stream "seat" (Encoder)' in said and "place_mm" in said and " 50" in said
     assert 'source_id = "oarlock-scan-seat"' in said
     del outlet

@@ -8,6 +8,7 @@ from __future__ import annotations
 import faulthandler
 import io
 import sys
+from collections.abc import Callable
 from contextlib import suppress
 
 from oarlock.cli.stopped import stopped_in_words
@@ -19,32 +20,29 @@ with stopped_in_words():  # half of the time before a verb starts
 
     import typer
     from typer.core import TyperGroup
-    from typer.main import get_group
+    from typer.main import get_command, get_group
 
 VERBS = {
     "demo": "Track a simulated sculler and a real pendulum.",
     "run": "From files of a recording to angles and a report, in one command.",
-    "live": "Track sensors while they send: record, estimate, show on a page.",
-    "emulate": "Send what a device would send, to develop without one.",
-    "simulate": "Simulate a rower: write a recording and its ground truth.",
+    "import": "Convert other formats to a recording.",
+    "calibrate": "Calibrate mounts, lengths, magnetic field and clocks; which unit sits where.",
     "track": "Turn a recording into joint angles with uncertainty.",
     "evaluate": "Score a track against ground truth or optical markers.",
-    "compare": "Compare several estimators on one recording.",
     "report": "Write a track's report.html.",
-    "export": "Write a track as CSV, Parquet and OpenSim files.",
     "view": "Show a track as a moving figure with its curves.",
-    "video": "Align a video with a track, by motion or by a clap.",
-    "reproduce": "Repeat the paper's tables and figures and compare the values.",
-    "strokes": "Show strokes of a track, or of another device's export.",
-    "crew": "Timing between the seats of one boat.",
+    "export": "Write a track as CSV, Parquet and OpenSim files.",
+    "model": "Show, check and copy model files.",
+    "simulate": "Simulate a rower, or any body's calibration session, with its ground truth.",
+    "live": "Track sensors while they send: record, estimate, show on a page.",
+    "rowing": "Strokes of a track or of another device's export; timing of a crew.",
     "season": "A squad's recordings, results and questions in one place.",
+    "markers": "Optical markers: C3D, TRC, CSV.",
+    "emulate": "Send what a device would send, to develop without one.",
+    "compare": "Compare several estimators on one recording.",
+    "reproduce": "Repeat the paper's tables and figures and compare the values.",
     "study": "Sweep sensors, noise, mounts, rates or settings over seeds.",
     "bench": "Measure speed and latency on this machine.",
-    "import": "Convert other formats to a recording.",
-    "assign": "Find which unit sits where, from movements in a known order.",
-    "markers": "Optical markers: C3D, TRC, CSV.",
-    "calibrate": "Calibrate mounts, joint centres, magnetic field and clocks.",
-    "model": "Show, check and copy model files.",
 }
 """All verbs with one line of help. `cli/NAME.py` defines a verb and is imported only when the verb is used."""
 MODULES = {"import": "import_"}
@@ -76,7 +74,44 @@ def load_verb(name: str) -> Any:
     """Import the module of a verb and build its command, once: typer takes a fifth of a second for those of seasons."""
     verbs = typer.Typer(rich_markup_mode=None)
     import_module(f"oarlock.cli.{MODULES.get(name, name)}").add_to(verbs)
-    return get_group(verbs).commands[name]
+    command = get_group(verbs).commands[name]
+    _add_verbosity(command)
+    return command
+
+
+def _add_verbosity(command: Any) -> None:
+    """`--quiet` and `--verbose` for a verb, or for all of a group."""
+    for inner in getattr(command, "commands", {}).values():
+        _add_verbosity(inner)
+    if not hasattr(command, "commands"):
+        command.params += _verbosity_options()
+
+
+@cache
+def _verbosity_options() -> list[Any]:
+    def level(number: int) -> Callable[[bool], None]:
+        def chosen(given: bool) -> None:
+            if given:
+                from oarlock.cli.terminal import set_verbosity
+
+                set_verbosity(number)
+
+        return chosen
+
+    quiet = typer.Option(
+        "--quiet", help="Print errors only, and JSON if asked for.", callback=level(0), expose_value=False
+    )
+    verbose = typer.Option(
+        "--verbose", help="Also print notes, sensors and next steps.", callback=level(2), expose_value=False
+    )
+
+    def options(quiet: bool = False, verbose: bool = False) -> None:
+        """Typer makes options of a signature."""
+
+    options.__annotations__ = {"quiet": Annotated[bool, quiet], "verbose": Annotated[bool, verbose]}
+    owner = typer.Typer()
+    owner.command()(options)
+    return [option for option in get_command(owner).params if option.name in ("quiet", "verbose")]
 
 
 START = """\
@@ -85,20 +120,20 @@ Oarlock: joint angles with uncertainty, from wearable and mounted sensors.
   oarlock demo                                a sculler and a real pendulum, in a minute
 
 An arm, from a recording to angles
-  oarlock simulate --model arm --stature 1.78 --mass 75 --out session
-  oarlock run session --body arm --session session --stature 1.78 --mass 75 --out reach
+  oarlock simulate --model arm --stature-m 1.78 --mass-kg 75 --out session
+  oarlock run session --model arm --session session --stature-m 1.78 --mass-kg 75 --out reach
 
 A boat, from sensors to strokes
   oarlock simulate --field careful --rate-spm 24 --duration-s 60 --out piece
   oarlock track piece --model sculler --smooth --out tracked
-  oarlock strokes tracked                     or `oarlock strokes FILE`: export of another device
+  oarlock rowing strokes tracked              or FILE, an export of another device
 
 A body of your own, from a text file
   oarlock model copy arm7 my.toml             then change it in any editor
   oarlock model check my.toml
   oarlock model show my.toml
 
-Your own recording: oarlock run FILE --body arm --out reach
+Your own recording: oarlock run FILE --model arm --out reach
 All commands: oarlock --help
 """
 """What `oarlock` alone prints: three ways to a first result."""
@@ -131,6 +166,8 @@ def root(
     ] = False,
 ) -> None:
     """Track articulated bodies from wearable and mounted sensors, with uncertainty."""
+    if terminal := sys.modules.get("oarlock.cli.terminal"):
+        terminal.set_verbosity(terminal.NORMAL)
     if context.invoked_subcommand is None:
         typer.echo(START, nl=False)
 

@@ -16,18 +16,18 @@ if TYPE_CHECKING:
 
 Stature = Annotated[
     float | None,
-    typer.Option("--stature", metavar="M", help="Standing height, m: sets the lengths of a body, e.g. 1.78."),
+    typer.Option("--stature-m", metavar="M", help="Standing height, m: sets the lengths of a body, e.g. 1.78."),
 ]
 Mass = Annotated[
     float | None,
-    typer.Option("--mass", metavar="KG", help="Mass, kg, with --stature: sets the radii of limbs, e.g. 74."),
+    typer.Option("--mass-kg", metavar="KG", help="Mass, kg, with --stature-m: sets the radii of limbs, e.g. 74."),
 ]
-Units = Annotated[
+Sensors = Annotated[
     str | None,
     typer.Option(
-        "--units",
+        "--sensors",
         metavar="NAMES",
-        help="Units that are worn, comma-separated; the body is cut to what they measure.",
+        help="Inertial units that are worn, comma-separated; the body is cut to what they measure.",
     ),
 ]
 Balls = Annotated[
@@ -62,7 +62,7 @@ def chosen_body(
     parameters: Mapping[str, float],
     stature_m: float | None = None,
     mass_kg: float | None = None,
-    units: str | None = None,
+    sensors: str | None = None,
     balls: Iterable[str] = (),
     plays: Iterable[str] = (),
 ) -> Model:
@@ -72,23 +72,23 @@ def chosen_body(
     from oarlock.model.joint_play import with_play
 
     body = load_model(model, parameters=parameters, stature_m=stature_m, mass_kg=mass_kg)
-    body = body if units is None else body.with_units(names(units))
-    for ball in balls:
-        hinges = names(ball)
-        if len(hinges) != 2:
-            raise UsageError(f"--ball {ball}: expected two hinges, the upper one first")
-        body = with_ball_joint(body, *hinges)
+    body = body if sensors is None else body.with_units(names(sensors))
+    for upper, lower in hinge_pairs(balls):
+        body = with_ball_joint(body, upper, lower)
     std_deg = assignments(plays, "--play", "knee_flexion_r=3", "degrees")
     return with_play(body, {name: radians(deg) for name, deg in std_deg.items()}) if std_deg else body
 
 
-def ball_note(ball: str) -> str:
-    """What a reader of angles must know of a joint that `--ball` made."""
-    from oarlock.model.ball_joint import ball_name
+def hinge_pairs(balls: Iterable[str] | None) -> list[tuple[str, str]]:
+    """`["elbow_flexion_r,elbow_pronation_r"]` as pairs of hinges.
 
-    upper, lower = names(ball)
-    return (
-        f"{ball_name(upper, lower)}: one ball in place of {upper} and {lower}, because their axes are unknown. "
-        "Only the angle between the segments has a meaning. For all angles record a session (`oarlock calibrate "
-        "session`, docs/calibration.md) or move the joint about both axes"
-    )
+    Raises:
+        UsageError: a text does not name two.
+    """
+    pairs = []
+    for ball in balls or ():
+        hinges = names(ball)
+        if len(hinges) != 2:
+            raise UsageError(f"--ball {ball}: expected two hinges, the upper one first")
+        pairs.append((hinges[0], hinges[1]))
+    return pairs

@@ -13,6 +13,8 @@ from oarlock.cli import (
     calibrate_sagittal,
     calibrate_session,
     calibrate_tree,
+    calibrate_units,
+    calibrate_video,
 )
 from oarlock.cli.calibrate_tree import OutFile, RecordingFolder, Still, saved
 from oarlock.cli.options import Json, ModelName, Replace, Settings, assignments, example, names
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
 group = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
-    help="Calibrate mounts, joint centres, biases, the magnetic field and clocks from a recording.",
+    help="Calibrate mounts, lengths, biases, the magnetic field and clocks from a recording; which unit sits where.",
 )
 
 
@@ -35,6 +37,8 @@ def add_to(app: typer.Typer) -> None:
     calibrate_tree.add_to(group)
     calibrate_clocks.add_to(group)
     calibrate_motion.add_to(group)
+    calibrate_units.add_to(group)
+    calibrate_video.add_to(group)
     app.add_typer(group, name="calibrate")
 
 
@@ -42,7 +46,7 @@ def add_to(app: typer.Typer) -> None:
     "chain",
     epilog=example(
         "oarlock calibrate chain rec --model pendulum3 --out cal.toml",
-        "oarlock calibrate chain rec --model my.toml --still 0.5 3 --rest knee=0.4 --out cal.toml",
+        "oarlock calibrate chain rec --model my.toml --still-s 0.5 3 --rest knee=0.4 --out cal.toml",
     ),
 )
 @verb
@@ -57,10 +61,10 @@ def chain(
             "--sensors", metavar="NAMES", help="Sensors of the chain, comma-separated; default: all recorded."
         ),
     ] = None,
-    still: Still = None,
-    swing: Annotated[
+    still_s: Still = None,
+    swing_s: Annotated[
         tuple[float, float] | None,
-        typer.Option("--swing", metavar="START END", help="Swing interval, s; default: all other times."),
+        typer.Option("--swing-s", metavar="START END", help="Swing interval, s; default: all other times."),
     ] = None,
     rest: Annotated[
         list[str] | None,
@@ -89,15 +93,15 @@ def chain(
         body,
         oarlock.load_recording(recording),
         sensors=None if sensors is None else names(sensors),
-        still_s=still,
-        swing_s=swing,
+        still_s=still_s,
+        swing_s=swing_s,
         rest_q=assignments(rest, "--rest"),
         first_turn_positive=first_turn_positive,
     )
     saved(calibration, write_chain, out, json_output)
     if json_output:
         return
-    only = f" --only {','.join(calibration.mounts)}" if calibration.noted["left_out"] else ""
+    only = f" --streams {','.join(calibration.mounts)}" if calibration.noted["left_out"] else ""
     steps(f"oarlock track {recording} --model {model} --calibration {out}{only} --out {recording}-track")
 
 

@@ -40,9 +40,9 @@ def clocks(
             help="Streams of the reference clock, comma-separated; default: found from the time stamps.",
         ),
     ] = None,
-    threads: Annotated[
+    jobs: Annotated[
         int | None,
-        typer.Option("--threads", metavar="N", min=1, help="Tracks in parallel; default: all cores."),
+        typer.Option("--jobs", metavar="N", min=1, help="Tracks in parallel; default: all cores."),
     ] = None,
     force: Replace = False,
     json_output: Json = False,
@@ -59,7 +59,7 @@ def clocks(
             oarlock.load_recording(recording),
             known,
             reference=None if reference is None else names(reference),
-            threads=threads,
+            threads=jobs,
             progress=told,
         )
     found.save(out)

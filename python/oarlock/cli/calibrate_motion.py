@@ -23,7 +23,7 @@ def add_to(group: typer.Typer) -> None:
         "motion",
         epilog=example(
             "oarlock calibrate motion rec --model sculler --out cal.toml",
-            "oarlock calibrate motion rec --model sculler --calibration stature.toml --until 60 --out cal.toml",
+            "oarlock calibrate motion rec --model sculler --calibration stature.toml --until-s 60 --out cal.toml",
         ),
     )(motion)
     group.command(
@@ -44,10 +44,10 @@ def motion(
         ),
     ] = None,
     start_s: Annotated[
-        float | None, typer.Option("--from", metavar="S", help="Start of the interval to use, s.")
+        float | None, typer.Option("--from-s", metavar="S", help="Start of the interval to use, s.")
     ] = None,
     end_s: Annotated[
-        float | None, typer.Option("--until", metavar="S", help="End of the interval, s.")
+        float | None, typer.Option("--until-s", metavar="S", help="End of the interval, s.")
     ] = None,
     force: Replace = False,
     json_output: Json = False,

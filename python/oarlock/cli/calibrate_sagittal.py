@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from oarlock.cli.body import Mass, Stature, Units, chosen_body
+from oarlock.cli.body import Mass, Sensors, Stature, chosen_body
 from oarlock.cli.calibrate_tree import OutFile, RecordingFolder, Start, saved, track_next
 from oarlock.cli.options import Json, ModelName, Replace, Settings, assignments, example
 from oarlock.cli.terminal import free_file, number, say, steps, table, verb
@@ -29,8 +29,8 @@ def add_to(group: typer.Typer) -> None:
         "sagittal",
         short_help="Find mounts from standing still and walking, squatting or reaching.",
         epilog=example(
-            "oarlock calibrate sagittal rec --model lower_body --stature 1.78 --mass 74 --out cal.toml",
-            "oarlock calibrate sagittal rec --model lower_body --still 0 2 --out cal.toml",
+            "oarlock calibrate sagittal rec --model lower_body --stature-m 1.78 --mass-kg 74 --out cal.toml",
+            "oarlock calibrate sagittal rec --model lower_body --still-s 0 2 --out cal.toml",
         ),
     )(sagittal)
 
@@ -43,11 +43,11 @@ def sagittal(
     settings: Settings = None,
     stature_m: Stature = None,
     mass_kg: Mass = None,
-    units: Units = None,
+    sensors: Sensors = None,
     calibration: Start = None,
-    still: Annotated[
+    still_s: Annotated[
         tuple[float, float] | None,
-        typer.Option("--still", metavar="START END", help="Stationary interval, s; default: the first one."),
+        typer.Option("--still-s", metavar="START END", help="Stationary interval, s; default: the first one."),
     ] = None,
     force: Replace = False,
     json_output: Json = False,
@@ -58,10 +58,11 @@ def sagittal(
     reach.
     """
     import oarlock
+    from oarlock.pipeline import balls_of
 
     free_file(out, force)
-    body = chosen_body(model, assignments(settings, "--set"), stature_m, mass_kg, units)
-    start_s, end_s = still or (None, None)
+    body = chosen_body(model, assignments(settings, "--set"), stature_m, mass_kg, sensors)
+    start_s, end_s = still_s or (None, None)
     known = None if calibration is None else oarlock.load_calibration(calibration)
     found = oarlock.calibrate_sagittal(
         body, oarlock.load_recording(recording), start_s=start_s, end_s=end_s, calibration=known
@@ -69,24 +70,20 @@ def sagittal(
     saved(found, write_sagittal, out, json_output)
     if not json_output:
         told = (
-            ("stature", stature_m),
-            ("mass", mass_kg),
-            ("units", units),
-            *(("ball", b) for b in balls_of(found)),
+            ("stature-m", stature_m),
+            ("mass-kg", mass_kg),
+            ("sensors", sensors),
+            *(("ball", ",".join(pair)) for pair in balls_of(found)),
         )
         same = "".join(f" --{name} {value}" for name, value in told if value is not None)
         steps(f"{track_next(recording, model, out)}{same}")
 
 
-def balls_of(found: Calibration) -> list[str]:
-    """What `oarlock track --ball` needs: pairs of hinges whose axes stayed unknown."""
-    noted: Any = found.noted
-    return [",".join(pair) for pair in noted.get("balls", ())]
-
-
 def write_sagittal(found: Calibration) -> None:
     """Prints one line for each unit."""
     import numpy as np
+
+    from oarlock.pipeline import balls_of
 
     noted: Any = found.noted
     start_s, end_s = noted["still_s"]
@@ -106,5 +103,5 @@ def write_sagittal(found: Calibration) -> None:
     for pair in noted["two_hinges"]:
         if pair["refused"]:
             say(f"axes of {' and '.join(pair['joints'])} not found: {pair['refused']}", indent=2)
-    for ball in balls_of(found):
-        say(f"track these as one ball joint: --ball {ball}", indent=2)
+    for pair in balls_of(found):
+        say(f"track these as one ball joint: --ball {','.join(pair)}", indent=2)

@@ -8,8 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from oarlock.cli.body import Mass, Pose, Stature, Units, chosen_body
-from oarlock.cli.calibrate_tree import Sensors
+from oarlock.cli.body import Mass, Pose, Sensors, Stature, chosen_body
 from oarlock.cli.options import Json, ModelName, Settings, assignments, example, names
 from oarlock.cli.terminal import UsageError, free_file, heading, number, print_json, say, steps, table, verb
 
@@ -51,12 +50,11 @@ def session(
     settings: Settings = None,
     stature_m: Stature = None,
     mass_kg: Mass = None,
-    units: Units = None,
+    sensors: Sensors = None,
     calibration: Annotated[
         Path | None,
         typer.Option("--calibration", metavar="FILE", help="An earlier calibration, such as of clocks."),
     ] = None,
-    sensors: Sensors = None,
     force: Annotated[bool, typer.Option("--force", help="Replace files that exist.")] = False,
     json_output: Json = False,
 ) -> None:
@@ -68,7 +66,7 @@ def session(
     import oarlock
     from oarlock.report.session_page import write_session_page
 
-    body = chosen_body(model, assignments(settings, "--set"), stature_m, mass_kg, units)
+    body = chosen_body(model, assignments(settings, "--set"), stature_m, mass_kg, sensors)
     if write_plan is not None:
         free_file(write_plan, force)
         own = oarlock.default_plan(body, pose)
@@ -85,7 +83,6 @@ def session(
         body,
         oarlock.load_recording(recording),
         followed,
-        sensors=None if sensors is None else names(sensors),
         calibration=None if calibration is None else oarlock.load_calibration(calibration),
     )
     found.save(out)

@@ -31,10 +31,10 @@ Sensors = Annotated[
         "--sensors", metavar="NAMES", help="Sensors to use, comma-separated; default: all recorded."
     ),
 ]
-Window = Annotated[float, typer.Option("--window", metavar="S", help="Averaging window of the readings, s.")]
+Window = Annotated[float, typer.Option("--window-s", metavar="S", help="Averaging window of the readings, s.")]
 Still = Annotated[
     tuple[float, float] | None,
-    typer.Option("--still", metavar="START END", help="Stationary interval, s; default: the longest one."),
+    typer.Option("--still-s", metavar="START END", help="Stationary interval, s; default: the longest one."),
 ]
 
 EXAMPLE_PLAY_DEG = 3.0
@@ -46,7 +46,7 @@ def add_to(group: typer.Typer) -> None:
     for own, options in (
         (pose, "--out cal.toml"),
         (axes, "--calibration cal.toml --out cal2.toml"),
-        (joints, "--window 0.3 --out cal.toml"),
+        (joints, "--window-s 0.3 --out cal.toml"),
         (field, "--out cal.toml"),
     ):
         command = f"oarlock calibrate {own.__name__} rec --model my.toml {options}"
@@ -61,14 +61,14 @@ def joints(
     settings: Settings = None,
     calibration: Start = None,
     sensors: Sensors = None,
-    window: Window = 0.2,
+    window_s: Window = 0.2,
     force: Replace = False,
     json_output: Json = False,
 ) -> None:
     """Calibrate joint centres from motion: sensor positions and lengths between joints."""
     import oarlock
 
-    search = partial(oarlock.calibrate_joint_centers, window_s=window, **_known(sensors, calibration))
+    search = partial(oarlock.calibrate_joint_centers, window_s=window_s, **_known(sensors, calibration))
     calibrated(search, write_joints, recording, model, out, settings, force, json_output)
 
 
@@ -80,14 +80,14 @@ def axes(
     settings: Settings = None,
     calibration: Start = None,
     sensors: Sensors = None,
-    window: Window = 0.1,
+    window_s: Window = 0.1,
     force: Replace = False,
     json_output: Json = False,
 ) -> None:
     """Correct mounts so that hinge axes agree with the motion."""
     import oarlock
 
-    search = partial(oarlock.calibrate_hinge_axes, window_s=window, **_known(sensors, calibration))
+    search = partial(oarlock.calibrate_hinge_axes, window_s=window_s, **_known(sensors, calibration))
     calibrated(search, write_axes, recording, model, out, settings, force, json_output)
 
 
@@ -99,7 +99,7 @@ def pose(
     settings: Settings = None,
     calibration: Start = None,
     sensors: Sensors = None,
-    still: Still = None,
+    still_s: Still = None,
     rest: Annotated[
         list[str] | None,
         typer.Option(
@@ -114,7 +114,7 @@ def pose(
     """Correct mounts so that a stationary posture agrees with gravity."""
     import oarlock
 
-    start_s, end_s = still or (None, None)
+    start_s, end_s = still_s or (None, None)
     posture = assignments(rest, "--rest")
     known = _known(sensors, calibration)
     search = partial(oarlock.calibrate_pose, pose=posture, start_s=start_s, end_s=end_s, **known)

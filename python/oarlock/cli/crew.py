@@ -1,4 +1,4 @@
-"""`oarlock crew`: the timing of several seats of one boat."""
+"""`oarlock rowing crew`: the timing of several seats of one boat."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ def add_to(app: typer.Typer) -> None:
     app.command(
         "crew",
         epilog=example(
-            "oarlock crew bow two three stroke",
-            "oarlock crew a b --seats bow,stroke --clock-ms 0",
-            "oarlock crew out1 out2 --recording rec1 --recording rec2 --out crew.html",
+            "oarlock rowing crew bow two three stroke",
+            "oarlock rowing crew a b --seats bow,stroke --clock-ms 0",
+            "oarlock rowing crew out1 out2 --recording rec1 --recording rec2 --out crew.html",
         ),
     )(crew)
 

@@ -51,11 +51,11 @@ def add_to(app: typer.Typer) -> None:
     app.command(
         "export",
         epilog=example(
-            "oarlock export out --to exported",
-            "oarlock export out --to exported --format osim,mot,trc",
-            "oarlock export out --to exported --format mot --radians --missing drop",
-            "oarlock export out --to blender --format bvh,glb",
-            "oarlock export out --to exported --format csv --json | jq .files",
+            "oarlock export out --out exported",
+            "oarlock export out --out exported --format osim,mot,trc",
+            "oarlock export out --out exported --format mot --radians --missing drop",
+            "oarlock export out --out blender --format bvh,glb",
+            "oarlock export out --out exported --format csv --json | jq .files",
         )
         + "\n\n"
         + _ABOUT,
@@ -65,7 +65,7 @@ def add_to(app: typer.Typer) -> None:
 @verb
 def export(
     out: Annotated[Path, typer.Argument(metavar="TRACK", help="A folder that `oarlock track` wrote.")],
-    to: Annotated[Path, typer.Option("--to", metavar="FOLDER", help="Folder to write.")],
+    to: Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Folder to write.")],
     formats: Annotated[
         list[str] | None,
         typer.Option(

@@ -135,10 +135,44 @@ def import_path(
     say_next(target, naming.model or "MODEL")
 
 
+def asked_recording(
+    path: Path,
+    pick: str | None,
+    together: bool,
+    model: str,
+    units: Mapping[str, str] | Path | None,
+    athlete: str | None,
+    json_output: bool,
+) -> Recording | Path:
+    """A folder of Oarlock's as it is; else a recording with named units, of which a terminal asks what is not clear."""
+    from oarlock import Recording, load_model, load_recording
+    from oarlock.recording.folder import INDEX_FILE
+    from oarlock.recording.session_info import SESSION_KEY, checked_session, session_info
+    from oarlock.recording.unit_names import UNITS_FILE, units_of
+
+    is_ours = (path / INDEX_FILE).is_file()
+    if is_ours and units is None and athlete is None:
+        return path
+    asks = asks_questions(False, json_output)
+    if is_ours:
+        recording = load_recording(path)
+    else:
+        contents = _found(path, asks)
+        recording, *_ = (
+            _read_together(contents, path, asks, {}) if together else _read_only(contents, pick, asks, {})
+        )
+    beside = (path if path.is_dir() else path.parent) / UNITS_FILE
+    sensors = [sensor.name for sensor in load_model(model).describe().inertial_units]
+    recording = Naming(model, sensors, *units_of(units, path), beside).named_or_asked(recording, asks)
+    session = {} if athlete is None else checked_session({"athlete": athlete}, "option")
+    known = {**session_info(recording.meta), **session}
+    return Recording(recording.streams, {**recording.meta, SESSION_KEY: known}) if known else recording
+
+
 def written(recording: Recording, session: Mapping[str, str], out: Path, force: bool) -> Recording:
     """Write a recording's folder; the recording with its session."""
     recording = _with_session(recording, session, out)
-    with output_folder(out, "recording", force, fresh=True) as stage:
+    with output_folder(out, "recording", force) as stage:
         recording.save(stage)
     return recording
 
@@ -284,7 +318,7 @@ def _write_all(
 ) -> None:
     """Write each recording into a folder of its own. What cannot be read is reported, and the others are written."""
     for one in contents.recordings:
-        check_folder(out / _safe(one.name), (), force)
+        check_folder(out / _safe(one.name), force)
     if asks and not session:
         session = asked_session({}, "")
     done: list[dict[str, object]] = []

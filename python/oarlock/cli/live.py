@@ -46,7 +46,7 @@ Share = Annotated[
     ),
 ]
 Seconds = Annotated[
-    float | None, typer.Option("--seconds", metavar="S", help="End after so long; default: Ctrl-C ends it.")
+    float | None, typer.Option("--duration-s", metavar="S", help="End after so long; default: Ctrl-C ends it.")
 ]
 NoPage = Annotated[bool, typer.Option("--no-page", help="Record and track without a page.")]
 UdpTo = Annotated[

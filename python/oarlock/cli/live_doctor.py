@@ -21,7 +21,7 @@ def add_to(group: typer.Typer) -> None:
     """Registers the verb."""
     group.command(
         "doctor",
-        epilog=example("oarlock live doctor", "oarlock live doctor rig.toml --seconds 20 --out today"),
+        epilog=example("oarlock live doctor", "oarlock live doctor rig.toml --duration-s 20 --out today"),
     )(doctor)
 
 

@@ -32,10 +32,10 @@ if TYPE_CHECKING:
 _TICK_S = 0.1
 PLACES = "network, ble, lsl, serial"
 LookSeconds = Annotated[
-    float, typer.Option("--seconds", metavar="S", min=0.1, max=600.0, help="How long to listen.")
+    float, typer.Option("--duration-s", metavar="S", min=0.1, max=600.0, help="How long to listen.")
 ]
 Only = Annotated[
-    str | None, typer.Option("--only", metavar="PLACES", help=f"Where to look, some of {PLACES}, or none.")
+    str | None, typer.Option("--places", metavar="PLACES", help=f"Where to look, some of {PLACES}, or none.")
 ]
 Sources = Annotated[
     list[str] | None,
@@ -54,7 +54,7 @@ def add_to(group: typer.Typer) -> None:
         "scan",
         epilog=example(
             "oarlock live scan",
-            "oarlock live scan --only network --seconds 10",
+            "oarlock live scan --places network --duration-s 10",
             "oarlock live scan --source serial:/dev/ttyUSB0@115200",
             "oarlock live scan --source tcp:192.168.1.20:7000:ximu3 --json",
         ),
@@ -104,7 +104,7 @@ def asked(seconds: float, only: str | None, sources: list[str] | None, connects:
     chosen = places.PLACES if only is None else names(only)
     for place in chosen:
         if place not in places.PLACES:
-            raise UsageError(f"--only {place}: choose some of {PLACES}, or none")
+            raise UsageError(f"--places {place}: choose some of {PLACES}, or none")
     try:
         opened = [source_of(text) for text in sources or ()]
     except DataError as error:

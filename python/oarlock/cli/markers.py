@@ -93,14 +93,14 @@ def show(
     "attach",
     short_help="Attach markers to a model from a static trial.",
     epilog=example(
-        "oarlock markers attach static.c3d --model arm7 --on LELB=elbow,LWRA=wrist,LWRB=wrist --out person.toml"
+        "oarlock markers attach static.c3d --model arm7 --frames LELB=elbow,LWRA=wrist,LWRB=wrist --out person.toml"
     ),
 )
 @verb
 def attach(
     file: MarkerFile,
     out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="File to write, .toml.")],
-    on: Annotated[str, typer.Option("--on", metavar="MARKER=FRAME,...", help="The frame of each marker.")],
+    on: Annotated[str, typer.Option("--frames", metavar="MARKER=FRAME,...", help="The frame of each marker.")],
     model: ModelName = "sculler",
     posture: Annotated[
         list[str] | None,
@@ -200,7 +200,7 @@ def simulate(
     loaded = oarlock.load_model(model, parameters=values)
     markers = oarlock.load_markers(file, unit, axes=axes)
     placed = oarlock.load_attachments(attachments)
-    check_folder(out, (), force)
+    check_folder(out, force)
     body = None
     if estimate:
         with progress("fitting the body"):
@@ -221,7 +221,7 @@ def simulate(
             accel_bias_m_s2=accel_bias_m_s2,
             progress=told,
         )
-    with output_folder(out, "recording", force, fresh=True) as stage:
+    with output_folder(out, "recording", force) as stage:
         study.save(stage)
         oarlock.save_attachments(placed, stage / "attachments.toml")
         if body is not None:

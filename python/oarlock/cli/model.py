@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from oarlock.cli import model_sheet
-from oarlock.cli.body import Mass, Stature, Units, chosen_body
+from oarlock.cli.body import Mass, Sensors, Stature, chosen_body
 from oarlock.cli.options import Json, Replace, Settings, assignments, example
 from oarlock.cli.terminal import EXIT_DATA, UsageError, free_file, page, print_json, say, steps, table, verb
 from oarlock.model.description import ModelDescription
@@ -58,7 +58,7 @@ def _short(description: ModelDescription) -> dict[str, Any]:
         "oarlock model show sculler",
         "oarlock model show my.toml --svg pose.svg",
         "oarlock model show sculler --set l_ua_r=0.31 --at seat=0.3 --at trunk=-0.4",
-        "oarlock model show full_body --stature 1.78 --mass 74 --units pelvis,thigh_r,shank_r",
+        "oarlock model show full_body --stature-m 1.78 --mass-kg 74 --sensors pelvis,thigh_r,shank_r",
         "oarlock model show sculler --json | jq .measurement_names",
     ),
 )
@@ -79,7 +79,7 @@ def show(
     settings: Settings = None,
     stature_m: Stature = None,
     mass_kg: Mass = None,
-    units: Units = None,
+    sensors: Sensors = None,
     force: Replace = False,
     json_output: Json = False,
 ) -> None:
@@ -90,7 +90,7 @@ def show(
 
     if svg is not None:
         free_file(svg, force)
-    loaded = chosen_body(model, assignments(settings, "--set"), stature_m, mass_kg, units)
+    loaded = chosen_body(model, assignments(settings, "--set"), stature_m, mass_kg, sensors)
     description = loaded.describe()
     body = skeleton(loaded, posture(description, assignments(at, "--at"), "--at"))
     if svg is not None:

@@ -42,9 +42,9 @@ def add_to(app: typer.Typer) -> None:
             "oarlock report out --with rp3.csv",
             "oarlock report out --last monday --best record",
             "oarlock report out --season season --names ~/names.toml",
-            "oarlock report out --to a.html",
+            "oarlock report out --out a.html",
             "oarlock report out --summary",
-            "oarlock report out --card --to pictures",
+            "oarlock report out --card --out pictures",
         ),
     )(report)
 
@@ -85,7 +85,7 @@ def report(
     offset: Annotated[
         float | None,
         typer.Option(
-            "--offset",
+            "--offset-s",
             metavar="SECONDS",
             help="With --with: what to add to the export's times, if intervals between strokes cannot tell.",
         ),
@@ -120,7 +120,7 @@ def report(
     to: Annotated[
         Path | None,
         typer.Option(
-            "--to",
+            "--out",
             metavar="FILE|FOLDER",
             help="The file to write, or a folder: the file is then named by athlete and date. "
             "Else TRACK/report.html.",
@@ -135,13 +135,15 @@ def report(
     writes strokes.csv beside the page. The section "What each number means" and docs/report.md define each number
     with its unit, sign and source.
     """
+    import oarlock
     from oarlock import load_track
     from oarlock.recording.session_info import session_info, session_text
     from oarlock.rowing.report.called import Folder
+    from oarlock.rowing.report.write import is_of_rower
     from oarlock.storage.folder_writer import added_files
 
     if offset is not None and beside is None:
-        raise UsageError("--offset needs --with FILE: it is the offset of that export's clock")
+        raise UsageError("--offset-s needs --with FILE: it is the offset of that export's clock")
     if athletes is not None and season is None:
         raise UsageError("--names needs --season SEASON: it says which pseudonym a name has there")
     if summary and card:
@@ -163,16 +165,13 @@ def report(
         if summary or card:
             staged = [_write_front(track, stage / page.name, card, earlier, other, names, targets)]
         else:
-            staged = write_any_report(
-                track,
-                stage / page.name,
-                truth=known,
-                other=other,
-                names=names,
-                targets=targets,
-                earlier=earlier,
-                export=export,
-            )
+            of_rowers = {}
+            if is_of_rower(track):
+                of_rowers = {"other": other, "names": names, "targets": targets, "export": export}
+                of_rowers |= {"last": earlier.last, "best": earlier.best, "compared_notes": earlier.notes}
+            else:
+                _refuse_of_others(track, {**_of_rowers(earlier, other, targets), "--with": export})
+            staged = oarlock.write_report(track, stage / page.name, truth=known, progress=True, **of_rowers)
     written = [page.with_name(file.name) for file in staged]
     session = session_info(track.provenance)
     if json_output:
@@ -280,41 +279,3 @@ def _refuse_of_others(track: Track, options: Mapping[str, object]) -> None:
             raise UsageError(
                 f"{flag} needs the track of a rower; this one has the joints {', '.join(track.joint_names[:6])}"
             )
-
-
-def write_any_report(
-    track: Track,
-    path: Path,
-    evaluation: Evaluation | None = None,
-    truth: Track | None = None,
-    other: Track | None = None,
-    names: tuple[str, str] = ("", ""),
-    targets: str | None = None,
-    earlier: ReportComparisons | None = None,
-    export: tuple[StrokeTable | Activity, float | None] | None = None,
-) -> list[Path]:
-    """Write the report of any model; add strokes for rowers. Return the written files, the report first."""
-    from oarlock.rowing.report.write import is_of_rower, write_rowing_report
-
-    earlier = earlier or ReportComparisons()
-    if is_of_rower(track):
-        with progress("writing the report") as told:
-            return write_rowing_report(
-                track,
-                path,
-                evaluation,
-                truth,
-                other=other,
-                names=names,
-                targets=targets,
-                last=earlier.last,
-                best=earlier.best,
-                compared_notes=earlier.notes,
-                export=export,
-                progress=told,
-            )
-    _refuse_of_others(track, {**_of_rowers(earlier, other, targets), "--with": export})
-    from oarlock.movement.report import write_movement_report
-
-    with progress("writing the report") as told:
-        return write_movement_report(track, path, evaluation, truth, progress=told)

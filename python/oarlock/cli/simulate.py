@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from oarlock.cli.body import Mass, Pose, Stature, Units, chosen_body
+from oarlock.cli.body import Mass, Pose, Sensors, Stature, chosen_body
 from oarlock.cli.options import Force, Json, ModelName, OutFolder, Settings, assignments, example
 from oarlock.cli.simulate_field import Effect, Field, RateHz, Strength, asked_effects, simulate_in_the_field
 from oarlock.cli.simulate_session import simulate_guided_session
@@ -45,9 +45,9 @@ def add_to(app: typer.Typer) -> None:
             "oarlock simulate --out trial --field off --effect mount_error_rad=0.09 --effect packet_loss=0.05",
             "oarlock simulate --model sculler_boat --boat rotating --hull-roll-rad 0.05 --out rough",
             "oarlock simulate --model sweep --out pair",
-            "oarlock simulate --session --out session",
-            "oarlock simulate --session --model arm7 --seed 3 --out session",
-            "oarlock simulate --session --model lower_body --stature 1.78 --mass 74 --out session",
+            "oarlock simulate --calibration-session --out session",
+            "oarlock simulate --calibration-session --model arm7 --seed 3 --out session",
+            "oarlock simulate --calibration-session --model lower_body --stature-m 1.78 --mass-kg 74 --out session",
         ),
     )(simulate)
 
@@ -85,7 +85,7 @@ def simulate(
     session: Annotated[
         bool,
         typer.Option(
-            "--session",
+            "--calibration-session",
             help="Simulate a guided calibration session; see calibrate session. The default for bodies without a seat "
             "and oars.",
         ),
@@ -98,18 +98,18 @@ def simulate(
     settings: Settings = None,
     stature_m: Stature = None,
     mass_kg: Mass = None,
-    units: Units = None,
+    sensors: Sensors = None,
     force: Force = False,
     json_output: Json = False,
 ) -> None:
     """Simulate a rower, or a person's calibration session: write a recording, and the ground truth into truth/."""
     from oarlock.rowing.simulation.experiment import simulate_rowing
 
-    loaded = chosen_body(model, assignments(settings, "--set"), stature_m, mass_kg, units)
+    loaded = chosen_body(model, assignments(settings, "--set"), stature_m, mass_kg, sensors)
     if not (session or field or effect or boat or condition) and not _rows(loaded):
         session = True
         if not json_output:
-            say(f'"{loaded.name}" is no rower: this simulates its calibration session, as with --session.')
+            say(f'"{loaded.name}" is no rower: this simulates its calibration session, as with --calibration-session.')
     if session:
         simulate_guided_session(loaded, out, model, pose, seed, force, json_output)
         return
@@ -127,7 +127,7 @@ def simulate(
             loaded, effects, out, (chosen, duration_s, rates, rate_hz, seed), model, force, json_output
         )
         return
-    with output_folder(out, "recording", force, fresh=True) as stage, progress("simulating"):
+    with output_folder(out, "recording", force) as stage, progress("simulating"):
         truth, recording = simulate_rowing(
             loaded,
             chosen,

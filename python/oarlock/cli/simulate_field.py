@@ -80,7 +80,7 @@ def simulate_in_the_field(
     from oarlock.rowing import simulate_field
 
     condition, duration_s, rate_spm, rate_hz, seed = course
-    with output_folder(out, "recording", force, fresh=True) as stage, progress("simulating"):
+    with output_folder(out, "recording", force) as stage, progress("simulating"):
         trial = simulate_field(
             model,
             effects,

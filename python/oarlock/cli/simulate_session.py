@@ -1,4 +1,4 @@
-"""`oarlock simulate --session`: simulates a guided calibration session with its ground truth."""
+"""`oarlock simulate --calibration-session`: simulates a guided calibration session with its ground truth."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def simulate_guided_session(
     """Writes a recording of a person who follows the model's plan, and the ground truth."""
     from oarlock import default_plan, simulate_session
 
-    with output_folder(out, "recording", force, fresh=True) as stage, progress("simulating"):
+    with output_folder(out, "recording", force) as stage, progress("simulating"):
         trial = simulate_session(model, default_plan(model, pose), seed=seed)
         trial.save(stage)
     if json_output:

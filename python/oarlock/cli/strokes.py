@@ -1,4 +1,4 @@
-"""`oarlock strokes`: prints strokes of a track, a recording or an export of a rowing device."""
+"""`oarlock rowing strokes`: prints strokes of a track, a recording or an export of a rowing device."""
 
 from __future__ import annotations
 
@@ -42,11 +42,11 @@ def add_to(app: typer.Typer) -> None:
     app.command(
         "strokes",
         epilog=example(
-            "oarlock strokes out",
-            "oarlock strokes rp3.csv --each",
-            "oarlock strokes speedcoach.csv --out strokes",
-            "oarlock strokes rp3.csv --report rp3.html --athlete A07",
-            "oarlock strokes out --fit piece.fit --start 2026-05-01T07:30:00Z",
+            "oarlock rowing strokes out",
+            "oarlock rowing strokes rp3.csv --each",
+            "oarlock rowing strokes speedcoach.csv --out strokes",
+            "oarlock rowing strokes rp3.csv --report rp3.html --athlete A07",
+            "oarlock rowing strokes out --fit piece.fit --start 2026-05-01T07:30:00Z",
         ),
     )(strokes)
 

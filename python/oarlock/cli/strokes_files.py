@@ -1,4 +1,4 @@
-"""Writes the files of `oarlock strokes`, and shows activities, which have no strokes."""
+"""Writes the files of `oarlock rowing strokes`, and shows activities, which have no strokes."""
 
 from __future__ import annotations
 

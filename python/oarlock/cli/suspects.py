@@ -7,8 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from oarlock.cli.tables import write_contradiction
-from oarlock.cli.terminal import heading, say, tell_fault
+from oarlock.cli.terminal import heading, say
 from oarlock.cli.track_folder import TRACK
 from oarlock.storage.folder_writer import added_files
 
@@ -16,24 +15,8 @@ if TYPE_CHECKING:
     from oarlock import Calibration, Config, Model, Recording, Suspect
 
 
-def searched(
-    model: Model, recording: Recording, calibration: Calibration | None, config: Config
-) -> tuple[Suspect, ...]:
-    """The suspects of a recording. A search that fails costs no track: the fault is told, and nothing is suspected."""
-    from oarlock import DataError, ModelError, suspects
-
-    try:
-        return suspects(model, recording, calibration, config)
-    except (DataError, ModelError):
-        raise
-    except Exception as error:
-        tell_fault("faults of sensors could not be searched for", error)
-        return ()
-
-
-def write_suspects(found: Sequence[Suspect], notes: Sequence[str]) -> None:
-    """Prints that joints contradict units, by the notes of the track, then one or two sentences for each suspect."""
-    write_contradiction(notes)
+def write_suspects(found: Sequence[Suspect]) -> None:
+    """Prints one or two sentences for each suspect."""
     if not found:
         return
     heading("Suspects", "sensors that appear to be faulty; nothing was corrected")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import json
+import logging
 import math
 import os
 import sys
@@ -61,22 +62,29 @@ def heading(text: str, remark: str = "") -> None:
     _print_trimmed(Text.assemble((text, "bold"), (f"   {remark}" if remark else "", "dim")))
 
 
-_NEXT_STEPS = ContextVar("next_steps", default=True)
+QUIET, NORMAL, VERBOSE = range(3)
+_VERBOSITY = ContextVar("verbosity", default=NORMAL)
+
+
+def set_verbosity(level: int) -> None:
+    """`QUIET`: errors, and JSON if it is asked for; `NORMAL`: results; `VERBOSE`: what is printed in `details`, too."""
+    _VERBOSITY.set(level)
+    LOG_HANDLER.setLevel({QUIET: logging.ERROR, NORMAL: logging.WARNING, VERBOSE: logging.INFO}[level])
 
 
 @contextmanager
-def without_next_steps() -> Iterator[None]:
-    """Within it `steps` prints nothing: a verb that runs others says itself what comes next."""
-    token = _NEXT_STEPS.set(False)
+def details() -> Iterator[None]:
+    """Within it text is printed only with --verbose."""
+    token = _VERBOSITY.set(NORMAL if _VERBOSITY.get() == VERBOSE else QUIET)
     try:
         yield
     finally:
-        _NEXT_STEPS.reset(token)
+        _VERBOSITY.reset(token)
 
 
 def steps(*lines: str) -> None:
     """Prints the suggested next commands, one a line, however long: a command that is broken cannot be copied."""
-    if not _NEXT_STEPS.get():
+    if _VERBOSITY.get() == QUIET:
         return
     heading("Next")
     for line in lines:
@@ -140,6 +148,8 @@ def checklist(rows: Sequence[tuple[str, str, str, Sequence[str]]]) -> None:
 
 def _print_trimmed(what: RenderableType) -> None:
     # Tables and wrapped lines end in spaces, which are removed.
+    if _VERBOSITY.get() == QUIET:
+        return
     console = page()
     with console.capture() as capture:
         console.print(what)
@@ -262,12 +272,23 @@ FAULTS: list[str] = []
 """What could not be done while a command went on: it ends with status 1."""
 
 
-def tell_fault(what: str, error: Exception) -> None:
-    """Tells on stderr that something could not be done, while the command goes on."""
-    FAULTS.append(what)
-    if os.environ.get(TRACEBACK_VARIABLE):
-        traceback.print_exc()
-    page(stderr=True).print(Text(f"error: {what}: {_fault(error)}"), soft_wrap=True)
+class _TerminalLog(logging.Handler):
+    """Prints records of the package on stderr. An error is something that could not be done while a command goes on."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print it; an error counts as a fault."""
+        text, error = record.getMessage(), record.exc_info[1] if record.exc_info else None
+        if record.levelno >= logging.ERROR:
+            FAULTS.append(text)
+        if error is not None and os.environ.get(TRACEBACK_VARIABLE):
+            traceback.print_exception(error)
+        cause = f": {_fault(error)}" if isinstance(error, Exception) else ""
+        page(stderr=True).print(Text(f"{record.levelname.lower()}: {text}{cause}"), soft_wrap=True)
+
+
+LOG_HANDLER: Final = _TerminalLog(logging.WARNING)
+logging.getLogger("oarlock").addHandler(LOG_HANDLER)
+logging.getLogger("oarlock").setLevel(logging.INFO)
 
 
 def _fault(error: Exception) -> str:
@@ -299,53 +320,36 @@ def free_file(file: Path, force: bool) -> None:
 
 
 @contextmanager
-def output_folder(
-    folder: Path, kind: str, force: bool, fresh: bool = False, beside: str = ""
-) -> Iterator[Path]:
+def output_folder(folder: Path, kind: str, force: bool, beside: str = "") -> Iterator[Path]:
     """Context that gives the folder to write into; at its end its files are in `folder`, and never a part of them.
 
     Args:
         folder: as the user named it.
         kind: what it will hold, as its manifest says.
-        force: write into a folder with other files, and replace files of the same names.
-        fresh: a folder of the same kind counts as other files, too.
+        force: write into a folder that has files, and replace files of the same names.
         beside: name of a file that does not count.
 
     Raises:
-        UsageError: it contains other files, and `force` is not set.
-        DataError: another run is writing into it, or a file in it was changed.
+        UsageError: it contains files, and `force` is not set.
+        DataError: another run is writing into it.
     """
     from oarlock.storage.folder_writer import replaced_folder
 
-    check_folder(folder, () if fresh else (kind,), force, beside)
+    check_folder(folder, force, beside)
     with replaced_folder(folder, kind, force) as stage:
         yield stage
 
 
-def check_folder(folder: Path, kinds: Sequence[str], force: bool, beside: str = "") -> None:
-    """Check that a folder is empty but for `beside`, or of one of the `kinds`, with all files as they were written.
+def check_folder(folder: Path, force: bool, beside: str = "") -> None:
+    """Check that a folder can be written.
 
     Raises:
-        UsageError: it is not so, and `force` is not set; or it is a file.
+        UsageError: it contains files, but for `beside`, and `force` is not set; or it is a file.
     """
-    from oarlock.storage.folder_writer import read_manifest
-    from oarlock.storage.write_file import WORK
+    from oarlock.storage.errors import DataError
+    from oarlock.storage.folder_writer import check_empty
 
-    if os.path.lexists(folder) and not folder.is_dir():
-        raise UsageError(f"{folder} is a file; --out names a folder")
-    if force or not folder.is_dir():
-        return
-    manifest = read_manifest(folder)
-    if not manifest.kinds or not set(manifest.kinds) <= set(kinds):
-        if any(entry.name not in (WORK, beside) for entry in folder.iterdir()):
-            raise UsageError(
-                f"{folder} exists and contains other files\nChoose another folder, or add --force."
-            )
-        return
-    listed = manifest.with_nested()
-    for name in listed.sha256:
-        if (folder / name).exists() and not listed.is_unchanged(name):
-            raise UsageError(
-                f"{folder / name} was changed since it was written\n"
-                "Choose another folder, move the file away, or add --force to replace it."
-            )
+    try:
+        check_empty(folder, force, beside)
+    except DataError as error:
+        raise UsageError(str(error)) from None

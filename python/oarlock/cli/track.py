@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from oarlock.cli.body import Balls, Mass, Plays, Stature, Units, ball_note, chosen_body
+from oarlock.cli.body import Balls, Mass, Plays, Sensors, Stature, chosen_body, hinge_pairs
 from oarlock.cli.options import CalibrationFile, Force, Json, ModelName, OutFolder, example, names
 from oarlock.cli.settings import (
     DEFAULTS,
@@ -16,9 +16,9 @@ from oarlock.cli.settings import (
     settings_of_file,
     split,
 )
-from oarlock.cli.suspects import explained, searched, write_suspects
+from oarlock.cli.suspects import explained, write_suspects
 from oarlock.cli.tables import write_summary
-from oarlock.cli.terminal import UsageError, output_folder, print_json, say, steps, verb
+from oarlock.cli.terminal import UsageError, details, output_folder, print_json, say, steps, verb
 from oarlock.cli.track_folder import RECORDING_FILE, TRACK, beside, document, run_filter, write_folder
 from oarlock.cli.track_several import folders_for, track_several
 from oarlock.evaluation.comparison.estimators import LIMB_FILTER, tree_filters
@@ -39,10 +39,10 @@ def add_to(app: typer.Typer) -> None:
         epilog=example(
             "oarlock track trial --model sculler --out out",
             "oarlock track trial --model my.toml --set l_ua_r=0.31 --smooth --csv --out out",
-            "oarlock track rec --model pendulum3 --calibration cal.toml --only upper,middle,lower --out out",
+            "oarlock track rec --model pendulum3 --calibration cal.toml --streams upper,middle,lower --out out",
             "oarlock track trial --model sculler --out out --json | jq .steps_per_s",
-            "oarlock track monday tuesday friday --model sculler --threads 2 --out season",
-            "oarlock track walk --model lower_body --stature 1.78 --mass 74 --out out",
+            "oarlock track monday tuesday friday --model sculler --jobs 2 --out season",
+            "oarlock track walk --model lower_body --stature-m 1.78 --mass-kg 74 --out out",
             "oarlock track again --model sculler --config out/run.toml --set gate=false --out again",
         )
         + settings_help(),
@@ -75,10 +75,10 @@ def track(
         ),
     ] = None,
     calibration: CalibrationFile = None,
-    only: Annotated[
+    streams: Annotated[
         str | None,
         typer.Option(
-            "--only",
+            "--streams",
             metavar="NAMES",
             help="Streams to use, comma-separated; default: all that the model has a sensor for.",
         ),
@@ -89,14 +89,14 @@ def track(
     low_pass_hz: Annotated[
         float | None,
         typer.Option(
-            "--low-pass",
+            "--low-pass-hz",
             metavar="HZ",
             help="First remove faster vibration of units; for --set structure=tree.",
         ),
     ] = None,
     stature_m: Stature = None,
     mass_kg: Mass = None,
-    units: Units = None,
+    sensors: Sensors = None,
     balls: Balls = None,
     plays: Plays = None,
     smooth: Annotated[bool, typer.Option("--smooth", help="Smooth over the whole recording.")] = False,
@@ -116,10 +116,10 @@ def track(
             metavar="HZ", help="Rate of the rows, 0: one for every sample; default: found, see docs."
         ),
     ] = None,
-    threads: Annotated[
+    jobs: Annotated[
         int | None,
         typer.Option(
-            "--threads", metavar="N", min=1, help="Recordings tracked in parallel; default: all cores."
+            "--jobs", metavar="N", min=1, help="Recordings tracked in parallel; default: all cores."
         ),
     ] = None,
     suspects: Annotated[
@@ -135,10 +135,12 @@ def track(
 ) -> None:
     """Track a recording: write joint angles with uncertainty, run.toml and report.html into a folder."""
     from oarlock import load_calibration, load_model
+    from oarlock.cli.result import result_of, write_result
+    from oarlock.pipeline import ball_note, searched_suspects
 
     body = load_model(model)
     parameters, chosen = split(settings, body.parameters)
-    body = chosen_body(model, parameters, stature_m, mass_kg, units, balls or (), plays or ())
+    body = chosen_body(model, parameters, stature_m, mass_kg, sensors, balls or (), plays or ())
     chosen = {**(settings_of_file(config_file) if config_file else {}), **chosen}
     if output_rate_hz is not None:
         chosen["output_rate_hz"] = output_rate_hz
@@ -150,7 +152,7 @@ def track(
     )
 
     def load(folder: Path) -> Recording:
-        return _measured(folder, only, without, low_pass_hz)
+        return _measured(folder, streams, without, low_pass_hz)
 
     if asked in OTHER_FILTERS and (smooth or len(recordings) > 1):
         lacks = "--smooth" if smooth else "several recordings at once"
@@ -165,7 +167,7 @@ def track(
             wearing,
             config,
             smooth=smooth,
-            threads=threads,
+            threads=jobs,
             look=suspects,
             csv=csv,
             force=force,
@@ -176,31 +178,30 @@ def track(
     if (out / RECORDING_FILE).exists():
         raise UsageError(f"{out} is a recording; choose another folder for the results")
     with explained(out, f"Track of {body.name}", force) as found, output_folder(out, TRACK, force) as stage:
-        found += searched(body, measured, wearing, config) if suspects else ()
+        found += searched_suspects(body, measured, wearing, config) if suspects else ()
         result = run_filter(body, measured, wearing, config, smooth, asked)
-        result = result.with_notes(*(suspect.note for suspect in found), *map(ball_note, balls or ()))
+        result = result.with_notes(*(suspect.note for suspect in found), *map(ball_note, hinge_pairs(balls)))
         write_folder(result, stage, csv)
     if json_output:
-        print_json(document(result, out, found))
+        print_json({**document(result, out, found), **result_of(result)})
         return
-    write_suspects(found, result.notes)
-    say(f"Tracked {recordings[0]}", style="bold")
-    write_summary(result)
-    tables, report = ["track", *beside(result)], out / "report.html"
-    say(
-        f"\nWrote {out}: {', '.join(tables)} (.parquet), model.toml, run.toml{', report.html' * report.exists()}"
-    )
-    steps(
-        *[f"open {report}"] * report.exists(), f"oarlock evaluate {out} TRUTH        if you have a reference"
-    )
+    report = out / "report.html"
+    write_suspects(found)
+    with details():
+        write_summary(result)
+    write_result(result, report if report.exists() else None)
+    with details():
+        tables = ", ".join(f"{name}.parquet" for name in ("track", *beside(result)))
+        say(f"\nWrote {out}: {tables}, model.toml, run.toml{', report.html' * report.exists()}")
+        steps(f"oarlock evaluate {out} TRUTH        if you have a reference")
 
 
-def _measured(folder: Path, only: str | None, without: str | None, low_pass_hz: float | None) -> Recording:
+def _measured(folder: Path, streams: str | None, without: str | None, low_pass_hz: float | None) -> Recording:
     from oarlock import load_recording
 
     measured = load_recording(folder)
-    if only is not None:
-        measured = measured.only(names(only))
+    if streams is not None:
+        measured = measured.only(names(streams))
     if without is not None:
         measured = measured.without(names(without))
     return measured if low_pass_hz is None else measured.low_passed(low_pass_hz)

@@ -48,22 +48,12 @@ def write_folder(
     evaluation: Evaluation | None = None,
     truth: Track | None = None,
 ) -> None:
-    """Write the track's tables, run.toml and report.html into a folder of `output_folder`; `csv` adds CSV tables.
-
-    A report that fails costs no track: the fault is told, and the folder has no report.
-    """
-    from oarlock.cli.report import write_any_report
-    from oarlock.cli.terminal import tell_fault
+    """Write the track's tables, run.toml and report.html into a folder of `output_folder`; `csv` adds CSV tables."""
+    from oarlock.pipeline import write_track
     from oarlock.storage.folder_writer import replaced_folder
 
     with replaced_folder(stage, TRACK) as place:
-        result.save(place)
-        try:
-            write_any_report(result, place / "report.html", evaluation, truth)
-        except OSError:  # a full disk is no fault of the report; the folder stays as it was
-            raise
-        except Exception as error:
-            tell_fault("the track is written, and has no report", error)
+        write_track(result, place, evaluation, truth, progress=True)
         if csv:
             from oarlock.storage.csv_cells import write_csv
             from oarlock.storage.parquet_table import read_table

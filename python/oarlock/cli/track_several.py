@@ -55,7 +55,7 @@ def folders_for(recordings: Sequence[Path], out: Path, force: bool) -> dict[Path
             raise UsageError(f"{out / name} is a recording; choose another folder for the results")
         taken[name] = recording
     for name in taken:
-        check_folder(out / name, (TRACK,), force)
+        check_folder(out / name, force)
         check_writable(out / name)
     return {path: out / name for name, path in taken.items()}
 
@@ -120,7 +120,7 @@ def _results(
     told: Told,
 ) -> Iterator[tuple[Path, Track | Failure, tuple[Suspect, ...]]]:
     """Tracks as many recordings at a time as there are threads, to limit memory."""
-    from oarlock.cli.suspects import searched
+    from oarlock.pipeline import searched_suspects
     from oarlock.tracking.many import outcomes
 
     width = threads or os.cpu_count() or 1
@@ -135,7 +135,7 @@ def _results(
         found = broken | dict(zip(jobs, tracked, strict=True))
         for path in batch:
             job = jobs.get(str(path)) if look else None
-            looked = () if job is None else searched(body, *job)
+            looked = () if job is None else searched_suspects(body, *job)
             yield path, _with_reason(found[str(path)], looked), looked
 
 

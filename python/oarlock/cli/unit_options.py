@@ -14,6 +14,15 @@ if TYPE_CHECKING:
     from oarlock import Recording
     from oarlock.recording.unit_names import Assignment
 
+UnitsOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--units",
+        metavar="SENSOR=UNIT,...|FILE",
+        help="Which unit sits where: its name or device id; or a units.toml. Default: units.toml beside the files, "
+        "then names.",
+    ),
+]
 UNIT_OPTIONS: list[tuple[str, Any, Any]] = [
     (
         "model",
@@ -25,24 +34,7 @@ UNIT_OPTIONS: list[tuple[str, Any, Any]] = [
         ],
         None,
     ),
-    (
-        "units",
-        Annotated[
-            list[str] | None,
-            typer.Option(metavar="SENSOR=STREAM,...", help="Which unit sits where: its name or device id."),
-        ],
-        None,
-    ),
-    (
-        "units_file",
-        Annotated[
-            Path | None,
-            typer.Option(
-                metavar="FILE", help="Device ids and their segments; default: units.toml beside the files."
-            ),
-        ],
-        None,
-    ),
+    ("units", UnitsOption, None),
 ]
 """Name, annotation and default of each option."""
 
@@ -119,6 +111,21 @@ class Naming:
             say(f"no unit for {', '.join(self.last.free)}", indent=2)
 
 
+def assignment(texts: list[str] | None) -> dict[str, str] | Path | None:
+    """What `--units` says.
+
+    Raises:
+        UsageError: it cannot be understood.
+    """
+    from oarlock.recording.unit_names import parsed_units
+    from oarlock.storage.errors import DataError
+
+    try:
+        return parsed_units(texts)
+    except DataError as error:
+        raise UsageError(str(error)) from None
+
+
 def taken_naming(options: dict[str, Any], path: Path) -> Naming:
     """The naming among the options of a verb, which are removed from them.
 
@@ -126,20 +133,14 @@ def taken_naming(options: dict[str, Any], path: Path) -> Naming:
         UsageError: `--units` cannot be understood.
         DataError: the model or the file cannot be read.
     """
-    from oarlock.recording.unit_names import UNITS_FILE, parsed_units, read_units_file
-    from oarlock.storage.errors import DataError
+    from oarlock.recording.unit_names import UNITS_FILE, units_of
 
-    model, units, file = (options.pop(name, None) for name in ("model", "units", "units_file"))
-    try:
-        by_hand = parsed_units(units or ())
-    except DataError as error:
-        raise UsageError(str(error)) from None
-    beside = (path if path.is_dir() else path.parent) / UNITS_FILE
-    if file is None and beside.is_file():
-        file = beside
+    model, texts = options.pop("model", None), options.pop("units", None)
+    by_hand, ids = units_of(assignment(texts), path)
     sensors = None
     if model is not None:
         from oarlock import load_model
 
         sensors = [sensor.name for sensor in load_model(model).describe().inertial_units]
-    return Naming(model or "", sensors, by_hand, {} if file is None else read_units_file(file), beside)
+    beside = (path if path.is_dir() else path.parent) / UNITS_FILE
+    return Naming(model or "", sensors, by_hand, ids, beside)

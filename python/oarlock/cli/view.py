@@ -28,7 +28,7 @@ def add_to(app: typer.Typer) -> None:
         epilog=example(
             "oarlock view out",
             "oarlock view out --ghost before",
-            "oarlock view out --start 60 --end 90 --to piece.html --no-open",
+            "oarlock view out --start-s 60 --end-s 90 --out piece.html --no-open",
             "oarlock view out --video piece.mp4",
             "oarlock view out --video piece.mp4 --offset-s 7.32 --camera camera.toml",
         ),
@@ -42,17 +42,17 @@ def view(
         Path | None, typer.Option("--ghost", metavar="TRACK", help="Another track to draw over this one.")
     ] = None,
     start_s: Annotated[
-        float | None, typer.Option("--start", metavar="S", help="Start of the shown interval, s.")
+        float | None, typer.Option("--start-s", metavar="S", help="Start of the shown interval, s.")
     ] = None,
     end_s: Annotated[
-        float | None, typer.Option("--end", metavar="S", help="End of the shown interval, s.")
+        float | None, typer.Option("--end-s", metavar="S", help="End of the shown interval, s.")
     ] = None,
     every_s: Annotated[
         float | None,
-        typer.Option("--every", metavar="S", help="Time between shown samples, s; default 0.025."),
+        typer.Option("--every-s", metavar="S", help="Time between shown samples, s; default 0.025."),
     ] = None,
     to: Annotated[
-        Path | None, typer.Option("--to", metavar="FILE", help="File to write; default TRACK/view.html.")
+        Path | None, typer.Option("--out", metavar="FILE", help="File to write; default TRACK/view.html.")
     ] = None,
     video: Annotated[
         Path | None,
@@ -124,7 +124,7 @@ def view(
     say(f"Wrote {target}")
     if cut:
         begin, end = (fixed(moment, 0) for moment in shown_s)
-        say(f"It shows {begin} to {end} s of a longer track; change this with --start and --end.")
+        say(f"It shows {begin} to {end} s of a longer track; change this with --start-s and --end-s.")
     if film is not None:
         say(
             f"The video begins at {film['offset_s']:.3f} s of the track; the page plays it from {film['src']}."
@@ -170,7 +170,7 @@ def _stretch(track: Track, start_s: float | None, end_s: float | None) -> tuple[
     first = float(track.time_s[0]) if start_s is None else start_s
     last = float(track.time_s[-1]) if end_s is None else end_s
     if first >= last:
-        raise UsageError(f"view: --start {first:g} is not before --end {last:g}")
+        raise UsageError(f"view: --start-s {first:g} is not before --end-s {last:g}")
     cut = end_s is None and last - first > LONGEST_S
     return (first, first + LONGEST_S if cut else last), cut
 

@@ -12,8 +12,9 @@ from oarlock.formats.choices import UnclearError
 from oarlock.formats.importers import FORMATS, ImportFormat
 from oarlock.formats.listing import FileMatch, Listing, listed
 from oarlock.formats.near_misses import nearest_text
+from oarlock.formats.together import joined
 from oarlock.recording.folder import INDEX_FILE
-from oarlock.recording.recording import Recording
+from oarlock.recording.recording import Recording, load_recording
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
 from oarlock.storage.progress import Progress, shown
@@ -104,6 +105,27 @@ def import_recording(
     with shown(progress, "reading"):
         contents = find_recordings(path)
         return read_found(contents.only(pick), options)
+
+
+def read_recording(
+    path: str | PathLike[str], pick: str | None = None, together: bool = False, *, progress: Progress = None
+) -> Recording:
+    """A recording of Oarlock as it is; anything else as `import_recording` reads it.
+
+    Args:
+        path: a recording's folder, or a file, a folder or a zip file of any format.
+        pick: name of the recording, if the place has several.
+        together: all recordings of the place are units of one.
+        progress: True shows that it runs.
+
+    Raises:
+        DataError: as `import_recording`, or the units of one recording do not overlap in time.
+    """
+    if (Path(path) / INDEX_FILE).is_file():
+        return load_recording(path)
+    if not together:
+        return import_recording(path, pick, progress=progress)
+    return joined([(one.name, read_found(one)) for one in find_recordings(path).recordings])
 
 
 def read_found(found: FileMatch, options: Mapping[str, object] | None = None) -> Recording:

@@ -9,7 +9,7 @@ from oarlock.movement.front import front_of
 from oarlock.movement.movement import cycles_table, movement_of
 from oarlock.movement.sections import sections_of
 from oarlock.movement.words import heading
-from oarlock.report import Front, write_report
+from oarlock.report import Front, write_page
 from oarlock.storage import csv_cells
 from oarlock.storage.progress import Progress, mark, share, shown
 
@@ -31,7 +31,7 @@ def write_movement_report(
         DataError: the track has no samples.
     """
     if track.model is None or not len(track.time_s):
-        return [write_report(track, path, evaluation, truth, title, progress=progress)]
+        return [write_page(track, path, evaluation, truth, title, progress=progress)]
     table = path.with_name("cycles.csv" if path.stem == "report" else f"{path.stem}-cycles.csv")
     with shown(progress, "writing the report") as told:
         movement = movement_of(track)
@@ -40,7 +40,7 @@ def write_movement_report(
         title = title or heading(movement)
         mark(told, 0.5)
         rest = share(told, 0.5, 1.0)
-        written = [write_report(track, path, evaluation, truth, title, sections, front, progress=rest)]
+        written = [write_page(track, path, evaluation, truth, title, sections, front, progress=rest)]
     if movement.blocks:
         csv_cells.write_csv(cycles_table(movement), table)
         written.append(table)

@@ -39,7 +39,7 @@ FOLDED = ("cycles", "sides")
 
 
 def sections_of(movement: MovementAnalysis, csv_name: str) -> list[Section]:
-    """The sections of a body's movement, for `write_report`; none if no joint angle is observed."""
+    """The sections of a body's movement, for `write_page`; none if no joint angle is observed."""
     if not movement.angles:
         return []
     parts = [

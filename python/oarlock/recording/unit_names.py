@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
 
@@ -151,21 +152,44 @@ def assign_units(
     )
 
 
-def parsed_units(texts: Iterable[str]) -> dict[str, str]:
-    """`["thorax=00B421E6,pelvis=00B421ED"]` as sensor -> stream or id.
+def parsed_units(texts: Iterable[str] | None) -> dict[str, str] | Path | None:
+    """`["thorax=00B421E6,pelvis=00B421ED"]` as sensor -> unit, `["units.toml"]` as a file; None without a text.
 
     Raises:
         DataError: a part has no "=", or a sensor is given twice.
     """
-    found: dict[str, str] = {}
+    texts = list(texts or ())
+    if len(texts) < 2 and all(text.endswith(".toml") for text in texts):
+        return Path(texts[0]) if texts else None
+    units: dict[str, str] = {}
     for part in (part.strip() for text in texts for part in text.split(",")):
-        sensor, equals, stream = (piece.strip() for piece in part.partition("="))
-        if not (sensor and equals and stream):
-            raise DataError(f'--units "{part}": expected SENSOR=STREAM, such as thorax=00B421E6')
-        if sensor in found:
+        sensor, equals, unit = (piece.strip() for piece in part.partition("="))
+        if not (sensor and equals and unit):
+            raise DataError(f'--units "{part}": expected SENSOR=UNIT, such as thorax=00B421E6, or one units.toml')
+        if sensor in units:
             raise DataError(f'--units: the sensor "{sensor}" is given twice')
-        found[sensor] = stream
-    return found
+        units[sensor] = unit
+    return units
+
+
+def units_of(
+    units: Mapping[str, str] | str | PathLike[str] | None, place: Path | None = None
+) -> tuple[dict[str, str], dict[str, str]]:
+    """An assignment as sensor -> unit and as device's id -> segment or sensor, one of them empty.
+
+    Args:
+        units: sensor -> unit, or a units.toml; None: that beside `place`, if there is one.
+        place: file or folder of the recording.
+
+    Raises:
+        DataError: the file cannot be read.
+    """
+    if isinstance(units, Mapping):
+        return dict(units), {}
+    if units is None and place is not None:
+        beside = (place if place.is_dir() else place.parent) / UNITS_FILE
+        units = beside if beside.is_file() else None
+    return {}, {} if units is None else read_units_file(Path(units))
 
 
 def read_units_file(file: Path) -> dict[str, str]:
@@ -326,6 +350,6 @@ def with_unit_names(
             f"no stream ({', '.join(streams) or 'none is inertial'}) has the name of a sensor of the model "
             f"({', '.join(wanted)}). Say which is which: --units {wanted[0] if wanted else 'SENSOR'}="
             f"{streams[0] if streams else 'STREAM'},... or a units.toml with id = segment, or let "
-            "`oarlock assign` find it from movements."
+            "`oarlock calibrate units` find it from movements."
         )
     return found.renamed(recording), found

@@ -24,7 +24,7 @@ from oarlock.report.sortable import sort_script, sortable_table, value_cell
 from oarlock.report.summary_page import write_summary
 from oarlock.report.text import capital, day_text, fixed
 from oarlock.report.trust import Trust
-from oarlock.report.write import write_report
+from oarlock.report.write import write_page
 
 __all__ = [
     "Axis",
@@ -62,6 +62,6 @@ __all__ = [
     "value_cell",
     "who_and_when",
     "who_in_words",
-    "write_report",
+    "write_page",
     "write_summary",
 ]

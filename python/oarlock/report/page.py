@@ -1,4 +1,4 @@
-"""Assembles the report page of a track, for `oarlock.report.write_report`; and the frame of every page."""
+"""Assembles the report page of a track, for `oarlock.report.write_page`; and the frame of every page."""
 
 from __future__ import annotations
 

@@ -99,7 +99,7 @@ def contradicted(notes: Sequence[str]) -> Trust | None:
     reason = (
         f"joints contradict the readings of {listing(units)}, so angles of adjacent joints are not reliable."
     )
-    remedy = "Check segment (oarlock assign) and mount (oarlock calibrate), then track again."
+    remedy = "Check segment (oarlock calibrate units) and mount (oarlock calibrate), then track again."
     return Trust("bad", (reason,), remedy)
 
 

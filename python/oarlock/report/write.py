@@ -1,4 +1,4 @@
-"""`write_report`: writes the report of a track as one HTML file."""
+"""`write_page`: writes the report of a track as one HTML file."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from oarlock.storage.write_file import write_file
 from oarlock.tracking.track import Track
 
 
-def write_report(
+def write_page(
     track: Track,
     path: str | Path,
     evaluation: Evaluation | None = None,

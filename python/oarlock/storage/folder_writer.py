@@ -197,6 +197,24 @@ def replaced_folder(
             raise
 
 
+def check_empty(folder: Path, force: bool = False, beside: str = "") -> None:
+    """Refuse a folder that contains files, but for `beside`: nothing is replaced without `force`.
+
+    Raises:
+        DataError: it contains files, and `force` is not set; or it is a file.
+    """
+    if os.path.lexists(folder) and not folder.is_dir():
+        raise DataError(f"{folder} is a file; --out (out) names a folder")
+    if force or not folder.is_dir():
+        return
+    read_manifest(folder)  # a run that was killed may have left files on their way
+    if any(entry.name not in (WORK, beside) for entry in folder.iterdir()):
+        raise DataError(
+            f"{folder} exists and contains files\n"
+            "Choose another folder, or replace what Oarlock wrote there with --force (force=True)."
+        )
+
+
 @contextmanager
 def added_files(folder: Path, force: bool = False, kind: str = "") -> Iterator[Path]:
     """Context that gives an empty folder to write into; at its end its files are added to those in `folder`.

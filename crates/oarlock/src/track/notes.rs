@@ -55,7 +55,7 @@ fn contradicted(run: &Run) -> Vec<String> {
     let text = |(name, check): (String, Check)| {
         format!(
             "{name}: its joints contradict the unit's own readings for {:.1} s, by up to {:.0} deg; its joints were not used then, and its \
-             angles are not reliable. Check which segment it is on (`oarlock assign`) and its mount (`oarlock calibrate`)",
+             angles are not reliable. Check which segment it is on (`oarlock calibrate units`) and its mount (`oarlock calibrate`)",
             check.contradicted_s,
             check.worst_rad.to_degrees()
         )

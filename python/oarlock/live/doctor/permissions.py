@@ -34,7 +34,7 @@ def _line(line: str, is_needed: bool) -> Diagnosis:
         return Diagnosis("serial", OK, f"{line}: Windows needs no permission")
     if not path.exists():
         tries = (
-            "Is the cable in, and the receiver on? oarlock live scan --only serial lists the lines there are.",
+            "Is the cable in, and the receiver on? oarlock live scan --places serial lists the lines there are.",
         )
         return Diagnosis("serial", prevents(is_needed), f"{line} is not there", tries)
     if os.access(path, os.R_OK | os.W_OK):

@@ -31,7 +31,7 @@ _SILENT_TRIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         ),
         "ble": ("Is the device awake, near, and not connected to another program or phone?",),
         "lsl": (
-            "Is its program running, in this network and with the same SessionID? oarlock live scan --only lsl",
+            "Is its program running, in this network and with the same SessionID? oarlock live scan --places lsl",
         ),
         "websocket": ("It is connected: does the device send only while somebody rows?",),
         "mqtt": (

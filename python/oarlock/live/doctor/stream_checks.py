@@ -81,7 +81,7 @@ def _rate(heard: StreamHeard, about: str) -> Diagnosis:
         return (
             Diagnosis(about, NOTE, f"{told}{missing}; the rig file expects no rate", tries)
             if rate_hz
-            else Diagnosis(about, NOTE, told, ("Listen longer: --seconds 20.",))
+            else Diagnosis(about, NOTE, told, ("Listen longer: --duration-s 20.",))
         )
     if abs(rate_hz - expected) > _RATE_OFF * expected:
         text = f"{told}{missing}, and rate_hz says {expected:g}"

@@ -101,7 +101,7 @@ def claps_heard(time_s: Floats, sound: Floats) -> Floats:
         raise DataError(
             f"clap: no sudden sound of {LOUD:g} times the background's energy in the video; "
             "clap closer to the microphone, "
-            "or align by motion with `oarlock video align`"
+            "or align by motion with `oarlock calibrate video`"
         )
     return times[peaks] + 0.5 * WINDOW_S
 

@@ -1,4 +1,4 @@
-"""Median and percentiles of every column of a stroke table, for `oarlock strokes`."""
+"""Median and percentiles of every column of a stroke table, for `oarlock rowing strokes`."""
 
 from __future__ import annotations
 

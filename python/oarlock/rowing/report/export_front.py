@@ -42,11 +42,11 @@ _PACE = (
 )
 _COMPARE = (
     "Compare with an earlier piece of the same device",
-    "oarlock strokes FILE --report PAGE --last EARLIER",
+    "oarlock rowing strokes FILE --report PAGE --last EARLIER",
 )
 _NAME = (
     "Name the athlete, or put a session.toml beside the file",
-    "oarlock strokes FILE --report PAGE --athlete NAME --date DATE --boat BOAT --place PLACE",
+    "oarlock rowing strokes FILE --report PAGE --athlete NAME --date DATE --boat BOAT --place PLACE",
 )
 
 

@@ -9,7 +9,7 @@ from os import PathLike
 from pathlib import Path
 
 from oarlock import DataError, Evaluation, Track
-from oarlock.report import Front, day_text, who_and_when, who_in_words, write_report
+from oarlock.report import Front, day_text, who_and_when, who_in_words, write_page
 from oarlock.rowing.exports.activity import Activity
 from oarlock.rowing.findings.rowed import StoredStrokes, rowing_kind
 from oarlock.rowing.report.beside import alongside_sections
@@ -79,13 +79,13 @@ def write_rowing_report(
             if other is not None or targets is not None:
                 raise
             noted = track.with_notes(f"No strokes found: {error}")
-            return [write_report(noted, target, evaluation, truth, title, progress=told)]
+            return [write_page(noted, target, evaluation, truth, title, progress=told)]
         empty = [piece for piece in pieces if not len(piece.table)]
         if empty and other is not None:
             raise DataError(f"'{empty[0].name}' has no stroke to compare. {' '.join(empty[0].table.notes)}")
         if empty:
             noted = track.with_notes(*empty[0].table.notes)
-            return [write_report(noted, target, evaluation, truth, title, progress=told)]
+            return [write_page(noted, target, evaluation, truth, title, progress=told)]
         tables = [_beside(target, k) for k in range(len(pieces))]
         sections = sections_of(pieces, [table.name for table in tables])
         if export is not None:
@@ -100,7 +100,7 @@ def write_rowing_report(
         sections[0] = replace(sections[0], notes=(*sections[0].notes, *folders))
         front = _with_notes(front, compared_notes)
         heading = title or _heading(pieces)
-        written = write_report(
+        written = write_page(
             track, target, evaluation, truth, heading, sections, front, progress=share(told, 0.6, 1.0)
         )
         for piece, table in zip(pieces, tables, strict=True):

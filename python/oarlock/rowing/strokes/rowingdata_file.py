@@ -1,4 +1,4 @@
-"""Writes strokes as RowingData CSV, for rowingdata and sites that take it. For `oarlock strokes --rowingdata`."""
+"""Writes strokes as RowingData CSV, for rowingdata and sites that take it. For `oarlock rowing strokes --rowingdata`."""
 
 from __future__ import annotations
 

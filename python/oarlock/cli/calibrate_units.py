@@ -1,4 +1,4 @@
-"""`oarlock assign`: finds which inertial unit sits where, from movements in a known order or by hand."""
+"""`oarlock calibrate units`: finds which inertial unit sits where, from movements in a known order or by hand."""
 
 from __future__ import annotations
 
@@ -8,37 +8,32 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from oarlock.cli.body import Units, chosen_body
-from oarlock.cli.options import Json, Replace, example
+from oarlock.cli.body import Sensors, chosen_body
+from oarlock.cli.options import Json, ModelName, Replace, example
 from oarlock.cli.terminal import UsageError, free_file, output_folder, print_json, say, steps, verb
 
 if TYPE_CHECKING:
     from oarlock import Model, Recording
 
 
-def add_to(app: typer.Typer) -> None:
+def add_to(group: typer.Typer) -> None:
     """Registers the verb."""
-    app.command(
-        "assign",
+    group.command(
+        "units",
         epilog=example(
-            "oarlock assign session.zip --body lower_body --order right_leg,left_leg",
-            "oarlock assign arm.csv --body arm --units thorax,upper_arm_r,forearm_r --order right_arm",
-            "oarlock assign rec --body full_body --units-file units.toml --write rec-named",
+            "oarlock calibrate units session.zip --model lower_body --order right_leg,left_leg",
+            "oarlock calibrate units arm.csv --model arm --sensors thorax,upper_arm_r,forearm_r --order right_arm",
+            "oarlock calibrate units rec --model full_body --units units.toml --write rec-named",
         ),
-    )(assign)
+    )(units)
 
 
 @verb
-def assign(
+def units(
     path: Annotated[
         Path, typer.Argument(metavar="PATH", help="A recording folder, or files of any format of import.")
     ],
-    body: Annotated[
-        str,
-        typer.Option(
-            "--body", "--model", "-m", metavar="NAME|FILE", help="Model: full_body, lower_body, arm, ..."
-        ),
-    ],
+    model: ModelName,
     order: Annotated[
         str | None,
         typer.Option(
@@ -46,15 +41,15 @@ def assign(
             help="Movements in order of time, comma-separated: right_arm, left_leg, right_knee, bow, nod, ...",
         ),
     ] = None,
-    units: Units = None,
+    sensors: Sensors = None,
     units_file: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Take the assignment of this units.toml instead.")
+        Path | None, typer.Option("--units", metavar="FILE", help="Take the assignment of this units.toml instead.")
     ] = None,
     from_s: Annotated[
-        float, typer.Option("--from", metavar="S", help="Ignore movements before this time, s.")
+        float, typer.Option("--from-s", metavar="S", help="Ignore movements before this time, s.")
     ] = -math.inf,
     to_s: Annotated[
-        float, typer.Option("--to", metavar="S", help="Ignore movements after this time, s.")
+        float, typer.Option("--until-s", metavar="S", help="Ignore movements after this time, s.")
     ] = math.inf,
     pick: Annotated[
         str | None, typer.Option(metavar="NAME", help="Which recording, if the place has several.")
@@ -81,8 +76,8 @@ def assign(
     from oarlock.recording.unit_names import UNITS_FILE, with_unit_names
 
     if order is not None and units_file is not None:
-        raise UsageError("--order and --units-file contradict each other")
-    worn = chosen_body(body, {}, units=units)
+        raise UsageError("--order and --units contradict each other")
+    worn = chosen_body(model, {}, sensors=sensors)
     recording = _read(path, pick)
     file = out or (path.parent if path.is_file() or _is_recording(path) else path) / UNITS_FILE
     if units_file is None:
@@ -92,7 +87,7 @@ def assign(
         save_units(found, file)
     if write is not None:
         named, _ = with_unit_names(recording, list(found), by_hand=found)
-        with output_folder(write, "recording", force, fresh=True) as stage:
+        with output_folder(write, "recording", force) as stage:
             named.save(stage)
     if json_output:
         print_json({"units": found, "file": units_file or file, "recording": write, **told})
@@ -102,11 +97,11 @@ def assign(
         style="bold",
     )
     if write is not None:
-        steps(f"oarlock track {write} --model {body} --out {write}-track")
+        steps(f"oarlock track {write} --model {model} --out {write}-track")
     elif not _is_recording(path):
-        steps(f"oarlock import {path} --model {body} --units-file {file}")
+        steps(f"oarlock import {path} --model {model} --units {file}")
     else:
-        steps(f"oarlock assign {path} --body {body} --units-file {file} --write {path}-named")
+        steps(f"oarlock calibrate units {path} --model {model} --units {file} --write {path}-named")
 
 
 def _assignment(

@@ -1,4 +1,4 @@
-"""`oarlock video`: finds where a video lies in a track's time, by motion or by a clap."""
+"""`oarlock calibrate video | clap`: finds where a video lies in a track's time, by motion or by a clap."""
 
 from __future__ import annotations
 
@@ -21,14 +21,12 @@ RecordingFolder = Annotated[
 ]
 
 
-def add_to(app: typer.Typer) -> None:
+def add_to(group: typer.Typer) -> None:
     """Registers the verbs."""
-    group = typer.Typer(rich_markup_mode=None, no_args_is_help=True)
-    group.command("align", epilog=example("oarlock video align out piece.mp4"))(align)
-    group.command("clap", epilog=example("oarlock video clap rec piece.mp4 --unit r_wrist --distance-m 6"))(
+    group.command("video", epilog=example("oarlock calibrate video out piece.mp4"))(align)
+    group.command("clap", epilog=example("oarlock calibrate clap rec piece.mp4 --unit r_wrist --distance-m 6"))(
         clap
     )
-    app.add_typer(group, name="video", help="Align a video with a track, by motion or by a clap.")
 
 
 @verb
@@ -97,11 +95,11 @@ def clap(
     units = [name for name in read.names if isinstance(read.sensor(name), ImuStream)]
     if unit is None and len(units) != 1:
         raise UsageError(
-            f"video clap: name the unit that was struck with --unit; there are {', '.join(units)}"
+            f"calibrate clap: name the unit that was struck with --unit; there are {', '.join(units)}"
         )
     stream = read.sensor(unit or units[0])
     if not isinstance(stream, ImuStream):
-        raise UsageError(f"video clap: {unit} is not an inertial unit; there are {', '.join(units)}")
+        raise UsageError(f"calibrate clap: {unit} is not an inertial unit; there are {', '.join(units)}")
     with progress("listening"):
         found = clap_offset(sound_of(video), stream, distance_m=distance_m)
     if json_output:

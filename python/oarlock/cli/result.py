@@ -1,0 +1,83 @@
+"""What a run ends with: each angle's range with half of its 95 % band, what is not usable and why, and one link."""
+
+from __future__ import annotations
+
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from oarlock.cli.tables import write_contradiction
+from oarlock.cli.terminal import pairs, say
+
+if TYPE_CHECKING:
+    from oarlock import Track
+
+MOST_LINES = 8
+
+
+def result_of(track: Track) -> dict[str, Any]:
+    """The result as data: `strokes` and `figures` of a rower, else `angles` in deg, the largest range first.
+
+    An angle has `name`, `low_deg`, `high_deg`, `band_deg` (half of the 95 % interval of its range) and `doubt`, empty if
+    it is measured well.
+    """
+    from oarlock.movement.movement import movement_of
+    from oarlock.rowing.report.write import is_of_rower, rowing_front
+
+    if is_of_rower(track):
+        _, front = rowing_front(track)
+        figures = [{"name": one.name, "value": one.value, "detail": one.detail} for one in front.figures]
+        return {"strokes": front.did, "figures": figures}
+    if track.model is None or not len(track.time_s):
+        return {"angles": []}
+    ranges = sorted(movement_of(track).ranges.values(), key=lambda one: -one.range_deg)
+    return {
+        "angles": [
+            {
+                "name": one.name,
+                "low_deg": one.lowest_deg,
+                "high_deg": one.highest_deg,
+                "band_deg": one.half_deg,
+                "doubt": "" if one.well_measured else one.cause,
+            }
+            for one in ranges
+            if not one.hardly_moved
+        ]
+    }
+
+
+def write_result(track: Track, page: Path | None) -> None:
+    """Prints the result and the place of its report."""
+    write_contradiction(track.notes)
+    result = result_of(track)
+    if "strokes" in result:
+        say(result["strokes"], style="bold")
+        pairs([(one["name"], f"{one['value']}   {one['detail']}") for one in result["figures"]])
+    else:
+        _write_angles(result["angles"])
+    if page is not None:
+        say(f"\nopen {page}")
+
+
+def _write_angles(angles: list[dict[str, Any]]) -> None:
+    """A line for each angle with both sides, then those that are not usable, by their reason."""
+    from oarlock.report.viewer.sides import side_of
+
+    usable: dict[str, list[str]] = {}
+    unusable: dict[str, list[str]] = {}
+    for one in angles:
+        side, stem = side_of(one["name"])
+        name, mark = stem.replace("_", " "), side[:1].upper()
+        if one["doubt"]:
+            unusable.setdefault(one["doubt"], []).append(f"{name} {mark}".strip())
+            continue
+        band = f" (+- {one['band_deg']:.0f})" if isfinite(one["band_deg"]) else ""
+        span = f"{mark} {one['low_deg']:.0f} to {one['high_deg']:.0f} deg{band}".strip()
+        usable.setdefault(name, []).append(span)
+    pairs([(name, ", ".join(sorted(spans, reverse=True))) for name, spans in list(usable.items())[:MOST_LINES]])
+    if len(usable) > MOST_LINES:
+        say(f"and {len(usable) - MOST_LINES} more in the report")
+    for doubt, names in unusable.items():
+        say(f"not usable, {doubt}: {', '.join(names)}")
+    if not angles:
+        say("No angle moved by 5 deg or more.")

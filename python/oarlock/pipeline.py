@@ -1,0 +1,253 @@
+"""`run`: from the files of a recording to angles and a report; `write_report`: the report of any track."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from os import PathLike
+from pathlib import Path
+from typing import Any, Unpack
+
+from oarlock._core import Config, Model
+from oarlock.calibration.session.plan import default_plan
+from oarlock.calibration.session.search import calibrate_session
+from oarlock.calibration.static.sagittal import calibrate_sagittal
+from oarlock.evaluation.scores import Evaluation
+from oarlock.evaluation.suspects.suspect import Suspect
+from oarlock.evaluation.suspects.suspects import suspects
+from oarlock.formats.contents import read_recording
+from oarlock.model.ball_joint import with_ball_joint
+from oarlock.model.load import load_model
+from oarlock.recording.folder import INDEX_FILE
+from oarlock.recording.calibration import Calibration, load_calibration
+from oarlock.recording.recording import Recording
+from oarlock.recording.unit_names import units_of, with_unit_names
+from oarlock.report.session_page import write_session_page
+from oarlock.storage.errors import DataError, ModelError
+from oarlock.storage.folder_writer import check_empty, read_manifest, replaced_folder
+from oarlock.storage.progress import Progress
+from oarlock.tracking.settings import Settings
+from oarlock.tracking.track import Track
+from oarlock.tracking.tracking import track
+
+AnyPath = str | PathLike[str]
+LOG = logging.getLogger("oarlock")
+
+
+def run(
+    recording: Recording | AnyPath,
+    out: AnyPath,
+    *,
+    model: Model | AnyPath,
+    units: Mapping[str, str] | AnyPath | None = None,
+    sensors: Sequence[str] | None = None,
+    stature_m: float | None = None,
+    mass_kg: float | None = None,
+    session: Recording | AnyPath | None = None,
+    pose: str = "N",
+    calibration: Calibration | AnyPath | None = None,
+    low_pass_hz: float | None = None,
+    pick: str | None = None,
+    together: bool = False,
+    force: bool = False,
+    progress: Progress = None,
+    **settings: Unpack[Settings],
+) -> Track:
+    """Import, calibrate with what is there, track, smooth and report: from files to angles.
+
+    Mounts come from `calibration`, or from the guided `session`, or from the recording itself: it begins with two
+    seconds of standing still in the rest posture, and most movement is forward and backward. Two hinges whose axes this
+    does not determine are tracked as one ball.
+
+    Args:
+        recording: a recording, its folder, or file, folder or zip file of any format of `import_recording`.
+        out: folder that gets recording/ (unless it was one), calibration.toml (unless it was given) and track/, with
+            report.html.
+        model: a model, the name of a shipped one, or a model file.
+        units: which unit sits where: sensor -> unit or a part of its name, or a units.toml. Default: names tell.
+        sensors: inertial units that are worn; the body is cut to what they measure. Default: all that were recorded.
+        stature_m: standing height, m; sets the lengths of a body.
+        mass_kg: mass, kg; sets the radii of limbs.
+        session: a recording of the guided calibration session.
+        pose: still pose of the session: N (arms hanging), T (arms level) or sitting.
+        calibration: a calibration or its file; nothing is calibrated then.
+        low_pass_hz: cut-off of the readings of inertial units, Hz.
+        pick: name of the recording, if the place has several.
+        together: all files of the place are units of one recording.
+        force: replace files of others in `out`.
+        progress: True shows bars or lines.
+        settings: of the filter, such as `filter="ekf"`.
+
+    Returns:
+        Track: smoothed, as it stands in `out`/track.
+
+    Raises:
+        DataError: the recording cannot be read or tracked, units have no place, or a file of others is in the way.
+        ModelError: the model cannot be read, or does not fit the settings.
+        DivergedError: the filter diverged.
+    """
+    out = Path(out)
+    body = model if isinstance(model, Model) else load_model(model, stature_m=stature_m, mass_kg=mass_kg)
+    measured = _imported(recording, out / "recording", body, units, pick, together, force)
+    body = body.with_units(sensors) if sensors is not None else recorded_part(body, measured)
+    known: Calibration | None
+    if session is not None:
+        guided = _imported(session, out / "session", body, units, None, False, force)
+        plan = default_plan(body, pose)
+        known = calibrate_session(body, guided, plan)
+        file = _saved(known, out / "calibration.toml", force)
+        still = next((dict(step.pose) for step in plan.steps if step.kind == "pose"), None)
+        write_session_page(known, file.with_suffix(".html"), body, still)
+        LOG.log(*_session_outcome(known))
+    elif calibration is None:
+        known = calibrate_sagittal(body, measured)
+        _saved(known, out / "calibration.toml", force)
+    else:
+        known = calibration if isinstance(calibration, Calibration) else load_calibration(calibration)
+    for upper, lower in balls_of(known):
+        body = with_ball_joint(body, upper, lower)
+    if low_pass_hz:
+        measured = measured.low_passed(low_pass_hz)
+    result = track(body, measured, known, smooth=True, progress=progress, **settings)
+    result = result.with_notes(*(one.note for one in searched_suspects(body, measured, known)), *map(ball_note, balls_of(known)))
+    check_empty(out / "track", force)
+    with replaced_folder(out / "track", "track", force) as stage:
+        write_track(result, stage, progress=progress)
+    return result
+
+
+def _imported(
+    source: Recording | AnyPath,
+    folder: Path,
+    body: Model,
+    units: Mapping[str, str] | AnyPath | None,
+    pick: str | None,
+    together: bool,
+    force: bool,
+) -> Recording:
+    """The recording, with units named as sensors of the body and written, unless it is a folder of Oarlock's as it is."""
+    measured = source if isinstance(source, Recording) else read_recording(source, pick, together)
+    place = None if isinstance(source, Recording) else Path(source)
+    if place is not None and (place / INDEX_FILE).is_file() and units is None:
+        return measured
+    sensors = [sensor.name for sensor in body.describe().inertial_units]
+    by_hand, ids = units_of(units, place)
+    measured, _ = with_unit_names(measured, sensors, by_hand, ids)
+    check_empty(folder, force)
+    with replaced_folder(folder, "recording", force) as stage:
+        measured.save(stage)
+    return measured
+
+
+def recorded_part(body: Model, recording: Recording) -> Model:
+    """The body cut to the inertial units that were recorded; the whole body if that is all, or none."""
+    sensors = [sensor.name for sensor in body.describe().inertial_units]
+    recorded = [name for name in sensors if name in recording.names]
+    return body.with_units(recorded) if recorded and len(recorded) < len(sensors) else body
+
+
+def balls_of(calibration: Calibration) -> list[tuple[str, str]]:
+    """Pairs of hinges, the upper one first, whose axes a calibration from movement left unknown."""
+    pairs: Any = calibration.noted.get("balls", ())
+    return [(upper, lower) for upper, lower in pairs]
+
+
+def ball_note(hinges: tuple[str, str]) -> str:
+    """What a reader of angles must know of a ball in place of two hinges."""
+    upper, lower = hinges
+    return (
+        f"{upper} and {lower} are one ball, because their axes are unknown. "
+        "Only the angle between the segments has a meaning. For all angles record a session (`oarlock calibrate "
+        "session`, docs/calibration.md) or move the joint about both axes"
+    )
+
+
+def searched_suspects(
+    model: Model, recording: Recording, calibration: Calibration | None, config: Config | None = None
+) -> tuple[Suspect, ...]:
+    """Sensors that appear to be faulty. A search that fails costs no track: it is logged as an error."""
+    try:
+        return suspects(model, recording, calibration, config)
+    except (DataError, ModelError):
+        raise
+    except Exception:
+        LOG.exception("faults of sensors could not be searched for")
+        return ()
+
+
+def _session_outcome(calibration: Calibration) -> tuple[int, str]:
+    """Level of the log and text: which steps of a session to repeat, or that none needs it."""
+    session: Any = calibration.noted["session"]
+    if session["passed"]:
+        return logging.INFO, "the calibration session passed"
+    steps = dict.fromkeys(check["step"] for check in session["check"] if check["outcome"] == "redo")
+    return logging.WARNING, f"calibration session: repeat {', '.join(steps)}; the page calibration.html says why"
+
+
+def _saved(calibration: Calibration, file: Path, force: bool) -> Path:
+    read_manifest(file.parent).check_free(file.name, force)
+    calibration.save(file)
+    return file
+
+
+def write_track(
+    result: Track,
+    folder: Path,
+    evaluation: Evaluation | None = None,
+    truth: Track | None = None,
+    *,
+    progress: Progress = None,
+) -> None:
+    """Write a track's tables, run.toml and report.html. A report that fails costs no track: it is logged as an error."""
+    with replaced_folder(folder, "track") as place:
+        result.save(place)
+        try:
+            write_report(result, place / "report.html", evaluation, truth, progress=progress)
+        except OSError:  # a full disk is no fault of the report; the folder stays as it was
+            raise
+        except Exception:
+            LOG.exception("the track is written, and has no report")
+
+
+def write_report(
+    result: Track,
+    path: AnyPath,
+    evaluation: Evaluation | None = None,
+    truth: Track | None = None,
+    *,
+    progress: Progress = None,
+    **of_rowers: Any,
+) -> list[Path]:
+    """Write the report of any track: strokes and technique of a rower, else ranges and cycles of the movement.
+
+    Args:
+        result: the track.
+        path: the file to write, or an existing folder, which gets report.html.
+        evaluation: scores against the truth; computed if only `truth` is given.
+        truth: reference that is drawn beside the estimate.
+        progress: True shows a bar or lines; a function is called regularly with the share done, 0 to 1.
+        of_rowers: further keywords of `oarlock.rowing.report.write.write_rowing_report`.
+
+    Returns:
+        list: the written files, the report first.
+
+    Raises:
+        DataError: the track has no samples, or keywords of rowers were given and it is none.
+    """
+    # Fields of use stand above this room, so no import names them.
+    rowing = import_module("oarlock.rowing.report.write")
+    path = Path(path) / "report.html" if Path(path).is_dir() else Path(path)
+    if rowing.is_of_rower(result):
+        written: list[Path] = rowing.write_rowing_report(
+            result, path, evaluation, truth, progress=progress, **of_rowers
+        )
+        return written
+    if given := [name for name, value in of_rowers.items() if value]:
+        raise DataError(
+            f"{given[0]} needs the track of a rower; this one has the joints {', '.join(result.joint_names[:6])}"
+        )
+    written = import_module("oarlock.movement.report").write_movement_report(
+        result, path, evaluation, truth, progress=progress
+    )
+    return written
