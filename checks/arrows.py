@@ -28,6 +28,9 @@ LAYERS = (
     "evaluation",
     "formats",
     "report",
+    "pipeline",
+    "markers",
+    "studies",
     "",
     "live",
     "movement",
@@ -36,6 +39,17 @@ LAYERS = (
     "lab",
     "cli",
     "__main__",
+)
+# Rooms whose names are public, too.
+PUBLIC_ROOMS = (
+    "calibration",
+    "evaluation",
+    "markers",
+    "model",
+    "recording",
+    "simulation",
+    "studies",
+    "tracking",
 )
 # What rowing uses beside the public names.
 ROWING_OWN = (
@@ -102,7 +116,7 @@ def circles(uses: Mapping[str, set[str]]) -> list[str]:
 def rowing_beyond_the_public_names() -> list[str]:
     """Imports by rowing of names that are not public."""
     found = []
-    public = {f"oarlock.{name}" for name in public_names()} | {"oarlock"}
+    public = {f"oarlock.{name}" for name in public_names()} | {"oarlock", *public_of(*PUBLIC_ROOMS)}
     for path in sorted((PACKAGE / "rowing").rglob("*.py")):
         allowed = public | (public_of("report", "report.viewer") if part_of(path) == "report" else set())
         for name in sorted(imported(path)):
@@ -162,6 +176,8 @@ def public_of(*packages: str) -> set[str]:
     """Names that the packages offer to those who hand them something, with the packages themselves."""
     found = set()
     for package in packages:
-        names = public_names(PACKAGE.joinpath(*package.split("."), "__init__.py"))
+        place = PACKAGE.joinpath(*package.split("."))
+        files = (place / "__init__.pyi", place / "__init__.py", place.with_suffix(".py"))
+        names = public_names(next(file for file in files if file.is_file()))
         found |= {f"oarlock.{package}", *(f"oarlock.{package}.{name}" for name in names)}
     return found

@@ -178,9 +178,9 @@ def legs_track() -> oarlock.Track:
 
 
 @cache
-def session() -> oarlock.SessionTrial:
+def session() -> oarlock.simulation.SessionTrial:
     """A simulated calibration session of an arm."""
-    return oarlock.simulate_session(oarlock.load_model("arm7"), seed=5)
+    return oarlock.simulation.simulate_session(oarlock.load_model("arm7"), seed=5)
 
 
 # --- tracks ---------------------------------------------------------------------------------------------
@@ -204,14 +204,14 @@ def tracks(folder: Path) -> Outputs:
             yield from outputs_of_track("sculler_smoothed", oarlock.smooth(tracked))
     pendulum = oarlock.import_recording(ROOT / "examples/pendulum/imuData01.csv")
     chain = oarlock.load_model("pendulum3")
-    calibration = oarlock.calibrate_hinge_chain(chain, pendulum)
+    calibration = oarlock.calibration.calibrate_hinge_chain(chain, pendulum)
     yield from outputs_of_track("pendulum", oarlock.track(chain, pendulum, calibration))
     arm = oarlock.load_model("arm7")
-    worn = oarlock.calibrate_session(arm, session().recording)
+    worn = oarlock.calibration.calibrate_session(arm, session().recording)
     reach = recorded(arm, waves(arm, 8.0), seed=2)[1]
     yield from outputs_of_track("arm", oarlock.track(arm, reach, worn))
     yield from outputs_of_track("lower_body", legs_track())
-    limbs = oarlock.track_limbs(sculler(), recording.slice(end_s=3.0))
+    limbs = oarlock.studies.track_independent_chains(sculler(), recording.slice(end_s=3.0))
     yield from outputs_of_track("sculler_limbs", limbs)
 
 
@@ -288,7 +288,7 @@ def marker_outputs(root: Path, files: Iterable[Path]) -> Outputs:
     for file in files:
         key = file_key(root, file)
         try:
-            markers = oarlock.load_markers(file)
+            markers = oarlock.markers.load_markers(file)
         except oarlock.DataError as error:
             yield key, type(error).__name__
         else:
@@ -347,29 +347,34 @@ def calibrations(folder: Path) -> Outputs:
 def all_calibrations() -> Iterator[tuple[str, oarlock.Calibration]]:
     """Name and result of every calibration."""
     arm, chain = oarlock.load_model("arm7"), oarlock.load_model("pendulum3")
-    yield "session", oarlock.calibrate_session(arm, session().recording)
+    yield "session", oarlock.calibration.calibrate_session(arm, session().recording)
     pendulum = oarlock.import_recording(ROOT / "examples/pendulum/imuData01.csv")
-    yield "chain", oarlock.calibrate_hinge_chain(chain, pendulum)
+    yield "chain", oarlock.calibration.calibrate_hinge_chain(chain, pendulum)
     model, _, recording = legs()
-    yield "sagittal", oarlock.calibrate_sagittal(model, recording)
-    yield "pose", oarlock.calibrate_pose(model, recording)
+    yield "sagittal", oarlock.calibration.calibrate_sagittal(model, recording)
+    yield "pose", oarlock.calibration.calibrate_pose(model, recording)
     five = oarlock.load_model("diodem_arm")
-    yield "axes", oarlock.calibrate_hinge_axes(five, recorded(five, waves(five, 12.0))[1])
-    yield "joint_centers", oarlock.calibrate_joint_centers(model, recording)
-    yield "field", oarlock.calibrate_field(arm, recorded(arm, waves(arm, 10.0, 4.0))[1])
+    yield "axes", oarlock.calibration.calibrate_hinge_axes(five, recorded(five, waves(five, 12.0))[1])
+    yield "joint_centers", oarlock.calibration.calibrate_joint_centers(model, recording)
+    yield "field", oarlock.calibration.calibrate_field(arm, recorded(arm, waves(arm, 10.0, 4.0))[1])
     moving = recorded(arm, waves(arm, 14.0, 0.0), seed=3)[1]
     delayed = [
         replace(stream, time_s=stream.time_s + 0.004) if stream.name == "hand" else stream
         for stream in moving
     ]
-    yield "clocks", oarlock.calibrate_clocks(arm, oarlock.Recording(delayed), reference="upperarm", threads=1)
+    yield (
+        "clocks",
+        oarlock.calibration.calibrate_clocks(
+            arm, oarlock.Recording(delayed), reference="upperarm", threads=1
+        ),
+    )
 
 
 @group("motion_calibration", is_long=True)
 def motion_calibration(folder: Path) -> Outputs:
     """Calibration from ordinary movement of a body with other mounts and lengths."""
     trial = rowing.simulate_field(sculler(), rowing.FieldEffects.misfit(), duration_s=16.0, seed=31)
-    calibration = oarlock.calibrate_motion(sculler(), recordings.at_rate(trial.recording, 25.0))
+    calibration = oarlock.calibration.calibrate_motion(sculler(), recordings.at_rate(trial.recording, 25.0))
     calibration.save(folder / "motion.toml")
     yield from outputs_of_file("file", folder / "motion.toml")
 
@@ -381,16 +386,18 @@ def evaluations(folder: Path) -> Outputs:
     model, truth, _ = legs()
     tracked = legs_track()
     yield from outputs_of("lower_body", oarlock.evaluate(tracked, truth))
-    yield from outputs_of("frames", oarlock.evaluate_frame_orientations(tracked, truth, remove_heading=True))
+    yield from outputs_of(
+        "frames", oarlock.evaluation.evaluate_frame_orientations(tracked, truth, remove_heading=True)
+    )
     yield from outputs_of("ranges_of_motion", ranges_of_motion(movement_angles(tracked)))
     yield from outputs_of("joint_angles", oarlock.joint_angles(excerpt_track()))
     names = tuple(name for name in model.frame_names if name != "root")[:6]
-    markers = oarlock.Markers(names, truth.time_s, truth.positions_of(names))
-    yield from outputs_of("markers", oarlock.evaluate_markers(tracked, markers))
+    markers = oarlock.markers.Markers(names, truth.time_s, truth.positions_of(names))
+    yield from outputs_of("markers", oarlock.markers.evaluate_markers(tracked, markers))
     first = excerpt().recording.slice(1.0, 2.5)
     exchanged = {"r_forearm": "r_upperarm", "r_upperarm": "r_forearm"}
     streams = [replace(stream, name=exchanged.get(stream.name, stream.name)) for stream in first]
-    suspects = oarlock.suspects(sculler(), oarlock.Recording(streams), budget_s=600.0)
+    suspects = oarlock.evaluation.find_suspects(sculler(), oarlock.Recording(streams), budget_s=600.0)
     yield from outputs_of("suspects", suspects)
     strokes = rowing.find_strokes(excerpt_track())
     yield from outputs_of("strokes", strokes)
@@ -456,7 +463,7 @@ def other_pages(folder: Path) -> Outputs:
     for name in ("movement", "worn", "rp3", "speedcoach_empower"):
         yield from outputs_of_file(f"{name}.html", folder / f"{name}.html")
     short = excerpt().recording.slice(end_s=4.0)
-    compared = oarlock.compare(sculler(), short, excerpt().truth, ("ukf", "limbs"))
+    compared = oarlock.studies.compare(sculler(), short, excerpt().truth, ("ukf", "limbs"))
     yield from outputs_of("compared", [untimed(score) for score in compared.scores])
     yield from refused_page(folder)
     yield from crew_page(folder)

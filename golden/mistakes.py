@@ -155,7 +155,7 @@ def in_settings() -> Iterator[tuple[str, Call]]:
     rotation = np.diag([1.0, 1.0, -1.0])
     mirrored = {"back": (rotation, np.zeros(3))}
     yield "setting/mirrored_mount", lambda: oarlock.Calibration(mounts=mirrored)
-    yield "setting/negative_error", lambda: oarlock.SessionErrors(mount_rad=-1.0)
+    yield "setting/negative_error", lambda: oarlock.simulation.SessionErrors(mount_rad=-1.0)
 
 
 def in_files(folder: Path) -> Iterator[tuple[str, Call]]:
@@ -172,7 +172,7 @@ def in_files(folder: Path) -> Iterator[tuple[str, Call]]:
     for name, text in contents.items():
         (folder / name).write_text(text, encoding="utf-8")
         yield f"file/import_{name}", partial(oarlock.import_recording, folder / name)
-    yield "file/markers_damaged", partial(oarlock.load_markers, folder / "damaged.trc")
+    yield "file/markers_damaged", partial(oarlock.markers.load_markers, folder / "damaged.trc")
     yield "file/calibration_key", partial(oarlock.load_calibration, folder / "calibration.toml")
     yield "file/track_absent", partial(oarlock.load_track, folder / "absent")
     yield "file/recording_absent", partial(oarlock.load_recording, folder / "absent")

@@ -138,7 +138,7 @@ def _sculled(effects: FieldEffects, seed: int, calibrated: bool) -> dict[str, Jo
     model = oarlock.load_model("sculler")
     known, recording = trial.nominal, trial.recording
     if calibrated:
-        known = oarlock.calibrate_motion(model, recording, known, end_s=CALIBRATED_ON_S)
+        known = oarlock.calibration.calibrate_motion(model, recording, known, end_s=CALIBRATED_ON_S)
         recording = recording.slice(start_s=CALIBRATED_ON_S)
     live = oarlock.track(model, recording, known)
     return {how: _scored(track, trial) for how, track in zip(HOW, (live, oarlock.smooth(live)), strict=True)}

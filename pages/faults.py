@@ -221,7 +221,7 @@ def run(job: tuple[str, int, int]) -> dict[str, Any]:
     spoilt = kind.spoil(recording, stream, random)
     result: dict[str, Any] = {"kind": kind.name, "body": name, "seed": seed, "stream": stream}
     begin_s = time.monotonic()
-    suspects = oarlock.suspects(model, spoilt, calibration)
+    suspects = oarlock.evaluation.find_suspects(model, spoilt, calibration)
     result["search_s"] = time.monotonic() - begin_s
     result["sized"] = any(np.isfinite(s.error_rad) for s in suspects)
     try:

@@ -44,9 +44,9 @@ USUAL = (
 
 def measured(name: str, seeds: Sequence[int] | None = None, jobs: int | None = None) -> dict[str, Any]:
     """Runs a study, saves it with its page, and gives the table's cells; the whole study draws the picture, too."""
-    study = oarlock.load_study(name, SIMULATORS, seeds)
+    study = oarlock.studies.load_study(name, SIMULATORS, seeds)
     began, out = time.perf_counter(), OUT / name
-    result = oarlock.study(study, jobs=jobs, folder=out)
+    result = oarlock.studies.run_study(study, jobs=jobs, folder=out)
     minutes = (time.perf_counter() - began) / 60.0
     result.save(out)
     (out / "report.html").write_text(study_page(result), encoding="utf-8")

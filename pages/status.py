@@ -122,7 +122,7 @@ def _run(trial: Trial, how: str) -> dict[str, float]:
     model = oarlock.load_model("sculler")
     known, recording = trial.nominal, trial.recording
     if how == "calibrated":
-        known = oarlock.calibrate_motion(model, recording, known, end_s=CALIBRATED_ON_S)
+        known = oarlock.calibration.calibrate_motion(model, recording, known, end_s=CALIBRATED_ON_S)
         recording = recording.slice(start_s=CALIBRATED_ON_S)
     track = oarlock.track(model, recording, known)
     return asdict(errors(track, trial.truth, trial.true_s, trial.true_m))

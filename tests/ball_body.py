@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fake_track import frame
-from oarlock import JointDescription, ModelDescription, ProcessDescription, load_model
+from oarlock import load_model
+from oarlock.model import JointDescription, ModelDescription, ProcessDescription
 from oarlock.model.coordinates import angle_sequences, coordinate_units, joint_columns, joint_units
 from oarlock.model.rotation import quat_from_rotvec, quat_product, rotvec_from_quat
 from oarlock.simulation.motion import Motion

@@ -60,7 +60,7 @@ def sculler() -> oarlock.Model:
 
 
 @pytest.fixture(scope="session")
-def four_seconds(sculler: oarlock.Model) -> oarlock.StudyTrial:
+def four_seconds(sculler: oarlock.Model) -> oarlock.studies.StudyTrial:
     """A trial of the simulator of sculling as its defaults are."""
     values = {name: key.default for name, key in SIMULATORS["sculling"].keys(sculler).items()}
     return SIMULATORS["sculling"].trial(sculler, values | {"duration_s": 4.0}, 5)

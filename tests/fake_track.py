@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock import FrameDescription
+from oarlock.model import FrameDescription
 from oarlock.tracking.counts import StreamCount
 
 Floats = NDArray[np.float64]

@@ -9,7 +9,13 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import oarlock
-from oarlock import FrameDescription, ImuDescription, ModelDescription, TransformDescription, WorldDescription
+from oarlock.model import (
+    FrameDescription,
+    ImuDescription,
+    ModelDescription,
+    TransformDescription,
+    WorldDescription,
+)
 
 Floats = NDArray[np.float64]
 

@@ -187,7 +187,7 @@ class RootMotion:
         return cls(random.uniform(-2, 2, 3), rotation, *random.uniform(-4, 4, (4, 3)))
 
     @property
-    def base(self) -> oarlock.Base:
-        return oarlock.Base(
+    def base(self) -> oarlock.model.Base:
+        return oarlock.model.Base(
             self.rotation, self.angular_velocity, self.angular_acceleration, self.acceleration
         )

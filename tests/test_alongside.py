@@ -380,11 +380,23 @@ def test_the_page_names_who_rowed_as_given_or_as_session_toml_says(tmp_path):
     file.write_bytes((EXAMPLES / "rp3.csv").read_bytes())
     (tmp_path / "session.toml").write_text('athlete = "B12"\nplace = "Lake"\n', encoding="utf-8")
     run("rowing", "strokes", str(file), "--report", str(tmp_path / "a.html"))
-    run("rowing", "strokes", str(file), "--report", str(tmp_path / "b.html"), "--athlete", "A07", "--boat", "1x")
+    run(
+        "rowing",
+        "strokes",
+        str(file),
+        "--report",
+        str(tmp_path / "b.html"),
+        "--athlete",
+        "A07",
+        "--boat",
+        "1x",
+    )
     texts = [Page((tmp_path / name).read_text("utf-8")).text for name in ("a.html", "b.html")]
     assert "B12: " in texts[0] and "Lake" in texts[0]
     assert "A07: " in texts[1] and "boat 1x" in texts[1] and "Lake" in texts[1]
-    assert "--athlete needs --report" in run("rowing", "strokes", str(file), "--athlete", "A07", status=2).output
+    assert (
+        "--athlete needs --report" in run("rowing", "strokes", str(file), "--athlete", "A07", status=2).output
+    )
     assert "Athlete, date and place not in the file." in strokes_page(load_export(file))
 
 

@@ -1,4 +1,4 @@
-"""`oarlock calibrate units` and its questions: which unit sits where, from movements in a known order, by hand, by a file."""
+"""`oarlock calibrate units` and its questions: which unit sits where, from movements by hand, by a file."""
 
 import json
 from dataclasses import replace
@@ -9,10 +9,11 @@ from typer.testing import CliRunner
 
 import oarlock
 from command_line import run
-from oarlock import SessionErrors, SessionPlan, SessionStep
+from oarlock.calibration import SessionPlan, SessionStep
 from oarlock.calibration.assignment.assign import assign_by_movement
 from oarlock.cli import app
 from oarlock.recording.unit_names import assign_units, read_units_file, renamed
+from oarlock.simulation import SessionErrors
 from refusals import assert_refused
 
 ANY_ROTATION = SessionErrors(mount_rad=2.5)
@@ -38,7 +39,7 @@ def moved(name, order, seed, errors=ANY_ROTATION):
     plan = SessionPlan(
         "one after the other", (SessionStep("start", "pose"), *moves, SessionStep("end", "pose"))
     )
-    trial = oarlock.simulate_session(body, plan, errors, seed=seed)
+    trial = oarlock.simulation.simulate_session(body, plan, errors, seed=seed)
     ids = np.random.default_rng(seed).permutation(len(trial.recording.names))
     units = {s: f"00B4{k:04X}" for s, k in zip(trial.recording.names, ids, strict=True)}
     return body, renamed(trial.recording, units), units
@@ -90,7 +91,7 @@ def test_a_pause_within_a_movement_is_part_of_it():
     left = SessionStep("left", "move", joints=("hip_flexion_l",))
     rest = SessionStep("rest", "pose")
     steps = (rest, swing, SessionStep("once more", "move", joints=("hip_flexion_r",)), left, rest)
-    trial = oarlock.simulate_session(body, SessionPlan("paused", steps), ANY_ROTATION, seed=4)
+    trial = oarlock.simulation.simulate_session(body, SessionPlan("paused", steps), ANY_ROTATION, seed=4)
     found = assign_by_movement(body, trial.recording, "right_leg,left_leg")
     assert dict(found.units) == {name: name for name in found.units}
 
@@ -125,7 +126,7 @@ def test_legs_that_move_together_could_be_either():
     both = ("hip_flexion_r", "hip_flexion_l")
     moves = (SessionStep("both", "move", joints=both), SessionStep("once more", "move", joints=both))
     steps = (SessionStep("start", "pose"), *moves, SessionStep("end", "pose"))
-    trial = oarlock.simulate_session(body, SessionPlan("both", steps), ANY_ROTATION, seed=0)
+    trial = oarlock.simulation.simulate_session(body, SessionPlan("both", steps), ANY_ROTATION, seed=0)
     names = ("_r and", "_l", "or the other way round", "right_leg 100 %")
     # A pause between equal movements does not part them, unless two are asked for.
     assert_refused(lambda: assign_by_movement(body, trial.recording, "right_leg,left_leg"), *names)

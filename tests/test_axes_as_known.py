@@ -45,7 +45,7 @@ def found_and_true(model, seed, tilt_rad=0.0, std_rad=0.02):
     biased = np.array(two.gyro_rad_s) * (1.0 + 0.02 * random.standard_normal())
     biased += 0.005 * random.standard_normal(3)
     two = oarlock.ImuStream("carpus", two.time_s, gyro_rad_s=biased, accel_m_s2=two.accel_m_s2)
-    return oarlock.calibrate_hinge_axes(model, oarlock.Recording([one, two])), true
+    return oarlock.calibration.calibrate_hinge_axes(model, oarlock.Recording([one, two])), true
 
 
 def errors_rad(found, true):
@@ -106,6 +106,6 @@ def test_a_prior_of_the_calibration_counts_instead_of_the_models(model):
     random = np.random.default_rng(3)
     recording = oarlock.simulate(model, upright(model, random), rate_hz=RATE_HZ, seed=3)[1]
     sure = oarlock.Calibration(mounts=nominal, mount_stds_rad={n: [1e-4, 1e-4, 1e-4] for n in LINKS})
-    found = oarlock.calibrate_hinge_axes(model, recording, calibration=sure)
+    found = oarlock.calibration.calibrate_hinge_axes(model, recording, calibration=sure)
     assert np.abs(stds_rad(found)).max() <= 1e-4
     assert max(found.noted["sensor"][n]["turned_rad"] for n in LINKS) < 4e-4

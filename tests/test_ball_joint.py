@@ -24,7 +24,7 @@ def pose(model, frame, **angles_rad):
 
 
 def test_the_ball_rests_where_the_hinges_rest(arm):
-    ball = oarlock.with_ball_joint(arm, *HINGES)
+    ball = oarlock.model.with_ball_joint(arm, *HINGES)
     np.testing.assert_allclose(pose(ball, "forearm_r"), pose(arm, "forearm_r"), atol=EXACT_RAD)
     joint = next(j for j in ball.describe().joints if j.name == "elbow_r")
     assert joint.kind == "ball" and joint.cone.swing[0] == pytest.approx(np.radians(150.0))
@@ -34,7 +34,7 @@ def test_the_ball_rests_where_the_hinges_rest(arm):
 
 def test_a_left_elbow_of_a_whole_body():
     body = oarlock.load_model("full_body")
-    ball = oarlock.with_ball_joint(body, "elbow_flexion_l", "elbow_pronation_l")
+    ball = oarlock.model.with_ball_joint(body, "elbow_flexion_l", "elbow_pronation_l")
     np.testing.assert_allclose(pose(ball, "hand_l"), pose(body, "hand_l"), atol=EXACT_RAD)
     assert "elbow_l" in ball.joint_names and set(HINGES) <= set(ball.joint_names)
 
@@ -49,12 +49,12 @@ def test_a_left_elbow_of_a_whole_body():
     ],
 )
 def test_what_is_no_such_pair_is_refused(hinges, words):
-    assert_refused(lambda: oarlock.with_ball_joint(oarlock.load_model("arm"), *hinges), *words)
+    assert_refused(lambda: oarlock.model.with_ball_joint(oarlock.load_model("arm"), *hinges), *words)
 
 
 def test_flexion_is_the_angle_between_the_long_axes_whatever_the_mounts_heading(arm):
     """A forearm's unit that is turned about the forearm by any angle gives the same flexion."""
-    ball = oarlock.with_ball_joint(arm, *HINGES)
+    ball = oarlock.model.with_ball_joint(arm, *HINGES)
     time_s = np.arange(0.0, 4.0, 0.02)
     bend_rad = 0.6 * (1.0 - np.cos(np.pi * time_s / 2.0))
     q = np.zeros((len(time_s), len(ball.coordinate_names)))

@@ -90,7 +90,7 @@ def range_notes(track: oarlock.Track) -> list[str]:
 def test_description_and_sheet(folder):
     model = body(folder)
     neck = {joint.name: joint for joint in model.describe().joints}["neck"]
-    assert isinstance(neck.cone, oarlock.ConeDescription)
+    assert isinstance(neck.cone, oarlock.model.ConeDescription)
     assert neck.cone.axis == "y"
     np.testing.assert_allclose(neck.cone.swing, np.array([40, 70]) * DEG)
     np.testing.assert_allclose(neck.cone.twist, np.array([-60, 80]) * DEG)

@@ -8,7 +8,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import oarlock
-from oarlock import SessionErrors, SessionPlan, SessionStep
+from oarlock.calibration import SessionPlan, SessionStep
+from oarlock.simulation import SessionErrors
 from refusals import assert_refused
 
 ANY_ROTATION = SessionErrors(mount_rad=2.5)
@@ -29,9 +30,9 @@ def without_optional(plan):
 
 def session(name, seed):
     model = oarlock.load_model(name)
-    plan = without_optional(oarlock.default_plan(model))
-    trial = oarlock.simulate_session(model, plan, ANY_ROTATION, seed=seed)
-    return model, trial, oarlock.calibrate_session(model, trial.recording)
+    plan = without_optional(oarlock.calibration.default_plan(model))
+    trial = oarlock.simulation.simulate_session(model, plan, ANY_ROTATION, seed=seed)
+    return model, trial, oarlock.calibration.calibrate_session(model, trial.recording)
 
 
 def mean_mount_deg(trial, found):
@@ -54,11 +55,11 @@ def test_mounts_of_any_rotation_without_optional_steps(legs):
 
 def test_steps_in_another_order_are_found(legs):
     model, _, _ = legs
-    plan = without_optional(oarlock.default_plan(model))
+    plan = without_optional(oarlock.calibration.default_plan(model))
     first, *moves, last = plan.steps
     mixed = replace(plan, steps=(first, *reversed(moves), last))
-    trial = oarlock.simulate_session(model, mixed, ANY_ROTATION, seed=1)
-    found = oarlock.calibrate_session(model, trial.recording)
+    trial = oarlock.simulation.simulate_session(model, mixed, ANY_ROTATION, seed=1)
+    found = oarlock.calibration.calibrate_session(model, trial.recording)
     placed = {s["name"]: s for s in found.noted["session"]["step"] if "start_s" in s}
     for step in moves:
         start, end = trial.spans[step.name]
@@ -66,7 +67,7 @@ def test_steps_in_another_order_are_found(legs):
 
 
 def test_a_part_has_no_units_and_joints_that_it_lacks():
-    plan = oarlock.default_plan(oarlock.load_model("lower_body"))
+    plan = oarlock.calibration.default_plan(oarlock.load_model("lower_body"))
     assert {unit for step in plan.steps for unit in step.units} == {"shank_r", "foot_r", "shank_l", "foot_l"}
     assert "arm swing" not in [step.name for step in plan.steps]
     assert plan.any_order
@@ -76,7 +77,7 @@ def test_a_plan_with_the_new_keys_is_a_file(tmp_path):
     step = SessionStep("swing", "move", joints=("hip_flexion_r",), units=("shank_r",), optional=True)
     plan = SessionPlan("mine", (step,), any_order=True)
     plan.save(tmp_path / "plan.toml")
-    assert oarlock.load_session_plan(tmp_path / "plan.toml") == plan
+    assert oarlock.calibration.load_session_plan(tmp_path / "plan.toml") == plan
 
 
 def test_values_of_wrong_types():
@@ -89,8 +90,10 @@ def test_values_of_wrong_types():
 
 def test_the_upper_body_passes_without_optional_steps():
     model = oarlock.load_model("upper_body")
-    trial = oarlock.simulate_session(model, without_optional(oarlock.default_plan(model)), ANY_ROTATION)
-    found = oarlock.calibrate_session(model, trial.recording)
+    trial = oarlock.simulation.simulate_session(
+        model, without_optional(oarlock.calibration.default_plan(model)), ANY_ROTATION
+    )
+    found = oarlock.calibration.calibrate_session(model, trial.recording)
     assert found.noted["session"]["passed"]
 
 
@@ -100,7 +103,7 @@ def test_errors_of_segments_do_not_add_up():
     still = replace(ANY_ROTATION, posture_rad=0.0, sway_rad=0.0)
     off = {"segment_rad": [], "posture_rad": []}
     for seed, (name, found) in product(range(12), off.items()):
-        trial = oarlock.simulate_session(
+        trial = oarlock.simulation.simulate_session(
             model,
             SessionPlan("one", (SessionStep("N", "pose"),)),
             replace(still, **{name: std_rad}),
@@ -117,11 +120,11 @@ def test_errors_of_segments_do_not_add_up():
 @pytest.mark.parametrize("name", ["lower_body", "upper_body"])
 def test_angles_after_a_pose_and_three_movements(name):
     model = oarlock.load_model(name)
-    plan = replace(without_optional(oarlock.default_plan(model)), posture_std_rad=POSTURE_STD_RAD)
+    plan = replace(without_optional(oarlock.calibration.default_plan(model)), posture_std_rad=POSTURE_STD_RAD)
     rmses_deg, shares = [], []
     for seed in range(20):
-        trial = oarlock.simulate_session(model, plan, IN_THE_FIELD, seed=seed)
-        found = oarlock.calibrate_session(model, trial.recording, plan)
+        trial = oarlock.simulation.simulate_session(model, plan, IN_THE_FIELD, seed=seed)
+        found = oarlock.calibration.calibrate_session(model, trial.recording, plan)
         assert found.noted["session"]["passed"]
         assert mean_mount_deg(trial, found) < MEAN_MOUNT_DEG
         track = oarlock.track(model, trial.recording, found)

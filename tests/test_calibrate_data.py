@@ -95,7 +95,7 @@ def test_trials_of_one_rig_agree_about_its_ball_joint():
     model, levers = oarlock.load_model("dfjimu"), {}
     for file in sorted(local_folder("data/dfjimu").glob("*.mat")):
         recording = read_dfjimu(file)
-        found = oarlock.calibrate_joint_centers(model, recording)
+        found = oarlock.calibration.calibrate_joint_centers(model, recording)
         # The model file writes them as parameters, which can be states.
         assert found.mounts == {}
         levers[file.stem] = np.array([found.parameters[f"r{b}_{a}"] for b in (1, 2) for a in "xyz"])
@@ -145,7 +145,7 @@ def diodem(tmp_path_factory):
 
 def test_hinges_of_a_chain_lie_where_the_cameras_see_them(diodem):
     model, trial, reference = diodem
-    found = oarlock.calibrate_hinge_axes(model, read_diodem(trial))
+    found = oarlock.calibration.calibrate_hinge_axes(model, read_diodem(trial))
     # The cameras too see the first one turn off its axis, by 2 deg (standard deviation).
     play = {"seg3": 3.0 * HINGE_RAD, "seg4": HINGE_RAD, "seg5": HINGE_RAD}
     for parent, child in (("seg2", "seg3"), ("seg3", "seg4"), ("seg4", "seg5")):
@@ -162,7 +162,7 @@ def test_hinges_of_a_chain_lie_where_the_cameras_see_them(diodem):
 )
 def test_lengths_of_a_chain_are_those_that_the_cameras_see(diodem, mounted, window_s, bound_m):
     model, trial, reference = diodem
-    found = oarlock.calibrate_joint_centers(model, read_diodem(trial, mounted), window_s=window_s)
+    found = oarlock.calibration.calibrate_joint_centers(model, read_diodem(trial, mounted), window_s=window_s)
     centers = {
         c: optical_centers(reference, p, c)
         for p, c in (("seg1", "seg2"), ("seg2", "seg3"), ("seg3", "seg4"), ("seg4", "seg5"))
@@ -185,17 +185,17 @@ def test_a_robots_wrist_is_one_hinge_and_its_slow_runs_tell_only_half_of_it(tmp_
     model = chain(tmp_path, ("radius", "ball"), ("carpus", "x"), rotation=LINK_FROM_SENSOR)
     for run in openaxes_runs(data):
         recording = read_openaxes(data, run)
-        found = oarlock.calibrate_hinge_axes(model, recording)
+        found = oarlock.calibration.calibrate_hinge_axes(model, recording)
         assert found.noted["kept_nominal"] == []
         hinge = found.noted["joint"]["carpus"]
         axis = np.array(LINK_FROM_SENSOR) @ hinge["axis_in_parent_sensor"]
         print(run, "axis in the radius", np.round(axis, 4), "std deg", np.degrees(hinge["std_rad"]))
         assert np.arccos(abs(axis[0])) < np.radians(1.5)
         # After its first seconds the carpus keeps upright and only pans: then no gyroscope tells how its hinge lies.
-        later = oarlock.calibrate_hinge_axes(model, recording.slice(0.25 * recording.duration_s))
+        later = oarlock.calibration.calibrate_hinge_axes(model, recording.slice(0.25 * recording.duration_s))
         assert later.noted["kept_nominal"] == ["carpus: axis of carpus"]
         assert later.noted["sensor"]["carpus"]["turned_rad"] < np.radians(1.0)
-        center = oarlock.calibrate_joint_centers(model, recording)
+        center = oarlock.calibration.calibrate_joint_centers(model, recording)
         # At 0.3 rad/s a lever of 10 cm pulls with 10 mm/s2.
         assert len(center.noted["joint"]["carpus"]["loose"]) >= 3
         assert center.noted["kept_nominal"] != []
@@ -210,7 +210,7 @@ def test_norm_and_dip_are_those_that_the_cameras_turn_to_the_world(tmp_path):
         recording, reference = read_broad(file), read_broad_reference(file)
         (name,), (body,) = recording.names, reference.quat_wxyz
         model = chain(tmp_path, (name, "ball"))
-        found = oarlock.calibrate_field(model, recording)
+        found = oarlock.calibration.calibrate_field(model, recording)
         fields[file.stem] = (found.parameters["norm"], found.parameters["dip"])
         rows = reference.there(body)
         turns = Rotation.from_quat(np.array(reference.quat_wxyz[body])[rows][:, [1, 2, 3, 0]])

@@ -54,7 +54,7 @@ def test_geometry_of_the_joints_is_read_off_the_poses(model):
 
 def test_places_and_lengths_of_a_tree_are_found(model):
     true = wearing()
-    found = oarlock.calibrate_joint_centers(model, recorded(model, true))
+    found = oarlock.calibration.calibrate_joint_centers(model, recorded(model, true))
     assert "trunk" not in found.mounts  # lengths place all that hangs on it
     for name in found.mounts:
         assert np.abs(place(found, true, name)).max() < PLACE_BOUND_M, name
@@ -73,7 +73,7 @@ def test_a_length_may_have_the_name_of_a_unit(model, tmp_path):
     (tmp_path / "tree.toml").write_text(TEXT.replace("leg =", "shank =").replace('"-leg"', '"-shank"'))
     same = oarlock.load_model(tmp_path / "tree.toml")
     recording = recorded(model, wearing())
-    named, plain = (oarlock.calibrate_joint_centers(m, recording) for m in (same, model))
+    named, plain = (oarlock.calibration.calibrate_joint_centers(m, recording) for m in (same, model))
     assert named.parameters["shank"] == plain.parameters["leg"]
     np.testing.assert_array_equal(named.mounts["shank"][1], plain.mounts["shank"][1])
 
@@ -82,7 +82,7 @@ def test_mounts_carry_places_to_the_links(model):
     turns = dict(zip(UNITS, Rotation.random(4, random_state=3).as_matrix(), strict=True))
     true = wearing(turns)
     start = oarlock.Calibration(mounts={name: (r, UNITS[name]) for name, r in turns.items()})
-    found = oarlock.calibrate_joint_centers(model, recorded(model, true), calibration=start)
+    found = oarlock.calibration.calibrate_joint_centers(model, recorded(model, true), calibration=start)
     assert np.abs(place(found, true, "upper")).max() < PLACE_BOUND_M
     assert (found.mounts["trunk"][0] == turns["trunk"]).all()
 
@@ -91,7 +91,7 @@ def test_a_fixed_length_that_is_wrong_is_reported(model, tmp_path):
     true = wearing()
     longer = tmp_path / "longer.toml"
     longer.write_text(model.text.replace("[0.28, 0, 0]", "[0.34, 0, 0]"), encoding="utf-8")
-    found = oarlock.calibrate_joint_centers(oarlock.load_model(longer), recorded(model, true))
+    found = oarlock.calibration.calibrate_joint_centers(oarlock.load_model(longer), recorded(model, true))
     joints = found.noted["joint"]
     # Shoulder and elbow both lie beside their place in the upper arm: together the 60 mm.
     missed = max(joints["elbow"]["left_m"]) + max(joints["shoulder"]["left_m"])
@@ -110,13 +110,13 @@ def test_a_root_at_rest_counts_as_a_body():
         },
     )
     recording = recorded(model, true)
-    found = oarlock.calibrate_joint_centers(model, recording)
+    found = oarlock.calibration.calibrate_joint_centers(model, recording)
     assert found.noted["joint"]["shoulder_abduction+shoulder_rotation+shoulder_flexion"]["parent"] == ROOT
     for name in true.mounts:
         assert np.abs(place(found, true, name)).max() < PLACE_BOUND_M, name
     for name, value in true.parameters.items():
         assert abs(found.parameters[name] - value) < PLACE_BOUND_M
-    moving = oarlock.calibrate_joint_centers(model, recording, root_at_rest=False)
+    moving = oarlock.calibration.calibrate_joint_centers(model, recording, root_at_rest=False)
     assert len(moving.noted["joint"]) == 2
 
 
@@ -126,7 +126,7 @@ def test_rowing_is_motion_enough_for_the_arms():
     recording = oarlock.simulate(
         worn, row_piece(worn, 40.0, 26.0).motion, rate_hz=100.0, gyro_bias_rad_s=0.01, accel_bias_m_s2=0.03
     )[1]
-    found = oarlock.calibrate_joint_centers(oarlock.load_model("sculler"), recording)
+    found = oarlock.calibration.calibrate_joint_centers(oarlock.load_model("sculler"), recording)
     for name, value in true.items():
         # From 15 to 18 mm off; a trunk that turns about one axis tells its shoulders less well.
         assert abs(found.parameters[name] - value) < 0.008
@@ -136,7 +136,7 @@ def test_rowing_is_motion_enough_for_the_arms():
 
 def test_without_motion_the_model_stays(model):
     recording = recorded(model, wearing(), amplitude=0.0)
-    found = oarlock.calibrate_joint_centers(model, recording)
+    found = oarlock.calibration.calibrate_joint_centers(model, recording)
     nominal = {"upper", "lower", "shank"}
     for name in nominal:
         assert np.abs(found.mounts[name][1] - UNITS[name]).max() < 0.05
@@ -155,7 +155,7 @@ def test_mounts_turn_until_the_hinges_lie_right(model):
         )
     )
     true = wearing(askew)
-    found = oarlock.calibrate_hinge_axes(model, recorded(model, true))
+    found = oarlock.calibration.calibrate_hinge_axes(model, recorded(model, true))
     assert set(found.mounts) == set(UNITS)
     hinges = {"upper": [0, 1, 0], "lower": [0, 1, 0], "trunk": [1, 0, 0], "shank": [1, 0, 0]}
     for name, axis in hinges.items():
@@ -174,7 +174,7 @@ def test_two_hinges_tell_a_mount_altogether(tmp_path, model):
     file.write_text(text, encoding="utf-8")
     hinged = oarlock.load_model(file)
     true = wearing({"upper": Rotation.from_rotvec([0.2, -0.3, 0.25]).as_matrix()})
-    found = oarlock.calibrate_hinge_axes(hinged, recorded(hinged, true))
+    found = oarlock.calibration.calibrate_hinge_axes(hinged, recorded(hinged, true))
     assert np.linalg.norm(turn(found, true, "upper")) < 2.0 * AXIS_BOUND_RAD
 
 
@@ -186,7 +186,7 @@ def test_an_axis_that_nothing_tells_turns_no_mount(model):
     still[:, :3] = 0.0
     calm = oarlock.Motion(tuple(model.coordinate_names), motion.time_s, still)
     recording = oarlock.simulate(model, calm, rate_hz=100.0)[1]
-    found = oarlock.calibrate_hinge_axes(model, recording, sensors=("trunk", "shank"))
+    found = oarlock.calibration.calibrate_hinge_axes(model, recording, sensors=("trunk", "shank"))
     assert found.noted["kept_nominal"] == ["trunk: axis of knee"]
     assert found.noted["sensor"]["trunk"]["turned_rad"] < 0.2 * nominal.std_rad
     # The noise of a gyroscope at rest looks a little like turning.
@@ -203,7 +203,7 @@ def test_a_still_posture_sets_mounts_upright_and_keeps_their_heading(model):
     }
     true = wearing(askew)
     recording = recorded(model, true, still_s=4.0, seconds=10.0)
-    found = oarlock.calibrate_pose(model, recording)
+    found = oarlock.calibration.calibrate_pose(model, recording)
     start, end = found.noted["still_s"]
     assert start < 0.5 and 3.5 < end < 4.5
     assert found.noted["pose"]["elbow"] == 0.4
@@ -222,12 +222,12 @@ def test_a_still_posture_sets_mounts_upright_and_keeps_their_heading(model):
 
 def test_the_posture_is_the_users(model):
     recording = recorded(model, wearing(), still_s=4.0, seconds=6.0)
-    straight = oarlock.calibrate_pose(model, recording, {"elbow": 0.0}, 0.5, 3.5)
+    straight = oarlock.calibration.calibrate_pose(model, recording, {"elbow": 0.0}, 0.5, 3.5)
     assert straight.noted["sensor"]["lower"]["turned_rad"] == pytest.approx(0.4, abs=UPRIGHT_BOUND_RAD)
-    assert_refused(lambda: oarlock.calibrate_pose(model, recording, {"elbo": 0.0}), "elbo")
-    assert_refused(lambda: oarlock.calibrate_pose(model, recording, None, 3.0, 2.0), "later end")
+    assert_refused(lambda: oarlock.calibration.calibrate_pose(model, recording, {"elbo": 0.0}), "elbo")
+    assert_refused(lambda: oarlock.calibration.calibrate_pose(model, recording, None, 3.0, 2.0), "later end")
     with pytest.raises(DataError, match=r"`trunk`.*5.00 to 7.00 s"):
-        oarlock.calibrate_pose(model, recording, None, 5.0, 7.0)
+        oarlock.calibration.calibrate_pose(model, recording, None, 5.0, 7.0)
 
 
 # --- the field, and all of them together ---------------------------------------------------------------
@@ -236,11 +236,11 @@ def test_the_posture_is_the_users(model):
 def test_the_field_becomes_parameters(model):
     true = wearing(field_norm_ut=52.0, field_dip_rad=1.15)
     recording = recorded(model, true, still_s=5.0, seconds=10.0)
-    found = oarlock.calibrate_field(model, recording)
+    found = oarlock.calibration.calibrate_field(model, recording)
     assert found.parameters["field_norm_ut"] == pytest.approx(52.0, abs=0.1)
     # A bias of the accelerometer of 0.05 m/s2 tilts up.
     assert found.parameters["field_dip_rad"] == pytest.approx(1.15, abs=UPRIGHT_BOUND_RAD)
-    plain = oarlock.calibrate_field(oarlock.load_model("arm7"), as_arm(recording))
+    plain = oarlock.calibration.calibrate_field(oarlock.load_model("arm7"), as_arm(recording))
     assert plain.parameters == {} and plain.noted["field"]["norm_ut"] == found.parameters["field_norm_ut"]
 
 
@@ -263,10 +263,10 @@ def test_one_after_the_other(model, tmp_path):
     )
     true = wearing(askew, field_norm_ut=50.0)
     recording = recorded(model, true, still_s=4.0, seconds=30.0)
-    found = oarlock.calibrate_field(model, recording)
-    found = oarlock.calibrate_pose(model, recording, calibration=found)
-    found = oarlock.calibrate_hinge_axes(model, recording, calibration=found)
-    found = oarlock.calibrate_joint_centers(model, recording, calibration=found)
+    found = oarlock.calibration.calibrate_field(model, recording)
+    found = oarlock.calibration.calibrate_pose(model, recording, calibration=found)
+    found = oarlock.calibration.calibrate_hinge_axes(model, recording, calibration=found)
+    found = oarlock.calibration.calibrate_joint_centers(model, recording, calibration=found)
     found.save(tmp_path / "worn.toml")
     again = oarlock.load_calibration(tmp_path / "worn.toml")
     assert again.parameters == found.parameters and again.noted == found.noted
@@ -281,14 +281,14 @@ def test_one_after_the_other(model, tmp_path):
 def test_what_cannot_be_searched_is_refused(model):
     recording = recorded(model, wearing(), seconds=5.0)
     with pytest.raises(DataError, match=r'no inertial unit "uper".*"upper"'):
-        oarlock.calibrate_joint_centers(model, recording, sensors=("trunk", "uper"))
+        oarlock.calibration.calibrate_joint_centers(model, recording, sensors=("trunk", "uper"))
     with pytest.raises(DataError, match="no joint with a centre"):
-        oarlock.calibrate_joint_centers(model, recording, sensors=("lower", "shank"))
+        oarlock.calibration.calibrate_joint_centers(model, recording, sensors=("lower", "shank"))
     with pytest.raises(DataError, match="no single hinge"):
-        oarlock.calibrate_hinge_axes(model, recording, sensors=("trunk", "upper"))
+        oarlock.calibration.calibrate_hinge_axes(model, recording, sensors=("trunk", "upper"))
     bare = oarlock.Recording([oarlock.ImuStream("trunk", [0.0, 0.1], gyro_rad_s=np.zeros((2, 3)))])
-    assert_refused(lambda: oarlock.calibrate_pose(model, bare), "gyro_rad_s and accel_m_s2")
-    assert_refused(lambda: oarlock.calibrate_field(model, bare), "recorded mag_ut")
+    assert_refused(lambda: oarlock.calibration.calibrate_pose(model, bare), "gyro_rad_s and accel_m_s2")
+    assert_refused(lambda: oarlock.calibration.calibrate_field(model, bare), "recorded mag_ut")
 
 
 def test_two_units_on_one_body_are_refused(model, tmp_path):
@@ -300,7 +300,7 @@ def test_two_units_on_one_body_are_refused(model, tmp_path):
     recording = recorded(model, wearing(), seconds=5.0)
     strap = oarlock.ImuStream("strap", recording["upper"].time_s, **recording["upper"].values)
     with pytest.raises(DataError, match='"upper" and "strap" sit on the same body'):
-        oarlock.calibrate_joint_centers(
+        oarlock.calibration.calibrate_joint_centers(
             oarlock.load_model(twin), oarlock.Recording([*recording.streams, strap])
         )
 

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import oarlock
-from oarlock import Calibration, Clock, EncoderScale, ImuStream, Recording, ScalarStream, VectorStream
+from oarlock import Calibration, ImuStream, Recording, ScalarStream, VectorStream
 from oarlock.calibration.static.worn_model import Worn
+from oarlock.recording import Clock, EncoderScale
 from oarlock.storage.errors import DataError
 from refusals import assert_refused
 
@@ -187,8 +188,11 @@ def of_back(field, value):
         (lambda: of_back("accel_scales", [1.0, 0.0, 1.0]), ['accel_scales of "back"', "positive"]),
         (lambda: of_back("mag_matrices", -np.eye(3)), ['mag_matrices of "back"', "determinant -1"]),
         (lambda: of_back("mag_matrices", [1, 2, 3]), ['mag_matrices of "back"', "(3, 3)"]),
-        (lambda: of_back("clocks", 0.1), ['clocks of "back"', "oarlock.Clock"]),
-        (lambda: Calibration(encoders={"seat": (0.1, 1.0)}), ['encoders of "seat"', "oarlock.EncoderScale"]),
+        (lambda: of_back("clocks", 0.1), ['clocks of "back"', "oarlock.recording.Clock"]),
+        (
+            lambda: Calibration(encoders={"seat": (0.1, 1.0)}),
+            ['encoders of "seat"', "oarlock.recording.EncoderScale"],
+        ),
         (lambda: Calibration(clocks=[Clock(0.0)]), ["clocks", "table keyed by name", "list"]),
     ],
 )

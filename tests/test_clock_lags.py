@@ -23,7 +23,7 @@ def test_a_unit_that_reports_late_is_found(seed):
         )
         for k, stream in enumerate(body.recording)
     ]
-    found = oarlock.calibrate_clocks(body.model, oarlock.Recording(late), body.calibration)
+    found = oarlock.calibration.calibrate_clocks(body.model, oarlock.Recording(late), body.calibration)
     offset_s = {name: clock.offset_s for name, clock in found.clocks.items()}
     others = np.mean([offset for name, offset in offset_s.items() if name != "upper_arm_l"])
     assert abs(offset_s["upper_arm_l"] - others - LATE_S) < WITHIN_S, offset_s

@@ -7,7 +7,7 @@ import pytest
 
 import oarlock
 from command_line import run
-from oarlock import Calibration, Clock, ImuStream, Motion, Recording, ScalarStream
+from oarlock import Calibration, ImuStream, Motion, Recording, ScalarStream
 from oarlock.calibration.clocks.coarse import coarse_delays
 from oarlock.calibration.clocks.devices import most_agree, reference_streams, unknowns
 from oarlock.calibration.clocks.lines import (
@@ -18,6 +18,7 @@ from oarlock.calibration.clocks.lines import (
     usual_drift,
     usual_scatter,
 )
+from oarlock.recording import Clock
 from oarlock.rowing.simulation.experiment import simulate_sculling
 
 FOUND_S = 5e-4
@@ -163,7 +164,7 @@ def test_what_most_clocks_agree_on_is_the_reference_where_none_is_named():
 def test_clocks_of_an_arm_are_found_against_one_of_its_units(arm):
     model, recording = arm
     true = {"forearm": Clock(0.02), "hand": Clock(-0.015)}
-    found = oarlock.calibrate_clocks(model, late(recording, true), reference="upperarm")
+    found = oarlock.calibration.calibrate_clocks(model, late(recording, true), reference="upperarm")
     assert found.noted["clocks"]["reference"] == ["upperarm"]
     for name, clock in true.items():
         assert name in found.clocks, found.noted["clocks"]
@@ -175,7 +176,7 @@ def test_clocks_of_a_sculler_are_found_against_seat_and_oars():
     model = oarlock.load_model("sculler")
     _, recording = simulate_sculling(model, duration_s=14.0, seed=7)
     true = {"back": Clock(0.012), "l_forearm": Clock(-0.018), "r_upperarm": Clock(0.006)}
-    found = oarlock.calibrate_clocks(model, late(recording, true))
+    found = oarlock.calibration.calibrate_clocks(model, late(recording, true))
     assert found.clocks.keys() == true.keys(), found.noted["clocks"]
     for name, clock in found.clocks.items():
         in_the_middle = clock.offset_s + 7.0 * clock.drift
@@ -184,7 +185,7 @@ def test_clocks_of_a_sculler_are_found_against_seat_and_oars():
 
 def test_one_clock_for_all_stays_one(arm):
     model, recording = arm
-    found = oarlock.calibrate_clocks(model, recording, reference="upperarm")
+    found = oarlock.calibration.calibrate_clocks(model, recording, reference="upperarm")
     assert not found.clocks
     assert all("shares its time stamps" in reason for reason in found.noted["clocks"]["refused"].values())
 
@@ -192,7 +193,7 @@ def test_one_clock_for_all_stays_one(arm):
 def test_where_no_stream_keeps_true_time_most_agree(arm):
     model, recording = arm
     jittered = {"upperarm": Clock(1e-7), "forearm": Clock(0.0), "hand": Clock(0.02)}
-    found = oarlock.calibrate_clocks(model, late(recording, jittered))
+    found = oarlock.calibration.calibrate_clocks(model, late(recording, jittered))
     assert found.noted["clocks"]["reference"] == ["upperarm", "forearm"]
     assert found.clocks["hand"].offset_s == pytest.approx(0.02, abs=FOUND_S)
 
@@ -203,7 +204,7 @@ def test_a_stream_that_hardly_moves_is_refused_with_the_reason(arm):
     rest = np.tile([0.1, 0.1, 0.2, 0.6, 0.1, 0.0, 0.0], (len(knots), 1))
     still = Motion(tuple(model.coordinate_names), knots, rest)
     _, recording = oarlock.simulate(model, still, seed=1, rate_hz=50.0)
-    found = oarlock.calibrate_clocks(model, recording, reference="upperarm")
+    found = oarlock.calibration.calibrate_clocks(model, recording, reference="upperarm")
     assert not found.clocks
     assert set(found.noted["clocks"]["refused"]) == {"forearm", "hand"}
 
@@ -212,11 +213,13 @@ def test_what_is_known_stays(arm):
     model, recording = arm
     known = Calibration(noted={"of": "yesterday"}, gyro_biases_rad_s={"hand": [0.0, 0.0, 0.0]})
     with pytest.raises(oarlock.DataError, match="nothing to compare"):
-        oarlock.calibrate_clocks(model, recording, known, reference=["upperarm", "forearm", "hand"])
+        oarlock.calibration.calibrate_clocks(
+            model, recording, known, reference=["upperarm", "forearm", "hand"]
+        )
     with pytest.raises(oarlock.DataError, match="at least 8 s"):
-        oarlock.calibrate_clocks(model, recording.slice(0, 5), reference="upperarm")
+        oarlock.calibration.calibrate_clocks(model, recording.slice(0, 5), reference="upperarm")
     with pytest.raises(oarlock.DataError, match='no stream "uperarm"'):
-        oarlock.calibrate_clocks(model, recording, reference="uperarm")
+        oarlock.calibration.calibrate_clocks(model, recording, reference="uperarm")
 
 
 def test_the_verb_writes_a_calibration_and_says_whose_clock_is_late(arm, tmp_path):

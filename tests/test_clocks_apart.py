@@ -21,7 +21,7 @@ def test_drifting_clocks_cost_little_when_calibrated(sculler, seed):
     signs = np.random.default_rng(seed).choice([-1, 1], len(RATES_HZ))
     drifts = dict(zip(RATES_HZ, DRIFT * signs, strict=True))
     drifting = recorded(sculler, motion, RATES_HZ, seed, JITTER_S, drifts)
-    calibration = oarlock.calibrate_clocks(sculler, drifting)
+    calibration = oarlock.calibration.calibrate_clocks(sculler, drifting)
 
     reference = calibration.noted["clocks"]["reference"]
     true_drift = float(np.median([drifts[name] for name in reference]))

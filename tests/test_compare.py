@@ -33,14 +33,14 @@ def rowed(sculler: oarlock.Model) -> tuple[oarlock.Track, Recording]:
 
 @pytest.fixture(scope="module")
 def compared(sculler: oarlock.Model, rowed: tuple[oarlock.Track, Recording]) -> Comparison:
-    return oarlock.compare(sculler, rowed[1], rowed[0], BUILT_IN)
+    return oarlock.studies.compare(sculler, rowed[1], rowed[0], BUILT_IN)
 
 
 @pytest.mark.parametrize("seed", [41, pytest.param(42, marks=pytest.mark.long)])
 def test_the_tree_is_ahead_of_limbs_and_single_units(sculler, seed):
     """Boat surging and biased sensors; seeds that nothing was tuned to."""
     truth, recording = simulate_sculling(sculler, "B-B", duration_s=8.0, rate_spm=(20.0, 34.0), seed=seed)
-    found = oarlock.compare(sculler, recording, truth, BUILT_IN)
+    found = oarlock.studies.compare(sculler, recording, truth, BUILT_IN)
     tree = found["ukf"]
     assert tree.mean_rmse_deg < found["limbs"].mean_rmse_deg
     assert tree.mean_rmse_deg < found["limbs_open"].mean_rmse_deg
@@ -84,7 +84,7 @@ def test_the_page_names_all_of_them():
 def test_an_estimator_of_ones_own(sculler, rowed):
     config = Config(structure="tree", filter="ekf", estimate=("gyro_bias",))
     own = replace(estimator("ekf"), name="mine", config=config)
-    found = oarlock.compare(sculler, rowed[1], rowed[0], [own, "ekf"])
+    found = oarlock.studies.compare(sculler, rowed[1], rowed[0], [own, "ekf"])
     assert found["mine"].mean_rmse_deg > found["ekf"].mean_rmse_deg
 
 
@@ -94,7 +94,7 @@ def test_a_calibration_reaches_all_of_them(sculler, rowed):
     turned = np.asarray(mount.rotation) @ Rotation.from_rotvec([0.0, 0.2, 0.0]).as_matrix()
     worn = oarlock.Calibration({"l_ua_r": 0.30}, {"r_forearm": (turned, mount.offset)})
     names = ["ekf", "limbs_open", "vector_kf"]
-    told = oarlock.compare(sculler, rowed[1], rowed[0], names, calibration=worn)
+    told = oarlock.studies.compare(sculler, rowed[1], rowed[0], names, calibration=worn)
     for row in told.scores:
         assert row.evaluation["r_elbow_rotation"].rmse > np.radians(3.0)
 
@@ -119,7 +119,7 @@ def test_live_steps_are_refused_where_there_are_none(sculler):
 
 
 def test_an_unknown_estimator_names_the_nearest(sculler, rowed):
-    assert_refused(lambda: oarlock.compare(sculler, rowed[1], rowed[0], ["limbs_opn"]), "limbs_open")
+    assert_refused(lambda: oarlock.studies.compare(sculler, rowed[1], rowed[0], ["limbs_opn"]), "limbs_open")
 
 
 def test_what_cannot_run_is_left_out_unless_it_was_asked_for(monkeypatch):
@@ -131,19 +131,21 @@ def test_what_cannot_run_is_left_out_unless_it_was_asked_for(monkeypatch):
         tuple(model.joint_names), time_s, 0.3 * np.sin(3.0 * time_s[:, None] + np.arange(3.0))
     )
     truth, recording = oarlock.simulate(model, motion, seed=1)
-    found = oarlock.compare(model, recording, truth, start_s=1.0)
+    found = oarlock.studies.compare(model, recording, truth, start_s=1.0)
     assert "oarlock[compare]" in found.left_out["vqf"]
     assert "one chain" in found.left_out["limbs"]
     assert {"ukf", "vector_kf"} <= {row.name for row in found.scores}
     # every joint of a pendulum carries a unit
     assert found.joints == tuple(model.joint_names)
-    assert_refused(lambda: oarlock.compare(model, recording, truth, ["ukf", "vqf"]), "oarlock[compare]")
+    assert_refused(
+        lambda: oarlock.studies.compare(model, recording, truth, ["ukf", "vqf"]), "oarlock[compare]"
+    )
     with pytest.raises(KeyError, match="left out"):
         found["vqf"]
 
 
 def test_without_truth_all_are_held_against_the_first(sculler, rowed):
-    found = oarlock.compare(sculler, rowed[1], None, ["ekf", "ukf"])
+    found = oarlock.studies.compare(sculler, rowed[1], None, ["ekf", "ukf"])
     assert found.reference == "ekf"
     assert found["ekf"].mean_rmse_deg == 0.0
     assert 0.0 < found["ukf"].mean_rmse_deg < 0.1

@@ -192,5 +192,7 @@ def test_the_verb_writes_the_page_and_json(four, tmp_path, monkeypatch):
     assert "What stands out" in told
     assert (
         "give one a seat"
-        in run("rowing", "crew", *folders, "--recording", folders[0], "--out", tmp_path / "x.html", status=2).stderr
+        in run(
+            "rowing", "crew", *folders, "--recording", folders[0], "--out", tmp_path / "x.html", status=2
+        ).stderr
     )

@@ -126,7 +126,7 @@ def test_frames_are_frame_positions(track: oarlock.Track, exported: oarlock.Expo
 
 @pytest.mark.parametrize("ending", ["trc", "csv"])
 def test_our_own_reader_reads_the_places(ending: str, track: oarlock.Track, exported: oarlock.Export) -> None:
-    markers = oarlock.load_markers(exported.folder / f"frames.{ending}")
+    markers = oarlock.markers.load_markers(exported.folder / f"frames.{ending}")
     assert track.model is not None
     assert markers.names == tuple(track.model.frame_names)
     np.testing.assert_array_equal(markers.time_s, track.time_s)
@@ -140,10 +140,10 @@ def test_trc_of_a_z_up_model_turns_back(tmp_path: Path) -> None:
     swing = np.sin(2 * time_s)[:, None] * random.uniform(-0.5, 0.5, len(model.coordinate_names))
     truth = oarlock.simulate(model, oarlock.Motion(tuple(model.coordinate_names), time_s, swing))[0]
     oarlock.export(truth, tmp_path, ["trc"])
-    back = oarlock.load_markers(tmp_path / "frames.trc", axes="z-up-from-y-up")
+    back = oarlock.markers.load_markers(tmp_path / "frames.trc", axes="z-up-from-y-up")
     for frame in model.frame_names:
         np.testing.assert_allclose(back[frame], truth.frame_positions(frame), rtol=0, atol=1e-12)
-    scores = oarlock.evaluate_markers(truth, back, align_clock=False, align_frame=False, start_s=0.0)
+    scores = oarlock.markers.evaluate_markers(truth, back, align_clock=False, align_frame=False, start_s=0.0)
     assert max(score.rmse_m.max() for score in scores.points.values()) < 1e-12
 
 

@@ -126,7 +126,7 @@ def test_rows_without_a_reading_are_left_out_of_animations(sculler, tmp_path):
 def test_c3d_holds_the_frames(sculler, tmp_path):
     pytest.importorskip("ezc3d")
     oarlock.export(sculler, tmp_path, ("c3d", "trc"))
-    points, markers = (oarlock.load_markers(tmp_path / f"frames.{kind}") for kind in ("c3d", "trc"))
+    points, markers = (oarlock.markers.load_markers(tmp_path / f"frames.{kind}") for kind in ("c3d", "trc"))
     assert points.names == markers.names[1:]
     np.testing.assert_allclose(points.position_m, markers.position_m[:, 1:], atol=C3D_M, rtol=0.0)
     np.testing.assert_allclose(np.diff(points.time_s), np.diff(markers.time_s), rtol=1e-6)
@@ -137,7 +137,7 @@ def test_a_frame_without_a_place_is_no_point_of_c3d(sculler, tmp_path):
     q = sculler.q.copy()
     q[10:14, 0] = np.nan
     oarlock.export(without_filter(sculler, sculler.time_s, q), tmp_path, "c3d")
-    hidden = np.isnan(oarlock.load_markers(tmp_path / "frames.c3d").position_m).any(axis=(1, 2))
+    hidden = np.isnan(oarlock.markers.load_markers(tmp_path / "frames.c3d").position_m).any(axis=(1, 2))
     np.testing.assert_array_equal(np.flatnonzero(hidden), range(10, 14))
 
 

@@ -174,7 +174,10 @@ def test_what_the_file_does_not_say_is_asked_for(tmp_path):
     )
     text = Page(page.read_text("utf-8")).text
     assert "A07, 3 May 2026: 17 strokes" in text and "not in the file" not in text
-    assert "--date needs --report" in run("rowing", "strokes", str(EXAMPLE), "--date", "2026-05-03", status=2).output
+    assert (
+        "--date needs --report"
+        in run("rowing", "strokes", str(EXAMPLE), "--date", "2026-05-03", status=2).output
+    )
 
 
 def test_trust_is_one_short_sentence_and_the_rest_is_below():

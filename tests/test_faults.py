@@ -33,17 +33,17 @@ ROUNDING = 1e-9
 
 
 @pytest.fixture(scope="module")
-def trial(four_seconds) -> oarlock.StudyTrial:
+def trial(four_seconds) -> oarlock.studies.StudyTrial:
     return four_seconds
 
 
 @pytest.fixture(scope="module")
-def still(sculler) -> oarlock.StudyTrial:
+def still(sculler) -> oarlock.studies.StudyTrial:
     """A posture that lasts, without noise: accelerometers point up, whatever kinematics say."""
     time_s = np.linspace(0.0, 4.0, 400)
     joints = {name: np.full(400, 0.1 * k) for k, name in enumerate(sculler.joint_names)}
     motion = oarlock.Motion.from_joints(time_s, joints)
-    return oarlock.StudyTrial(*oarlock.simulate(sculler, motion, noise=False, rate_hz=50.0))
+    return oarlock.studies.StudyTrial(*oarlock.simulate(sculler, motion, noise=False, rate_hz=50.0))
 
 
 def spoilt(trial, seed=0, **changed) -> oarlock.Recording:
@@ -204,7 +204,7 @@ def swung(pendulum_motion, tmp_path_factory) -> Path:
 
 
 def test_a_sweep_runs_each_fault_alone_under_every_setting(swung, tmp_path):
-    study = oarlock.load_study(swung)
+    study = oarlock.studies.load_study(swung)
     assert study.run_count == 2 * 2 * (1 + 2 + 1)
     assert [s.name for s in study.expanded()][:4] == [
         "default: no fault",
@@ -212,7 +212,7 @@ def test_a_sweep_runs_each_fault_alone_under_every_setting(swung, tmp_path):
         "default: unit turned, 20 deg",
         "default: late, 0.1 ms",
     ]
-    result = oarlock.study(study, jobs=1)
+    result = oarlock.studies.run_study(study, jobs=1)
     assert not result.complaints
     found = doses(result.study, result.rows)
     usual = {(d.fault.name if d.fault else "", d.label): d for d in found if d.setting == "default"}
@@ -232,10 +232,10 @@ def test_a_sweep_runs_each_fault_alone_under_every_setting(swung, tmp_path):
 def made_up(errors: dict[str, list[float]]) -> StudyResult:
     """A result with these errors, by dose; a run that failed is NaN."""
     faults = tuple(
-        oarlock.FaultSweep(name, "delay_s", (0.01, 0.02), unit="s")
+        oarlock.studies.FaultSweep(name, "delay_s", (0.01, 0.02), unit="s")
         for name in dict.fromkeys(k[0] for k in errors)
     )
-    study = oarlock.Study(
+    study = oarlock.studies.Study(
         oarlock.load_model("sculler"), SIMULATORS["sculling"], seeds=range(3), faults=faults
     )
     rows = []
@@ -308,7 +308,7 @@ def test_a_wrong_fault_is_refused(tmp_path, text, says):
     file = tmp_path / "wrong.toml"
     head = 'format = 1\nmodel = "sculler"\nsimulator = "sculling"\nseeds = 1\n\n[[fault]]\nname = "silent"\n'
     file.write_text(head + text)
-    assert_refused(lambda: oarlock.load_study(file, SIMULATORS), *says)
+    assert_refused(lambda: oarlock.studies.load_study(file, SIMULATORS), *says)
 
 
 def test_a_shipped_study_is_known_by_name():
@@ -321,7 +321,7 @@ def test_a_shipped_study_is_known_by_name():
 def test_the_shipped_study_has_every_group_of_effects():
     from oarlock.rowing.field.effects import GROUPS
 
-    study = oarlock.load_study("robustness", SIMULATORS)
+    study = oarlock.studies.load_study("robustness", SIMULATORS)
     alone = {name for fault in study.faults for name in fault.meanwhile.get("only_effects", ())}
     assert alone == set(GROUPS)
 
@@ -336,7 +336,7 @@ def tell(share):
     print("working", flush=True)
 
 if __name__ == "__main__":
-    oarlock.study(oarlock.load_study(sys.argv[1], seeds=range(400)), jobs=2, progress=tell)
+    oarlock.studies.run_study(oarlock.studies.load_study(sys.argv[1], seeds=range(400)), jobs=2, progress=tell)
 """
 
 

@@ -14,7 +14,7 @@ import oarlock
 from exact_recording import ENCODERS, UNITS, sculler
 from field_trial import DURATION_S, SEED, SILENT, changed, of_all_units, trial, with_only
 from mujoco_body import MujocoBody, recorded
-from oarlock import ModelDescription
+from oarlock.model import ModelDescription
 from oarlock.rowing import FieldEffects, simulate_field
 from oarlock.rowing.field.effects import GROUPS
 from oarlock.rowing.simulation.experiment import simulate_sculling

@@ -55,7 +55,7 @@ def recording(*values: float, name: str = "seat") -> oarlock.Recording:
 
 
 def load_study(file: Path) -> object:
-    return oarlock.load_study(file, SIMULATORS)
+    return oarlock.studies.load_study(file, SIMULATORS)
 
 
 def value_of(folder: Path, name: str = "seat") -> float:
@@ -124,7 +124,9 @@ def test_names_have_a_length(tmp_path: Path) -> None:
         oarlock.load_model(tmp_path / "long.toml")
     assert len(str(caught.value)) < 3000
     with pytest.raises(DataError, match=r"study, scenario .* at most 80"):
-        oarlock.Study(oarlock.load_model("sculler"), SIMULATORS["sculling"], scenarios={"s" * 300: {}})
+        oarlock.studies.Study(
+            oarlock.load_model("sculler"), SIMULATORS["sculling"], scenarios={"s" * 300: {}}
+        )
 
 
 def test_half_a_character_is_refused(tmp_path: Path) -> None:
@@ -532,10 +534,23 @@ def test_a_small_file_of_equal_rows_is_refused_before_it_is_decoded(tmp_path: Pa
 
 def test_only_regular_files_are_read(tmp_path: Path) -> None:
     readers: dict[str, list[Callable[[Path], object]]] = {
-        "toml": [load_model, oarlock.load_calibration, oarlock.load_session_plan, read_csv, load_study],
-        "csv": [read_apdm, read_dot, read_mtmanager, read_shimmer, load_stroke_export, oarlock.load_markers],
-        "trc": [oarlock.load_markers],
-        "c3d": [oarlock.load_markers],
+        "toml": [
+            load_model,
+            oarlock.load_calibration,
+            oarlock.calibration.load_session_plan,
+            read_csv,
+            load_study,
+        ],
+        "csv": [
+            read_apdm,
+            read_dot,
+            read_mtmanager,
+            read_shimmer,
+            load_stroke_export,
+            oarlock.markers.load_markers,
+        ],
+        "trc": [oarlock.markers.load_markers],
+        "c3d": [oarlock.markers.load_markers],
         "mat": [read_broad],
         "mvnx": [read_mvnx],
         "sto": [read_sto],

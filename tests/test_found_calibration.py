@@ -84,8 +84,8 @@ def test_a_quarter_of_a_robots_run_never_makes_it_worse(run):
 
     for quarter in range(4):
         part = whole.slice(quarter * length_s, (quarter + 1) * length_s)
-        turned = oarlock.calibrate_hinge_axes(model, part)
-        found = oarlock.calibrate_joint_centers(model, part, calibration=turned)
+        turned = oarlock.calibration.calibrate_hinge_axes(model, part)
+        found = oarlock.calibration.calibrate_joint_centers(model, part, calibration=turned)
         worse = [median(rec, found) - median(rec, None) for rec in (part, whole)]
         print(run, quarter, "worse by, tracking the quarter and the run", np.round(worse, 2))
         assert max(worse) < WORSE_DEG

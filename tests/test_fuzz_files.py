@@ -64,7 +64,7 @@ TABLES = {
 def test_marker_tables(name, tmp_path):
     def check(harm, unit):
         put(tmp_path / name, wounded(TABLES[name], harm))
-        markers = answered(lambda: oarlock.load_markers(tmp_path / name, unit))
+        markers = answered(lambda: oarlock.markers.load_markers(tmp_path / name, unit))
         if markers is not None:
             assert markers.position_m.shape == (len(markers.time_s), len(markers.names), 3)
             answered(lambda: markers.save(tmp_path / "again.csv"))
@@ -144,8 +144,11 @@ def test_finders_of_devices(name, tmp_path):
 
 
 TOML = {
-    "attachments": (ROOT / "examples/markers/arm.toml", oarlock.load_attachments),
-    "study": (ROOT / "examples/studies/noise_grade.toml", lambda file: oarlock.load_study(file, SIMULATORS)),
+    "attachments": (ROOT / "examples/markers/arm.toml", oarlock.markers.load_attachments),
+    "study": (
+        ROOT / "examples/studies/noise_grade.toml",
+        lambda file: oarlock.studies.load_study(file, SIMULATORS),
+    ),
     **{name: (model_path(name), oarlock.load_model) for name in ("pendulum3", "sculler_ball")},
 }
 
@@ -206,7 +209,9 @@ def test_track_folders(tmp_path):
 
 def test_c3d(tmp_path):
     c3d_file(tmp_path / "whole.c3d", ["Bob:A", "Bob:B", "*12"])
-    feed(tmp_path / "trial.c3d", (tmp_path / "whole.c3d").read_bytes(), oarlock.load_markers, count=30)
+    feed(
+        tmp_path / "trial.c3d", (tmp_path / "whole.c3d").read_bytes(), oarlock.markers.load_markers, count=30
+    )
 
 
 def matlab_files(folder):

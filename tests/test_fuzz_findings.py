@@ -37,7 +37,7 @@ def test_a_calibration_of_something_else_than_names_and_values(field, given):
 def test_a_nexus_export_whose_section_begins_behind_a_tab(tmp_path):
     file = tmp_path / "nexus.csv"
     file.write_text(NEXUS.replace("Trajectories", "\tTrajectories", 1), encoding="utf-8")
-    assert_refused(lambda: oarlock.load_markers(file), 'begins with "Trajectories"')
+    assert_refused(lambda: oarlock.markers.load_markers(file), 'begins with "Trajectories"')
 
 
 def test_an_apdm_export_whose_first_line_is_empty(tmp_path):
@@ -143,7 +143,7 @@ def test_a_study_of_more_seeds_than_anybody_waits_for(tmp_path, seeds):
     file = tmp_path / "study.toml"
     file.write_text(f'format = 1\nmodel = "sculler"\nsimulator = "none"\nseeds = {seeds}\n', encoding="utf-8")
     with pytest.raises(DataError):
-        oarlock.load_study(file)
+        oarlock.studies.load_study(file)
 
 
 def test_matrices_whose_products_overflow_are_refused():
@@ -155,15 +155,15 @@ def test_matrices_whose_products_overflow_are_refused():
 
 
 def test_a_plans_step_from_the_first_second_on_survives_its_file(tmp_path):
-    steps = [oarlock.SessionStep("rest", "still", start_s=0.0, end_s=5.0)]
-    plan = oarlock.SessionPlan("short", tuple(steps))
+    steps = [oarlock.calibration.SessionStep("rest", "still", start_s=0.0, end_s=5.0)]
+    plan = oarlock.calibration.SessionPlan("short", tuple(steps))
     plan.save(tmp_path / "plan.toml")
-    assert oarlock.load_session_plan(tmp_path / "plan.toml") == plan
+    assert oarlock.calibration.load_session_plan(tmp_path / "plan.toml") == plan
 
 
 def test_readings_that_overflow_are_nobodys_warning():
     time_s, huge = np.arange(5) * 0.01, np.full((5, 3), 1e308)
-    assert np.isinf(oarlock.EncoderScale(0.0, 1e200).value(np.full(3, 1e200))).all()
+    assert np.isinf(oarlock.recording.EncoderScale(0.0, 1e200).value(np.full(3, 1e200))).all()
     huge[::2] *= -1.0
     recording = oarlock.Recording([oarlock.ImuStream("back", time_s, gyro_rad_s=huge, accel_m_s2=huge)])
     assert [f.severity for f in plausibility(recording) if "reaches inf rad/s" in f.message] == ["error"]
@@ -222,7 +222,7 @@ def test_a_strength_of_400_digits_in_a_study_is_refused(tmp_path):
         text.replace("[1, 2, 5, 10, 20]", f"[1, 2, 5, 1{'0' * 400}]"), encoding="utf-8"
     )
     with pytest.raises(DataError, match="expected a finite number"):
-        oarlock.load_study(tmp_path / "study.toml", SIMULATORS)
+        oarlock.studies.load_study(tmp_path / "study.toml", SIMULATORS)
 
 
 @pytest.mark.parametrize(
@@ -231,7 +231,7 @@ def test_a_strength_of_400_digits_in_a_study_is_refused(tmp_path):
 def test_a_toml_file_that_its_parser_cannot_take(tmp_path, text):
     file = tmp_path / "study.toml"
     file.write_text(text, encoding="utf-8")
-    assert_refused(lambda: oarlock.load_study(file), "study.toml: is not valid TOML")
+    assert_refused(lambda: oarlock.studies.load_study(file), "study.toml: is not valid TOML")
 
 
 def test_a_number_of_hundreds_of_digits(tmp_path):
@@ -241,8 +241,8 @@ def test_a_number_of_hundreds_of_digits(tmp_path):
     with pytest.raises(
         DataError, match=r'plan\.toml:2, key "posture_std_rad": is 1000.*expected a finite number'
     ):
-        oarlock.load_session_plan(file)
-    for kind in (oarlock.Clock, oarlock.EncoderScale):
+        oarlock.calibration.load_session_plan(file)
+    for kind in (oarlock.recording.Clock, oarlock.recording.EncoderScale):
         assert_refused(partial(kind, 10**400), "is too large for a floating-point number")
 
 
@@ -266,12 +266,12 @@ def test_a_number_of_hundreds_of_digits(tmp_path):
 )
 def test_a_step_with_a_value_of_another_kind(key, given, said):
     with pytest.raises(DataError, match=rf'plan, step "one": {key}.*({said})'):
-        oarlock.SessionStep(**({"name": "one", "kind": "still", "end_s": 9.0} | {key: given}))
+        oarlock.calibration.SessionStep(**({"name": "one", "kind": "still", "end_s": 9.0} | {key: given}))
 
 
 @pytest.mark.parametrize(("steps", "std_rad"), [(None, 0.1), ([3], 0.1), ((), 0.1), (None, None)])
 def test_a_plan_of_something_else_than_steps(steps, std_rad):
-    assert_refused(lambda: oarlock.SessionPlan("p", steps, std_rad), 'plan "p"')
+    assert_refused(lambda: oarlock.calibration.SessionPlan("p", steps, std_rad), 'plan "p"')
 
 
 @pytest.mark.parametrize(
@@ -302,7 +302,7 @@ def test_a_c3d_header_that_announces_gigabytes(c3d):
     with pytest.raises(
         DataError, match=r"trial\.c3d: .*header states 60000 frames, but it contains 4; was it cut off"
     ):
-        oarlock.load_markers(c3d)
+        oarlock.markers.load_markers(c3d)
 
 
 def test_a_c3d_parameter_that_announces_gigabytes(c3d):
@@ -311,7 +311,7 @@ def test_a_c3d_parameter_that_announces_gigabytes(c3d):
     dimensions = labels + len(b"LABELS") + 2 + 2
     changed(c3d, dimensions - 1, bytes([7]) + b"\xff" * 7)
     with pytest.raises(DataError, match=r"trial\.c3d: .*bad_alloc"):
-        oarlock.load_markers(c3d)
+        oarlock.markers.load_markers(c3d)
 
 
 @pytest.mark.parametrize("kept", [0.25, 0.9])
@@ -326,7 +326,7 @@ def test_a_c3d_that_was_cut_off(tmp_path, kept, monkeypatch):
     c3d_file(file, [f"M{k}" for k in range(20)])
     content = file.read_bytes()
     file.write_bytes(content[: int(kept * len(content))])
-    assert_refused(lambda: oarlock.load_markers(file), "trial.c3d")
+    assert_refused(lambda: oarlock.markers.load_markers(file), "trial.c3d")
 
 
 @pytest.mark.parametrize(
@@ -341,7 +341,7 @@ def test_the_parent_ends_a_reader_without_limits_of_its_own(child, limits, said,
     (tmp_path / "child.py").write_text(child, encoding="utf-8")
     monkeypatch.setattr(child_process, "_CHILD", tmp_path / "child.py")
     monkeypatch.setattr(child_process, "limits_of", lambda file: limits)
-    assert_refused(lambda: oarlock.load_markers(c3d), f"its reader took {said}")
+    assert_refused(lambda: oarlock.markers.load_markers(c3d), f"its reader took {said}")
 
 
 def test_a_c3d_parameter_that_should_hold_a_number_and_holds_none(c3d):
@@ -350,7 +350,7 @@ def test_a_c3d_parameter_that_should_hold_a_number_and_holds_none(c3d):
     used = c3d.read_bytes().index(b"USED", analog)
     changed(c3d, used + len(b"USED") + 2 + 1, bytes([2, 0, 0]))
     with pytest.raises(DataError, match=r"trial\.c3d: .*its reader was ended by SIG\w+"):
-        oarlock.load_markers(c3d)
+        oarlock.markers.load_markers(c3d)
 
 
 def test_notes_that_are_nested_too_deeply_are_refused(tmp_path):

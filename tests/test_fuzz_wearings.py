@@ -75,13 +75,13 @@ sign = -1
 def check_plan(text, folder):
     file = folder / "plan.toml"
     put(file, text)
-    plan = answered(lambda: oarlock.load_session_plan(file))
+    plan = answered(lambda: oarlock.calibration.load_session_plan(file))
     if plan is None:
         return
     answered(lambda: plan.check(ARM))
     repr(plan)
     plan.save(file)
-    assert oarlock.load_session_plan(file) == plan
+    assert oarlock.calibration.load_session_plan(file) == plan
 
 
 def test_session_plans(tmp_path):
@@ -125,14 +125,16 @@ STEPS = st.fixed_dictionaries(
 
 def check_steps(steps, std_rad):
     def build():
-        plan = oarlock.SessionPlan("plan", [oarlock.SessionStep(**step) for step in steps], std_rad)
+        plan = oarlock.calibration.SessionPlan(
+            "plan", [oarlock.calibration.SessionStep(**step) for step in steps], std_rad
+        )
         plan.check(ARM)
         return plan
 
     plan = answered(build)
     if plan is not None:
         repr(plan)
-        answered(lambda: oarlock.calibrate_session(ARM, RECORDING, plan, sensors=["a"]))
+        answered(lambda: oarlock.calibration.calibrate_session(ARM, RECORDING, plan, sensors=["a"]))
 
 
 def test_steps_of_anything():
@@ -155,8 +157,8 @@ WHOLE = oarlock.Calibration(
     accel_biases_m_s2={"b": THREE},
     accel_scales={"b": (1.01, 0.99, 1.0)},
     mag_matrices={"a": np.eye(3)},
-    clocks={"a": oarlock.Clock(0.1, 5e-5, 0.001), "seat": oarlock.Clock(-0.2)},
-    encoders={"seat": oarlock.EncoderScale(0.1, -1.0)},
+    clocks={"a": oarlock.recording.Clock(0.1, 5e-5, 0.001), "seat": oarlock.recording.Clock(-0.2)},
+    encoders={"seat": oarlock.recording.EncoderScale(0.1, -1.0)},
 )
 
 
@@ -187,8 +189,8 @@ NUMBERS = st.floats() | SCALARS
 
 
 def check_clock(figures, scale):
-    clock = answered(lambda: oarlock.Clock(*figures))
-    encoder = answered(lambda: oarlock.EncoderScale(*scale))
+    clock = answered(lambda: oarlock.recording.Clock(*figures))
+    encoder = answered(lambda: oarlock.recording.EncoderScale(*scale))
     for entries in (
         {} if clock is None else {"clocks": {"a": clock}},
         {} if encoder is None else {"encoders": {"seat": encoder}},

@@ -50,7 +50,7 @@ def waving(model, seed, play_rad, seconds=20.0):
 
 
 def trial(model, seed, play_rad):
-    loose = oarlock.with_play(model, {"wrist": PLAY_RAD})
+    loose = oarlock.model.with_play(model, {"wrist": PLAY_RAD})
     return oarlock.simulate(loose, waving(loose, seed, play_rad), rate_hz=RATE_HZ, seed=seed)
 
 
@@ -68,7 +68,7 @@ def error_rad(model, seed, play_rad):
     truth, recording = trial(model, seed, play_rad)
     true = between(truth)
     found = []
-    for body in (model, oarlock.with_play(model, {"wrist": PLAY_RAD})):
+    for body in (model, oarlock.model.with_play(model, {"wrist": PLAY_RAD})):
         track = oarlock.track(body, recording)
         rows = np.searchsorted(truth.time_s, track.time_s - 0.5 / RATE_HZ)
         off = (true[rows].inv() * between(track)).magnitude()[track.time_s > 5.0]
@@ -88,7 +88,7 @@ def test_play_that_is_there_is_tracked_and_play_that_is_not_costs_less_than_that
 @pytest.mark.parametrize(("play_rad", "named"), [(PLAY_RAD, ["wrist"]), (0.0, [])])
 def test_the_axes_show_play(model, play_rad, named):
     for seed in SEEDS:
-        found = oarlock.calibrate_hinge_axes(model, trial(model, seed, play_rad)[1])
+        found = oarlock.calibration.calibrate_hinge_axes(model, trial(model, seed, play_rad)[1])
         joint = found.noted["joint"]["wrist"]
         print(seed, joint["residual_rad_s"], joint["hinge_rad_s"])
         assert found.noted["play"] == named
@@ -105,11 +105,11 @@ def with_rest(motion, rest_s):
 
 @pytest.mark.parametrize(("play_rad", "named"), [(PLAY_RAD, ["wrist"]), (0.0, [])])
 def test_a_long_rest_hides_no_play(model, play_rad, named):
-    loose = oarlock.with_play(model, {"wrist": PLAY_RAD})
+    loose = oarlock.model.with_play(model, {"wrist": PLAY_RAD})
     for seed in SEEDS:
         motion = with_rest(waving(loose, seed, play_rad), 40.0)
         _, recording = oarlock.simulate(loose, motion, rate_hz=RATE_HZ, seed=seed)
-        assert oarlock.calibrate_hinge_axes(model, recording).noted["play"] == named
+        assert oarlock.calibration.calibrate_hinge_axes(model, recording).noted["play"] == named
 
 
 @pytest.mark.parametrize(("play_rad", "named"), [(PLAY_RAD, ["wrist"]), (0.0, [])])
@@ -117,17 +117,17 @@ def test_a_long_rest_hides_no_play(model, play_rad, named):
 def test_a_hinge_that_hardly_turns_between_brisk_links_has_play_only_if_it_has(
     model, hinge_share, play_rad, named
 ):
-    loose = oarlock.with_play(model, {"wrist": PLAY_RAD})
+    loose = oarlock.model.with_play(model, {"wrist": PLAY_RAD})
     for seed in SEEDS:
         motion = waving(loose, seed, play_rad)
         shares = np.where(np.array(loose.coordinate_names) == "wrist", hinge_share, 1.0)
         slow = oarlock.Motion(motion.coordinate_names, motion.time_s, shares * motion.q)
         _, recording = oarlock.simulate(loose, slow, rate_hz=RATE_HZ, seed=seed)
-        assert oarlock.calibrate_hinge_axes(model, recording).noted["play"] == named
+        assert oarlock.calibration.calibrate_hinge_axes(model, recording).noted["play"] == named
 
 
 def test_two_small_hinges_precede_the_joint(model):
-    loose = oarlock.with_play(model, {"wrist": 0.05})
+    loose = oarlock.model.with_play(model, {"wrist": 0.05})
     assert [n for n in loose.coordinate_names if n not in model.coordinate_names] == [
         "wrist_play_1",
         "wrist_play_2",
@@ -148,7 +148,7 @@ def test_two_small_hinges_precede_the_joint(model):
 def test_without_play_in_the_angles_every_frame_stays(name, joint):
     rigid = oarlock.load_model(name)
     hinges = [j.name for j in rigid.describe().joints if j.kind == "hinge"]
-    loose = oarlock.with_play(rigid, {joint or hinges[-1]: 0.05})
+    loose = oarlock.model.with_play(rigid, {joint or hinges[-1]: 0.05})
     q = np.random.default_rng(1).standard_normal((1, len(rigid.coordinate_names)))
     more = np.zeros((1, len(loose.coordinate_names)))
     more[0, [list(loose.coordinate_names).index(n) for n in rigid.coordinate_names]] = q[0]
@@ -158,11 +158,11 @@ def test_without_play_in_the_angles_every_frame_stays(name, joint):
 
 
 def test_what_cannot_have_play_is_refused(model):
-    assert_refused(lambda: oarlock.with_play(model, {"wrst": 0.05}), "wrst", "wrist")
-    assert_refused(lambda: oarlock.with_play(model, {"radius": 0.05}), "radius", "wrist")
-    assert_refused(lambda: oarlock.with_play(model, {"wrist": 0.0}), "wrist", "more than 0")
+    assert_refused(lambda: oarlock.model.with_play(model, {"wrst": 0.05}), "wrst", "wrist")
+    assert_refused(lambda: oarlock.model.with_play(model, {"radius": 0.05}), "radius", "wrist")
+    assert_refused(lambda: oarlock.model.with_play(model, {"wrist": 0.0}), "wrist", "more than 0")
     sculler = oarlock.load_model("sculler")
-    assert_refused(lambda: oarlock.with_play(sculler, {"trunk": 0.05}), "trunk", "2 frames")
+    assert_refused(lambda: oarlock.model.with_play(sculler, {"trunk": 0.05}), "trunk", "2 frames")
 
 
 def test_the_command_line_says_and_tracks_it(model, tmp_path):
@@ -181,17 +181,17 @@ def test_every_hinge_of_a_body_gets_play_or_a_reason(name):
     assert possible and set(possible) <= set(hinges)
     for hinge in hinges:
         if hinge in possible:
-            loose = oarlock.with_play(body, {hinge: 0.05})
+            loose = oarlock.model.with_play(body, {hinge: 0.05})
             assert len(loose.coordinate_names) == len(body.coordinate_names) + 2
             assert hinge not in hinges_that_can_have_play(loose)
         else:
-            assert_refused(lambda own=hinge: oarlock.with_play(body, {own: 0.05}), hinge)
+            assert_refused(lambda own=hinge: oarlock.model.with_play(body, {own: 0.05}), hinge)
 
 
 def test_play_given_twice_and_hinges_without_are_one_clear_refusal(model):
-    loose = oarlock.with_play(model, {"wrist": 0.05})
-    assert_refused(lambda: oarlock.with_play(loose, {"wrist": 0.05}), "wrist", "has play already")
+    loose = oarlock.model.with_play(model, {"wrist": 0.05})
+    assert_refused(lambda: oarlock.model.with_play(loose, {"wrist": 0.05}), "wrist", "has play already")
     sculler = oarlock.load_model("sculler")
     with pytest.raises(DataError) as refused:
-        oarlock.with_play(sculler, {"nothing_like_it": 0.05})
+        oarlock.model.with_play(sculler, {"nothing_like_it": 0.05})
     assert "trunk" not in str(refused.value)

@@ -86,7 +86,7 @@ def test_one_chain_has_no_limbs():
 
 def test_limbs_are_tracked_each_by_itself(sculler, rowed):
     truth, recording = rowed
-    track = oarlock.track_limbs(sculler, recording)
+    track = oarlock.studies.track_independent_chains(sculler, recording)
     shared = by_name(cut_into_limbs(sculler))[SHARED].model
     alone = oarlock.track(shared, recording.only(shared.sensor_names), config=Config(structure="tree"))
     # what is shared knows nothing of the arms
@@ -108,7 +108,7 @@ def test_limbs_at_different_rates_and_with_gaps_make_one_track(sculler, rowed):
     right = [name for name in recording.names if name.startswith("r_")]
     slow = {s.name: s for s in at_rate(recording.only(right), 50.0)}
     mixed = Recording([slow.get(s.name, s) for s in recording])
-    track = oarlock.track_limbs(sculler, mixed)
+    track = oarlock.studies.track_independent_chains(sculler, mixed)
     assert np.all(np.diff(track.time_s) > 0)
     scores = oarlock.evaluate(track, truth)
     assert scores["r_elbow_flexion"].rmse < np.radians(0.3)
@@ -118,4 +118,4 @@ def test_limbs_at_different_rates_and_with_gaps_make_one_track(sculler, rowed):
 def test_a_limb_without_any_stream_is_named(sculler, rowed):
     only_right = rowed[1].only(["r_upperarm", "r_forearm"])
     with pytest.raises(DataError, match=r'limb "shared".*back'):
-        oarlock.track_limbs(sculler, only_right, config=Config(closures=False))
+        oarlock.studies.track_independent_chains(sculler, only_right, config=Config(closures=False))

@@ -35,7 +35,10 @@ def mounts() -> dict[str, tuple[np.ndarray, np.ndarray]]:
 @pytest.fixture(scope="module")
 def calibration() -> oarlock.Calibration:
     iron = np.array([[1.05, 0.02, -0.03], [0.01, 0.97, 0.04], [-0.02, 0.03, 1.01]])
-    logger, boat = oarlock.Clock(0.137, 5e-5, 1e-3, 1e-6), oarlock.Clock(-1 / 3, -2e-5)
+    logger, boat = (
+        oarlock.recording.Clock(0.137, 5e-5, 1e-3, 1e-6),
+        oarlock.recording.Clock(-1 / 3, -2e-5),
+    )
     return oarlock.Calibration(
         parameters={"l_b": 0.521, "l_ua_r": 0.314},
         mounts=mounts(),
@@ -48,7 +51,9 @@ def calibration() -> oarlock.Calibration:
         accel_scales=of_units(1.0, (0.01, -0.01, 1 / 300)),
         mag_matrices={unit: np.linalg.inv(iron + 0.01 * i) for i, unit in enumerate(UNITS)},
         clocks=dict.fromkeys(LOGGER, logger) | dict.fromkeys(ENCODERS, boat),
-        encoders={name: oarlock.EncoderScale(0.1 + 0.01 * i, -1.02) for i, name in enumerate(ENCODERS)},
+        encoders={
+            name: oarlock.recording.EncoderScale(0.1 + 0.01 * i, -1.02) for i, name in enumerate(ENCODERS)
+        },
     )
 
 

@@ -59,11 +59,20 @@ def test_attach_places_markers_by_a_static_trial(tmp_path):
     model = oarlock.load_model("arm7")
     rest = model.forward_kinematics(np.zeros(7))[model.frame_names.index("wrist")]
     place = rest[:3, :3] @ [0.0, 0.05, 0.02] + rest[:3, 3]
-    oarlock.Markers(("WRA",), [0.0, 0.1], np.tile(place, (2, 1, 1))).save(tmp_path / "static.csv")
-    command = ("markers", "attach", tmp_path / "static.csv", "--model", "arm7", "--frames", "WRA=wrist", "--out")
+    oarlock.markers.Markers(("WRA",), [0.0, 0.1], np.tile(place, (2, 1, 1))).save(tmp_path / "static.csv")
+    command = (
+        "markers",
+        "attach",
+        tmp_path / "static.csv",
+        "--model",
+        "arm7",
+        "--frames",
+        "WRA=wrist",
+        "--out",
+    )
     run(*command, tmp_path / "p.toml")
     np.testing.assert_allclose(
-        oarlock.load_attachments(tmp_path / "p.toml")[0].point_m, [0.0, 0.05, 0.02], atol=1e-12
+        oarlock.markers.load_attachments(tmp_path / "p.toml")[0].point_m, [0.0, 0.05, 0.02], atol=1e-12
     )
     assert "exists" in run(*command, tmp_path / "p.toml", status=2).output
 
@@ -73,7 +82,11 @@ def test_attach_places_markers_by_a_static_trial(tmp_path):
     [
         (("markers", "show", "none.trc"), 1, "no such file"),
         (("markers", "show", EXAMPLE / "reach.trc", "--axes", "z"), 1, "y-up-from-z-up"),
-        (("markers", "attach", EXAMPLE / "reach.trc", "--frames", "T1", "--out", "x.toml"), 2, "MARKER=FRAME"),
+        (
+            ("markers", "attach", EXAMPLE / "reach.trc", "--frames", "T1", "--out", "x.toml"),
+            2,
+            "MARKER=FRAME",
+        ),
     ],
 )
 def test_mistakes_are_told(arguments, status, said):
@@ -87,7 +100,7 @@ def test_the_example_is_what_its_maker_makes(tmp_path):
     for name in ("make_trial.py", "person.toml", "arm.toml"):
         shutil.copy(EXAMPLE / name, tmp_path / name)
     runpy.run_path(str(tmp_path / "make_trial.py"), run_name="__main__")
-    made, shipped = (oarlock.load_markers(folder / "reach.trc") for folder in (tmp_path, EXAMPLE))
+    made, shipped = (oarlock.markers.load_markers(folder / "reach.trc") for folder in (tmp_path, EXAMPLE))
     np.testing.assert_allclose(
         made.position_m, shipped.position_m, atol=1.1e-4
     )  # printed to a tenth of a millimetre

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from oarlock.markers import Attachment, Markers, fill_gaps, inverse_kinematics, low_pass
 from scipy.optimize import least_squares
 
 import oarlock
 from marker_bodies import arm_motion, clusters, markers_on, postures, with_gaps
-from oarlock import Attachment, DataError, Markers, fill_gaps, inverse_kinematics, low_pass
+from oarlock import DataError
 from oarlock.evaluation.markers.point_tree import PointTree
 from oarlock.model.rotation import quat_from_rotvec, rotvec_between
 from oarlock.model.shipped_files import model_names
@@ -185,9 +186,9 @@ def test_a_static_trial_places_markers(tmp_path):
     q = np.array([[posture.get(name, 0.0) for name in model.coordinate_names]] * 5)
     attachments = clusters(["elbow", "hand"], 2, 0.05, 0)
     static = markers_on(model, q, np.arange(5) / 100.0, attachments)
-    found = oarlock.attach_markers(model, static, {a.marker: a.frame for a in attachments}, posture)
-    oarlock.save_attachments(found, tmp_path / "person.toml")
-    for a, b in zip(attachments, oarlock.load_attachments(tmp_path / "person.toml"), strict=True):
+    found = oarlock.markers.attach_markers(model, static, {a.marker: a.frame for a in attachments}, posture)
+    oarlock.markers.save_attachments(found, tmp_path / "person.toml")
+    for a, b in zip(attachments, oarlock.markers.load_attachments(tmp_path / "person.toml"), strict=True):
         assert (a.marker, a.frame) == (b.marker, b.frame)
         np.testing.assert_allclose(a.point_m, b.point_m, atol=1e-12)
 
@@ -205,7 +206,7 @@ def test_a_static_trial_places_markers(tmp_path):
 def test_a_wrong_file_of_attachments_is_refused(tmp_path, text, said):
     (tmp_path / "wrong.toml").write_text(text, encoding="utf-8")
     with pytest.raises(DataError, match=r"wrong\.toml") as refused:
-        oarlock.load_attachments(tmp_path / "wrong.toml")
+        oarlock.markers.load_attachments(tmp_path / "wrong.toml")
     assert said in str(refused.value)
 
 
@@ -231,7 +232,7 @@ def test_lengths_and_the_laboratorys_pose_come_back_from_a_trial():
     root_from_lab[:3, :3] = [[-0.6, 0.0, 0.8], [0.0, 1.0, 0.0], [-0.8, 0.0, -0.6]]
     root_from_lab[:3, 3] = [1.0, -1.3, 2.0]
     seen = markers_on(person, q, time_s, attachments, 1e-3).moved(np.linalg.inv(root_from_lab))
-    found = oarlock.fit_body(model, seen, attachments, parameters=lengths, place_root=True)
+    found = oarlock.markers.fit_body(model, seen, attachments, parameters=lengths, place_root=True)
     for name, length in lengths.items():
         assert abs(found.parameters[name] - length) < 4.0 * found.parameter_std[name] < 4e-3
     np.testing.assert_allclose(found.root_from_markers, root_from_lab, atol=3e-3)  # 1 mm over levers of 30 cm

@@ -25,7 +25,7 @@ def test_their_elbow_angle_follows_from_their_positions():
     elbow, wrist = arm.own_positions_m
     upper, fore = (float(np.linalg.norm(v, axis=1).mean()) for v in (elbow, wrist - elbow))
     model = oarlock.load_model("arm7", parameters={"l_ua": upper, "l_fa": fore})
-    found = oarlock.Arm(model, "shoulder", "wrist").solve(wrist, elbow)
+    found = oarlock.markers.Arm(model, "shoulder", "wrist").solve(wrist, elbow)
     assert found.reachable.mean() > 0.99
     bend = np.degrees(np.abs(found.q[1:-1, 3]))
     np.testing.assert_allclose(bend, np.abs(arm.elbow_deg[2:]), atol=ARCCOS_DEG)
@@ -34,7 +34,7 @@ def test_their_elbow_angle_follows_from_their_positions():
 def test_real_trajectories_through_the_whole_pipeline():
     arm = real_left_arm()
     model = oarlock.load_model(MODEL, parameters=arm.lengths)
-    closed = oarlock.Arm(model, "shoulder", "wrist")
+    closed = oarlock.markers.Arm(model, "shoulder", "wrist")
     # the forearm counts as untwisted in the first frame in which the elbow is bent
     plain = closed.solve(arm.wrist_m, arm.elbow_m)
     first = int(np.argmax(plain.q[:, 3] > BENT_RAD))
@@ -52,7 +52,7 @@ def test_real_trajectories_through_the_whole_pipeline():
     bent = found.q[:, 3] > BENT_RAD
     markers = arm.markers
     attachments = arm.attachments(model, np.pad(found.q, ((0, 0), (0, 2))), bent)
-    study = oarlock.simulate_from_markers(
+    study = oarlock.markers.simulate_from_markers(
         model,
         markers,
         attachments,
@@ -76,7 +76,7 @@ def test_real_trajectories_through_the_whole_pipeline():
     scores = oarlock.evaluate(track, study.truth)
     print("tracked, RMSE deg", [round(float(np.degrees(scores[name].rmse)), 3) for name in ARM])
     assert scores.mean_rmse_deg(ARM) < SIMULATED_DEG
-    points = oarlock.evaluate_markers(track, markers, {"elbow": "elbow", "wrist": "wrist"})
+    points = oarlock.markers.evaluate_markers(track, markers, {"elbow": "elbow", "wrist": "wrist"})
     print(points, points.clock_offset_s)
     assert abs(points.clock_offset_s) < 1.0 / 100.0
     assert points.mean_rmse_3d_m < 0.02

@@ -12,7 +12,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import oarlock
-from oarlock import Calibration, DataError, ImuDescription, ModelDescription
+from oarlock import Calibration, DataError
+from oarlock.model import ImuDescription, ModelDescription
 from oarlock.model import description as parts
 from oarlock.model.shipped_files import model_names
 

@@ -30,7 +30,7 @@ HONEST = 3.0
 @cache
 def searched() -> tuple[object, oarlock.Calibration]:
     trial = simulate_field(sculler(), FieldEffects.misfit(), duration_s=LASTS_S, seed=31)
-    return trial, oarlock.calibrate_motion(sculler(), trial.recording, end_s=FIRST_S)
+    return trial, oarlock.calibration.calibrate_motion(sculler(), trial.recording, end_s=FIRST_S)
 
 
 @pytest.mark.long
@@ -185,7 +185,7 @@ def test_the_second_search_begins_where_the_first_ended():
 @pytest.mark.long
 def test_where_nothing_is_wrong_nothing_gets_worse():
     exact = load_excerpt()
-    found = oarlock.calibrate_motion(sculler(), exact.recording)
+    found = oarlock.calibration.calibrate_motion(sculler(), exact.recording)
     tracks = [oarlock.track(sculler(), exact.recording, known) for known in (None, found)]
     before, after = (oarlock.evaluate(t, exact.truth, start_s=2.0).mean_rmse_deg(ELEVEN) for t in tracks)
     print(f"kept {found.noted['kept']}: {before:.3f} and {after:.3f} deg")
@@ -194,9 +194,15 @@ def test_where_nothing_is_wrong_nothing_gets_worse():
 
 def test_refuses_what_it_cannot_search():
     recording = load_excerpt().recording
-    assert_refused(lambda: oarlock.calibrate_motion(sculler(), recording, end_s=5.0), "lasts 5.0 s")
-    assert_refused(lambda: oarlock.calibrate_motion(sculler(), recording, held_out=0.9), "held_out = 0.9")
-    assert_refused(lambda: oarlock.calibrate_motion(oarlock.load_model("arm7"), recording), "has no closure")
+    assert_refused(
+        lambda: oarlock.calibration.calibrate_motion(sculler(), recording, end_s=5.0), "lasts 5.0 s"
+    )
+    assert_refused(
+        lambda: oarlock.calibration.calibrate_motion(sculler(), recording, held_out=0.9), "held_out = 0.9"
+    )
+    assert_refused(
+        lambda: oarlock.calibration.calibrate_motion(oarlock.load_model("arm7"), recording), "has no closure"
+    )
 
 
 def test_lengths_from_stature():
@@ -216,7 +222,7 @@ def test_recording_of_another_generator():
     from exact_recording import read_exact
 
     exact = read_exact(local_folder("recordings") / "misfit_0.npz", "B-B")
-    found = oarlock.calibrate_motion(sculler(), exact.recording, exact.nominal, end_s=20.0)
+    found = oarlock.calibration.calibrate_motion(sculler(), exact.recording, exact.nominal, end_s=20.0)
     rest = exact.recording.slice(start_s=20.0)
     boat = oarlock.load_model("sculler_boat")
     errors = [

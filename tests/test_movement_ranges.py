@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import oarlock
-from oarlock import SessionErrors
 from oarlock.model.rotation import quat_from_rotvec, quat_product, rotvec_from_quat
 from oarlock.movement import MovementAngle, cycle_ranges, movement_angles, ranges_of_motion
 from oarlock.movement.angles import room_angles
 from oarlock.movement.ranges import DRIFTS, SKIN_SHARE, WIDE, range_errors
+from oarlock.simulation import SessionErrors
 from oarlock.tracking.track import track_without_filter
 
 SMALL_RAD = 1e-5
@@ -153,8 +153,8 @@ COVERAGE = (0.93, 1.0)
 def covered(name: str, errors: SessionErrors, seed: int) -> list[tuple[float, float, float]]:
     """True range, error and half of the interval of each angle in each movement of a session."""
     model = oarlock.load_model(name, stature_m=1.78, mass_kg=75)
-    trial = oarlock.simulate_session(model, None, errors, seed=seed)
-    found = oarlock.calibrate_session(model, trial.recording)
+    trial = oarlock.simulation.simulate_session(model, None, errors, seed=seed)
+    found = oarlock.calibration.calibrate_session(model, trial.recording)
     track = oarlock.smooth(oarlock.track(model, trial.recording.low_passed(6.0), found))
     rows = []
     for step in trial.plan.steps:

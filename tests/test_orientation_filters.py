@@ -128,7 +128,7 @@ def slow() -> tuple[oarlock.Model, oarlock.Track, Recording]:
 def test_joint_angles_of_a_slow_motion(name, slow):
     needs(name)
     model, truth, recording = slow
-    track = oarlock.track_orientations(model, recording, name)
+    track = oarlock.studies.track_orientations(model, recording, name)
     scores = oarlock.evaluate(track, truth, start_s=6.0)
     assert scores.worst_rmse_deg() < SLOW_DEG
     assert scores["seat"].rmse < 1e-9  # read directly
@@ -142,7 +142,7 @@ def test_the_track_comes_back_from_its_folder_and_can_be_reported(slow, tmp_path
     from oarlock.report import write_page
 
     model, truth, recording = slow
-    track = oarlock.track_orientations(model, recording, "vector_kf")
+    track = oarlock.studies.track_orientations(model, recording, "vector_kf")
     track.save(tmp_path)
     again = oarlock.load_track(tmp_path)
     assert np.array_equal(again.q, track.q, equal_nan=True)
@@ -168,8 +168,8 @@ def test_mounts_and_magnetic_offsets_of_a_calibration_are_used(slow):
     calibration = oarlock.Calibration(
         mounts={"r_forearm": (rotation, sensor.mount.offset)}, mag_offsets_ut={"r_forearm": offset_ut}
     )
-    track = oarlock.track_orientations(model, Recording([*others, worn]), "vector_kf", calibration)
-    plain = oarlock.track_orientations(model, recording, "vector_kf")
+    track = oarlock.studies.track_orientations(model, Recording([*others, worn]), "vector_kf", calibration)
+    plain = oarlock.studies.track_orientations(model, recording, "vector_kf")
     # the same rotations by another order of products
     assert np.nanmax(np.abs(track["r_elbow_rotation"].angle_rad - plain["r_elbow_rotation"].angle_rad)) < 1e-6
 
@@ -178,7 +178,7 @@ def test_a_unit_without_compass_is_left_out_and_told(slow):
     model, _, recording = slow
     bare = recording["l_forearm"]
     blind = ImuStream("l_forearm", bare.time_s, gyro_rad_s=bare.gyro_rad_s, accel_m_s2=bare.accel_m_s2)
-    track = oarlock.track_orientations(
+    track = oarlock.studies.track_orientations(
         model, Recording([*(s for s in recording if s.name != "l_forearm"), blind]), "vector_kf"
     )
     assert not track["l_elbow_rotation"].observed.any()
@@ -193,7 +193,7 @@ def test_without_any_compass_it_is_refused(slow):
         if isinstance(s, ImuStream)
     ]
     with pytest.raises(DataError, match=r"magnetometer.*Use ukf"):
-        oarlock.track_orientations(model, Recording(blind), "vector_kf")
+        oarlock.studies.track_orientations(model, Recording(blind), "vector_kf")
 
 
 @pytest.mark.parametrize(("name", "package"), PACKAGE.items())
@@ -201,10 +201,10 @@ def test_a_missing_package_is_named_with_its_extra(name, package, slow, monkeypa
     model, _, recording = slow
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(DataError, match=rf"{package}: pip install 'oarlock\[compare\]'"):
-        oarlock.track_orientations(model, recording.slice(0.0, 1.0), name)
+        oarlock.studies.track_orientations(model, recording.slice(0.0, 1.0), name)
 
 
 def test_an_unknown_filter_names_the_nearest(slow):
     model, _, recording = slow
     with pytest.raises(DataError, match="madgwick"):
-        oarlock.track_orientations(model, recording, "madgwik")
+        oarlock.studies.track_orientations(model, recording, "madgwik")

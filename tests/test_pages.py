@@ -133,7 +133,7 @@ def test_hands_and_positions_stand_beside_the_angles():
             assert len(row[error]) == len(row[share]) > 0
     columns = record.load("robustness_quick")["columns"]
     assert {"hands, deg", "hands in band", "wrists add, mm", "wrists in band"} <= set(columns)
-    assert oarlock.load_study("robustness", oarlock.rowing.SIMULATORS).joints == ELEVEN
+    assert oarlock.studies.load_study("robustness", oarlock.rowing.SIMULATORS).joints == ELEVEN
 
 
 def test_other_software_is_aligned_as_its_authors_do():
@@ -166,8 +166,8 @@ def test_the_best_of_the_others_is_the_smallest_of_its_kind_in_each_column():
 
 
 def test_robustness_scores_hands_and_wrists_of_the_same_runs():
-    study = oarlock.load_study("robustness_quick", oarlock.rowing.SIMULATORS, range(1))
+    study = oarlock.studies.load_study("robustness_quick", oarlock.rowing.SIMULATORS, range(1))
     short = replace(study, faults=study.faults[:1], fixed={**study.fixed, "duration_s": 4.0})
-    found = robustness.cells(oarlock.study(short, jobs=1))
+    found = robustness.cells(oarlock.studies.run_study(short, jobs=1))
     assert [row[0] for row in found["rows"]] == ["no fault", short.faults[0].name]
     assert all(len(row) == len(found["columns"]) for row in found["rows"])

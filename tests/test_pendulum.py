@@ -53,7 +53,7 @@ def measured():
 
 @pytest.fixture(scope="module")
 def found(model, measured):
-    return oarlock.calibrate_hinge_chain(model, measured)
+    return oarlock.calibration.calibrate_hinge_chain(model, measured)
 
 
 def swing(still_s=2.0, end_s=9.0, sign=1.0, amplitudes=(0.7, 0.3, 0.35), rest=(0.0, 0.0, 0.0)):
@@ -102,7 +102,7 @@ def turn_between(a, b):
 @pytest.mark.parametrize("seed", range(5))
 def test_random_mounts_lengths_and_places_are_found(model, seed):
     true = wearing(seed)
-    calibration = oarlock.calibrate_hinge_chain(model, recorded(true, seed)[1])
+    calibration = oarlock.calibration.calibrate_hinge_chain(model, recorded(true, seed)[1])
     for name in UNITS:
         (rotation, place), (true_rotation, true_place) = calibration.mounts[name], true.mounts[name]
         assert turn_between(rotation, true_rotation) < MOUNT_BOUND_RAD
@@ -116,7 +116,7 @@ def test_random_mounts_lengths_and_places_are_found(model, seed):
 def test_without_noise_the_mounts_are_exact(model):
     true = wearing(7)
     recording = recorded(true, noise=False)[1]
-    calibration = oarlock.calibrate_hinge_chain(model, recording, still_s=STILL_S)
+    calibration = oarlock.calibration.calibrate_hinge_chain(model, recording, still_s=STILL_S)
     for name in UNITS:
         assert turn_between(calibration.mounts[name][0], true.mounts[name][0]) < EXACT_BOUND_RAD
 
@@ -124,7 +124,7 @@ def test_without_noise_the_mounts_are_exact(model):
 def test_posture_and_sense_are_the_users(model):
     true, rest = wearing(3), {"upper_hinge": 0.3, "middle_hinge": -0.5}
     _, recording = recorded(true, noise=False, sign=-1.0, rest=(0.3, -0.5, 0.0))
-    calibration = oarlock.calibrate_hinge_chain(
+    calibration = oarlock.calibration.calibrate_hinge_chain(
         model, recording, still_s=STILL_S, rest_q=rest, first_turn_positive=False
     )
     for name in UNITS:
@@ -135,7 +135,7 @@ def test_posture_and_sense_are_the_users(model):
 def test_a_chain_that_found_itself_is_tracked(model):
     true = wearing(1)
     truth, recording = recorded(true)
-    calibration = oarlock.calibrate_hinge_chain(model, recording)
+    calibration = oarlock.calibration.calibrate_hinge_chain(model, recording)
     scores = oarlock.evaluate(oarlock.track(model, recording, calibration), truth)
     # The zero of each angle is as good as the mounts are.
     assert scores.worst_rmse_deg() < math.degrees(2 * MOUNT_BOUND_RAD)
@@ -148,7 +148,7 @@ def test_magnetometer_offsets_are_found_and_subtracted(model):
     offset = true.mounts["upper"][0].T @ offset_in_link
     upper = replace(recording["upper"], mag_ut=recording["upper"].mag_ut + offset)
     disturbed = Recording([upper, recording["middle"], recording["lower"]])
-    calibration = oarlock.calibrate_hinge_chain(model, disturbed)
+    calibration = oarlock.calibration.calibrate_hinge_chain(model, disturbed)
     in_link = true.mounts["upper"][0] @ calibration.mag_offsets_ut["upper"]
     # Along the hinge an offset is seen as a difference between the units only.
     assert np.abs(in_link - offset_in_link)[:2].max() < FIELD_BOUND_UT
@@ -162,7 +162,7 @@ def test_magnetometer_offsets_are_found_and_subtracted(model):
 
 
 def test_an_undisturbed_magnetometer_keeps_its_readings(model):
-    calibration = oarlock.calibrate_hinge_chain(model, recorded(wearing(4))[1])
+    calibration = oarlock.calibration.calibrate_hinge_chain(model, recorded(wearing(4))[1])
     assert not calibration.mag_offsets_ut
     assert all(not figures["mag_offset_used"] for figures in calibration.noted["sensor"].values())
 
@@ -170,7 +170,7 @@ def test_an_undisturbed_magnetometer_keeps_its_readings(model):
 def test_magnetometers_are_not_needed(model):
     true = wearing(5)
     streams = [ImuStream(s.name, s.time_s, s.gyro_rad_s, s.accel_m_s2) for s in recorded(true)[1]]
-    calibration = oarlock.calibrate_hinge_chain(model, Recording(streams))
+    calibration = oarlock.calibration.calibrate_hinge_chain(model, Recording(streams))
     assert "field" not in calibration.noted
     assert turn_between(calibration.mounts["lower"][0], true.mounts["lower"][0]) < MOUNT_BOUND_RAD
 
@@ -181,7 +181,7 @@ def test_a_gap_leaves_the_mounts_and_gives_up_the_rest(model):
     gyro_rad_s = np.array(recording["middle"].gyro_rad_s)
     gyro_rad_s[500:550] = np.nan
     middle = replace(recording["middle"], gyro_rad_s=gyro_rad_s)
-    calibration = oarlock.calibrate_hinge_chain(
+    calibration = oarlock.calibration.calibrate_hinge_chain(
         model, Recording([recording["upper"], middle, recording["lower"]])
     )
     assert turn_between(calibration.mounts["middle"][0], true.mounts["middle"][0]) < MOUNT_BOUND_RAD
@@ -192,7 +192,9 @@ def test_a_gap_leaves_the_mounts_and_gives_up_the_rest(model):
 
 def test_a_part_of_a_chain_is_a_chain(model):
     true = wearing(6)
-    calibration = oarlock.calibrate_hinge_chain(model, recorded(true)[1], sensors=["middle", "upper"])
+    calibration = oarlock.calibration.calibrate_hinge_chain(
+        model, recorded(true)[1], sensors=["middle", "upper"]
+    )
     assert list(calibration.mounts) == ["upper", "middle"]
     assert calibration.noted["left_out"] == ["lower"]
 
@@ -275,8 +277,10 @@ def test_orientations_of_hinges_that_are_not_parallel_give_back_the_angles(tilte
 def test_the_real_pendulum_agrees_with_the_vendor(model, measured, found):
     orientations = read_apdm_orientations(FILE)
     track = oarlock.track(model, measured.only(found.mounts), found)
-    whole = oarlock.evaluate_orientations(track, measured, orientations, found)
-    early = oarlock.evaluate_orientations(track, measured, orientations, found, end_s=BEFORE_SLIP_S)
+    whole = oarlock.evaluation.evaluate_orientations(track, measured, orientations, found)
+    early = oarlock.evaluation.evaluate_orientations(
+        track, measured, orientations, found, end_s=BEFORE_SLIP_S
+    )
     for name in ("upper_hinge", "middle_hinge"):
         assert whole[name].rmse < AGREEMENT_RAD
         assert whole[name].correlation > 0.998
@@ -341,7 +345,9 @@ def without_gyroscope(measured):
     ids=["no rest", "no swing", "rest", "swing", "no gyroscope", "no sensor", "link without sensor"],
 )
 def test_a_chain_that_cannot_be_found(model, measured, recorded, asked, words):
-    assert_refused(lambda: oarlock.calibrate_hinge_chain(model, recorded(measured), **asked), *words)
+    assert_refused(
+        lambda: oarlock.calibration.calibrate_hinge_chain(model, recorded(measured), **asked), *words
+    )
 
 
 def test_what_makes_no_chain_or_posture(model):

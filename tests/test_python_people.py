@@ -100,7 +100,7 @@ def test_errors_have_one_root(tmp_path):
 
 def test_a_state_estimate_has_names():
     model = oarlock.load_model("arm")
-    recording = oarlock.simulate_session(model, seed=1).recording.slice(end_s=4.0)
+    recording = oarlock.simulation.simulate_session(model, seed=1).recording.slice(end_s=4.0)
     belief = oarlock.track(model, recording).last_belief
     assert list(belief) == belief.keys() == list(model.joint_names) and "elbow_flexion_r" in belief
     elbow, names = belief["elbow_flexion_r"], belief.state_names

@@ -366,7 +366,7 @@ def test_targets_hold_on_a_seed_that_nobody_has_seen():
     seed = int(np.random.default_rng().integers(1_000_000, 2**31))
     whole = table5_study((seed,))
     names = ("tree", "tree smoothed", "jerk_closure_states")
-    study = oarlock.Study(
+    study = oarlock.studies.Study(
         whole.model,
         whole.simulator,
         whole.seeds,
@@ -375,7 +375,7 @@ def test_targets_hold_on_a_seed_that_nobody_has_seen():
         grid=whole.grid,
         joints=whole.joints,
     )
-    result = oarlock.study(study, jobs=1)
+    result = oarlock.studies.run_study(study, jobs=1)
     assert not result.complaints
     missed = [
         f"{what}: {values[0]:.4g}, {target}"

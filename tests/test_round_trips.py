@@ -34,8 +34,8 @@ def piece(tmp_path_factory):
 @pytest.mark.parametrize("name", most_are_long(BODIES, ("arm", "dfjimu", "pendulum3")))
 def test_a_session_is_tracked_with_the_calibration_written_beside_it(name, tmp_path):
     model = oarlock.load_model(name)
-    plan = oarlock.default_plan(model)
-    trial = oarlock.simulate_session(model, replace(plan, steps=plan.steps[:2]), rate_hz=50.0)
+    plan = oarlock.calibration.default_plan(model)
+    trial = oarlock.simulation.simulate_session(model, replace(plan, steps=plan.steps[:2]), rate_hz=50.0)
     trial.save(tmp_path / "rec")
     true = ["--calibration", tmp_path / "rec/true_calibration.toml"]
     run("track", tmp_path / "rec", "--model", name, *true, "--out", tmp_path / "track")
@@ -95,7 +95,15 @@ def test_exported_orientations_are_a_recording(piece, tmp_path):
 
 
 def test_strokes_of_a_track_are_an_activity_file_with_strokes(piece, tmp_path):
-    run("rowing", "strokes", piece / "track", "--fit", tmp_path / "piece.fit", "--start", "2026-05-01T07:30:00Z")
+    run(
+        "rowing",
+        "strokes",
+        piece / "track",
+        "--fit",
+        tmp_path / "piece.fit",
+        "--start",
+        "2026-05-01T07:30:00Z",
+    )
     run("rowing", "strokes", tmp_path / "piece.fit")
 
 

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import oarlock
 from command_line import run
-from oarlock import SessionPlan, SessionStep
+from oarlock.calibration import SessionPlan, SessionStep
 from oarlock.recording.unit_names import renamed
 from walking_body import walk
 
@@ -79,7 +79,9 @@ def test_a_calibration_is_used_as_it_is(recording, tmp_path):
 
 def test_a_session_in_another_pose(tmp_path):
     body = oarlock.load_model("lower_body").with_units(LEG)
-    guided = oarlock.simulate_session(body, oarlock.default_plan(body, "sitting"), seed=2)
+    guided = oarlock.simulation.simulate_session(
+        body, oarlock.calibration.default_plan(body, "sitting"), seed=2
+    )
     guided.recording.save(tmp_path / "session")
     walk(0, model=body, duration_s=8.0).recording.save(tmp_path / "rec")
     command = (
@@ -105,8 +107,10 @@ def test_files_of_text_with_a_session_and_names_by_device(tmp_path, monkeypatch)
     ids = dict(zip(LEG, ("00B4271A", "00B4271C", "00B4271F"), strict=True))
     swing = (SessionStep("swing", "move", joints=("hip_flexion_r",)),)
     rests = (SessionStep("start", "pose"), SessionStep("end", "pose"))
-    moves = oarlock.simulate_session(body, SessionPlan("swing", (rests[0], *swing, rests[1])), seed=1)
-    guided = oarlock.simulate_session(body, seed=1)
+    moves = oarlock.simulation.simulate_session(
+        body, SessionPlan("swing", (rests[0], *swing, rests[1])), seed=1
+    )
+    guided = oarlock.simulation.simulate_session(body, seed=1)
     for name, recording in (
         ("moves", moves.recording),
         ("session", guided.recording),

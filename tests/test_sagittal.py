@@ -32,7 +32,7 @@ def walks(request):
 
 @pytest.fixture(scope="module")
 def found(model, walks):
-    return [oarlock.calibrate_sagittal(model, one.recording) for one in walks]
+    return [oarlock.calibration.calibrate_sagittal(model, one.recording) for one in walks]
 
 
 def headings(found):
@@ -76,7 +76,7 @@ def test_the_first_rest_is_found(found):
 
 def test_a_unit_that_turns_about_no_axis_takes_the_north_of_the_others(model):
     one = walk(1, with_magnetometers=True)
-    cal = oarlock.calibrate_sagittal(model, one.recording)
+    cal = oarlock.calibration.calibrate_sagittal(model, one.recording)
     assert headings(cal) == {"pelvis": "north"} | dict.fromkeys(LEGS, "movement")
     assert abs(one.heading_errors_rad(cal)["pelvis"]) < NORTH_RAD
     assert cal.noted["sensor"]["pelvis"]["heading_std_rad"] > np.radians(15.0)
@@ -96,8 +96,8 @@ def test_a_magnetometer_of_its_own_rate_gives_the_same_north(model):
         mag = np.array(stream.mag_ut)
         mag[np.arange(len(mag)) % 5 != 0] = np.nan
         slow.append(replace(stream, mag_ut=mag))
-    every = oarlock.calibrate_sagittal(model, one.recording)
-    fifth = oarlock.calibrate_sagittal(model, Recording(slow))
+    every = oarlock.calibration.calibrate_sagittal(model, one.recording)
+    fifth = oarlock.calibration.calibrate_sagittal(model, Recording(slow))
     np.testing.assert_allclose(
         fifth.mounts["pelvis"][0], every.mounts["pelvis"][0], rtol=0, atol=np.radians(0.1)
     )
@@ -106,7 +106,7 @@ def test_a_magnetometer_of_its_own_rate_gives_the_same_north(model):
 def test_nobody_moves(model):
     still = walk(0, swing=0.0, leaning_rad=0.0)
     assert_refused(
-        lambda: oarlock.calibrate_sagittal(model, still.recording),
+        lambda: oarlock.calibration.calibrate_sagittal(model, still.recording),
         "no unit turns by 17 deg with 75 % about one level axis",
         "thigh_r: turned through 0 deg",
         "Walk or squat",
@@ -115,7 +115,7 @@ def test_nobody_moves(model):
 
 
 def test_a_stretch_may_be_named_and_units_chosen(model, walks):
-    cal = oarlock.calibrate_sagittal(
+    cal = oarlock.calibration.calibrate_sagittal(
         model, walks[0].recording, start_s=0.5, end_s=2.5, sensors=["thigh_r", "shank_r"]
     )
     assert cal.noted["still_s"] == pytest.approx([0.5, 2.5], abs=0.02)
@@ -140,7 +140,7 @@ def test_seven_units_on_hips_and_legs(tmp_path):
     run("import", place, "--model", "lower_body", "--no-questions", "--out", tmp_path / "rec")
     model = oarlock.load_model("lower_body", stature_m=1.78, mass_kg=75.0)
     recording = oarlock.load_recording(tmp_path / "rec")
-    cal = oarlock.calibrate_sagittal(model, recording)
+    cal = oarlock.calibration.calibrate_sagittal(model, recording)
     assert {name: how for name, how in headings(cal).items() if name in LEGS} == dict.fromkeys(
         LEGS, "movement"
     )
@@ -155,6 +155,6 @@ def test_legs_without_a_pelvis_may_face_either_way():
     one = walk(2)
     worn = ["thigh_r", "shank_r", "foot_r"]
     leg = oarlock.load_model("lower_body").with_units(worn)
-    found = oarlock.calibrate_sagittal(leg, one.recording.only(worn))
+    found = oarlock.calibration.calibrate_sagittal(leg, one.recording.only(worn))
     assert headings(found)["thigh_r"] == "movement, either way"
     assert found.noted["sensor"]["thigh_r"]["heading_std_rad"] == pytest.approx(np.pi / np.sqrt(3.0))

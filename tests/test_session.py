@@ -7,19 +7,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import oarlock
-from oarlock import (
-    Clock,
-    DataError,
-    ImuStream,
-    Recording,
-    ScalarStream,
-    SessionErrors,
-    SessionPlan,
-    SessionStep,
-)
+from oarlock import DataError, ImuStream, Recording, ScalarStream
+from oarlock.calibration import SessionPlan, SessionStep
 from oarlock.calibration.robust_fit import huber, robust_fit
 from oarlock.calibration.session.body import BodyKinematics
 from oarlock.calibration.session.encoders import encoder_scales
+from oarlock.recording import Clock
+from oarlock.simulation import SessionErrors
 from refusals import assert_refused
 
 # What users are promised, for a person who takes up postures to about a degree.
@@ -40,7 +34,7 @@ def model():
 
 @pytest.fixture(scope="module")
 def trial(model):
-    return oarlock.simulate_session(
+    return oarlock.simulation.simulate_session(
         model, errors=SessionErrors(clock_offset_s=0.1, clock_drift=3e-5), seed=31
     )
 
@@ -48,7 +42,7 @@ def trial(model):
 @pytest.fixture(scope="module")
 def found(model, trial):
     known = oarlock.Calibration(clocks=trial.calibration.clocks, parameters={"l_ua": 0.3})
-    return oarlock.calibrate_session(model, trial.recording, calibration=known)
+    return oarlock.calibration.calibrate_session(model, trial.recording, calibration=known)
 
 
 def off_rad(found, true, unit):
@@ -106,7 +100,7 @@ def cut(trial, end_s):
 
 
 def test_a_missing_step_is_to_be_done_again(model, trial):
-    found = oarlock.calibrate_session(model, cut(trial, trial.spans["T-pose"][0] - 1.0))
+    found = oarlock.calibration.calibrate_session(model, cut(trial, trial.spans["T-pose"][0] - 1.0))
     assert not found.noted["session"]["passed"]
     again = checks(found, outcome="redo")
     assert {c["step"] for c in again} >= {"T-pose", "N-pose again"} or {c["what"] for c in again} >= {"pose"}
@@ -124,7 +118,7 @@ def changed(trial, unit, change):
 def test_a_unit_worn_upside_down_is_found(model, trial):
     half = np.diag([1.0, -1.0, -1.0])
     turned = changed(trial, "forearm", lambda s: {n: v @ half.T for n, v in s.values.items()})
-    found = oarlock.calibrate_session(model, turned)
+    found = oarlock.calibration.calibrate_session(model, turned)
     true = trial.calibration.mounts["forearm"][0] @ half.T
     assert Rotation.from_matrix(found.mounts["forearm"][0] @ true.T).magnitude() < MOUNT_RAD
 
@@ -136,16 +130,16 @@ def test_a_unit_that_slips_is_seen(model, trial):
         late = stream.time_s > trial.spans["forearm rotation"][1] + 1.0
         return {n: np.where(late[:, None], turn.apply(np.array(v)), v) for n, v in stream.values.items()}
 
-    found = oarlock.calibrate_session(model, changed(trial, "hand", slip))
+    found = oarlock.calibration.calibrate_session(model, changed(trial, "hand", slip))
     assert not found.noted["session"]["passed"]
     assert any("hand" in c["subject"] + c["sentence"] for c in checks(found, outcome="redo"))
 
 
 def test_without_a_table_what_postures_do_not_tell_is_kept(model, trial):
-    plan = oarlock.default_plan(model)
+    plan = oarlock.calibration.default_plan(model)
     worn = SessionPlan("worn only", tuple(s for s in plan.steps if s.kind != "turn"))
     start = trial.spans["N-pose"][0]
-    found = oarlock.calibrate_session(model, trial.recording.slice(start - 1.0, np.inf), worn)
+    found = oarlock.calibration.calibrate_session(model, trial.recording.slice(start - 1.0, np.inf), worn)
     assert "hand" not in found.accel_biases_m_s2
     kept = checks(found, what="accelerometer", subject="hand")
     assert [c["outcome"] for c in kept] == ["kept"]
@@ -155,16 +149,16 @@ def test_without_a_table_what_postures_do_not_tell_is_kept(model, trial):
 def test_a_silent_unit_and_a_recording_of_another_time_are_refused(model, trial):
     silent = changed(trial, "hand", lambda s: {"gyro_rad_s": np.full_like(s.gyro_rad_s, np.nan)})
     with pytest.raises(DataError, match='"hand" has 0 complete readings'):
-        oarlock.calibrate_session(model, silent)
+        oarlock.calibration.calibrate_session(model, silent)
     late = SessionPlan("late", (SessionStep("N-pose", "pose", 1000.0, 1004.0),))
     with pytest.raises(DataError, match=r'"N-pose": lasts from 1000.00 .* recording from'):
-        oarlock.calibrate_session(model, trial.recording, late)
+        oarlock.calibration.calibrate_session(model, trial.recording, late)
 
 
 def test_a_body_without_magnetometers_and_with_ball_joints():
     body = oarlock.load_model("qmt_full_body")
-    trial = oarlock.simulate_session(body, errors=SessionErrors(posture_rad=0.0), seed=32)
-    found = oarlock.calibrate_session(body, trial.recording)
+    trial = oarlock.simulation.simulate_session(body, errors=SessionErrors(posture_rad=0.0), seed=32)
+    found = oarlock.calibration.calibrate_session(body, trial.recording)
     for unit in trial.calibration.mounts:
         assert off_rad(found, trial.calibration, unit) < MOUNT_RAD, unit
     assert not found.mag_matrices
@@ -175,15 +169,15 @@ def test_a_body_without_magnetometers_and_with_ball_joints():
 
 def test_a_plan_is_a_file(tmp_path):
     for name in ("arm7", "sculler", "qmt_full_body"):
-        plan = oarlock.default_plan(oarlock.load_model(name))
+        plan = oarlock.calibration.default_plan(oarlock.load_model(name))
         plan.save(tmp_path / "plan.toml")
-        assert oarlock.load_session_plan(tmp_path / "plan.toml") == plan
+        assert oarlock.calibration.load_session_plan(tmp_path / "plan.toml") == plan
         assert all(step.say for step in plan.steps)
 
 
 def test_a_model_without_a_plan_of_its_own_gets_one():
     body = oarlock.load_model("pendulum3")
-    plan = oarlock.default_plan(body)
+    plan = oarlock.calibration.default_plan(body)
     plan.check(body)
     assert [s.kind for s in plan.steps] == ["pose", "move", "pose", "move", "pose", "move", "pose"]
 
@@ -208,7 +202,7 @@ def test_a_wrong_plan_names_file_line_and_the_nearest_name(model, tmp_path):
     file = tmp_path / "plan.toml"
     file.write_text('format = 1\n[[step]]\nname = "a"\nkind = "pose"\nposee = {}\n')
     with pytest.raises(DataError, match=r'plan.toml:5, key "posee".*"pose"'):
-        oarlock.load_session_plan(file)
+        oarlock.calibration.load_session_plan(file)
     for values in (
         {"joints": ("elbow_flexon",)},
         {"joints": ("elbow_flexion",), "pose": {"elbow_flexon": 1.0}},
@@ -268,7 +262,9 @@ def test_streams_that_do_not_move_tell_no_sign():
 def test_a_clock_is_applied_before_the_steps_are_sought(model, trial):
     far = {name: Clock(clock.offset_s + 500.0) for name, clock in trial.calibration.clocks.items()}
     streams = [replace(s, time_s=s.time_s + 500.0) for s in trial.recording]
-    found = oarlock.calibrate_session(model, Recording(streams), calibration=oarlock.Calibration(clocks=far))
+    found = oarlock.calibration.calibrate_session(
+        model, Recording(streams), calibration=oarlock.Calibration(clocks=far)
+    )
     step = next(s for s in found.noted["session"]["step"] if s["name"] == "T-pose")
     assert abs(step["start_s"] - trial.spans["T-pose"][0]) < 1.0
 

@@ -64,8 +64,8 @@ def test_what_has_to_be_done_again_ends_with_status_1(folder):
 
 def test_the_plan_can_be_written_and_changed(folder):
     run("calibrate", "session", "--model", "arm7", "--write-plan", folder / "plan.toml")
-    plan = oarlock.load_session_plan(folder / "plan.toml")
-    assert plan == oarlock.default_plan(oarlock.load_model("arm7"))
+    plan = oarlock.calibration.load_session_plan(folder / "plan.toml")
+    assert plan == oarlock.calibration.default_plan(oarlock.load_model("arm7"))
 
 
 def test_usage(folder):

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import oarlock
 from command_line import run
-from oarlock import SessionErrors
+from oarlock.simulation import SessionErrors
 from refusals import assert_refused
 
 ANY_ROTATION = SessionErrors(mount_rad=2.5)
@@ -19,10 +19,10 @@ LEVEL_RAD = np.radians(3.0)
 
 def session(body, pose, seed):
     """A session without its optional steps, and what is found in it."""
-    plan = oarlock.default_plan(body, pose)
+    plan = oarlock.calibration.default_plan(body, pose)
     short = replace(plan, steps=tuple(step for step in plan.steps if not step.optional))
-    trial = oarlock.simulate_session(body, short, ANY_ROTATION, seed=seed)
-    return trial, oarlock.calibrate_session(body, trial.recording, plan)
+    trial = oarlock.simulation.simulate_session(body, short, ANY_ROTATION, seed=seed)
+    return trial, oarlock.calibration.calibrate_session(body, trial.recording, plan)
 
 
 def mean_mount_deg(trial, found):
@@ -32,7 +32,7 @@ def mean_mount_deg(trial, found):
 
 def directions(body, pose):
     """Frame -> rotation matrix in the first still pose of a session."""
-    plan = oarlock.default_plan(body, pose)
+    plan = oarlock.calibration.default_plan(body, pose)
     rest = np.concatenate([np.ravel(joint.rest) for joint in body.describe().joints])
     pose = next(s.pose for s in plan.steps if s.kind == "pose")
     q = [pose.get(name, value) for name, value in zip(body.coordinate_names, rest, strict=True)]
@@ -68,35 +68,41 @@ def test_mounts_from_another_pose(name, pose):
 
 def test_a_rest_with_hanging_arms_is_not_taken_for_the_pose_t():
     body = oarlock.load_model("arm")
-    plan = oarlock.default_plan(body, "T")
+    plan = oarlock.calibration.default_plan(body, "T")
     hanging = replace(plan, steps=tuple(replace(s, pose={}) if s.kind == "pose" else s for s in plan.steps))
-    trial = oarlock.simulate_session(body, hanging, ANY_ROTATION, seed=1)
-    found = oarlock.calibrate_session(body, trial.recording, plan)
+    trial = oarlock.simulation.simulate_session(body, hanging, ANY_ROTATION, seed=1)
+    found = oarlock.calibration.calibrate_session(body, trial.recording, plan)
     outcomes = {s["name"]: s["outcome"] for s in found.noted["session"]["step"]}
     assert outcomes["T-pose"] == outcomes["T-pose again"] == "redo"
 
 
 def test_each_pose_has_its_own_steps():
     legs = oarlock.load_model("lower_body")
-    names = {p: [s.name for s in oarlock.default_plan(legs, p).steps] for p in ("N", "t", "SITTING")}
+    names = {
+        p: [s.name for s in oarlock.calibration.default_plan(legs, p).steps] for p in ("N", "t", "SITTING")
+    }
     assert names["N"][0] == "N-pose" and names["t"][0] == "T-pose"
     assert "right leg swing" in names["N"] and "right leg swing" not in names["SITTING"]
     assert {"right knee lift", "knee stretch"} < set(names["SITTING"])
-    moves = [s for s in oarlock.default_plan(legs, "sitting").steps if s.kind == "move"]
+    moves = [s for s in oarlock.calibration.default_plan(legs, "sitting").steps if s.kind == "move"]
     assert all(s.pose["knee_flexion_r"] > 1.5 for s in moves)
-    assert all("shoulder_r.rx" not in s.pose for s in oarlock.default_plan(legs, "T").steps)
+    assert all("shoulder_r.rx" not in s.pose for s in oarlock.calibration.default_plan(legs, "T").steps)
 
 
 def test_a_pose_that_a_plan_lacks(tmp_path):
     legs, rower = oarlock.load_model("lower_body"), oarlock.load_model("sculler")
-    assert_refused(lambda: oarlock.default_plan(legs, "sit"), "N, T, sitting", 'Did you mean "sitting"?')
-    assert_refused(lambda: oarlock.default_plan(rower, "T"), "it has N")
     assert_refused(
-        lambda: oarlock.default_plan(oarlock.load_model("pendulum3"), "T"), "pendulum3", "it has N"
+        lambda: oarlock.calibration.default_plan(legs, "sit"), "N, T, sitting", 'Did you mean "sitting"?'
+    )
+    assert_refused(lambda: oarlock.calibration.default_plan(rower, "T"), "it has N")
+    assert_refused(
+        lambda: oarlock.calibration.default_plan(oarlock.load_model("pendulum3"), "T"),
+        "pendulum3",
+        "it has N",
     )
     plan = tmp_path / "plan.toml"
     plan.write_text('format = 1\n[[posture]]\nname = "lying"\nposition = 3\n')
-    assert_refused(lambda: oarlock.load_session_plan(plan, "lying"), "position")
+    assert_refused(lambda: oarlock.calibration.load_session_plan(plan, "lying"), "position")
 
 
 def test_a_plan_file_with_a_pose_of_its_own(tmp_path):
@@ -107,12 +113,12 @@ def test_a_plan_file_with_a_pose_of_its_own(tmp_path):
         '[[step]]\nname = "bend"\nkind = "move"\njoints = ["knee_flexion_r"]\n'
         '[[step]]\nname = "stand"\nkind = "pose"\nposes = ["N"]\n'
     )
-    lying = oarlock.load_session_plan(plan, "lying")
+    lying = oarlock.calibration.load_session_plan(plan, "lying")
     assert [(s.name, dict(s.pose)) for s in lying.steps] == [
         ("lie", {"pelvis.rz": 1.5708}),
         ("bend", {"pelvis.rz": 1.5708}),
     ]
-    assert [s.name for s in oarlock.load_session_plan(plan).steps] == ["lie", "bend", "stand"]
+    assert [s.name for s in oarlock.calibration.load_session_plan(plan).steps] == ["lie", "bend", "stand"]
 
 
 def test_on_the_command_line(tmp_path):

@@ -45,7 +45,7 @@ def assert_signals_agree(model: oarlock.Model, motion: oarlock.Motion) -> None:
     truth, recording = oarlock.simulate(model, motion, noise=False)
     units = [s.name for s in model.describe().inertial_units]
     rows = len(truth.time_s)
-    base = oarlock.Base(
+    base = oarlock.model.Base(
         np.broadcast_to(np.eye(3), (rows, 3, 3)), acceleration_m_s2=motion.base_acceleration_at(truth.time_s)
     )
     expected = model.predict_measurements(truth.q, truth.qd, truth.qdd, base)[:, : 9 * len(units)]

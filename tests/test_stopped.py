@@ -45,7 +45,7 @@ calls = {
     "track_many": lambda: oarlock.track_many(model, [recording] * 3),
     "evaluate": lambda: oarlock.evaluate(track, truth),
     "simulate": lambda: simulate_sculling(model, "S-B", 60.0, seed=1),
-    "calibrate_motion": lambda: oarlock.calibrate_motion(model, recording.slice(0.0, 15.0)),
+    "calibrate_motion": lambda: oarlock.calibration.calibrate_motion(model, recording.slice(0.0, 15.0)),
 }
 shares = {}
 for name in sys.argv[1:]:
@@ -147,7 +147,7 @@ def test_shares_of_self_calibration_rise():
     model = oarlock.load_model("sculler")
     _, recording = oarlock.simulate(model, rowing.sculling(model, duration_s=9.0), rate_hz=40.0, seed=1)
     shares: list[float] = []
-    oarlock.calibrate_motion(model, recording, progress=shares.append)
+    oarlock.calibration.calibrate_motion(model, recording, progress=shares.append)
     assert shares == sorted(shares) and len(shares) > 5
     assert 0.0 <= shares[0] < 0.1 and 0.35 < shares[-1] <= 1.0, (
         "beyond the first hypothesis, and never beyond the end"

@@ -24,17 +24,17 @@ EXAMPLES = sorted((ROOT / "examples/studies").glob("*.toml"))
 HEAD = 'format = 1\nmodel = "sculler"\nsimulator = "sculling"\nseeds = 1\n'
 
 
-def swing(folder: Path, tmp_path: Path, grid: str = "noise_factor = [1, 4]") -> oarlock.Study:
+def swing(folder: Path, tmp_path: Path, grid: str = "noise_factor = [1, 4]") -> oarlock.studies.Study:
     file = tmp_path / "swing.toml"
     file.write_text(
         f'format = 1\nmodel = "pendulum3"\nmotion = "{folder}"\nseeds = [3, 4]\nstart_s = 1.0\n'
         f"[fixed]\nduration_s = 3.0\n[grid]\n{grid}\n"
     )
-    return oarlock.load_study(file)
+    return oarlock.studies.load_study(file)
 
 
 def test_any_model_along_a_motion_from_a_folder(pendulum_motion, tmp_path):
-    result = oarlock.study(swing(pendulum_motion, tmp_path), jobs=1)
+    result = oarlock.studies.run_study(swing(pendulum_motion, tmp_path), jobs=1)
     assert not result.complaints
     little, much = result.scores().mean(axis=1)
     assert 0.0 < 1.5 * little < much, "four times the noise, at least half as much error again"
@@ -43,14 +43,14 @@ def test_any_model_along_a_motion_from_a_folder(pendulum_motion, tmp_path):
 def test_rows_are_the_same_bits_on_one_process_and_on_two(pendulum_motion, tmp_path):
     study = swing(pendulum_motion, tmp_path, grid='rate_hz = [60, 120]\nconfig.filter = ["ukf", "ekf"]')
     assert len(groups(study)) == 4  # two rates, two seeds; the filters share a trial
-    alone, together = (oarlock.study(study, jobs=jobs) for jobs in (1, 2))
+    alone, together = (oarlock.studies.run_study(study, jobs=jobs) for jobs in (1, 2))
     assert json.dumps(alone.rows) == json.dumps(together.rows)
 
 
 def test_studies_that_share_processes_and_a_folder_have_their_own_rows(pendulum_motion, tmp_path):
     few = swing(pendulum_motion, tmp_path)
     many = swing(pendulum_motion, tmp_path, grid="rate_hz = [60, 120]")
-    whole = [list(oarlock.study(study, jobs=1).rows) for study in (few, many)]
+    whole = [list(oarlock.studies.run_study(study, jobs=1).rows) for study in (few, many)]
     out = tmp_path / "out"
 
     def stop(done: float) -> None:
@@ -69,7 +69,7 @@ def test_studies_that_share_processes_and_a_folder_have_their_own_rows(pendulum_
 
 def test_a_stopped_study_goes_on_and_ends_in_the_same_rows(pendulum_motion, tmp_path):
     study = swing(pendulum_motion, tmp_path)
-    whole = oarlock.study(study, jobs=1)
+    whole = oarlock.studies.run_study(study, jobs=1)
     out = tmp_path / "out"
 
     def stop(done: float) -> None:
@@ -77,26 +77,26 @@ def test_a_stopped_study_goes_on_and_ends_in_the_same_rows(pendulum_motion, tmp_
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        oarlock.study(study, jobs=1, folder=out, progress=stop)
+        oarlock.studies.run_study(study, jobs=1, folder=out, progress=stop)
     kept = (out / UNFINISHED).read_text(encoding="utf-8").splitlines()
     assert kept and all(json.loads(line)["study"] == identity(study) for line in kept)
     (out / UNFINISHED).write_text("\n".join([*kept, '{"study": "cut of']))
     begun: list[float] = []
-    again = oarlock.study(study, jobs=1, folder=out, progress=begun.append)
+    again = oarlock.studies.run_study(study, jobs=1, folder=out, progress=begun.append)
     assert json.dumps(again.rows) == json.dumps(whole.rows)
     assert len(begun) < study.run_count, "what was done is not done again"
     assert not (out / UNFINISHED).exists()
 
 
 def test_a_failing_run_is_a_row_with_its_error(sculler):
-    study = oarlock.Study(
+    study = oarlock.studies.Study(
         sculler,
         SIMULATORS["sculling"],
         seeds=(0,),
         fixed={"duration_s": 4.0},
         scenarios={"short arms": {"parameters.l_ua_r": 0.1}, "usual": {}},
     )
-    result = oarlock.study(study, jobs=1)
+    result = oarlock.studies.run_study(study, jobs=1)
     assert [row["name"] for row in result.failures] == ["short arms"]
     assert "beyond the stretched arm" in result.failures[0]["error"]
     assert math.isnan(result.scores()[0, 0]) and result.scores()[1, 0] < 1.0
@@ -104,20 +104,20 @@ def test_a_failing_run_is_a_row_with_its_error(sculler):
 
 
 def test_a_mean_over_joints_that_nothing_observes_says_so(sculler):
-    study = oarlock.Study(
+    study = oarlock.studies.Study(
         sculler,
         SIMULATORS["sculling"],
         seeds=(0,),
         fixed={"duration_s": 4.0, "sensors": ["back", "seat"]},
         joints=("trunk", "l_elbow_flexion"),
     )
-    (row,) = oarlock.study(study, jobs=1).complaints
+    (row,) = oarlock.studies.run_study(study, jobs=1).complaints
     assert row["kind"] == "mean" and "do not observe l_elbow_flexion" in row["error"]
 
 
 def test_tables_hold_a_row_for_each_run_and_joint(pendulum_motion, tmp_path):
     study = swing(pendulum_motion, tmp_path)
-    result = oarlock.study(study, jobs=1)
+    result = oarlock.studies.run_study(study, jobs=1)
     result.save(tmp_path)
     runs, summary = (parquet.read_table(tmp_path / f"{name}.parquet") for name in ("runs", "summary"))
     assert csv.read_csv(tmp_path / "runs.csv").num_rows == runs.num_rows == len(result.rows)
@@ -215,7 +215,7 @@ def test_a_key_of_the_model_file_is_changed_for_the_filter_alone(sculler):
 
 
 def test_a_group_simulates_once_and_smoothing_filters_once(sculler):
-    study = oarlock.Study(
+    study = oarlock.studies.Study(
         sculler,
         SIMULATORS["sculling"],
         seeds=(0,),
@@ -228,7 +228,7 @@ def test_a_group_simulates_once_and_smoothing_filters_once(sculler):
 
 
 def test_the_field_has_its_effects_as_keys(sculler):
-    study = oarlock.Study(
+    study = oarlock.studies.Study(
         sculler,
         SIMULATORS["field"],
         seeds=(0,),
@@ -238,7 +238,7 @@ def test_the_field_has_its_effects_as_keys(sculler):
             "mounts": {"only_effects": ["mounts"], "effect.mount_error_rad": 0.1},
         },
     )
-    clean, spoilt = oarlock.study(study, jobs=1).scores()[:, 0]
+    clean, spoilt = oarlock.studies.run_study(study, jobs=1).scores()[:, 0]
     # 0.6 and 1.5 deg: mounts may be off by 3 deg as far as 4 s of movement show, and bands say so
     assert clean < 0.9 < spoilt
 
@@ -266,13 +266,16 @@ def test_the_field_has_its_effects_as_keys(sculler):
 def test_a_wrong_key_is_refused_with_its_line_and_the_nearest_name(tmp_path, text, says):
     file = tmp_path / "wrong.toml"
     file.write_text(HEAD + text)
-    assert_refused(lambda: oarlock.load_study(file, SIMULATORS), str(file), *says)
+    assert_refused(lambda: oarlock.studies.load_study(file, SIMULATORS), str(file), *says)
 
 
 def test_in_python_too(sculler):
     with pytest.raises(oarlock.DataError, match=r'"rate_hertz" is not known\. Did you mean "rate_hz"'):
-        oarlock.Study(sculler, SIMULATORS["sculling"], fixed={"rate_hertz": 100.0})
-    assert_refused(lambda: oarlock.study(oarlock.Study(sculler, SIMULATORS["sculling"]), jobs=0), "jobs = 0")
+        oarlock.studies.Study(sculler, SIMULATORS["sculling"], fixed={"rate_hertz": 100.0})
+    assert_refused(
+        lambda: oarlock.studies.run_study(oarlock.studies.Study(sculler, SIMULATORS["sculling"]), jobs=0),
+        "jobs = 0",
+    )
 
 
 # --- the command line ---------------------------------------------------------------------------------
@@ -280,9 +283,9 @@ def test_in_python_too(sculler):
 
 @pytest.mark.parametrize("file", EXAMPLES, ids=lambda file: file.stem)
 def test_shipped_studies_are_read_and_can_be_made(file):
-    study = oarlock.load_study(file, SIMULATORS)
+    study = oarlock.studies.load_study(file, SIMULATORS)
     assert study.run_count >= 30 and study.about and study.title
-    assert oarlock.load_study(file, SIMULATORS, seeds=range(2)).seeds == (0, 1)
+    assert oarlock.studies.load_study(file, SIMULATORS, seeds=range(2)).seeds == (0, 1)
 
 
 def test_the_verb_writes_tables_and_a_page_that_needs_nothing(pendulum_motion, tmp_path):

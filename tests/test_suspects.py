@@ -16,7 +16,7 @@ from oarlock.recording.frozen_signals import clipped_texts, stuck_texts
 from oarlock.report import write_page
 from oarlock.rowing import FieldEffects, simulate_field
 
-suspects = partial(oarlock.suspects, budget_s=600.0)
+suspects = partial(oarlock.evaluation.find_suspects, budget_s=600.0)
 """However busy the machine is."""
 SEEDS = (41, 42, 43)
 FROM_S = 1.2
@@ -60,7 +60,7 @@ def changed(change: Callable[[np.ndarray], np.ndarray], fields: tuple[str, ...],
 
 
 @cache
-def suspected(name: str, seed: int) -> tuple[oarlock.Suspect, ...]:
+def suspected(name: str, seed: int) -> tuple[oarlock.evaluation.Suspect, ...]:
     return suspects(sculler(), ASKED[name][0](second(seed)))
 
 

@@ -88,7 +88,9 @@ def test_the_verb_shows_mounts_of_an_elbow_with_their_own_standard_deviations(mo
     recording.save(tmp_path / "reach")
     body = ("--model", "arm", "--stature-m", 1.78, "--mass-kg", 75, "--sensors", ",".join(UNITS))
     out = tmp_path / "cal.toml"
-    shown = run("calibrate", "sagittal", tmp_path / "reach", *body, "--still-s", *STILL_S, "--out", out).output
+    shown = run(
+        "calibrate", "sagittal", tmp_path / "reach", *body, "--still-s", *STILL_S, "--out", out
+    ).output
     found = oarlock.load_calibration(out)
     for name in ELBOW:
         unit = found.noted["sensor"][name]

@@ -11,7 +11,7 @@ import oarlock
 from oarlock import ImuStream, Recording
 from oarlock.evaluation.suspects.joint_forces import JointForces
 
-suspects = partial(oarlock.suspects, budget_s=600.0)
+suspects = partial(oarlock.evaluation.find_suspects, budget_s=600.0)
 """However busy the machine is."""
 SEEDS = (11, pytest.param(12, marks=pytest.mark.long))
 FROM_S = 14.0
@@ -153,7 +153,7 @@ def test_sound_units_agree(seed: int) -> None:
 
 def test_a_search_without_time_says_so() -> None:
     model, recording = arm(11)
-    found = oarlock.suspects(model, FAULTS["late"][0](recording), budget_s=0.0)
+    found = oarlock.evaluation.find_suspects(model, FAULTS["late"][0](recording), budget_s=0.0)
     assert [s.fault for s in found] == ["unfinished"] and "0 s" in found[0].message
 
 

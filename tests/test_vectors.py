@@ -100,7 +100,7 @@ def test_inertial_signals(rests, tmp_path):
     given = vectors("imu")
     model = model_with_sensors(given["sensors"], given["params"], tmp_path)
     names = ("base_R_world_from_root", "base_omega", "base_omegadot", "base_acc")
-    base = None if rests else oarlock.Base(*(np.array(given[name]) for name in names))
+    base = None if rests else oarlock.model.Base(*(np.array(given[name]) for name in names))
     rows = slice(0, 5) if rests else slice(None)
     assert np.any(np.array(given["base_acc"])[rows]) != rests
     z = model.predict_measurements(*(np.array(given[key])[rows] for key in ("q", "qd", "qdd")), base)

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import oarlock
-from oarlock import DataError, Look, Motion, Shape
+from oarlock import DataError, Motion
+from oarlock.model import Look, Shape
 from oarlock.model.shapes import PARTS, box, ellipsoid, loft, tube
 from oarlock.report.viewer import Curve, embed, joint_curves, page, player_assets, scene
 from oarlock.report.viewer.marks import marks_and_spans

@@ -73,9 +73,11 @@ def test_verdicts():
 @pytest.fixture(scope="module")
 def session():
     body = oarlock.load_model("arm")
-    plan = oarlock.default_plan(body, "T")
-    trial = oarlock.simulate_session(body, plan, oarlock.SessionErrors(mount_rad=2.5), seed=1)
-    return body, dict(plan.steps[0].pose), oarlock.calibrate_session(body, trial.recording, plan)
+    plan = oarlock.calibration.default_plan(body, "T")
+    trial = oarlock.simulation.simulate_session(
+        body, plan, oarlock.simulation.SessionErrors(mount_rad=2.5), seed=1
+    )
+    return body, dict(plan.steps[0].pose), oarlock.calibration.calibrate_session(body, trial.recording, plan)
 
 
 def test_the_section_shows_every_unit(session):

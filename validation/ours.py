@@ -86,7 +86,7 @@ def track_openaxes(recording: Recording, calibration: Calibration | None = None)
 def track_dfjimu_found(recording: Recording) -> Iterator[Estimate]:
     """Lever arms from `calibrate_joint_centers`; those of the files are not looked at."""
     model = oarlock.load_model("dfjimu")
-    found = oarlock.calibrate_joint_centers(model, _known(recording, model))
+    found = oarlock.calibration.calibrate_joint_centers(model, _known(recording, model))
     return _named_found(_tracked("dfjimu", recording, BODIES, found, WITH_LENGTHS))
 
 
@@ -97,7 +97,7 @@ def track_diodem_found(recording: Recording, mounted: str) -> Iterator[Estimate]
     """
     model = oarlock.load_model("diodem_arm")
     known = _known(recording, model)
-    found = oarlock.calibrate_joint_centers(model, known, window_s=WINDOW_S[mounted])
+    found = oarlock.calibration.calibrate_joint_centers(model, known, window_s=WINDOW_S[mounted])
     if mounted == "rigid":
         found = replace(found, parameter_stds=dict.fromkeys(found.parameters, SCREWED_ON_STD_M))
     return _named_found(_tracked(model, recording, SEGMENTS, found, WITH_LENGTHS))
@@ -107,8 +107,8 @@ def track_openaxes_found(recording: Recording) -> Iterator[Estimate]:
     """The hinge's axis turns the nominal mounts, then units are placed."""
     model = oarlock.load_model("openaxes_ur5")
     known = _known(recording, model)
-    turned = oarlock.calibrate_hinge_axes(model, known)
-    found = oarlock.calibrate_joint_centers(model, known, calibration=turned)
+    turned = oarlock.calibration.calibrate_hinge_axes(model, known)
+    found = oarlock.calibration.calibrate_joint_centers(model, known, calibration=turned)
     return _named_found(_tracked("openaxes_ur5", recording, LINKS, found))
 
 
@@ -130,7 +130,7 @@ def qmt_tracks(
     """
     name = "qmt_full_body"
     model = oarlock.load_model(name)
-    calibration = oarlock.calibrate_pose(model, _known(recording, model), None, *still_s)
+    calibration = oarlock.calibration.calibrate_pose(model, _known(recording, model), None, *still_s)
     mounts = {s: Rotation.from_matrix(rotation) for s, (rotation, _) in calibration.mounts.items()}
     for estimate, track in _both(name, recording, segments, calibration):
         yield estimate.turned({s: mounts[s] for s in estimate.quats}), track

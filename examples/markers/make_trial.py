@@ -26,7 +26,7 @@ LAB_FROM_ROOT = np.array([[0.8660254037844386, 0, 0.5], [0.5, 0, -0.866025403784
 
 def main() -> None:
     model = oarlock.load_model(HERE / "arm.toml", parameters=LENGTHS)
-    attachments = oarlock.load_attachments(HERE / "person.toml")
+    attachments = oarlock.markers.load_attachments(HERE / "person.toml")
     time_s = np.arange(0.0, DURATION_S, 1.0 / RATE_HZ)
     random = np.random.default_rng(1)
     q = np.stack(
@@ -50,7 +50,9 @@ def main() -> None:
         start, end = GAPS.get(a.marker, (0.0, 0.0))
         position[(time_s >= start - 1e-9) & (time_s < end - 1e-9), k] = np.nan
     lab = position @ LAB_FROM_ROOT.T + np.array([1.2, -0.4, 1.35])
-    markers = oarlock.Markers(tuple(a.marker for a in attachments), np.round(time_s, 3), np.round(lab, 4))
+    markers = oarlock.markers.Markers(
+        tuple(a.marker for a in attachments), np.round(time_s, 3), np.round(lab, 4)
+    )
     markers.save(HERE / "reach.trc")
 
 

@@ -93,7 +93,7 @@ def _(mo):
 
 @app.cell
 def _(model, oarlock, recording):
-    calibration = oarlock.calibrate_motion(model, recording, progress=True)
+    calibration = oarlock.calibration.calibrate_motion(model, recording, progress=True)
     calibration
     return (calibration,)
 

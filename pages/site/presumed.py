@@ -74,7 +74,8 @@ MADE: Mapping[str, str] = {
     "legs.zip": "{files} legs legs.zip",
     "walk.toml": "oarlock calibrate sagittal walk --model lower_body --stature-m 1.78 --mass-kg 74 --out walk.toml",
     "reach": "oarlock simulate --model arm --sensors thorax,upper_arm_r,forearm_r --out reach",
-    "reach.toml": "oarlock calibrate sagittal reach --model arm --sensors thorax,upper_arm_r,forearm_r --out reach.toml",
+    "reach.toml": "oarlock calibrate sagittal reach --model arm --sensors thorax,upper_arm_r,forearm_r "
+    "--out reach.toml",
     "my.toml": "{files} model my.toml",
     "rec": "oarlock simulate --model my.toml --out rec",
     "bow": "{files} crew bow",

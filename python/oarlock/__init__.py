@@ -12,22 +12,12 @@ import lazy_loader
 _public_name, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 
-ROOMS = {
-    "oarlock.calibration",
-    "oarlock.evaluation",
-    "oarlock.formats",
-    "oarlock.live",
-    "oarlock.movement",
-    "oarlock.recording",
-    "oarlock.report",
-    "oarlock.rowing",
-    "oarlock.season",
-}
-"""Rooms whose names are at hand after `import oarlock`: `oarlock.live.frames`."""
+ROOMS = {"oarlock.live", "oarlock.movement", "oarlock.rowing", "oarlock.season"}
+"""Fields of use: at hand after `import oarlock`, as the rooms of `__init__.pyi` are."""
 
 
 def __getattr__(name: str) -> object:
-    # The rooms stand above this one, so no import names them.
+    # Fields of use stand above this room, so no import names them.
     room = f"oarlock.{name}"
     return importlib.import_module(room) if room in ROOMS else _public_name(name)
 

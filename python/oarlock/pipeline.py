@@ -1,10 +1,9 @@
-"""`run`: from the files of a recording to angles and a report; `write_report`: the report of any track."""
+"""`run`: from the files of a recording to angles and a report."""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from importlib import import_module
 from os import PathLike
 from pathlib import Path
 from typing import Any, Unpack
@@ -15,14 +14,15 @@ from oarlock.calibration.session.search import calibrate_session
 from oarlock.calibration.static.sagittal import calibrate_sagittal
 from oarlock.evaluation.scores import Evaluation
 from oarlock.evaluation.suspects.suspect import Suspect
-from oarlock.evaluation.suspects.suspects import suspects
+from oarlock.evaluation.suspects.suspects import find_suspects
 from oarlock.formats.contents import read_recording
 from oarlock.model.ball_joint import with_ball_joint
 from oarlock.model.load import load_model
-from oarlock.recording.folder import INDEX_FILE
 from oarlock.recording.calibration import Calibration, load_calibration
+from oarlock.recording.folder import INDEX_FILE
 from oarlock.recording.recording import Recording
 from oarlock.recording.unit_names import units_of, with_unit_names
+from oarlock.report.fields import write_report
 from oarlock.report.session_page import write_session_page
 from oarlock.storage.errors import DataError, ModelError
 from oarlock.storage.folder_writer import check_empty, read_manifest, replaced_folder
@@ -110,7 +110,9 @@ def run(
     if low_pass_hz:
         measured = measured.low_passed(low_pass_hz)
     result = track(body, measured, known, smooth=True, progress=progress, **settings)
-    result = result.with_notes(*(one.note for one in searched_suspects(body, measured, known)), *map(ball_note, balls_of(known)))
+    result = result.with_notes(
+        *(one.note for one in searched_suspects(body, measured, known)), *map(ball_note, balls_of(known))
+    )
     check_empty(out / "track", force)
     with replaced_folder(out / "track", "track", force) as stage:
         write_track(result, stage, progress=progress)
@@ -126,7 +128,7 @@ def _imported(
     together: bool,
     force: bool,
 ) -> Recording:
-    """The recording, with units named as sensors of the body and written, unless it is a folder of Oarlock's as it is."""
+    """The recording with units named as sensors of the body; written, unless it is a folder of Oarlock's as it is."""
     measured = source if isinstance(source, Recording) else read_recording(source, pick, together)
     place = None if isinstance(source, Recording) else Path(source)
     if place is not None and (place / INDEX_FILE).is_file() and units is None:
@@ -168,7 +170,7 @@ def searched_suspects(
 ) -> tuple[Suspect, ...]:
     """Sensors that appear to be faulty. A search that fails costs no track: it is logged as an error."""
     try:
-        return suspects(model, recording, calibration, config)
+        return find_suspects(model, recording, calibration, config)
     except (DataError, ModelError):
         raise
     except Exception:
@@ -182,7 +184,10 @@ def _session_outcome(calibration: Calibration) -> tuple[int, str]:
     if session["passed"]:
         return logging.INFO, "the calibration session passed"
     steps = dict.fromkeys(check["step"] for check in session["check"] if check["outcome"] == "redo")
-    return logging.WARNING, f"calibration session: repeat {', '.join(steps)}; the page calibration.html says why"
+    return (
+        logging.WARNING,
+        f"calibration session: repeat {', '.join(steps)}; the page calibration.html says why",
+    )
 
 
 def _saved(calibration: Calibration, file: Path, force: bool) -> Path:
@@ -199,7 +204,7 @@ def write_track(
     *,
     progress: Progress = None,
 ) -> None:
-    """Write a track's tables, run.toml and report.html. A report that fails costs no track: it is logged as an error."""
+    """Write a track's tables, run.toml and report.html. A report that fails is logged as an error; the track stays."""
     with replaced_folder(folder, "track") as place:
         result.save(place)
         try:
@@ -208,46 +213,3 @@ def write_track(
             raise
         except Exception:
             LOG.exception("the track is written, and has no report")
-
-
-def write_report(
-    result: Track,
-    path: AnyPath,
-    evaluation: Evaluation | None = None,
-    truth: Track | None = None,
-    *,
-    progress: Progress = None,
-    **of_rowers: Any,
-) -> list[Path]:
-    """Write the report of any track: strokes and technique of a rower, else ranges and cycles of the movement.
-
-    Args:
-        result: the track.
-        path: the file to write, or an existing folder, which gets report.html.
-        evaluation: scores against the truth; computed if only `truth` is given.
-        truth: reference that is drawn beside the estimate.
-        progress: True shows a bar or lines; a function is called regularly with the share done, 0 to 1.
-        of_rowers: further keywords of `oarlock.rowing.report.write.write_rowing_report`.
-
-    Returns:
-        list: the written files, the report first.
-
-    Raises:
-        DataError: the track has no samples, or keywords of rowers were given and it is none.
-    """
-    # Fields of use stand above this room, so no import names them.
-    rowing = import_module("oarlock.rowing.report.write")
-    path = Path(path) / "report.html" if Path(path).is_dir() else Path(path)
-    if rowing.is_of_rower(result):
-        written: list[Path] = rowing.write_rowing_report(
-            result, path, evaluation, truth, progress=progress, **of_rowers
-        )
-        return written
-    if given := [name for name, value in of_rowers.items() if value]:
-        raise DataError(
-            f"{given[0]} needs the track of a rower; this one has the joints {', '.join(result.joint_names[:6])}"
-        )
-    written = import_module("oarlock.movement.report").write_movement_report(
-        result, path, evaluation, truth, progress=progress
-    )
-    return written

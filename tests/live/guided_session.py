@@ -37,7 +37,7 @@ class GuidedSession:
         rig = lines_rig(model, "sculler", port, RATE_HZ, STREAMS)
         drawn = live_look(model)
         picture = LivePicture.of(model, drawn.look, drawn.strands)
-        self.guide = Guide(oarlock.default_plan(model), PACE)
+        self.guide = Guide(oarlock.calibration.default_plan(model), PACE)
         self.beliefs = []
         self.live = Live(rig, model, folder, picture=picture, lead=Lead(self.guide), follower=self)
         self.server, self.port = page_server(self.live, title="Guided sculler"), port

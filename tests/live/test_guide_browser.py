@@ -114,9 +114,9 @@ def check(model, folder, session):
     for name, (rotation, _) in live.mounts.items():
         planted = session.sculler.truth.mounts[name][0]
         assert Rotation.from_matrix(rotation @ planted.T).magnitude() < MOUNT_RAD, name
-    plan = oarlock.load_session_plan(folder / RECORDING / PLAN)
+    plan = oarlock.calibration.load_session_plan(folder / RECORDING / PLAN)
     recording = oarlock.load_recording(folder / RECORDING)
-    offline = oarlock.calibrate_session(model, recording, plan)
+    offline = oarlock.calibration.calibrate_session(model, recording, plan)
     for name, (rotation, _) in offline.mounts.items():
         np.testing.assert_array_equal(live.mounts[name][0], rotation)
     again = place.session(model)

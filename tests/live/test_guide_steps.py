@@ -2,7 +2,7 @@
 
 import pytest
 
-from oarlock import SessionPlan, SessionStep
+from oarlock.calibration import SessionPlan, SessionStep
 from oarlock.live.guide.steps import CheckSteps, Cut, Guide, GuideDurations, Listen, Send, Swap
 from oarlock.live.guide.verdict import Verdict
 

@@ -19,7 +19,9 @@ PAD_S = 0.3
 @pytest.fixture(scope="module")
 def trial(sculler):
     """A careful sculler with units in any orientation."""
-    return oarlock.simulate_session(sculler, errors=oarlock.SessionErrors(mount_rad=1.0), seed=2)
+    return oarlock.simulation.simulate_session(
+        sculler, errors=oarlock.simulation.SessionErrors(mount_rad=1.0), seed=2
+    )
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +47,7 @@ def exchanged(recording, one, other):
 
 def test_the_verdict_is_the_offline_calibration_of_the_whole_recording(sculler, trial, plan):
     found = judged(Task(1, sculler, plan, parts_of(trial.recording, plan), None))
-    offline = oarlock.calibrate_session(sculler, trial.recording, plan)
+    offline = oarlock.calibration.calibrate_session(sculler, trial.recording, plan)
     assert found.passed and found.steps.keys() == {s.name for s in plan.steps}
     calibration = parsed_calibration(found.calibration)
     assert calibration.noted == offline.noted

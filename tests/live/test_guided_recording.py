@@ -25,13 +25,13 @@ ROWED_S, BEFORE_TRACK_S = 8.0, 4.0
 @pytest.fixture(scope="module")
 def plan(sculler):
     """Without the table, which takes long."""
-    own = oarlock.default_plan(sculler)
+    own = oarlock.calibration.default_plan(sculler)
     return replace(own, steps=tuple(s for s in own.steps if s.kind != "turn"))
 
 
 @pytest.fixture(scope="module")
 def trial(sculler, plan):
-    return oarlock.simulate_session(sculler, plan, ERRORS, seed=5, rate_hz=RATE_HZ)
+    return oarlock.simulation.simulate_session(sculler, plan, ERRORS, seed=5, rate_hz=RATE_HZ)
 
 
 @pytest.fixture(scope="module")
@@ -112,9 +112,9 @@ def led(sculler, trial, recording, tmp_path_factory):
 
 def test_offline_calibration_of_the_recording_gives_the_same(led, sculler):
     folder = led.place.path / RECORDING
-    plan = oarlock.load_session_plan(folder / PLAN)
+    plan = oarlock.calibration.load_session_plan(folder / PLAN)
     assert plan == led.plan
-    offline = oarlock.calibrate_session(sculler, oarlock.load_recording(folder), plan)
+    offline = oarlock.calibration.calibrate_session(sculler, oarlock.load_recording(folder), plan)
     live = oarlock.load_calibration(folder / CALIBRATION)
     assert live.noted == offline.noted
     for name, (rotation, _) in offline.mounts.items():

@@ -33,7 +33,7 @@ fn array(py: Python<'_>, Reals { shape, values }: Reals) -> PyResult<Array<'_>> 
     PyArray1::from_vec(py, values).reshape(shape)
 }
 
-/// True times, s, of time stamps (T,) by an `oarlock.Clock`.
+/// True times, s, of time stamps (T,) by an `oarlock.recording.Clock`.
 #[pyfunction]
 pub fn true_times_s<'py>(py: Python<'py>, clock_: &Any<'py>, stamps_s: &Any<'py>) -> PyResult<Array<'py>> {
     let (clock, mut stamps) = (clock(clock_)?, reals(stamps_s, "stamps")?);
@@ -41,7 +41,7 @@ pub fn true_times_s<'py>(py: Python<'py>, clock_: &Any<'py>, stamps_s: &Any<'py>
     array(py, stamps)
 }
 
-/// Values of readings (T,) by an `oarlock.EncoderScale`.
+/// Values of readings (T,) by an `oarlock.recording.EncoderScale`.
 #[pyfunction]
 pub fn encoder_values<'py>(py: Python<'py>, encoder_: &Any<'py>, readings: &Any<'py>) -> PyResult<Array<'py>> {
     let (encoder, mut readings) = (encoder(encoder_)?, reals(readings, "readings")?);

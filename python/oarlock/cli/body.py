@@ -16,11 +16,15 @@ if TYPE_CHECKING:
 
 Stature = Annotated[
     float | None,
-    typer.Option("--stature-m", metavar="M", help="Standing height, m: sets the lengths of a body, e.g. 1.78."),
+    typer.Option(
+        "--stature-m", metavar="M", help="Standing height, m: sets the lengths of a body, e.g. 1.78."
+    ),
 ]
 Mass = Annotated[
     float | None,
-    typer.Option("--mass-kg", metavar="KG", help="Mass, kg, with --stature-m: sets the radii of limbs, e.g. 74."),
+    typer.Option(
+        "--mass-kg", metavar="KG", help="Mass, kg, with --stature-m: sets the radii of limbs, e.g. 74."
+    ),
 ]
 Sensors = Annotated[
     str | None,

@@ -89,7 +89,7 @@ def chain(
 
     body = oarlock.load_model(model, parameters=assignments(settings, "--set"))
     free_file(out, force)
-    calibration = oarlock.calibrate_hinge_chain(
+    calibration = oarlock.calibration.calibrate_hinge_chain(
         body,
         oarlock.load_recording(recording),
         sensors=None if sensors is None else names(sensors),

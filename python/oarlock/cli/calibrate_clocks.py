@@ -54,7 +54,7 @@ def clocks(
     free_file(out, force)
     known = None if calibration is None else oarlock.load_calibration(calibration)
     with progress("calibrating clocks") as told:
-        found = oarlock.calibrate_clocks(
+        found = oarlock.calibration.calibrate_clocks(
             body,
             oarlock.load_recording(recording),
             known,

@@ -57,7 +57,7 @@ def motion(
 
     known = None if calibration is None else oarlock.load_calibration(calibration)
     search = partial(
-        oarlock.calibrate_motion,
+        oarlock.calibration.calibrate_motion,
         calibration=known,
         start_s=start_s,
         end_s=end_s,

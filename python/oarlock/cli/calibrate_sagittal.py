@@ -47,7 +47,9 @@ def sagittal(
     calibration: Start = None,
     still_s: Annotated[
         tuple[float, float] | None,
-        typer.Option("--still-s", metavar="START END", help="Stationary interval, s; default: the first one."),
+        typer.Option(
+            "--still-s", metavar="START END", help="Stationary interval, s; default: the first one."
+        ),
     ] = None,
     force: Replace = False,
     json_output: Json = False,
@@ -64,7 +66,7 @@ def sagittal(
     body = chosen_body(model, assignments(settings, "--set"), stature_m, mass_kg, sensors)
     start_s, end_s = still_s or (None, None)
     known = None if calibration is None else oarlock.load_calibration(calibration)
-    found = oarlock.calibrate_sagittal(
+    found = oarlock.calibration.calibrate_sagittal(
         body, oarlock.load_recording(recording), start_s=start_s, end_s=end_s, calibration=known
     )
     saved(found, write_sagittal, out, json_output)

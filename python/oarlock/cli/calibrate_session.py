@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from oarlock.cli.body import Mass, Pose, Sensors, Stature, chosen_body
-from oarlock.cli.options import Json, ModelName, Settings, assignments, example, names
+from oarlock.cli.options import Json, ModelName, Settings, assignments, example
 from oarlock.cli.terminal import UsageError, free_file, heading, number, print_json, say, steps, table, verb
 
 MARKS = {"pass": "pass", "redo": "DO AGAIN", "kept": "kept"}
@@ -69,7 +69,7 @@ def session(
     body = chosen_body(model, assignments(settings, "--set"), stature_m, mass_kg, sensors)
     if write_plan is not None:
         free_file(write_plan, force)
-        own = oarlock.default_plan(body, pose)
+        own = oarlock.calibration.default_plan(body, pose)
         own.save(write_plan)
         _say_plan(own, write_plan, json_output)
         return
@@ -78,8 +78,12 @@ def session(
     page = out.with_suffix(".html")
     for file in (out, page):
         free_file(file, force)
-    followed = oarlock.default_plan(body, pose) if plan is None else oarlock.load_session_plan(plan, pose)
-    found = oarlock.calibrate_session(
+    followed = (
+        oarlock.calibration.default_plan(body, pose)
+        if plan is None
+        else oarlock.calibration.load_session_plan(plan, pose)
+    )
+    found = oarlock.calibration.calibrate_session(
         body,
         oarlock.load_recording(recording),
         followed,

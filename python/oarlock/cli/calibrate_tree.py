@@ -31,7 +31,9 @@ Sensors = Annotated[
         "--sensors", metavar="NAMES", help="Sensors to use, comma-separated; default: all recorded."
     ),
 ]
-Window = Annotated[float, typer.Option("--window-s", metavar="S", help="Averaging window of the readings, s.")]
+Window = Annotated[
+    float, typer.Option("--window-s", metavar="S", help="Averaging window of the readings, s.")
+]
 Still = Annotated[
     tuple[float, float] | None,
     typer.Option("--still-s", metavar="START END", help="Stationary interval, s; default: the longest one."),
@@ -68,7 +70,9 @@ def joints(
     """Calibrate joint centres from motion: sensor positions and lengths between joints."""
     import oarlock
 
-    search = partial(oarlock.calibrate_joint_centers, window_s=window_s, **_known(sensors, calibration))
+    search = partial(
+        oarlock.calibration.calibrate_joint_centers, window_s=window_s, **_known(sensors, calibration)
+    )
     calibrated(search, write_joints, recording, model, out, settings, force, json_output)
 
 
@@ -87,7 +91,9 @@ def axes(
     """Correct mounts so that hinge axes agree with the motion."""
     import oarlock
 
-    search = partial(oarlock.calibrate_hinge_axes, window_s=window_s, **_known(sensors, calibration))
+    search = partial(
+        oarlock.calibration.calibrate_hinge_axes, window_s=window_s, **_known(sensors, calibration)
+    )
     calibrated(search, write_axes, recording, model, out, settings, force, json_output)
 
 
@@ -117,7 +123,7 @@ def pose(
     start_s, end_s = still_s or (None, None)
     posture = assignments(rest, "--rest")
     known = _known(sensors, calibration)
-    search = partial(oarlock.calibrate_pose, pose=posture, start_s=start_s, end_s=end_s, **known)
+    search = partial(oarlock.calibration.calibrate_pose, pose=posture, start_s=start_s, end_s=end_s, **known)
     calibrated(search, write_pose, recording, model, out, settings, force, json_output)
 
 
@@ -135,7 +141,7 @@ def field(
     """Find the strength and dip of the magnetic field for a model with these parameters."""
     import oarlock
 
-    search = partial(oarlock.calibrate_field, **_known(sensors, calibration))
+    search = partial(oarlock.calibration.calibrate_field, **_known(sensors, calibration))
     calibrated(search, write_field, recording, model, out, settings, force, json_output)
 
 

@@ -43,7 +43,8 @@ def units(
     ] = None,
     sensors: Sensors = None,
     units_file: Annotated[
-        Path | None, typer.Option("--units", metavar="FILE", help="Take the assignment of this units.toml instead.")
+        Path | None,
+        typer.Option("--units", metavar="FILE", help="Take the assignment of this units.toml instead."),
     ] = None,
     from_s: Annotated[
         float, typer.Option("--from-s", metavar="S", help="Ignore movements before this time, s.")

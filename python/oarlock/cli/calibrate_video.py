@@ -24,9 +24,9 @@ RecordingFolder = Annotated[
 def add_to(group: typer.Typer) -> None:
     """Registers the verbs."""
     group.command("video", epilog=example("oarlock calibrate video out piece.mp4"))(align)
-    group.command("clap", epilog=example("oarlock calibrate clap rec piece.mp4 --unit r_wrist --distance-m 6"))(
-        clap
-    )
+    group.command(
+        "clap", epilog=example("oarlock calibrate clap rec piece.mp4 --unit r_wrist --distance-m 6")
+    )(clap)
 
 
 @verb

@@ -100,7 +100,7 @@ def compare(
     known = None if truth is None and place == recording else oarlock.load_track(place)
     wearing = oarlock.load_calibration(calibration) if calibration is not None else None
     with output_folder(out, "comparison", force) as stage:
-        found = oarlock.compare(
+        found = oarlock.studies.compare(
             body,
             measured,
             known,

@@ -11,10 +11,10 @@ from oarlock.cli.calibrate import write_chain
 from oarlock.cli.options import Force, Json, example
 from oarlock.cli.tables import error, speed, write_notes, write_sensors
 from oarlock.cli.terminal import (
+    details,
     heading,
     number,
     output_folder,
-    page,
     pairs,
     print_json,
     progress,
@@ -71,13 +71,15 @@ def demo(
     with output_folder(out, "demo", force) as stage:
         filtered, smoothed = _sculler(stage / "sculler", out / "sculler")
         if not json_output:
-            _write_sculler(filtered, smoothed)
+            with details():
+                _write_sculler(filtered, smoothed)
         pendulum = _pendulum(stage / "pendulum", out / "pendulum")
     if json_output:
         print_json(_document(filtered, smoothed, pendulum))
         return
-    _write_pendulum(pendulum)
-    _write_end(smoothed, pendulum.scored)
+    with details():
+        _write_pendulum(pendulum)
+    _write_end(filtered, smoothed, pendulum)
 
 
 # --- sculler ------------------------------------------------------------------------------------------
@@ -108,7 +110,7 @@ def _write_sculler(filtered: DemoResult, smoothed: DemoResult) -> None:
     from oarlock.evaluation.summary import summarize
 
     summary = summarize(filtered.track)
-    page().rule("1  A sculler, simulated", align="left", style="dim")
+    heading("1  A sculler, simulated")
     say(
         "5 inertial units, a seat encoder and 4 oar encoders on a surging boat, with the noise and biases\n"
         f"of the paper's condition {CONDITION}. The ground truth is known, so errors are exact."
@@ -183,13 +185,13 @@ def _pendulum(folder: Path, place: Path) -> Pendulum:
     model = oarlock.load_model("pendulum3")
     recording.save(folder / "recording")
     with progress("calibrating mounts"):
-        found = oarlock.calibrate_hinge_chain(model, recording)
+        found = oarlock.calibration.calibrate_hinge_chain(model, recording)
     found.save(folder / "calibration.toml")
     calibration = oarlock.load_calibration(folder / "calibration.toml")
     track = run_filter(model, recording.only(calibration.mounts), calibration, None, smooth=False)
     orientations = read_apdm_orientations(file)
     whole, early = (
-        oarlock.evaluate_orientations(
+        oarlock.evaluation.evaluate_orientations(
             track, recording, orientations, calibration, end_s=end_s, reference="the vendor's orientations"
         )
         for end_s in (None, BEFORE_FASTEST_TURN_S)
@@ -206,7 +208,7 @@ def _write_pendulum(result: Pendulum) -> None:
     track, evaluation, report = result.scored
     summary = summarize(track)
     say()
-    page().rule("2  A three-link pendulum, real", align="left", style="dim")
+    heading("2  A three-link pendulum, real")
     say(
         "3 inertial units: raw gyroscope, accelerometer, magnetometer. Their mounts are not documented:\n"
         "they are calibrated from a stationary interval and the plane of the swing."
@@ -245,21 +247,21 @@ def _write_pendulum(result: Pendulum) -> None:
 # --- both ---------------------------------------------------------------------------------------------
 
 
-def _write_end(sculler: DemoResult, pendulum: DemoResult) -> None:
-    say()
-    page().rule("Results", align="left", style="dim")
+def _write_end(filtered: DemoResult, smoothed: DemoResult, pendulum: Pendulum) -> None:
     table(
-        ["what", ">mean RMSE deg", ">worst deg", "against", "report"],
+        ["what", ">mean RMSE deg", ">worst deg", "against"],
         [
-            ("sculler, smoothed, all angles", *_two(sculler), "truth", str(sculler.report)),
-            ("pendulum, filtered", *_two(pendulum), "vendor", str(pendulum.report)),
+            ("a simulated sculler", *_two(filtered), "truth"),
+            ("  smoothed", *_two(smoothed), "truth"),
+            (f"a real pendulum, to {BEFORE_FASTEST_TURN_S:g} s", *_two(pendulum.scored, pendulum.early), "vendor"),
         ],
         indent=0,
     )
+    say(f"\nopen {smoothed.report}\nopen {pendulum.scored.report}")
 
 
-def _two(scored: DemoResult) -> tuple[str, str]:
-    scores = scored.evaluation
+def _two(scored: DemoResult, scores: Evaluation | None = None) -> tuple[str, str]:
+    scores = scores or scored.evaluation
     return number(scores.mean_rmse_deg(), ".3f"), number(scores.worst_rmse_deg(), ".3f")
 
 

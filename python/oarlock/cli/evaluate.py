@@ -13,7 +13,7 @@ from oarlock.cli.tables import write_evaluation, write_marker_evaluation
 from oarlock.cli.terminal import UsageError, print_json, say, verb
 
 if TYPE_CHECKING:
-    from oarlock import Attachment
+    from oarlock.markers import Attachment
 
 MARKER_ENDINGS: Final = (".c3d", ".trc", ".csv", ".tsv", ".txt")
 CLOCKS: Final[dict[str, bool | str]] = {"offset": True, "drift": "drift", "same": False}
@@ -87,9 +87,9 @@ def evaluate(
     if truth.suffix.lower() in MARKER_ENDINGS and not truth.is_dir():
         if clock not in CLOCKS:
             raise UsageError(f"--clock {clock}: choose one of {', '.join(CLOCKS)}")
-        against = oarlock.evaluate_markers(
+        against = oarlock.markers.evaluate_markers(
             track,
-            oarlock.load_markers(truth, unit),
+            oarlock.markers.load_markers(truth, unit),
             _pairs(frames, attachments),
             align_clock=CLOCKS[clock],
             align_frame=align_frame,
@@ -112,7 +112,7 @@ def evaluate(
 
 
 def _pairs(frames: str | None, attachments: Path | None) -> dict[str, str] | tuple[Attachment, ...] | None:
-    from oarlock import load_attachments
+    from oarlock.markers import load_attachments
 
     if frames is not None and attachments is not None:
         raise UsageError("give --frames or --attachments, not both")

@@ -17,7 +17,7 @@ import typer
 from oarlock.cli import live_doctor, live_init, live_scan, live_track
 from oarlock.cli.body import Pose
 from oarlock.cli.options import Json, example
-from oarlock.cli.terminal import EXIT_DATA, print_json, say, steps, table, verb
+from oarlock.cli.terminal import EXIT_DATA, QUIET, print_json, say, set_verbosity, steps, table, verb
 
 if TYPE_CHECKING:
     from oarlock import Calibration, Model
@@ -46,7 +46,8 @@ Share = Annotated[
     ),
 ]
 Seconds = Annotated[
-    float | None, typer.Option("--duration-s", metavar="S", help="End after so long; default: Ctrl-C ends it.")
+    float | None,
+    typer.Option("--duration-s", metavar="S", help="End after so long; default: Ctrl-C ends it."),
 ]
 NoPage = Annotated[bool, typer.Option("--no-page", help="Record and track without a page.")]
 UdpTo = Annotated[
@@ -101,6 +102,7 @@ def run(
         typer.Option("--plan", metavar="FILE", help="Plan of the guided start; default: the model's own."),
     ] = None,
     pose: Pose = "N",
+    json_output: Json = False,
 ) -> None:
     """Record, track and show what a rig's sensors send.
 
@@ -111,13 +113,14 @@ def run(
     from oarlock.live.outputs.table import Outputs
     from oarlock.live.rig import Rig
 
+    _silent(json_output)
     found, wanted = Rig.load(rig), Outputs(tuple(udp or ()), tuple(osc or ()), tuple(lsl or ()))
     calibration = None if found.calibration is None else oarlock.load_calibration(found.calibration)
     model = oarlock.load_model(found.model)
     live = _session(found, model, calibration, out, wanted)
     if not (no_guide or no_page) and found.feeds:
         live.lead = _lead(model, calibration, plan, pose)
-    _run(live, port, share, no_page, seconds)
+    _run(live, port, share, no_page, seconds, json_output=json_output)
 
 
 @group.command("demo", epilog=example("oarlock live demo"))
@@ -137,6 +140,7 @@ def demo(
             "--guided", help="Units on unknown mounts, and a sculler who does what the guided start asks."
         ),
     ] = False,
+    json_output: Json = False,
 ) -> None:
     """Show a sculler whose sensors are emulated on this machine: drifting clocks, losses, a magnet, a dropout."""
     import oarlock
@@ -145,18 +149,19 @@ def demo(
     from oarlock.live.transports.udp import free_port
     from oarlock.rowing.simulation.emulated import RATE_HZ, STREAMS
 
+    _silent(json_output)
     model, sent_to = oarlock.load_model("sculler"), free_port()
     rig = lines_rig(model, "sculler", sent_to, RATE_HZ, STREAMS)
     live = _session(rig, model, None, out or dated_folder(Path("out")))
     if guided:
-        _run_guided(live, sent_to, port, share, seconds)
+        _run_guided(live, sent_to, port, share, seconds, json_output)
         return
     words = [sys.executable, "-m", "oarlock.rowing.simulation.emulated", str(sent_to), str(RATE_HZ)]
     emulator = subprocess.Popen(words, stdout=subprocess.PIPE)
     assert emulator.stdout is not None
     try:
         emulator.stdout.readline()
-        _run(live, port, share, no_page, seconds)
+        _run(live, port, share, no_page, seconds, json_output=json_output)
     finally:
         emulator.terminate()
         emulator.stdout.close()
@@ -200,13 +205,25 @@ def _lead(model: Model, calibration: Calibration | None, plan: Path | None, pose
     from oarlock.live.guide.lead import Lead
     from oarlock.live.guide.steps import Guide
 
-    followed = oarlock.default_plan(model, pose) if plan is None else oarlock.load_session_plan(plan, pose)
+    followed = (
+        oarlock.calibration.default_plan(model, pose)
+        if plan is None
+        else oarlock.calibration.load_session_plan(plan, pose)
+    )
     followed.check(model)
     guide = Guide(followed, phase="offered" if calibration is None else "closed")
     return Lead(guide) if guide.progress and model.describe().inertial_units else None
 
 
-def _run_guided(live: Live, sent_to: int, port: int, share: bool, seconds: float | None) -> None:
+def _silent(json_output: bool) -> None:
+    """With --json nothing but the document at the end is printed."""
+    if json_output:
+        set_verbosity(QUIET)
+
+
+def _run_guided(
+    live: Live, sent_to: int, port: int, share: bool, seconds: float | None, json_output: bool
+) -> None:
     """The demo of the guided start: its emulated sculler looks at what the page shows."""
     from oarlock.live.transports.transport import now_ns
     from oarlock.rowing.simulation.guided import GuidedSculler, send_guided
@@ -219,7 +236,7 @@ def _run_guided(live: Live, sent_to: int, port: int, share: bool, seconds: float
         await live.started.wait()
         await send_guided(sculler, sent_to, lambda: (guide.told(), live.session.intake.seconds(now_ns())))
 
-    _run(live, port, share, False, seconds, send)
+    _run(live, port, share, False, seconds, send, json_output)
 
 
 def _session(
@@ -244,6 +261,7 @@ def _run(
     no_page: bool,
     seconds: float | None,
     beside: Callable[[], Awaitable[None]] | None = None,
+    json_output: bool = False,
 ) -> None:
     """Runs a session, and something beside it."""
     if not no_page:
@@ -254,6 +272,16 @@ def _run(
         token = secrets.token_urlsafe(12) if share else ""
         page_server(live, "0.0.0.0" if share else "127.0.0.1", port, token, more=more)
     asyncio.run(_until_stopped(live, seconds, beside))
+    if json_output:
+        recording = live.folder / "recording"
+        print_json(
+            {
+                "folder": live.folder,
+                "recording": recording if recording.is_dir() else None,
+                "estimates": live.estimates,
+            }
+        )
+        return
     _write_end(live, live.folder)
 
 

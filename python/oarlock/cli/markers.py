@@ -26,10 +26,11 @@ from oarlock.cli.terminal import (
 )
 
 if TYPE_CHECKING:
-    from oarlock import Markers, Model
+    from oarlock import Model
     from oarlock.evaluation.markers.body_fit import BodyFit
     from oarlock.evaluation.markers.gaps import Gap
     from oarlock.evaluation.markers.simulated import MarkerStudy
+    from oarlock.markers import Markers
 
 group = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Optical markers: C3D, TRC, CSV.")
 
@@ -63,7 +64,7 @@ def show(
     json_output: Json = False,
 ) -> None:
     """Show a marker file: names, rate, range and gaps of each marker."""
-    from oarlock import fill_gaps, load_markers
+    from oarlock.markers import fill_gaps, load_markers
 
     markers = load_markers(file, unit, axes=axes)
     filled = fill_gaps(markers, longest_s)
@@ -100,7 +101,9 @@ def show(
 def attach(
     file: MarkerFile,
     out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="File to write, .toml.")],
-    on: Annotated[str, typer.Option("--frames", metavar="MARKER=FRAME,...", help="The frame of each marker.")],
+    on: Annotated[
+        str, typer.Option("--frames", metavar="MARKER=FRAME,...", help="The frame of each marker.")
+    ],
     model: ModelName = "sculler",
     posture: Annotated[
         list[str] | None,
@@ -119,13 +122,13 @@ def attach(
 
     free_file(out, force)
     loaded = oarlock.load_model(model, parameters=assignments(settings, "--set"))
-    found = oarlock.attach_markers(
+    found = oarlock.markers.attach_markers(
         loaded,
-        oarlock.load_markers(file, unit, axes=axes),
+        oarlock.markers.load_markers(file, unit, axes=axes),
         mapping(on, "--on"),
         assignments(posture, "--posture"),
     )
-    oarlock.save_attachments(found, out)
+    oarlock.markers.save_attachments(found, out)
     if json_output:
         print_json({"attachments": out, "markers": [a.marker for a in found]})
         return
@@ -198,8 +201,8 @@ def simulate(
 
     values = assignments(settings, "--set")
     loaded = oarlock.load_model(model, parameters=values)
-    markers = oarlock.load_markers(file, unit, axes=axes)
-    placed = oarlock.load_attachments(attachments)
+    markers = oarlock.markers.load_markers(file, unit, axes=axes)
+    placed = oarlock.markers.load_attachments(attachments)
     check_folder(out, force)
     body = None
     if estimate:
@@ -208,7 +211,7 @@ def simulate(
         placed = body.attachments
         loaded = oarlock.load_model(model, parameters=values | dict(body.parameters))
     with progress("fitting postures") as told:
-        study = oarlock.simulate_from_markers(
+        study = oarlock.markers.simulate_from_markers(
             loaded,
             markers,
             placed,
@@ -223,7 +226,7 @@ def simulate(
         )
     with output_folder(out, "recording", force) as stage:
         study.save(stage)
-        oarlock.save_attachments(placed, stage / "attachments.toml")
+        oarlock.markers.save_attachments(placed, stage / "attachments.toml")
         if body is not None:
             body.calibration().save(stage / "calibration.toml")
         write_marker_report(study, stage, title=f"Markers of {file.name}")
@@ -257,7 +260,7 @@ def mapping(text: str, flag: str) -> dict[str, str]:
 
 
 def _body(model: Model, markers: Markers, attachments: object, wanted: tuple[str, ...]) -> BodyFit:
-    from oarlock import fit_body
+    from oarlock.markers import fit_body
 
     return fit_body(
         model,

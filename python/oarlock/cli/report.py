@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
@@ -14,7 +14,7 @@ from oarlock.cli.tables import write_contradiction
 from oarlock.cli.terminal import UsageError, free_file, print_json, progress, say, verb
 
 if TYPE_CHECKING:
-    from oarlock import Evaluation, Track
+    from oarlock import Track
     from oarlock.rowing import Activity, StrokeTable
     from oarlock.rowing.findings.rowed import StoredStrokes
 
@@ -165,7 +165,7 @@ def report(
         if summary or card:
             staged = [_write_front(track, stage / page.name, card, earlier, other, names, targets)]
         else:
-            of_rowers = {}
+            of_rowers: dict[str, Any] = {}
             if is_of_rower(track):
                 of_rowers = {"other": other, "names": names, "targets": targets, "export": export}
                 of_rowers |= {"last": earlier.last, "best": earlier.best, "compared_notes": earlier.notes}

@@ -11,6 +11,7 @@ from oarlock.cli.terminal import pairs, say
 
 if TYPE_CHECKING:
     from oarlock import Track
+    from oarlock.movement.ranges import MotionRange
 
 MOST_LINES = 8
 
@@ -18,8 +19,8 @@ MOST_LINES = 8
 def result_of(track: Track) -> dict[str, Any]:
     """The result as data: `strokes` and `figures` of a rower, else `angles` in deg, the largest range first.
 
-    An angle has `name`, `low_deg`, `high_deg`, `band_deg` (half of the 95 % interval of its range) and `doubt`, empty if
-    it is measured well.
+    An angle has `name`, `low_deg`, `high_deg`, `band_deg` (half of the 95 % interval of both) and `doubt`, empty if it
+    can be used.
     """
     from oarlock.movement.movement import movement_of
     from oarlock.rowing.report.write import is_of_rower, rowing_front
@@ -31,18 +32,22 @@ def result_of(track: Track) -> dict[str, Any]:
     if track.model is None or not len(track.time_s):
         return {"angles": []}
     ranges = sorted(movement_of(track).ranges.values(), key=lambda one: -one.range_deg)
+    return {"angles": [_angle(one) for one in ranges if not one.hardly_moved]}
+
+
+def _angle(one: MotionRange) -> dict[str, Any]:
+    """A wide band alone does not make an angle useless if it is small against its range: it is printed."""
+    from oarlock.evaluation.errors import BAND_95
+    from oarlock.movement.ranges import WELL_SHARE, WIDE
+
+    band_deg = BAND_95 * max(one.lowest_std_deg, one.highest_std_deg)
+    is_usable = one.well_measured or (one.doubt in ("", WIDE) and band_deg <= WELL_SHARE * one.range_deg)
     return {
-        "angles": [
-            {
-                "name": one.name,
-                "low_deg": one.lowest_deg,
-                "high_deg": one.highest_deg,
-                "band_deg": one.half_deg,
-                "doubt": "" if one.well_measured else one.cause,
-            }
-            for one in ranges
-            if not one.hardly_moved
-        ]
+        "name": one.name,
+        "low_deg": one.lowest_deg,
+        "high_deg": one.highest_deg,
+        "band_deg": band_deg,
+        "doubt": "" if is_usable else one.cause,
     }
 
 
@@ -74,7 +79,9 @@ def _write_angles(angles: list[dict[str, Any]]) -> None:
         band = f" (+- {one['band_deg']:.0f})" if isfinite(one["band_deg"]) else ""
         span = f"{mark} {one['low_deg']:.0f} to {one['high_deg']:.0f} deg{band}".strip()
         usable.setdefault(name, []).append(span)
-    pairs([(name, ", ".join(sorted(spans, reverse=True))) for name, spans in list(usable.items())[:MOST_LINES]])
+    pairs(
+        [(name, ", ".join(sorted(spans, reverse=True))) for name, spans in list(usable.items())[:MOST_LINES]]
+    )
     if len(usable) > MOST_LINES:
         say(f"and {len(usable) - MOST_LINES} more in the report")
     for doubt, names in unusable.items():

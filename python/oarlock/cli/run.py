@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from oarlock.cli.body import Mass, Pose, Sensors, Stature
 from oarlock.cli.options import Force, Json, ModelName, example, names
-from oarlock.cli.terminal import UsageError, check_folder, details, print_json, say, steps, verb
+from oarlock.cli.terminal import UsageError, check_folder, details, print_json, steps, verb
 from oarlock.cli.unit_options import UnitsOption, assignment
+
+if TYPE_CHECKING:
+    from oarlock.tracking.settings import Settings
 
 
 def add_to(app: typer.Typer) -> None:
@@ -64,7 +67,9 @@ def run(
     ] = None,
     low_pass_hz: Annotated[
         float,
-        typer.Option("--low-pass-hz", metavar="HZ", help="Cut-off of the readings of inertial units; 0: none."),
+        typer.Option(
+            "--low-pass-hz", metavar="HZ", help="Cut-off of the readings of inertial units; 0: none."
+        ),
     ] = 0.0,
     output_rate_hz: Annotated[
         float | None, typer.Option(metavar="HZ", help="Rate of the rows, 0: one for every sample.")
@@ -89,7 +94,7 @@ def run(
         raise UsageError(f"--pose {pose} is the still pose of a guided session: give it with --session")
     for place in (out / "recording", out / "track"):
         check_folder(place, force)
-    settings = {} if output_rate_hz is None else {"output_rate_hz": output_rate_hz}
+    settings: Settings = {} if output_rate_hz is None else {"output_rate_hz": output_rate_hz}
     place_of = assignment(units)
     track = oarlock.run(
         asked_recording(path, pick, together, model, place_of, athlete, json_output),
@@ -110,7 +115,14 @@ def run(
     )
     report = out / "track/report.html"
     if json_output:
-        print_json({"out": out, "report": report if report.exists() else None, **result_of(track), "notes": track.notes})
+        print_json(
+            {
+                "out": out,
+                "report": report if report.exists() else None,
+                **result_of(track),
+                "notes": track.notes,
+            }
+        )
         return
     with details():
         write_summary(track)

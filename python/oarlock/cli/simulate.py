@@ -109,7 +109,9 @@ def simulate(
     if not (session or field or effect or boat or condition) and not _rows(loaded):
         session = True
         if not json_output:
-            say(f'"{loaded.name}" is no rower: this simulates its calibration session, as with --calibration-session.')
+            say(
+                f'"{loaded.name}" is no rower: this simulates its calibration session, as with --calibration-session.'
+            )
     if session:
         simulate_guided_session(loaded, out, model, pose, seed, force, json_output)
         return

@@ -15,7 +15,8 @@ def simulate_guided_session(
     model: Model, out: Path, named: str, pose: str, seed: int, force: bool, json_output: bool
 ) -> None:
     """Writes a recording of a person who follows the model's plan, and the ground truth."""
-    from oarlock import default_plan, simulate_session
+    from oarlock.calibration import default_plan
+    from oarlock.simulation import simulate_session
 
     with output_folder(out, "recording", force) as stage, progress("simulating"):
         trial = simulate_session(model, default_plan(model, pose), seed=seed)

@@ -22,9 +22,9 @@ from oarlock.cli.terminal import (
 )
 
 if TYPE_CHECKING:
-    from oarlock import Study
     from oarlock.evaluation.study.costs import Dose
     from oarlock.evaluation.study.result import StudyResult
+    from oarlock.studies import Study
 
 
 def add_to(app: typer.Typer) -> None:
@@ -62,12 +62,12 @@ def study(
 
     Ctrl-C keeps the finished runs; the same command continues from there.
     """
-    from oarlock import load_study
     from oarlock.evaluation.study.pool import UNFINISHED, all_rows, forget
     from oarlock.evaluation.study.result import KIND, StudyResult
     from oarlock.report.study_page import study_page
     from oarlock.rowing import SIMULATORS
     from oarlock.storage.write_file import write_file
+    from oarlock.studies import load_study
 
     given = load_study(file, SIMULATORS, None if seeds is None else range(seeds))
     if keys:

@@ -12,7 +12,7 @@ from oarlock.cli.track_folder import TRACK
 from oarlock.storage.folder_writer import added_files
 
 if TYPE_CHECKING:
-    from oarlock import Calibration, Config, Model, Recording, Suspect
+    from oarlock.evaluation import Suspect
 
 
 def write_suspects(found: Sequence[Suspect]) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from oarlock.cli.terminal import heading, number, pairs, say, table
+from oarlock.cli.terminal import details, heading, number, pairs, say, table
 from oarlock.evaluation.marker_scores import MarkerEvaluation
 from oarlock.evaluation.scores import Evaluation, SensorScore, presentation
 from oarlock.evaluation.summary import ReadingCounts, TrackSummary, rate_text, shares_text, summarize
@@ -114,7 +114,8 @@ def write_evaluation(evaluation: Evaluation) -> None:
         _scores("component or angle", evaluation.part_rows)
     _positions(evaluation)
     _means(evaluation)
-    write_sensors(evaluation.sensors)
+    with details():
+        write_sensors(evaluation.sensors)
 
 
 def _scores(what: str, rows: Sequence[Mapping[str, Any]]) -> None:

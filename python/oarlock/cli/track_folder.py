@@ -11,7 +11,8 @@ from oarlock.evaluation.comparison.estimators import LIMB_FILTER
 from oarlock.evaluation.comparison.orientation_track import ORIENTATION_FILTERS
 
 if TYPE_CHECKING:
-    from oarlock import Calibration, Config, Evaluation, Model, Recording, Suspect, Track
+    from oarlock import Calibration, Config, Evaluation, Model, Recording, Track
+    from oarlock.evaluation import Suspect
 
 TRACK = "track"
 """What the manifest of such a folder says."""
@@ -31,9 +32,13 @@ def run_filter(
 
     with progress("tracking") as told:
         if filter_name == LIMB_FILTER:
-            return oarlock.track_limbs(model, recording, calibration, config, progress=told)
+            return oarlock.studies.track_independent_chains(
+                model, recording, calibration, config, progress=told
+            )
         if filter_name in ORIENTATION_FILTERS:
-            return oarlock.track_orientations(model, recording, filter_name, calibration, progress=told)
+            return oarlock.studies.track_orientations(
+                model, recording, filter_name, calibration, progress=told
+            )
         result = oarlock.track(model, recording, calibration=calibration, config=config, progress=told)
     if smooth:
         with progress("smoothing") as told:

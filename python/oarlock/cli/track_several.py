@@ -30,7 +30,8 @@ from oarlock.storage.folder_writer import replaced_folder
 from oarlock.storage.write_file import check_writable
 
 if TYPE_CHECKING:
-    from oarlock import Calibration, Config, Model, Recording, Suspect, Track
+    from oarlock import Calibration, Config, Model, Recording, Track
+    from oarlock.evaluation import Suspect
     from oarlock.tracking.many import Failure, Job
 
 

@@ -150,7 +150,7 @@ def _film(
     track: Track, video: Path, offset_s: float | None, drift_ppm: float, camera: Path | None, target: Path
 ) -> dict[str, Any]:
     """Return what the page needs to know of the video; its offset is found if it is not given."""
-    from oarlock.cli.video import aligned
+    from oarlock.cli.calibrate_video import aligned
     from oarlock.movement.video import load_camera, video_info
     from oarlock.movement.video.shown import shown_video
 

@@ -165,7 +165,9 @@ def parsed_units(texts: Iterable[str] | None) -> dict[str, str] | Path | None:
     for part in (part.strip() for text in texts for part in text.split(",")):
         sensor, equals, unit = (piece.strip() for piece in part.partition("="))
         if not (sensor and equals and unit):
-            raise DataError(f'--units "{part}": expected SENSOR=UNIT, such as thorax=00B421E6, or one units.toml')
+            raise DataError(
+                f'--units "{part}": expected SENSOR=UNIT, such as thorax=00B421E6, or one units.toml'
+            )
         if sensor in units:
             raise DataError(f'--units: the sensor "{sensor}" is given twice')
         units[sensor] = unit

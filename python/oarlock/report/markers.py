@@ -28,7 +28,7 @@ def write_marker_report(study: MarkerStudy, path: str | Path, title: str = "Mark
     """Write a page about a marker session that works offline: joints with their bands, residuals, every gap.
 
     Args:
-        study: the result of `oarlock.simulate_from_markers`.
+        study: the result of `oarlock.markers.simulate_from_markers`.
         path: the file to write, or an existing folder, which gets ``report.html``.
         title: heading.
 

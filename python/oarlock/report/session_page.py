@@ -34,7 +34,7 @@ def write_session_page(
     model: Model | None = None,
     pose: Mapping[str, float] | None = None,
 ) -> Path:
-    """Write the page of a calibration that `oarlock.calibrate_session` made; works offline and on paper.
+    """Write the page of a calibration that `oarlock.calibration.calibrate_session` made; works offline and on paper.
 
     Args:
         calibration: of the session.
@@ -62,7 +62,7 @@ def session_page(
     if not isinstance(session, Mapping):
         raise DataError(
             'this calibration was not made by a session (noted["session"] is missing). '
-            "Make one with oarlock.calibrate_session"
+            "Make one with oarlock.calibration.calibrate_session"
         )
     checks: Sequence[Check] = session["check"]
     again = [c for c in checks if c["outcome"] == "redo"]

@@ -145,7 +145,7 @@ class SessionPlan:
         given: object = self.steps
         steps = tuple(given) if isinstance(given, Iterable) else (given,)
         if not all(isinstance(step, SessionStep) for step in steps):
-            raise DataError(f"{where}: steps are oarlock.SessionStep(...), one after the other")
+            raise DataError(f"{where}: steps are oarlock.calibration.SessionStep(...), one after the other")
         object.__setattr__(self, "steps", steps)
         if not self.steps:
             raise DataError(f"{where}: has no steps")

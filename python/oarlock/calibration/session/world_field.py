@@ -28,7 +28,7 @@ def _seen(searches: Mapping[str, SensorSearch]) -> dict[str, tuple[float, float]
 
 
 def field_parameters(model: Model, searches: Mapping[str, SensorSearch]) -> dict[str, float]:
-    """The model's parameters for the field, where it has any; see `oarlock.calibrate_field`."""
+    """The model's parameters for the field, where it has any; see `oarlock.calibration.calibrate_field`."""
     seen = _seen(searches)
     found = {}
     for k, key in enumerate(("magnetic_norm_ut", "magnetic_dip_rad")):

@@ -76,7 +76,7 @@ def calibrate_hinge_axes(
         The starting calibration with turned mounts and their standard deviations. ``noted`` holds each axis, its
         standard deviation, by how much the mount was turned, undetermined axes, mounts that stay nominal because the
         motion differs from them all by no more than its own uncertainty, and under ``play`` the hinges that also turn
-        across their axis: see `oarlock.with_play`.
+        across their axis: see `oarlock.model.with_play`.
 
     Raises:
         DataError: no two units with a single hinge between them, two units on one body, a stream without

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
 from oarlock._core import Config, Tracker
-from oarlock.evaluation.comparison.limb_track import track_limbs
+from oarlock.evaluation.comparison.limb_track import track_independent_chains
 from oarlock.evaluation.comparison.orientation_track import ORIENTATION_FILTERS, track_orientations
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.recording import Recording
@@ -63,11 +63,11 @@ class Estimator:
         """Track a recording.
 
         Raises:
-            DataError: as `oarlock.track`, `track_limbs` and `track_orientations`.
+            DataError: as `oarlock.track`, `track_independent_chains` and `track_orientations`.
         """
         if self.config is None:
             return track_orientations(model, recording, self.name, calibration, progress=progress)
-        way = track_limbs if self.family == LIMBS else track
+        way = track_independent_chains if self.family == LIMBS else track
         return way(model, recording, calibration, self.config, progress=progress)
 
     def tracker(self, model: Model, calibration: Calibration | None = None) -> Tracker:

@@ -1,4 +1,4 @@
-"""`track_limbs`: an independent filter for each limb, merged into one track."""
+"""`track_independent_chains`: an independent filter for each limb, merged into one track."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Floats = NDArray[np.float64]
 _ESTIMATES = ("q", "qd", "qdd", "q_std", "qd_std", "qdd_std")
 
 
-def track_limbs(
+def track_independent_chains(
     model: Model,
     recording: Recording,
     calibration: Calibration | None = None,

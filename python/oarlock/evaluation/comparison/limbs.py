@@ -1,4 +1,4 @@
-"""Splits a model into limbs: one sub-model for each limb and one for the shared joints. Used by `track_limbs`."""
+"""Splits a model into limbs: one sub-model for each and one for the shared joints. For `track_independent_chains`."""
 
 from __future__ import annotations
 

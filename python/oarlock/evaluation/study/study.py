@@ -14,7 +14,7 @@ from oarlock.evaluation.study.spec import Study
 from oarlock.storage.progress import Progress, shown
 
 
-def study(
+def run_study(
     what: Study,
     *,
     jobs: int | None = None,

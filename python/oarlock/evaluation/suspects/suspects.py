@@ -30,7 +30,7 @@ ALONE = 2.5
 """Factor by which the misfit of the others must be smaller without that sensor."""
 
 
-def suspects(
+def find_suspects(
     model: Model,
     recording: Recording,
     calibration: Calibration | None = None,

@@ -35,7 +35,7 @@ def read_c3d(path: str | PathLike[str]) -> Recording:
     Returns:
         One `ImuStream` for each inertial unit whose channels have labels such as "ACCX1" and a unit of measurement.
         Every other channel is a `ScalarStream` of its label. Time stamps are those of the trial: a cut file keeps its
-        time. Markers are not imported; see `oarlock.load_markers`.
+        time. Markers are not imported; see `oarlock.markers.load_markers`.
 
     Raises:
         DataError: ezc3d is not installed, or the file cannot be read or has no analogue channels.

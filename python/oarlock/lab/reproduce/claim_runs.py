@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from oarlock import Study, StudyResult, load_model
+from oarlock import load_model
 from oarlock.evaluation.study.pool import rows_of_studies
 from oarlock.lab.reproduce.contents import Floats, Row, finite_mean
 from oarlock.lab.reproduce.estimators import ELEVEN, ESTIMATORS
@@ -16,6 +16,7 @@ from oarlock.lab.reproduce.field_trials import POINTS
 from oarlock.rowing.simulation import paper
 from oarlock.rowing.simulation.simulators import SIMULATORS
 from oarlock.storage.progress import Told
+from oarlock.studies import Study, StudyResult
 
 PLAIN = {e.key: e.values for e in ESTIMATORS}
 SIDES_OFF = {"no back": ["back"], "no upper arms": ["r_upperarm", "l_upperarm"]}

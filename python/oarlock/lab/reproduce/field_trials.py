@@ -137,7 +137,9 @@ def _config(setting: Setting) -> Config:
 
 
 def _scored(setting: Setting, seed: int, markers: Markers, track: Track) -> TrackedTrial:
-    scores = oarlock.evaluate_markers(track, markers, align_clock=False, align_frame=False, start_s=START_S)
+    scores = oarlock.markers.evaluate_markers(
+        track, markers, align_clock=False, align_frame=False, start_s=START_S
+    )
     bands = {name: place_band(track, name, START_S) for name in POINTS}
     points = {}
     for name in POINTS:

@@ -7,13 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from oarlock import Study, StudyResult, load_model
+from oarlock import load_model
 from oarlock.evaluation.study.pool import all_rows
 from oarlock.lab.reproduce.contents import Cell, Floats, Mark, PaperPart, Table, finite_mean, shown, spread
 from oarlock.lab.reproduce.estimators import ELEVEN, ESTIMATORS
 from oarlock.rowing.simulation import paper
 from oarlock.rowing.simulation.simulators import SIMULATORS
 from oarlock.storage.progress import Told
+from oarlock.studies import Study, StudyResult
 
 SMOOTHED = "smoothed"
 HANDS = {"radial": ("r_hand_abduction", "l_hand_abduction"), "palmar": ("r_hand_flexion", "l_hand_flexion")}

@@ -74,7 +74,9 @@ def judged(task: Task) -> Verdict:
     """Calibrates with the readings of all steps, as `oarlock calibrate session` does with a recording of them."""
     try:
         recording = joined(task.parts)
-        found = oarlock.calibrate_session(task.model, recording, task.plan, calibration=task.calibration)
+        found = oarlock.calibration.calibrate_session(
+            task.model, recording, task.plan, calibration=task.calibration
+        )
     except DataError as error:
         return Verdict(task.number, {task.newest: (REDO, f"{error}.")})
     noted: Any = found.noted["session"]

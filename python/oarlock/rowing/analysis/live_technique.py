@@ -10,10 +10,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock import Belief, Calibration, Model, track_of_beliefs
+from oarlock import Belief, Calibration, Model
 from oarlock.rowing.analysis.technique import technique
 from oarlock.rowing.strokes.live_strokes import LiveStrokes
 from oarlock.storage.errors import DataError
+from oarlock.tracking import track_of_beliefs
 
 Floats = NDArray[np.float64]
 

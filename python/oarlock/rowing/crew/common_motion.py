@@ -26,7 +26,7 @@ _SMOOTH_S = 0.05
 # A peak as high one stroke further on would make the offset ambiguous.
 _CLEAR = 0.03
 _FLOOR_S = 0.001
-"""Delays inside of a unit that no correlation shows; as `oarlock.calibrate_clocks` has for an offset, of good units."""
+"""Delays inside of a unit that no correlation shows; as `calibrate_clocks` has for an offset, of good units."""
 
 
 class NoCommonMotion(Exception):

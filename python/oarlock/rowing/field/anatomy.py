@@ -13,7 +13,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from oarlock import ModelDescription, TransformDescription
+from oarlock.model import ModelDescription, TransformDescription
 from oarlock.rowing.simulation.grip import ARM_JOINTS, SIDES
 from oarlock.storage.errors import DataError
 

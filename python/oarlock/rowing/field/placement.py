@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock import ImuDescription, ModelDescription
+from oarlock.model import ImuDescription, ModelDescription
 from oarlock.rowing.field.anatomy import rotation_by
 from oarlock.rowing.field.courses import generator
 from oarlock.rowing.field.effects import FieldEffects

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
-from oarlock import ModelDescription, WorldDescription
+from oarlock.model import ModelDescription, WorldDescription
 from oarlock.rowing.field.anatomy import Anatomy, apply, rotation_about
 from oarlock.rowing.field.courses import body_courses, generator, hull_courses
 from oarlock.rowing.field.effects import FieldEffects

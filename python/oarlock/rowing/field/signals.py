@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock import WorldDescription
+from oarlock.model import WorldDescription
 from oarlock.rowing.field.anatomy import apply, rotation_by
 from oarlock.rowing.field.courses import generator
 from oarlock.rowing.field.effects import FieldEffects

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock import EncoderDescription, ImuDescription, ModelDescription
+from oarlock.model import EncoderDescription, ImuDescription, ModelDescription
 from oarlock.rowing.field.anatomy import apply
 from oarlock.rowing.field.effects import FieldEffects
 from oarlock.rowing.field.electronics import gap, read_encoder, read_unit, stamped
@@ -33,7 +33,8 @@ from oarlock.storage.errors import DataError
 from oarlock.storage.folder_writer import replaced_folder
 
 if TYPE_CHECKING:
-    from oarlock import Calibration, ImuStream, Markers, Model, Recording, ScalarStream, Track
+    from oarlock import Calibration, ImuStream, Model, Recording, ScalarStream, Track
+    from oarlock.markers import Markers
 
 Array = NDArray[np.float64]
 
@@ -248,7 +249,7 @@ def _markers(session: FieldSession, time_s: Array) -> Markers:
     boat = session.boat(time_s)
     boat_from_root = np.swapaxes(boat[0], -1, -2)
     places = [apply(boat_from_root, found[name][1] - boat[1]) for name in MARKERS]
-    from oarlock import Markers
+    from oarlock.markers import Markers
 
     return Markers(MARKERS, time_s, np.stack(places, axis=1))
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock import Shape
+from oarlock.model import Shape
 from oarlock.model.shapes import Part, box, loft, tube
 from oarlock.rowing.figure.rower import RowerFigure
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock import Shape, Strand
+from oarlock.model import Shape, Strand
 from oarlock.model.shapes import Part, box, ellipsoid, loft
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from oarlock import Look, Strand, Viewpoint
+from oarlock.model import Look, Strand, Viewpoint
 from oarlock.rowing.figure.boat_shapes import boat_shapes, machine_shapes
 from oarlock.rowing.figure.rower import Floats, RowerFigure
 

@@ -30,7 +30,7 @@ def anthropometry(model: Model, stature_m: float) -> Calibration:
     """Lengths of the body from stature, each with a standard deviation of 5 %.
 
     Sets those of `l_b`, `l_cl`, `l_ua`, `l_fa` and `l_ha` (with `_r` and `_l`) that the model has; the rig stays.
-    `oarlock.calibrate_motion` takes the standard deviations as priors.
+    `oarlock.calibration.calibrate_motion` takes the standard deviations as priors.
 
     Args:
         model: of a rower.

@@ -12,18 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from oarlock import (
-    Calibration,
-    Model,
-    Recording,
-    SessionErrors,
-    SessionPlan,
-    default_plan,
-    simulate_session,
-)
+from oarlock import Calibration, Model, Recording
+from oarlock.calibration import SessionPlan, default_plan
 from oarlock.live.emulators.deliveries import Delivery
 from oarlock.live.emulators.lines import json_line
 from oarlock.rowing.simulation.emulated import PERIOD_S, RATE_HZ, STREAMS, endless_sculling
+from oarlock.simulation import SessionErrors, simulate_session
 
 BEFORE_S, AFTER_S = 1.2, 1.0
 """Rest before and after a movement; a person who was asked begins after as much."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock import ImuDescription
+from oarlock.model import ImuDescription
 from oarlock.rowing.field.anatomy import Anatomy
 from oarlock.rowing.field.effects import FieldEffects
 from oarlock.rowing.field.placement import placed_unit
@@ -24,7 +24,7 @@ SessionSkin = Callable[[ImuDescription, Array, Array], Array]
 
 
 def session_skin(model: Model, effects: FieldEffects | None = None, *, seed: int = 0) -> SessionSkin:
-    """Lag of the skin and swelling muscles for `oarlock.simulate_session`.
+    """Lag of the skin and swelling muscles for `oarlock.simulation.simulate_session`.
 
     Of `effects` (None: a careful session) only `skin_twist` and `skin_tilt_rad` apply. `seed` sets the directions in
     which muscles swell. The result maps a sensor's description, times (K,) s and coordinates (K, n) to rotation vectors

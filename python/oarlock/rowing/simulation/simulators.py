@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from math import radians
 from typing import TYPE_CHECKING
 
-from oarlock import StudyKey, StudySimulator, StudyTrial
 from oarlock.rowing.field.effects import GROUPS, FieldEffects
 from oarlock.rowing.field.trial import FieldTrial, simulate_field
 from oarlock.rowing.simulation.experiment import simulate_sculling
@@ -15,6 +14,7 @@ from oarlock.rowing.simulation.hull import HullRotation
 from oarlock.rowing.simulation.motion import sculling
 from oarlock.rowing.simulation.noise import CONDITIONS, SimulatedCondition
 from oarlock.storage.errors import DataError
+from oarlock.studies import StudyKey, StudySimulator, StudyTrial
 
 if TYPE_CHECKING:
     from oarlock import Model

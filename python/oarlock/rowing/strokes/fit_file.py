@@ -1,4 +1,4 @@
-"""Writes strokes as a FIT activity, with developer fields that other sites and apps show. For `oarlock rowing strokes --fit`.
+"""Writes strokes as a FIT activity, with developer fields that other sites and apps show.
 
 One record is one stroke, at its end. Order and messages follow the FIT activity file: file_id, developer data, event
 start, records, event stop, laps, session, activity.

@@ -1,4 +1,4 @@
-"""Writes strokes as RowingData CSV, for rowingdata and sites that take it. For `oarlock rowing strokes --rowingdata`."""
+"""Writes strokes as RowingData CSV, for rowingdata and sites that take it."""
 
 from __future__ import annotations
 
