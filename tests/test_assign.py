@@ -144,7 +144,7 @@ def test_units_at_one_place_have_no_order():
 def test_units_of_any_name_get_their_sensors(legs, tmp_path):
     _, recording, units = legs
     recording.save(tmp_path / "rec")
-    command = ("assign", tmp_path / "rec", "--model", "lower_body")
+    command = ("calibrate", "units", tmp_path / "rec", "--model", "lower_body")
     out = ("--order", "right_leg,left_leg", "--out", tmp_path / "units.toml")
     said = run(*command, *out, "--write", tmp_path / "named").output
     assert "right_leg" in said and "100 %" in said and " cm" in said and "oarlock track" in said
@@ -166,7 +166,7 @@ def test_a_terminal_leads_through_it(legs, tmp_path, monkeypatch):
     monkeypatch.setattr("oarlock.cli.session_options.asks_questions", lambda no, json_output: True)
 
     def typed(answers, out):
-        words = ["assign", tmp_path / "rec", "--model", "lower_body", "--out", tmp_path / out]
+        words = ["calibrate", "units", tmp_path / "rec", "--model", "lower_body", "--out", tmp_path / out]
         done = CliRunner().invoke(app, [str(w) for w in words], input=answers, prog_name="oarlock")
         assert done.exit_code == 0, done.output
         return done.output

@@ -16,9 +16,9 @@ from oarlock.cli import VERBS as EVERY
 from oarlock.cli import settings, terminal
 
 VERBS = (
-    *((verb,) for verb in ("bench", "demo", "simulate", "strokes", "track", "evaluate", "compare", "report")),
+    *((verb,) for verb in ("bench", "demo", "simulate", "track", "evaluate", "compare", "report")),
     *(("export",), ("import", "apdm"), ("import", "csv"), ("calibrate", "chain"), ("calibrate", "session")),
-    *(("run",), ("calibrate", "sagittal")),
+    *(("run",), ("calibrate", "sagittal"), ("rowing", "strokes")),
     *(("model", verb) for verb in ("list", "show", "check", "copy")),
 )
 
@@ -68,7 +68,7 @@ def test_version():
 def test_without_a_verb_three_ways_to_begin_are_shown():
     shown = run().stdout
     commands = re.findall(r"^  oarlock (\S+)", shown, re.M)
-    assert {"demo", "run", "track", "strokes", "model"} <= set(commands) <= set(EVERY)
+    assert {"demo", "run", "track", "rowing", "model"} <= set(commands) <= set(EVERY)
     assert max(map(len, shown.splitlines())) <= terminal.WIDTH
 
 

@@ -14,7 +14,7 @@ from exact_recording import at_rate, load_excerpt
 from oarlock.cli import app, load_verb
 
 LEAF = {
-    "assign": "test_assign.test_units_of_any_name_get_their_sensors",
+    "calibrate units": "test_assign.test_units_of_any_name_get_their_sensors",
     "bench": "test_bench.test_text_names_the_filters_and_the_paper",
     "calibrate axes": "test_calibrate_tree.test_commands",
     "calibrate chain": "test_pendulum.test_the_commands_of_the_page_lead_from_the_file_to_angles",
@@ -27,7 +27,7 @@ LEAF = {
     "calibrate session": "test_session_cli.test_a_session_becomes_a_calibration_and_a_page",
     "calibrate stature": "test_every_verb.test_calibrate_stature",
     "compare": "test_compare.test_the_verb_speaks_json_and_leaves_the_page_out",
-    "crew": "test_crew.test_the_verb_writes_the_page_and_json",
+    "rowing crew": "test_crew.test_the_verb_writes_the_page_and_json",
     "demo": "test_every_verb.test_demo",
     "emulate": "test_emulate_cli.test_a_kind_is_emulated_and_its_rig_written",
     "evaluate": "test_cli.test_evaluate_prints_a_table_and_json",
@@ -85,11 +85,11 @@ LEAF = {
     "season synthetic": "test_season_questions.test_the_verbs_answer",
     "season trend": "test_season_questions.test_the_verbs_answer",
     "simulate": "test_cli.test_simulate_writes_recording_and_truth_and_keeps_what_is_there",
-    "strokes": "test_stroke_exports.test_command_shows_and_writes",
+    "rowing strokes": "test_stroke_exports.test_command_shows_and_writes",
     "study": "test_study.test_the_verb_writes_tables_and_a_page_that_needs_nothing",
     "track": "test_cli.test_track_json_is_one_document",
-    "video align": "test_video.test_the_verb_finds_a_drawn_video_within_a_frame",
-    "video clap": "test_video.test_the_verb_aligns_by_a_clap",
+    "calibrate video": "test_video.test_the_verb_finds_a_drawn_video_within_a_frame",
+    "calibrate clap": "test_video.test_the_verb_aligns_by_a_clap",
     "view": "test_viewer_cli.test_it_opens_nothing_when_told_so",
 }
 # In these the words of a verb stand in the page or the fixture that the test reads, or a file stands for PATH.

@@ -1,7 +1,5 @@
 """`oarlock run` and `oarlock calibrate sagittal`: from files to angles and a report."""
 
-import shlex
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -38,8 +36,7 @@ def test_from_files_to_a_report(recording, tmp_path):
     assert (out / "calibration.toml").is_file() and (out / "track/report.html").is_file()
     angle_rad = oarlock.load_track(out / "track")["knee_flexion_r"].angle_rad
     assert np.ptp(angle_rad) > np.radians(40.0)
-    commands = [shlex.split(line[2:]) for line in said.splitlines() if line.startswith("$ oarlock ")]
-    assert [words[1] for words in commands] == ["calibrate", "track"]
+    assert "knee flexion" in said and "deg (+-" in said and f"open {out / 'track/report.html'}" in said
 
 
 def test_a_step_that_fails_ends_it(recording, tmp_path):
@@ -69,10 +66,9 @@ def test_a_calibration_is_used_as_it_is(recording, tmp_path):
     known = tmp_path / "cal.toml"
     run("calibrate", "sagittal", recording, *BODY, "--out", known)
     out = tmp_path / "out"
-    said = run("run", recording, "--model", "lower_body", "--calibration", known, "--out", out).output
-    assert "$ oarlock calibrate" not in said and not (out / "calibration.toml").exists()
-    (typed,) = [shlex.split(line[2:]) for line in said.splitlines() if line.startswith("$ oarlock ")]
-    run(*typed[1:-1], tmp_path / "again")  # the last word is the folder
+    run("run", recording, "--model", "lower_body", "--calibration", known, "--out", out)
+    assert not (out / "calibration.toml").exists()
+    run("track", recording, *BODY, "--calibration", known, "--smooth", "--out", tmp_path / "again")
     once, twice = (oarlock.load_track(place) for place in (out / "track", tmp_path / "again"))
     np.testing.assert_array_equal(once.q, twice.q)
 
@@ -120,11 +116,7 @@ def test_files_of_text_with_a_session_and_names_by_device(tmp_path, monkeypatch)
     monkeypatch.chdir(tmp_path)
     common = ("--model", "lower_body", "--sensors", ",".join(LEG))
     run("calibrate", "units", "moves", *common, "--order", "right_leg", "--out", "units.toml")
-    said = run(
-        "run", "trial", *common, "--units", "units.toml", "--session", "session", "--out", "out"
-    ).output
-    commands = [shlex.split(line[2:])[1] for line in said.splitlines() if line.startswith("$ oarlock ")]
-    assert commands == ["import", "import", "calibrate", "track"]
+    run("run", "trial", *common, "--units", "units.toml", "--session", "session", "--out", "out")
     assert set(oarlock.load_recording("out/recording").names) == set(LEG)
     off = [
         oarlock.load_calibration("out/calibration.toml").mounts[s][0] @ guided.calibration.mounts[s][0].T

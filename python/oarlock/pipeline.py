@@ -88,6 +88,7 @@ def run(
         DivergedError: the filter diverged.
     """
     out = Path(out)
+    check_empty(out / "track", force)
     body = model if isinstance(model, Model) else load_model(model, stature_m=stature_m, mass_kg=mass_kg)
     measured = _imported(recording, out / "recording", body, units, pick, together, force)
     body = body.with_units(sensors) if sensors is not None else recorded_part(body, measured)
@@ -113,7 +114,6 @@ def run(
     result = result.with_notes(
         *(one.note for one in searched_suspects(body, measured, known)), *map(ball_note, balls_of(known))
     )
-    check_empty(out / "track", force)
     with replaced_folder(out / "track", "track", force) as stage:
         write_track(result, stage, progress=progress)
     return result

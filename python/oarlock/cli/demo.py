@@ -253,7 +253,11 @@ def _write_end(filtered: DemoResult, smoothed: DemoResult, pendulum: Pendulum) -
         [
             ("a simulated sculler", *_two(filtered), "truth"),
             ("  smoothed", *_two(smoothed), "truth"),
-            (f"a real pendulum, to {BEFORE_FASTEST_TURN_S:g} s", *_two(pendulum.scored, pendulum.early), "vendor"),
+            (
+                f"a real pendulum, to {BEFORE_FASTEST_TURN_S:g} s",
+                *_two(pendulum.scored, pendulum.early),
+                "vendor",
+            ),
         ],
         indent=0,
     )

@@ -36,12 +36,12 @@ def result_of(track: Track) -> dict[str, Any]:
 
 
 def _angle(one: MotionRange) -> dict[str, Any]:
-    """A wide band alone does not make an angle useless if it is small against its range: it is printed."""
+    """A wide band alone does not make an angle useless: it is printed, unless it exceeds half of the range."""
     from oarlock.evaluation.errors import BAND_95
-    from oarlock.movement.ranges import WELL_SHARE, WIDE
+    from oarlock.movement.ranges import WIDE
 
     band_deg = BAND_95 * max(one.lowest_std_deg, one.highest_std_deg)
-    is_usable = one.well_measured or (one.doubt in ("", WIDE) and band_deg <= WELL_SHARE * one.range_deg)
+    is_usable = one.well_measured or (one.doubt in ("", WIDE) and band_deg <= 0.5 * one.range_deg)
     return {
         "name": one.name,
         "low_deg": one.lowest_deg,

@@ -9,7 +9,7 @@ import typer
 
 from oarlock.cli.body import Mass, Pose, Sensors, Stature
 from oarlock.cli.options import Force, Json, ModelName, example, names
-from oarlock.cli.terminal import UsageError, check_folder, details, print_json, steps, verb
+from oarlock.cli.terminal import UsageError, check_folder, details, free_file, print_json, steps, verb
 from oarlock.cli.unit_options import UnitsOption, assignment
 
 if TYPE_CHECKING:
@@ -94,6 +94,8 @@ def run(
         raise UsageError(f"--pose {pose} is the still pose of a guided session: give it with --session")
     for place in (out / "recording", out / "track"):
         check_folder(place, force)
+    if calibration is None:
+        free_file(out / "calibration.toml", force)
     settings: Settings = {} if output_rate_hz is None else {"output_rate_hz": output_rate_hz}
     place_of = assignment(units)
     track = oarlock.run(
