@@ -388,7 +388,9 @@ def test_the_second_writer_is_refused_by_name(tmp_path: Path) -> None:
 
 def test_two_tracks_into_one_folder(tracked: Path) -> None:
     with suppress(RuntimeError), replaced_folder(tracked, "track"):
-        status, said = run("track", tracked.parent / "rec", "--model", "pendulum3", "--out", tracked, "--force")
+        status, said = run(
+            "track", tracked.parent / "rec", "--model", "pendulum3", "--out", tracked, "--force"
+        )
         raise RuntimeError
     assert status == 1 and "another run" in said and "Wait for its end" in said
     assert run("track", tracked.parent / "rec", "--model", "pendulum3", "--out", tracked, "--force")[0] == 0

@@ -57,6 +57,16 @@ def test_how_far_an_accelerometer_jumps_has_no_effect(structure):
     assert np.array_equal(track.q, further.q, equal_nan=True)
 
 
+def test_a_loaded_track_is_smoothed_with_its_recording(tmp_path):
+    model, recording = two_links()
+    track = oarlock.track(model, recording, structure="tree")
+    track.save(tmp_path / "out")
+    loaded = oarlock.load_track(tmp_path / "out")
+    assert_refused(lambda: oarlock.smooth(loaded), "no samples", "load_recording")
+    assert_refused(lambda: oarlock.smooth(loaded, recording.slice(end_s=3.0)), "recording_sha256")
+    np.testing.assert_array_equal(oarlock.smooth(loaded, recording).q, oarlock.smooth(track).q)
+
+
 def test_a_smoothed_track_is_not_smoothed_again():
     smoothed = oarlock.smooth(oarlock.track(*two_links(), config=oarlock.Config(structure="tree")))
     assert_refused(lambda: oarlock.smooth(smoothed), "smoothed already")

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 import oarlock
 from oarlock.live.session import Estimate, LiveSession, recorded
 from oarlock.storage.errors import DataError
+from oarlock.tracking.notes import Note
 from oarlock.tracking.records import FAULT, FIELD, SensorInfo, SlowSeries
 from oarlock.tracking.track import track_of_beliefs
 
@@ -143,7 +144,7 @@ def _with_whole(rows: _Rows, made: Track, whole: Track) -> Track:
         observed=whole.observed[nearest],
         slow=rows.slow(whole, nearest),
         info=rows.info(),
-        notes=(*_notes(made, whole, nearest), *whole.notes),
+        notes=(*map(Note, _notes(made, whole, nearest)), *whole.notes),
         counts=whole.counts,
         provenance={**whole.provenance, "live": True, "steps": len(made.time_s)},
     )

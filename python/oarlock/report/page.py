@@ -190,7 +190,7 @@ def _sections(
 
 
 def _notes(track: Track, others: Sequence[str]) -> str:
-    notes = list(track.notes)
+    notes: list[str] = list(track.notes)
     nominal = [str(name) for name in track.provenance.get("nominal_mounts", ())]
     if nominal and not any("nominal" in note for note in notes):
         notes.append(

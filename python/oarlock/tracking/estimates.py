@@ -16,10 +16,12 @@ from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
 from oarlock.tracking.counts import StreamCount
 from oarlock.tracking.joint_series import BallSeries, FreeSeries, HingeSeries, Joint, JointSeries, SlideSeries
+from oarlock.tracking.notes import Note
 from oarlock.tracking.records import Beliefs, SensorInfo, SlowSeries
 
 if TYPE_CHECKING:
     from oarlock._core import Belief, Model, Run
+    from oarlock.recording.calibration import Calibration
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -56,10 +58,11 @@ class Estimates(Mapping[str, Joint]):
         slow: slow states by name.
         info: readings used, rejected and missing, and NIS; None for a simulated ground truth.
         beliefs: state estimates with full covariance every few seconds; None for a simulated ground truth.
-        notes: sentences on missing or implausible data and on the track.
+        notes: sentences on missing or implausible data and on the track, with code, subject and value.
         provenance: version, configuration, hashes of the inputs, speed.
         smoothed: true if each estimate uses all samples, earlier and later ones.
         counts: readings of each stream: expected, received, missing, used and rejected.
+        calibration: the calibration that it was tracked with; None without one.
     """
 
     model: Model | None
@@ -79,12 +82,13 @@ class Estimates(Mapping[str, Joint]):
     slow: Mapping[str, SlowSeries] = field(default_factory=dict)
     info: SensorInfo | None = None
     beliefs: Beliefs | None = None
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)
     smoothed: bool = False
     last_belief: Belief | None = None
     run: Run | None = field(default=None, repr=False)
     counts: tuple[StreamCount, ...] = ()
+    calibration: Calibration | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         for name in _ARRAYS:
@@ -92,6 +96,8 @@ class Estimates(Mapping[str, Joint]):
         if not self.coordinate_names:
             object.__setattr__(self, "coordinate_names", tuple(self.joint_names))
             object.__setattr__(self, "coordinate_units", tuple(self.joint_units))
+        if not isinstance(self.__dict__["notes"], Later):
+            object.__setattr__(self, "notes", tuple(map(Note, self.notes)))
         for name in ("slow", "angle_sequences"):
             if not isinstance(self.__dict__[name], Later):
                 object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
@@ -102,6 +108,7 @@ class Estimates(Mapping[str, Joint]):
             value = object.__getattribute__(self, name)
             if type(value) is Later:
                 value = _keep(value.make())
+                value = tuple(map(Note, value)) if name == "notes" else value
                 object.__setattr__(self, name, value)
             return value
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pyarrow import parquet
 
 from oarlock._core import Model
+from oarlock.recording.calibration import load_calibration
 from oarlock.recording.session_info import SESSION_KEY, read_session, without_session, write_session
 from oarlock.storage.errors import DataError
 from oarlock.storage.folder_writer import read_manifest, replaced_folder
@@ -25,18 +26,20 @@ from oarlock.tracking.columns import FIELDS, column_name, observed_name
 from oarlock.tracking.columns import columns_of as track_columns
 from oarlock.tracking.counts import StreamCount
 from oarlock.tracking.estimates import Estimates
+from oarlock.tracking.notes import Note
 from oarlock.tracking.records import FAULT, FIELD, Beliefs, SensorInfo, SlowSeries
 
 FORMAT = 1
+CALIBRATION = "calibration.toml"
 KIND = "track"
-_FILES = ("run.toml", "track.parquet", "sensors.parquet", "beliefs.parquet", "model.toml")
+_FILES = ("run.toml", "track.parquet", "sensors.parquet", "beliefs.parquet", "model.toml", CALIBRATION)
 _COUNTS = ("used", "rejected", "missing")
 
 
 def write_track(track: Estimates, folder: str | PathLike[str], force: bool = False) -> None:
     """Write estimates, innovations, beliefs, model and provenance, in place of what Oarlock wrote there before.
 
-    Samples and the engine's run are not written, so a loaded track can be neither smoothed nor continued.
+    Samples and the engine's run are not written: `oarlock.smooth` of a loaded track needs the recording.
 
     Raises:
         DataError: a file that is not Oarlock's would be replaced and `force` is not set, another process writes into
@@ -51,6 +54,8 @@ def write_track(track: Estimates, folder: str | PathLike[str], force: bool = Fal
             parquet.write_table(_belief_table(track.beliefs), place / "beliefs.parquet")
         if track.model is not None:
             write_file(place / "model.toml", track.model.text)
+        if track.calibration is not None:
+            track.calibration.save(place / CALIBRATION)
         session, provenance = without_session(track.provenance)
         write_toml(place / "run.toml", _description(track, provenance))
         write_session(place, session)
@@ -96,7 +101,8 @@ def read_track(folder: str | PathLike[str]) -> dict[str, Any]:
         "slow": slow,
         "info": _info(place / "sensors.parquet", tuple(top["sensors"])),
         "beliefs": _beliefs(place / "beliefs.parquet", tuple(top["states"])),
-        "notes": tuple(top["notes"]),
+        "calibration": load_calibration(place / CALIBRATION) if (place / CALIBRATION).is_file() else None,
+        "notes": tuple(map(Note, top["notes"])),
         "provenance": _with_none_read(top["provenance"]) | ({SESSION_KEY: session} if session else {}),
         "smoothed": bool(top["smoothed"]),
         "counts": _counts(place / "run.toml", top["streams"]),

@@ -19,6 +19,7 @@ from oarlock.tracking.counts import StreamCount
 from oarlock.tracking.estimates import Estimates, Floats, Later
 from oarlock.tracking.folder import read_track, write_track
 from oarlock.tracking.html import track_html
+from oarlock.tracking.notes import Note
 from oarlock.tracking.places import (
     OFF_AXIS,
     PositionSpread,
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from oarlock._core import Belief, Model, Run
+    from oarlock.recording.calibration import Calibration
 
 
 class Track(Estimates):
@@ -49,7 +51,7 @@ class Track(Estimates):
 
     def with_notes(self, *sentences: str) -> Track:
         """The same track with these sentences in front of its notes."""
-        return self._changed({"notes": tuple(dict.fromkeys((*sentences, *self.notes)))})
+        return self._changed({"notes": tuple(dict.fromkeys((*map(Note, sentences), *self.notes)))})
 
     def __repr__(self) -> str:
         kind = "smoothed" if self.smoothed else "filtered" if self.info else "simulated"
@@ -193,7 +195,7 @@ class Track(Estimates):
         return track_html(self)
 
     def save(self, folder: str | PathLike[str], *, force: bool = False) -> None:
-        """Write track.parquet, sensors.parquet, beliefs.parquet, model.toml and run.toml into a folder.
+        """Write track, sensors and beliefs (.parquet), model.toml, calibration.toml and run.toml into a folder.
 
         A track that was saved there before is replaced as a whole, with its pages.
 
@@ -289,6 +291,7 @@ def track_of_run(
     notes: tuple[str, ...],
     provenance: Mapping[str, Any],
     counts: tuple[StreamCount, ...],
+    calibration: Calibration | None = None,
 ) -> Track:
     """A Track from the engine's run. Its arrays are computed when they are first read."""
     states = {name: i for i, name in enumerate(run.state_names)}
@@ -340,6 +343,7 @@ def track_of_run(
         info=later(lambda: _info(run)),
         beliefs=later(lambda: _beliefs(run)),
         notes=later(NotesOfRun(tuple(notes), hinge_notes)),
+        calibration=calibration,
         provenance=MappingProxyType(dict(provenance)),
         smoothed=run.smoothed,
         last_belief=run.last_belief,

@@ -177,10 +177,10 @@ def finished(
         *(f"{f.sensor}: {f.message}" for f in findings),
     )
     counts = count_streams(corrected(recording, calibration), run.counts())
-    return track_of_run(model, run, notes, provenance, counts)
+    return track_of_run(model, run, notes, provenance, counts, calibration)
 
 
-def smooth(track: Track, *, progress: Progress = None) -> Track:
+def smooth(track: Track, recording: Recording | None = None, *, progress: Progress = None) -> Track:
     """Rauch-Tung-Striebel smoothing (Rauch, Tung and Striebel 1965) over the whole track.
 
     Each estimate then uses all samples, earlier and later ones; the last estimate is unchanged. If a track is long and
@@ -189,19 +189,36 @@ def smooth(track: Track, *, progress: Progress = None) -> Track:
 
     Args:
         track: a result of `track`.
+        recording: what a track that was read from a folder was made of; the filter runs over it again.
         progress: True shows a bar or lines; a function is called regularly with the share done, 0 to 1.
 
     Raises:
-        DataError: the track is already smoothed, or was read from a folder (which contains no samples).
+        DataError: the track is already smoothed; or it was read from a folder, which contains no samples, and
+            `recording` is missing or another one.
     """
+    if track.run is None and recording is not None:
+        track = _again(track, recording, progress)
     return _smoothed(track, progress)
+
+
+def _again(loaded: Track, recording: Recording, progress: Progress) -> Track:
+    """A loaded track with its run, from the recording that it was made of."""
+    if loaded.smoothed or loaded.model is None or "config" not in loaded.provenance:
+        raise DataError("smooth: the track is smoothed already, is simulated, or its model file is missing")
+    if loaded.provenance.get("recording_sha256") != _hash(recording):
+        raise DataError(
+            "smooth: this is not the recording that the track was made of (recording_sha256 in run.toml differs). Give "
+            "the same streams: recording.only(...), recording.without(...), recording.low_passed(...)"
+        )
+    config = Config(**loaded.provenance["config"])
+    return track(loaded.model, recording, loaded.calibration, config, progress=progress)
 
 
 def _smoothed(track: Track, progress: Progress) -> Track:
     if track.run is None or track.model is None:
         raise DataError(
             "smooth: this track has no samples (it was loaded from files, or is simulated). "
-            "Track the recording again and smooth the result, or use `oarlock track --smooth`"
+            "Give the recording that it was made of: oarlock.smooth(track, oarlock.load_recording(FOLDER))"
         )
     filtered_notes = track.run.notes
     began = time.perf_counter()
@@ -210,7 +227,7 @@ def _smoothed(track: Track, progress: Progress) -> Track:
     provenance = dict(track.provenance) | {"smoothing_wall_s": time.perf_counter() - began}
     # Smoothing can determine joints that the filter alone does not, so the notes of the run are made again.
     others = [note for note in notes_without_hinges(track) if note not in filtered_notes]
-    return track_of_run(track.model, run, (*run.notes, *others), provenance, track.counts)
+    return track_of_run(track.model, run, (*run.notes, *others), provenance, track.counts, track.calibration)
 
 
 def require_recording(given: object) -> None:
