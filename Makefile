@@ -82,7 +82,7 @@ soak: $(VENV)/.package ## run live sessions with devices that misbehave: SOAK_MI
 	$(BIN)/python -m bench.live --minutes $(SOAK_MINUTES) --hours 0 --rate-hz 100
 
 # `make pages PAGES=status` measures one of them, SEEDS=1 a shorter study of faults, SETS=broad one set of the validation.
-PAGES ?= status coverage validation robustness_quick robustness
+PAGES ?= status coverage validation robustness
 pages: $(VENV)/.package $(VENV)/.validation ## measure the figures of README, bands, validation and robustness anew, with date and commit
 	$(BIN)/python -m pages $(PAGES) $(if $(SEEDS),--seeds $(SEEDS)) $(if $(SETS),--sets $(SETS))
 

@@ -17,7 +17,6 @@ SECTIONS: Mapping[str, Callable[[record.Record], Mapping[str, Mapping[str, str]]
     "coverage": coverage.sections,
     "validation": validation.sections,
     "faults": faults.sections,
-    "robustness_quick": robustness.sections,
     "robustness": robustness.sections,
     "emulated": emulated.sections,
     "tutorials": tutorials.sections,
@@ -64,7 +63,7 @@ def _measured(name: str, asked: argparse.Namespace) -> Iterator[record.Record]:
         yield record.stamped(emulated.measured())
     else:
         seeds = None if asked.seeds is None else range(asked.seeds)
-        yield record.stamped(robustness.measured(name, seeds, asked.jobs))
+        yield record.stamped(robustness.measured(seeds, asked.jobs))
 
 
 def write(name: str, root: Path = record.ROOT) -> list[Path]:

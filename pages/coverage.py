@@ -225,9 +225,8 @@ def _optical_score(track: Track, name: str, rows: NDArray[np.intp], error: Float
 
 def sections(record: Record) -> Mapping[str, Mapping[str, str]]:
     """The section of docs/bands.md."""
-    parts = [_summary(record["sets"]), _joints(record["sets"])]
     made = f"{made_text(record)}; `make pages PAGES=coverage` measures it anew."
-    return {"docs/bands.md": {"coverage": "\n\n".join([*parts, made])}}
+    return {"docs/bands.md": {"coverage": f"{_summary(record['sets'])}\n\n{made}"}}
 
 
 def _summary(found: Mapping[str, Any]) -> str:
@@ -243,16 +242,3 @@ def _cells(joints: Joints) -> list[str]:
     worst = min(joints, key=lambda name: joints[name]["coverage"])
     share = percent(joints[worst]["coverage"])
     return [percent(_mean(joints, "coverage")), f"{_mean(joints, 'nees'):.2f}", f"{share} ({worst})"]
-
-
-def _joints(found: Mapping[str, Any]) -> str:
-    """Every joint, live: error, coverage and NEES in each set."""
-    names = list(dict.fromkeys(name for one in found.values() for name in one["live"]))
-    rows = [[name, *(_joint(one["live"].get(name)) for one in found.values())] for name in names]
-    return table(("joint: deg, in band, NEES", *(one["label"] for one in found.values())), rows)
-
-
-def _joint(score: Mapping[str, float] | None) -> str:
-    if score is None:
-        return ""
-    return f"{score['rmse_deg']:.3g}, {percent(score['coverage'])}, {score['nees']:.2g}"

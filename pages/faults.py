@@ -285,18 +285,11 @@ def _pooled(runs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 def sections(record: Record) -> Mapping[str, Mapping[str, str]]:
     """The section of docs/sensor-faults.md."""
     rows = [
-        [
-            name,
-            f"{k['named']} of {k['runs']}",
-            k["certain"],
-            k["silent"],
-            f"{k['search_s']:.1f}",
-            _short(k["example"]),
-        ]
+        [name, f"{k['named']} of {k['runs']}", k["certain"], _short(k["example"])]
         for name, k in record["kinds"].items()
     ]
     every = record["all"]
-    columns = ("fault", "named", "certain but wrong", "without a note", "longest search, s", "what is said")
+    columns = ("fault", "named", "certain but wrong", "what is said")
     made = f"{made_text(record)}; `make pages PAGES=faults` measures it anew."
     text = (
         f"Of {every['runs']} runs {every['named']} name the right kind and stream; {every['refused']} are refused, "

@@ -131,7 +131,7 @@ def test_hands_and_positions_stand_beside_the_angles():
             ("places_mm", "places_coverage"),
         ):
             assert len(row[error]) == len(row[share]) > 0
-    columns = record.load("robustness_quick")["columns"]
+    columns = record.load("robustness")["columns"]
     assert {"hands, deg", "hands in band", "wrists add, mm", "wrists in band"} <= set(columns)
     assert oarlock.studies.load_study("robustness", oarlock.rowing.SIMULATORS).joints == ELEVEN
 
