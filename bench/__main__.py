@@ -14,7 +14,7 @@ from typing import Any
 from pages.record import stamped
 from pages.sections import into_page
 
-from oarlock.lab.bench.measure import measure
+from oarlock_lab.bench.measure import measure
 
 from .apart import costs
 from .counted import NotCounted, counts

@@ -27,14 +27,14 @@ CATALOGUES = {
     "activity-columns": ("oarlock.rowing.exports.activity:COLUMNS",),
     "transports": ("oarlock.live.transports:TRANSPORTS",),
     "wire-formats": ("oarlock.live.decoders:DECODERS",),
-    "emulated-devices": ("oarlock.live.emulators.kinds:KINDS",),
+    "emulated-devices": ("oarlock_lab.emulators.kinds:KINDS",),
     "estimators": ("oarlock.evaluation.comparison.estimators:estimators",),
     "simulators": ("oarlock.rowing:SIMULATORS", "oarlock.rowing.simulation.simulators:PRESETS"),
     "simulated-effects": ("oarlock.rowing.field.effects:GROUPS",),
     "simulated-conditions": ("oarlock.rowing:CONDITIONS",),
     "target-classes": ("oarlock.rowing:TARGET_CLASSES",),
     "season-questions": ("oarlock.season:QUESTIONS",),
-    "paper-parts": ("oarlock.lab.reproduce.reproduce:PARTS",),
+    "paper-parts": ("oarlock_lab.reproduce.reproduce:PARTS",),
     "rig-file": ("oarlock.live.rig:_TOP", "oarlock.live.rig:_OF_STREAM"),
     "study-file": tuple(
         f"oarlock.evaluation.study.study_file:{part}" for part in ("_TOP", "_TABLES", "_FAULT")

@@ -21,8 +21,7 @@ from oarlock import (
     default_plan,
     simulate_session,
 )
-from oarlock.live.emulators.deliveries import Delivery
-from oarlock.live.emulators.lines import json_line
+from oarlock.live.simulated_devices import Delivery, json_line
 from oarlock.rowing.simulation.emulated import PERIOD_S, RATE_HZ, STREAMS, endless_sculling
 
 BEFORE_S, AFTER_S = 1.2, 1.0
