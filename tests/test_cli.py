@@ -16,7 +16,8 @@ from oarlock.cli import VERBS as EVERY
 from oarlock.cli import settings, terminal
 
 VERBS = (
-    *((verb,) for verb in ("bench", "demo", "simulate", "strokes", "track", "evaluate", "compare", "report")),
+    *((verb,) for verb in ("demo", "simulate", "strokes", "track", "evaluate", "report")),
+    *(("lab", verb) for verb in ("bench", "compare", "emulate", "reproduce", "season", "study")),
     *(("export",), ("import", "apdm"), ("import", "csv"), ("calibrate", "chain"), ("calibrate", "session")),
     *(("run",), ("calibrate", "sagittal")),
     *(("model", verb) for verb in ("list", "show", "check", "copy")),

@@ -158,6 +158,8 @@ def test_every_place_states_the_version_of_cargo():
     stated = f"version: {VERSION}\n"
     assert stated in (project.ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert f'version: "{VERSION}"\n' in (project.ROOT / "conda/recipe.yaml").read_text(encoding="utf-8")
+    lab = tomllib.loads((project.ROOT / "lab/pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert lab["version"] == VERSION and lab["dependencies"] == [f"oarlock=={VERSION}"]
     about = tomllib.loads((project.ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert "version" in about["dynamic"] and "version" not in about
 

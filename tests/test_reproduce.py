@@ -226,7 +226,18 @@ def test_generated_models_have_their_size_and_can_be_tracked(size):
 
 def test_the_verb_writes_a_page_and_tables(tmp_path):
     out = tmp_path / "fig3"
-    command = ["reproduce", "fig3", "--seed", str(UNSEEN), "--duration-s", "5", "--out", str(out), "--json"]
+    command = [
+        "lab",
+        "reproduce",
+        "fig3",
+        "--seed",
+        str(UNSEEN),
+        "--duration-s",
+        "5",
+        "--out",
+        str(out),
+        "--json",
+    ]
     ran = run(*command)
     assert json.loads(ran.stdout)["fig3"]["notes"]
     assert (out / "report.html").exists() and (out / "run.toml").exists()
@@ -324,7 +335,17 @@ def test_a_stopped_reproduction_goes_on_where_it_was(tmp_path):
 def test_a_killed_reproduction_leaves_no_process_and_goes_on(tmp_path, sent):
     """Whatever stops the command: its processes end, and the finished runs of table 5 are not made again."""
     runs, own = kept(tmp_path / "out" / "parts").runs("table5"), {"start_new_session": True}
-    command = ["reproduce", "table5", "--seed", str(UNSEEN), "--duration-s", str(SHORT_S), "--jobs", "2"]
+    command = [
+        "lab",
+        "reproduce",
+        "table5",
+        "--seed",
+        str(UNSEEN),
+        "--duration-s",
+        str(SHORT_S),
+        "--jobs",
+        "2",
+    ]
     command = [sys.executable, "-m", "oarlock", *command, "--out", str(tmp_path / "out")]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, **own) as process:
         while not (runs / UNFINISHED).is_file() or not (runs / UNFINISHED).read_text().endswith("\n"):
@@ -344,7 +365,7 @@ def test_a_killed_reproduction_leaves_no_process_and_goes_on(tmp_path, sent):
 
 def test_the_verb_says_what_it_kept_and_makes_it_anew(tmp_path):
     out = tmp_path / "fig3"
-    command = ["reproduce", "fig3", "--seed", str(UNSEEN), "--duration-s", "5", "--out", str(out)]
+    command = ["lab", "reproduce", "fig3", "--seed", str(UNSEEN), "--duration-s", "5", "--out", str(out)]
     (out / "parts").mkdir(parents=True)  # as a reproduction leaves it that was killed
     assert "Kept from before" not in run(*command).stdout
     assert "Kept from before: fig3; --anew makes them again" in " ".join(run(*command).stdout.split())
