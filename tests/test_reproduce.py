@@ -226,18 +226,8 @@ def test_generated_models_have_their_size_and_can_be_tracked(size):
 
 def test_the_verb_writes_a_page_and_tables(tmp_path):
     out = tmp_path / "fig3"
-    command = [
-        "lab",
-        "reproduce",
-        "fig3",
-        "--seed",
-        str(UNSEEN),
-        "--duration-s",
-        "5",
-        "--out",
-        str(out),
-        "--json",
-    ]
+    asked = ("--seed", UNSEEN, "--duration-s", 5, "--out", out, "--json")
+    command = ["lab", "reproduce", "fig3", *asked]
     ran = run(*command)
     assert json.loads(ran.stdout)["fig3"]["notes"]
     assert (out / "report.html").exists() and (out / "run.toml").exists()
@@ -335,18 +325,18 @@ def test_a_stopped_reproduction_goes_on_where_it_was(tmp_path):
 def test_a_killed_reproduction_leaves_no_process_and_goes_on(tmp_path, sent):
     """Whatever stops the command: its processes end, and the finished runs of table 5 are not made again."""
     runs, own = kept(tmp_path / "out" / "parts").runs("table5"), {"start_new_session": True}
+    asked = ("--seed", str(UNSEEN), "--duration-s", str(SHORT_S), "--jobs", "2")
     command = [
+        sys.executable,
+        "-m",
+        "oarlock",
         "lab",
         "reproduce",
         "table5",
-        "--seed",
-        str(UNSEEN),
-        "--duration-s",
-        str(SHORT_S),
-        "--jobs",
-        "2",
+        *asked,
+        "--out",
+        str(tmp_path / "out"),
     ]
-    command = [sys.executable, "-m", "oarlock", *command, "--out", str(tmp_path / "out")]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, **own) as process:
         while not (runs / UNFINISHED).is_file() or not (runs / UNFINISHED).read_text().endswith("\n"):
             assert process.poll() is None
