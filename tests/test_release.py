@@ -126,6 +126,8 @@ def test_faults_of_a_source_distribution_are_found(tmp_path):
         "Cargo.lock: is missing",
         "target/x.so: is built, not source",
     ]
+    (alien,) = check.findings(source(tmp_path, "", "lab/pyproject.toml"))
+    assert "oarlock-lab" in alien
 
 
 def test_other_files_are_refused(tmp_path):
