@@ -9,9 +9,10 @@ import pytest
 
 from command_line import run
 from exact_recording import Floats
-from oarlock_lab.bench import measure, with_biorbd, with_filterpy, with_jax, with_numpy
+from oarlock_lab.bench import measure, with_biorbd
 from oarlock_lab.bench.plain_kinematics import PlainKinematics
 from oarlock_lab.bench.problem import WARM, BenchProblem, sculling
+from oarlock_lab.bench.unscented import filterpy_run, jax_run, numpy_run
 
 # Closures of 2 mm beside accelerations make covariances whose condition takes half the digits, and the textbook's form
 # cancels. filterpy inverts the innovations' covariance, which takes some more.
@@ -121,13 +122,12 @@ def test_plain_kinematics_read_what_the_engine_reads(problem):
 
 
 @pytest.mark.parametrize(
-    "other", [with_numpy, with_jax, with_filterpy], ids=lambda m: m.__name__.split("_")[-1]
+    ("package", "make"), [("numpy", numpy_run), ("jax", jax_run), ("filterpy", filterpy_run)]
 )
-def test_other_software_runs_the_same_filter(problem, ours, other):
-    package = other.__name__.split("_")[-1]
+def test_other_software_runs_the_same_filter(problem, ours, package, make):
     pytest.importorskip(package, reason=f"{package} is not installed: pip install 'oarlock-lab[bench]'")
     means, stds = ours
-    found = other.make(problem)()
+    found = make(problem)()
     gaps = np.abs(found - means[: len(found)]) / stds[: len(found)]
     print(f"{package}: {gaps.max():.1e} sigma over {len(found)} steps")
     assert len(found) > 0

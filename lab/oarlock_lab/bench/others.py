@@ -18,8 +18,9 @@ from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
 
-from oarlock_lab.bench import with_biorbd, with_filterpy, with_jax, with_numpy
+from oarlock_lab.bench import with_biorbd
 from oarlock_lab.bench.problem import BenchProblem, Floats, sculling
+from oarlock_lab.bench.unscented import filterpy_run, jax_run, numpy_run
 
 Run = Callable[[], Floats]
 """A run over the samples after the warm-up: estimates, (steps, states). Every run gives the same result."""
@@ -70,9 +71,9 @@ class Failure:
 
 
 SOFTWARE = (
-    Software("UKF in NumPy, all points at once", "numpy", SAME, with_numpy.make),
-    Software("UKF in JAX, jit and scan", "jax", SAME, with_jax.make),
-    Software("filterpy, readings of NumPy", "filterpy", SAME, with_filterpy.make),
+    Software("UKF in NumPy, all points at once", "numpy", SAME, numpy_run),
+    Software("UKF in JAX, jit and scan", "jax", SAME, jax_run),
+    Software("filterpy, readings of NumPy", "filterpy", SAME, filterpy_run),
     Software("biorbd's Kalman filter", "biorbd", SMALLER, with_biorbd.make),
 )
 

@@ -1,7 +1,8 @@
-"""The scaled unscented filter (Wan and van der Merwe 2000) in arrays over sigma points; NumPy or JAX."""
+"""The scaled unscented filter (Wan and van der Merwe 2000) of others: in arrays of NumPy or JAX, and in filterpy."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from scipy import linalg
 
 from oarlock.model.description import ModelDescription
 from oarlock_lab.bench.plain_kinematics import Array, PlainKinematics
-from oarlock_lab.bench.problem import RATE_HZ, BenchProblem, Floats
+from oarlock_lab.bench.problem import RATE_HZ, WARM, BenchProblem, Floats
 
 
 class SigmaFilter:
@@ -109,3 +110,80 @@ def row_std(described: ModelDescription) -> Floats:
         found |= {f"{closure.name}.{a}": closure.std_m for a in "xyz"}
         found |= {f"{closure.name}.axis_{a}": closure.std_axis for a in "xyz"}
     return np.array([found[name] for name in described.measurement_names])
+
+
+_NUMPY_STEPS = 100
+
+
+def numpy_run(problem: BenchProblem) -> Callable[[], Floats]:
+    """A run over `_NUMPY_STEPS` samples: means, (steps, n)."""
+    tracker, mean, covariance = problem.started()
+    filter_ = SigmaFilter(problem, tracker.state_names)
+    span = slice(WARM, WARM + _NUMPY_STEPS)
+
+    def run() -> Floats:
+        x, p, means = mean, covariance, []
+        for z, inputs in zip(problem.readings[span], problem.inputs[span], strict=True):
+            x, p = filter_.step(x, p, z, inputs)
+            means.append(x)
+        return np.array(means)
+
+    return run
+
+
+def jax_run(problem: BenchProblem) -> Callable[[], Floats]:
+    """A run over all samples after the warm-up: means, (steps, n). The first call compiles."""
+    import jax
+    from jax import lax
+    from jax import numpy as jnp
+    from jax.scipy.linalg import cho_solve
+
+    # JAX uses single precision unless this is set before its first array
+    jax.config.update("jax_enable_x64", True)
+    tracker, mean, covariance = problem.started()
+    filter_ = SigmaFilter(problem, tracker.state_names, jnp, cho_solve)
+
+    def step(belief: Any, seen: Any) -> Any:
+        belief = filter_.step(*belief, *seen)
+        return belief, belief[0]
+
+    scan = jax.jit(lambda belief, seen: lax.scan(step, belief, seen)[1])
+    belief = (jnp.asarray(mean), jnp.asarray(covariance))
+    seen = (jnp.asarray(problem.readings[WARM:]), jnp.asarray(problem.inputs[WARM:]))
+    return lambda: np.asarray(scan(belief, seen))
+
+
+_FILTERPY_STEPS = 4
+
+
+def filterpy_run(problem: BenchProblem) -> Callable[[], Floats]:
+    """A run over `_FILTERPY_STEPS` samples: means, (steps, n)."""
+    from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
+
+    tracker, mean, covariance = problem.started()
+    ours = SigmaFilter(problem, tracker.state_names)
+
+    def read(x: Floats, inputs: Floats) -> Floats:
+        return np.asarray(ours.kinematics.measure(x[None], inputs)[0])
+
+    def run() -> Floats:
+        points = MerweScaledSigmaPoints(ours.n, ours.alpha, ours.beta, ours.kappa)
+        theirs = UnscentedKalmanFilter(
+            dim_x=ours.n,
+            dim_z=len(ours.noise),
+            dt=1.0 / RATE_HZ,
+            hx=read,
+            fx=lambda x, dt: ours.transition @ x,
+            points=points,
+        )
+        theirs.x, theirs.P, theirs.Q = mean.copy(), covariance.copy(), ours.drive
+        means = []
+        for k in range(WARM, WARM + _FILTERPY_STEPS):
+            theirs.predict()
+            inputs = problem.inputs[k]
+            noise = ours.noise + ours.input_noise(theirs.x, inputs)
+            theirs.update(problem.readings[k], R=noise, inputs=inputs)
+            means.append(theirs.x.copy())
+        return np.array(means)
+
+    return run
