@@ -64,7 +64,7 @@ bench: $(VENV)/.package ## time steps, parts, recordings, latency and memory, an
 	$(BIN)/python -m bench
 
 bench-others: $(VENV)/.package $(VENV)/.bench ## measure this machine beside filterpy, JAX and biorbd, which are installed for it
-	$(BIN)/oarlock bench
+	$(BIN)/oarlock lab bench
 
 bench-page: ## put the table of the last `make bench` into docs/performance.md
 	$(BIN)/python -m bench --page docs/performance.md
@@ -145,13 +145,14 @@ lock: $(VENV)/.created ## compute the pinned versions in requirements/ again
 	$(BIN)/python -m venv $(VENV)/lock
 	$(VENV)/lock/bin/python -m pip install --quiet --disable-pip-version-check uv
 	$(COMPILE) --extra test --extra lint --extra dataframe --extra xarray --extra c3d --extra hdf5 --extra mcap --extra compare \
-		--extra ble --extra serial --extra mqtt --extra emulate --extra season --extra s3 --extra dask --extra fit \
+		--extra ble --extra serial --extra mqtt --extra season --extra s3 --extra dask --extra fit \
 		--extra polars --extra plot --extra notebooks --extra video --extra site \
 		--output-file requirements/dev.txt pyproject.toml requirements/build.in
 	$(COMPILE) --constraint requirements/dev.txt --output-file requirements/run.txt pyproject.toml requirements/build.in
 	$(COMPILE) --constraint requirements/dev.txt --output-file requirements/validation.txt requirements/validation.in
 	$(COMPILE) --output-file requirements/release.txt requirements/release.in
-	$(COMPILE) --constraint requirements/dev.txt --extra bench --output-file requirements/bench.txt pyproject.toml
+	$(COMPILE) --constraint requirements/dev.txt --excludes <(echo oarlock) --extra bench \
+		--output-file requirements/bench.txt pyproject.toml lab/pyproject.toml
 
 clean: ## remove everything that was built or installed
 	rm -rf $(VENV) target dist out viewer/node_modules python/oarlock/data .pytest_cache .mypy_cache .ruff_cache .hypothesis python/oarlock/*.so
@@ -194,7 +195,8 @@ $(VENV)/.deny: | $(VENV)/.created
 	cargo install --quiet --debug --locked cargo-deny@0.20.2 --root $(VENV)/deny
 	@touch $@
 
-$(VENV)/.package: $(RUST_SOURCES) pyproject.toml | $(VENV)/.run
+$(VENV)/.package: $(RUST_SOURCES) pyproject.toml lab/pyproject.toml | $(VENV)/.run
 	env -u CONDA_PREFIX PIP_QUIET=1 VIRTUAL_ENV=$(CURDIR)/$(VENV) $(BIN)/maturin develop --release --locked --quiet
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-index --no-deps --no-build-isolation --editable lab
 	rm -rf python/oarlock/data # copies of examples/, which only wheels need
 	@touch $@

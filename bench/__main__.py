@@ -14,7 +14,7 @@ from typing import Any
 from pages.record import stamped
 from pages.sections import into_page
 
-from oarlock.lab.bench.measure import measure
+from oarlock_lab.bench.measure import measure
 
 from .apart import costs
 from .counted import NotCounted, counts
@@ -66,7 +66,7 @@ def main() -> None:
     """Reads the command line."""
     command = argparse.ArgumentParser(prog="python -m bench", description=__doc__)
     command.add_argument(
-        "--seconds", type=float, default=20.0, help="time for the package's own measurements"
+        "--duration-s", type=float, default=20.0, help="time for the package's own measurements"
     )
     command.add_argument(
         "--recording-s", type=float, default=800.0, help="length of the recording that is tracked whole, s"

@@ -1,13 +1,15 @@
 """Modules of the package use each other in one direction only, as ARCHITECTURE.md draws it."""
 
 import ast
+import re
 from collections.abc import Collection, Mapping
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
-from checks.project_files import ROOT, name_of, text_of
+from checks.project_files import ROOT, hits, name_of, text_of
 
 PACKAGE = ROOT / "python/oarlock"
+LAB = ROOT / "lab/oarlock_lab"
 
 # A room may use those before it, never one behind it. "" is the public face, `oarlock/__init__.py`. Modules of plain
 # data that the engine takes, returns or raises stand before it, apart from their room.
@@ -36,7 +38,6 @@ LAYERS = (
     "movement",
     "rowing",
     "season",
-    "lab",
     "cli",
     "__main__",
 )
@@ -51,6 +52,7 @@ PUBLIC_ROOMS = (
     "studies",
     "tracking",
 )
+IMPORTS_LAB = re.compile(r"^\s*(?:from|import) oarlock_lab\b")
 # What rowing uses beside the public names.
 ROWING_OWN = (
     "oarlock.rowing",
@@ -66,7 +68,14 @@ ROWING_OWN = (
 def findings() -> list[str]:
     """Imports that the layers do not allow. Imports inside functions and under TYPE_CHECKING count like any other."""
     uses = imports_of(PACKAGE)
-    return [*upward(uses), *circles(uses), *rowing_beyond_the_public_names()]
+    lab = [line for path in python_files() for line in hits(IMPORTS_LAB, path)]
+    return [
+        *upward(uses),
+        *circles(uses),
+        *circles(imports_of(LAB)),
+        *rowing_beyond_the_public_names(),
+        *(f"{line}: oarlock-lab uses the package, not the other way round" for line in lab),
+    ]
 
 
 def imports_of(package: Path) -> dict[str, set[str]]:

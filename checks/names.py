@@ -3,7 +3,7 @@
 import ast
 from collections import defaultdict
 
-from checks.arrows import python_files
+from checks.arrows import LAB, PACKAGE, python_files
 from checks.project_files import ROOT, code_files, name_of, text_of
 
 VAGUE_NAMES = {"base", "common", "factory", "helper", "helpers", "manager", "misc", "types", "util", "utils"}
@@ -19,9 +19,9 @@ def vague_names() -> list[str]:
 
 
 def classes_of_one_name() -> list[str]:
-    """Class names of the package that are defined in more than one place."""
+    """Class names of the package and of oarlock-lab that are defined in more than one place."""
     places = defaultdict(list)
-    for path in python_files():
+    for path in (path for package in (PACKAGE, LAB) for path in python_files(package)):
         for node in ast.walk(ast.parse(text_of(path))):
             if isinstance(node, ast.ClassDef):
                 places[node.name].append(f"{name_of(path)}:{node.lineno}")

@@ -46,10 +46,13 @@ def loose_pins() -> list[str]:
         for pins in sorted((ROOT / "requirements").glob("*.txt"))
         for line in loose(text_of(pins))
     ]
-    project = tomllib.loads(text_of(ROOT / "pyproject.toml"))["build-system"]["requires"]
+    built = (tomllib.loads(text_of(ROOT / name)) for name in ("pyproject.toml", "lab/pyproject.toml"))
+    project = [requirement for one in built for requirement in one["build-system"]["requires"]]
     lines = text_of(ROOT / "requirements/build.in").splitlines()
     if project != [line for line in lines if line and not line.startswith("#")]:
-        found.append("requirements/build.in: differs from build-system.requires in pyproject.toml")
+        found.append(
+            "requirements/build.in: differs from build-system.requires of pyproject.toml, lab/pyproject.toml"
+        )
     return found
 
 

@@ -1,4 +1,4 @@
-"""What a user can use of the present package, by table of `checks/inventory.toml`; for `checks/inventory.py`."""
+"""What a user can use of package and oarlock-lab, by table of `checks/inventory.toml`; for `checks/inventory.py`."""
 
 import ast
 import inspect
@@ -12,7 +12,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from checks.arrows import PACKAGE, python_files
+from checks.arrows import LAB, PACKAGE, python_files
 from checks.engine_arrows import ENGINE, engine_files
 from checks.project_files import text_of
 
@@ -27,14 +27,14 @@ CATALOGUES = {
     "activity-columns": ("oarlock.rowing.exports.activity:COLUMNS",),
     "transports": ("oarlock.live.transports:TRANSPORTS",),
     "wire-formats": ("oarlock.live.decoders:DECODERS",),
-    "emulated-devices": ("oarlock.live.emulators.kinds:KINDS",),
+    "emulated-devices": ("oarlock_lab.emulators.kinds:KINDS",),
     "estimators": ("oarlock.evaluation.comparison.estimators:estimators",),
     "simulators": ("oarlock.rowing:SIMULATORS", "oarlock.rowing.simulation.simulators:PRESETS"),
     "simulated-effects": ("oarlock.rowing.field.effects:GROUPS",),
     "simulated-conditions": ("oarlock.rowing:CONDITIONS",),
     "target-classes": ("oarlock.rowing:TARGET_CLASSES",),
     "season-questions": ("oarlock.season:QUESTIONS",),
-    "paper-parts": ("oarlock.lab.reproduce.reproduce:PARTS",),
+    "paper-parts": ("oarlock_lab.reproduce.reproduce:PARTS",),
     "rig-file": ("oarlock.live.rig:_TOP", "oarlock.live.rig:_OF_STREAM"),
     "study-file": tuple(
         f"oarlock.evaluation.study.study_file:{part}" for part in ("_TOP", "_TABLES", "_FAULT")
@@ -95,7 +95,7 @@ def surface() -> dict[str, set[str]]:
         ImportError: the package is not built, or is imported from another checkout.
         AttributeError, LookupError: a place that this module names is not there any more.
     """
-    sys.path.insert(0, str(PACKAGE.parent))
+    sys.path[:0] = [str(PACKAGE.parent), str(LAB.parent)]
     oarlock = import_module("oarlock")
     if not Path(str(oarlock.__file__)).is_relative_to(PACKAGE):
         raise ImportError(f"oarlock comes from {oarlock.__file__}, not from this checkout")
@@ -127,7 +127,9 @@ def surface() -> dict[str, set[str]]:
 def texts() -> str:
     """All sources of package and engine, with texts that are written over several lines in one."""
     pages = [path for path in PACKAGE.rglob("*") if path.suffix in {".j2", ".js", ".html"}]
-    python = "\n".join(re.sub(r'"\s*\n\s*[rf]*"', "", text_of(path)) for path in python_files())
+    python = "\n".join(
+        re.sub(r'"\s*\n\s*[rf]*"', "", text_of(path)) for path in [*python_files(), *python_files(LAB)]
+    )
     rust = "\n".join(re.sub(r"\\\n\s*", "", text_of(path)) for path in engine_files())
     return "\n".join([python, rust, *map(text_of, pages)])
 

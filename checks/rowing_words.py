@@ -18,7 +18,7 @@ NAMES_THAT_LOOK_LIKE_TALK = re.compile(
     r"""["'`/]sculler\w*(?:\.toml)?\\?["'`]|oarlock[./]rowing|tracking applied in rowing"""
 )
 # What speaks with devices of rowers, in their makers' words.
-OF_DEVICES = (("live", "decoders"), ("live", "emulators"), ("live", "transports"))
+OF_DEVICES = (("live", "decoders"), ("live", "transports"))
 # Modules that draw: their strokes are lines.
 DRAWS = {"pose_picture"}
 

@@ -67,6 +67,7 @@ def _source(archive: Archive) -> list[str]:
         *_version(archive, "PKG-INFO"),
         *_missing(NEEDED_IN_SOURCE | files | examples, set(archive.members)),
         *(f"{name}: is built, not source" for name in sorted(built)),
+        *(f"{name}: belongs to oarlock-lab" for name in sorted(archive.members) if name.startswith("lab/")),
     ]
 
 

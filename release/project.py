@@ -13,7 +13,7 @@ UNSHIPPED = {".so", ".pyd", ".pyc"}
 
 
 def version() -> str:
-    """The version; Cargo.toml is the only place that states it."""
+    """The version, as Cargo.toml states it."""
     text = (ROOT / "Cargo.toml").read_text(encoding="utf-8")
     return str(tomllib.loads(text)["workspace"]["package"]["version"])
 

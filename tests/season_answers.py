@@ -16,10 +16,16 @@ from oarlock.season.add import done_record
 from oarlock.season.compact import Current, athlete_rows
 from oarlock.season.disk import FolderStorage
 from oarlock.season.schema import joined, parquet_bytes, recording_rows, run_rows, stroke_rows
-from oarlock.season.synthetic.draw import health, strokes
-from oarlock.season.synthetic.make import ENGINE, SETUPS, Synthetic
-from oarlock.season.synthetic.plan import Planned, plan
-from oarlock.season.synthetic.squad import SyntheticAthlete
+from oarlock_lab.synthetic_season import (
+    ENGINE,
+    SETUPS,
+    Planned,
+    Synthetic,
+    SyntheticAthlete,
+    health,
+    plan,
+    strokes,
+)
 
 Spoil = Callable[[Planned, StrokeTable], StrokeTable]
 

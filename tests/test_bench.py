@@ -1,4 +1,4 @@
-"""`oarlock bench`: figures that can be, from a short run; other software gives the same estimates."""
+"""`oarlock lab bench`: figures that can be, from a short run; other software gives the same estimates."""
 
 import json
 from collections.abc import Iterator
@@ -9,9 +9,10 @@ import pytest
 
 from command_line import run
 from exact_recording import Floats
-from oarlock.lab.bench import measure, with_biorbd, with_filterpy, with_jax, with_numpy
-from oarlock.lab.bench.plain_kinematics import PlainKinematics
-from oarlock.lab.bench.problem import WARM, BenchProblem, sculling
+from oarlock_lab.bench import measure, with_biorbd
+from oarlock_lab.bench.plain_kinematics import PlainKinematics
+from oarlock_lab.bench.problem import WARM, BenchProblem, sculling
+from oarlock_lab.bench.unscented import filterpy_run, jax_run, numpy_run
 
 # Closures of 2 mm beside accelerations make covariances whose condition takes half the digits, and the textbook's form
 # cancels. filterpy inverts the innovations' covariance, which takes some more.
@@ -46,7 +47,7 @@ def measured_once() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def measured() -> dict:
-    return json.loads(run("bench", "--json", "--seconds", "0.05").stdout)
+    return json.loads(run("lab", "bench", "--json", "--duration-s", "0.05").stdout)
 
 
 def test_json_has_its_keys(measured):
@@ -90,13 +91,13 @@ def test_other_software_is_measured_or_named_as_missing(measured):
 
 
 def test_text_names_the_filters_and_the_paper():
-    shown = run("bench", "--seconds", "0.05")
+    shown = run("lab", "bench", "--duration-s", "0.05")
     for word in ("ukf", "ekf", "textbook", "p99.9", "the paper", "two threads", "times faster than"):
         assert word in shown.stdout
 
 
 def test_help_names_every_key(measured):
-    shown = run("bench", "--help").stdout
+    shown = run("lab", "bench", "--help").stdout
     filters = tuple(
         f"{name}_{what}" for name in ("ekf", "factorised", "bare_ukf") for what in ("us", "ratio")
     )
@@ -105,7 +106,7 @@ def test_help_names_every_key(measured):
 
 
 def test_seconds_must_be_a_time():
-    refused = run("bench", "--seconds", "0", status=2)
+    refused = run("lab", "bench", "--duration-s", "0", status=2)
     assert "20" in refused.stderr
 
 
@@ -121,13 +122,12 @@ def test_plain_kinematics_read_what_the_engine_reads(problem):
 
 
 @pytest.mark.parametrize(
-    "other", [with_numpy, with_jax, with_filterpy], ids=lambda m: m.__name__.split("_")[-1]
+    ("package", "make"), [("numpy", numpy_run), ("jax", jax_run), ("filterpy", filterpy_run)]
 )
-def test_other_software_runs_the_same_filter(problem, ours, other):
-    package = other.__name__.split("_")[-1]
-    pytest.importorskip(package, reason=f"{package} is not installed: pip install 'oarlock[bench]'")
+def test_other_software_runs_the_same_filter(problem, ours, package, make):
+    pytest.importorskip(package, reason=f"{package} is not installed: pip install 'oarlock-lab[bench]'")
     means, stds = ours
-    found = other.make(problem)()
+    found = make(problem)()
     gaps = np.abs(found - means[: len(found)]) / stds[: len(found)]
     print(f"{package}: {gaps.max():.1e} sigma over {len(found)} steps")
     assert len(found) > 0
@@ -135,6 +135,6 @@ def test_other_software_runs_the_same_filter(problem, ours, other):
 
 
 def test_biorbd_follows_the_angles_that_its_orientations_were_made_of(problem):
-    pytest.importorskip("biorbd", reason="biorbd is not installed: pip install 'oarlock[bench]'")
+    pytest.importorskip("biorbd", reason="biorbd is not installed: pip install 'oarlock-lab[bench]'")
     gaps = np.abs(with_biorbd.make(problem)() - with_biorbd.angles_rad(problem))
     assert gaps[WARM:].max() < FOLLOWS_RAD

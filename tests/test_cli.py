@@ -13,10 +13,12 @@ import pytest
 import oarlock
 from command_line import run
 from oarlock.cli import VERBS as EVERY
-from oarlock.cli import settings, terminal
+from oarlock.cli import load_verb, settings, terminal
+from oarlock.cli.lab import IN_OARLOCK_LAB
 
 VERBS = (
-    *((verb,) for verb in ("bench", "demo", "simulate", "track", "evaluate", "compare", "report")),
+    *((verb,) for verb in ("demo", "simulate", "track", "evaluate", "report")),
+    *(("lab", verb) for verb in ("bench", "compare", "emulate", "reproduce", "season", "study")),
     *(("export",), ("import", "apdm"), ("import", "csv"), ("calibrate", "chain"), ("calibrate", "session")),
     *(("run",), ("calibrate", "sagittal"), ("rowing", "strokes")),
     *(("model", verb) for verb in ("list", "show", "check", "copy")),
@@ -58,6 +60,13 @@ def test_help_says_what_it_does_and_gives_examples(verb):
     assert f"Usage: oarlock {' '.join(verb)}" in shown.stdout
     examples = shown.stdout.partition("Examples:")[2]
     assert f"oarlock {' '.join(verb)}" in examples
+
+
+def test_verbs_of_oarlock_lab_say_how_to_install_it(monkeypatch):
+    verbs = load_verb("lab").commands
+    assert set(verbs) == {"compare", "study", *IN_OARLOCK_LAB}
+    monkeypatch.delitem(verbs, "bench")
+    assert "pip install oarlock-lab" in " ".join(run("lab", "bench", status=2).stderr.split())
 
 
 def test_version():

@@ -171,7 +171,7 @@ def trial(rowed: tuple[oarlock.Track, Recording], tmp_path_factory: pytest.TempP
 def test_the_verb_writes_table_and_page(trial):
     out = trial / "compared"
     asked = [part for name in BUILT_IN for part in ("--filter", name)]
-    done = run("compare", trial / "trial", "--model", "sculler", *asked, "--out", out)
+    done = run("lab", "compare", trial / "trial", "--model", "sculler", *asked, "--out", out)
     for name in BUILT_IN:
         assert re.search(rf"^  {name} ", done.stdout, re.M)
     document = tomllib.loads((out / "compare.toml").read_text(encoding="utf-8"))
@@ -189,8 +189,8 @@ def test_the_verb_writes_table_and_page(trial):
 
 def test_the_verb_speaks_json_and_leaves_the_page_out(trial):
     out = trial / "compared_json"
-    asked = ("--filter", "ekf", "--filter", "vector_kf", "--no-html", "--json")
-    done = run("compare", trial / "trial", trial / "trial/truth", "--model", "sculler", *asked, "--out", out)
+    asked = ("--model", "sculler", "--filter", "ekf", "--filter", "vector_kf", "--no-html", "--json")
+    done = run("lab", "compare", trial / "trial", trial / "trial/truth", *asked, "--out", out)
     document = json.loads(done.stdout)
     assert document["wins"]["mean_rmse_deg"] == ["ekf"]
     assert document["estimators"][1]["nees_per_state"] is None
@@ -198,9 +198,8 @@ def test_the_verb_speaks_json_and_leaves_the_page_out(trial):
 
 
 def test_the_verb_refuses_what_it_does_not_know(trial):
-    done = run(
-        "compare", trial / "trial", "--model", "sculler", "--filter", "ukff", "--out", trial / "no", status=2
-    )
+    asked = ("--model", "sculler", "--filter", "ukff", "--out", trial / "no")
+    done = run("lab", "compare", trial / "trial", *asked, status=2)
     assert "ukf" in done.stderr
 
 

@@ -1,4 +1,4 @@
-"""`oarlock emulate` as a user types it."""
+"""`oarlock lab emulate` as a user types it."""
 
 import subprocess
 import sys
@@ -8,25 +8,25 @@ import pytest
 import oarlock
 from command_line import run
 from oarlock import Recording, ScalarStream
-from oarlock.cli.emulate import _write_rig
 from oarlock.live.decoders import DECODERS
-from oarlock.live.emulators.emulated import Emulated
-from oarlock.live.emulators.kinds import KINDS
-from oarlock.live.emulators.swinging import swinging
 from oarlock.live.rig import Rig
 from oarlock.live.transports import opened
 from oarlock.live.transports.udp import free_port
+from oarlock_lab.cli.emulate import _write_rig
+from oarlock_lab.emulators.emulated import Emulated
+from oarlock_lab.emulators.kinds import KINDS
+from oarlock_lab.emulators.swinging import swinging
 
 
 def test_a_kind_is_emulated_and_its_rig_written(tmp_path):
     rig, port = tmp_path / "rig.toml", free_port()
-    words = ("--model", "pendulum3", "--units", "upper,lower", "--port", port, "--rig", rig)
-    said = run("emulate", "lines", *words, "--seconds", "0.3").stdout
+    words = ("--model", "pendulum3", "--sensors", "upper,lower", "--port", port, "--rig", rig)
+    said = run("lab", "emulate", "lines", *words, "--duration-s", "0.3").stdout
     assert f"sends to 127.0.0.1:{port}" in said and "oarlock live run" in said
     found = Rig.load(rig)
     assert [feed.stream for feed in found.feeds] == ["upper", "lower"]
     assert found.sources["lines"].options["port"] == port
-    assert "--force" in run("emulate", "lines", *words, status=2).stderr
+    assert "--force" in run("lab", "emulate", "lines", *words, status=2).stderr
 
 
 def test_a_recording_is_sent_once(pendulum, tmp_path):
@@ -41,7 +41,7 @@ def test_a_recording_is_sent_once(pendulum, tmp_path):
         "--dropout",
         "upper:0:1",
     )
-    assert "sends to" in run("emulate", "lines", *words).stdout
+    assert "sends to" in run("lab", "emulate", "lines", *words).stdout
 
 
 @pytest.mark.parametrize("name", [name for name, kind in KINDS.items() if not kind.streams])
@@ -57,11 +57,13 @@ def test_a_kind_that_feeds_no_sensor_gets_a_rig_without_streams(tmp_path, name):
 
 def test_a_session_of_a_gps_receiver_records_its_speed(tmp_path):
     rig, port = tmp_path / "rig.toml", free_port()
-    said = run("emulate", "nmea", "--port", port, "--rig", rig, "--seconds", "0.1").stdout
+    said = run("lab", "emulate", "nmea", "--port", port, "--rig", rig, "--duration-s", "0.1").stdout
     assert "feeds no sensor of a body" in " ".join(said.split())
-    device = subprocess.Popen([sys.executable, "-m", "oarlock", "emulate", "nmea", "--port", str(port)])
+    device = subprocess.Popen(
+        [sys.executable, "-m", "oarlock", "lab", "emulate", "nmea", "--port", str(port)]
+    )
     try:
-        said = run("live", "run", rig, "--out", tmp_path / "today", "--no-page", "--seconds", "6").stdout
+        said = run("live", "run", rig, "--out", tmp_path / "today", "--no-page", "--duration-s", "6").stdout
     finally:
         device.terminate()
         device.wait()
@@ -70,12 +72,12 @@ def test_a_session_of_a_gps_receiver_records_its_speed(tmp_path):
 
 
 def test_all_kinds_are_listed():
-    said = run("emulate", "--list").stdout
+    said = run("lab", "emulate", "--list").stdout
     assert all(name in said for name in KINDS)
 
 
 def test_wrong_words_are_explained(tmp_path):
-    assert "lines" in run("emulate", "line", status=2).stderr
-    assert "has no transport" in run("emulate", "lines", "--transport", "ble", status=1).stderr
-    assert "NAME:FROM:TO" in run("emulate", "lines", "--dropout", "upper", status=2).stderr
-    assert "no such sensor" in run("emulate", "lines", "--units", "knee", status=2).stderr
+    assert "lines" in run("lab", "emulate", "line", status=2).stderr
+    assert "has no transport" in run("lab", "emulate", "lines", "--transport", "ble", status=1).stderr
+    assert "NAME:FROM:TO" in run("lab", "emulate", "lines", "--dropout", "upper", status=2).stderr
+    assert "no such sensor" in run("lab", "emulate", "lines", "--sensors", "knee", status=2).stderr

@@ -312,9 +312,9 @@ def test_a_wrong_fault_is_refused(tmp_path, text, says):
 
 
 def test_a_shipped_study_is_known_by_name():
-    keys = run("study", "robustness", "--keys", "--json")
+    keys = run("lab", "study", "robustness", "--keys", "--json")
     assert "gap_s" in json.loads(keys.stdout)
-    wrong = run("study", "robustnes", "--keys", status=1)
+    wrong = run("lab", "study", "robustnes", "--keys", status=1)
     assert 'mean "robustness"' in wrong.output
 
 

@@ -102,7 +102,7 @@ def verbs(world: Path, out: Path) -> dict[str, Verb]:
             "report.html", lambda n: ["report", world / f"{n}-track", "--out", out / "report.html", "--force"]
         ),
         "export": both("coordinates.csv", lambda n: ["export", world / f"{n}-track", "--out", out]),
-        "study": both("runs.csv", lambda n: ["study", world / f"{n}.toml", "--jobs", 1, "--out", out]),
+        "study": both("runs.csv", lambda n: ["lab", "study", world / f"{n}.toml", "--jobs", 1, "--out", out]),
     }
 
 

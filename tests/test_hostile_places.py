@@ -20,10 +20,10 @@ TEXT_PLACES = {"at", "file", "model", "body", "name", "settings"}
 OWN_WAY = {
     ("season init", "at"),
     ("season init", "name"),
-    ("season synthetic", "at"),
+    ("lab season", "at"),
     ("season questions", "at"),
 }
-OWN_WAY |= {("live run", "plan"), ("model copy", "file"), ("emulate", "path"), ("emulate", "rig")}
+OWN_WAY |= {("live run", "plan"), ("model copy", "file"), ("lab emulate", "path"), ("lab emulate", "rig")}
 FILLED = {"stature_m": "1.8", "metric": "rate_per_min", "sql": "SELECT 1", "on": "upper"}
 FILLED |= {"model": "pendulum3", "body": "pendulum3", "name": "pendulum3", "run": "1", "what": "figures"}
 TRACKS = {"evaluate", "report", "export", "view", "video align"}
@@ -64,7 +64,7 @@ def inputs(verb):
 def command(verb, hostile, place, places, out):
     words = [] if verb.endswith("PATH") else verb.split()
     words = words or verb.split()[:1]
-    words += ["lines", "--duration-s", "0.1"] if verb == "emulate" else []
+    words += ["lines", "--duration-s", "0.1"] if verb == "lab emulate" else []
     filled = FILLED | {"out": out, "to": out, "at": places / "season"}
     for param in app_verb(verb).params:
         if param is hostile:

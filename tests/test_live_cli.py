@@ -6,12 +6,12 @@ import numpy as np
 
 import oarlock
 from command_line import run
-from oarlock.live.emulators.rig import lines_rig
 from oarlock.live.folder import LiveFolder
 from oarlock.live.reading import Packet
 from oarlock.live.recorder import Recorder
 from oarlock.live.rig import rig_document
 from oarlock.live.session import command
+from oarlock.live.simulated_devices import lines_rig
 from oarlock.live.transports.udp import free_port
 from oarlock.storage.toml import write_toml
 

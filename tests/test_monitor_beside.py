@@ -8,8 +8,6 @@ import pytest
 import oarlock
 from command_line import run
 from html_page import Page, assert_loads_nothing
-from oarlock.live.emulators.pm5_messages import MESSAGES, force_curve
-from oarlock.live.emulators.rower import Rowing
 from oarlock.live.folder import LiveFolder
 from oarlock.live.reading import Packet
 from oarlock.live.recorder import Recorder
@@ -20,6 +18,8 @@ from oarlock.rowing.alongside.monitor import is_one_clock, monitor_strokes, plac
 from oarlock.rowing.analysis.technique import technique
 from oarlock.rowing.strokes.table import StrokeTable
 from oarlock.storage.errors import DataError
+from oarlock_lab.emulators.pm5 import MESSAGES, force_curve
+from oarlock_lab.emulators.rower import Rowing
 from rowed_truth import rowed
 
 START_NS = 5_000_000_000_000

@@ -9,7 +9,8 @@ import pytest
 from oarlock.cli import VERBS, load_verb
 
 ROOT = Path(__file__).parents[1]
-TEXTS = sorted([ROOT / "README.md", *ROOT.glob("docs/**/*.md"), *ROOT.glob("python/oarlock/**/*.py")])
+WHERE = ("README.md", "docs/**/*.md", "python/oarlock/**/*.py", "lab/**/*.py")
+TEXTS = sorted(path for pattern in WHERE for path in ROOT.glob(pattern))
 COMMAND = re.compile(r"`oarlock ([a-z][^`\n]*)`|^ *(?:\$ )?oarlock ([a-z][^\n`]*)$", re.M)
 END = {"|", "||", ">", "#", "&&", r"\|\|"}
 

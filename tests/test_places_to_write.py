@@ -27,7 +27,7 @@ INTO_FOLDERS = {
     "track": ["track", "{world}/rec", "--model", "pendulum3", "--out", "{place}"],
     "import": ["import", "csv", "{world}/map.toml", "--out", "{place}"],
     "export": ["export", "{world}/track", "--out", "{place}"],
-    "study": ["study", "{world}/study.toml", "--jobs", 1, "--out", "{place}"],
+    "study": ["lab", "study", "{world}/study.toml", "--jobs", 1, "--out", "{place}"],
     "strokes": ["rowing", "strokes", "{world}/rowed", "--out", "{place}"],
 }
 INTO_FILES = {

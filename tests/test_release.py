@@ -126,6 +126,8 @@ def test_faults_of_a_source_distribution_are_found(tmp_path):
         "Cargo.lock: is missing",
         "target/x.so: is built, not source",
     ]
+    (alien,) = check.findings(source(tmp_path, "", "lab/pyproject.toml"))
+    assert "oarlock-lab" in alien
 
 
 def test_other_files_are_refused(tmp_path):
@@ -158,6 +160,8 @@ def test_every_place_states_the_version_of_cargo():
     stated = f"version: {VERSION}\n"
     assert stated in (project.ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert f'version: "{VERSION}"\n' in (project.ROOT / "conda/recipe.yaml").read_text(encoding="utf-8")
+    lab = tomllib.loads((project.ROOT / "lab/pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert lab["version"] == VERSION and lab["dependencies"] == [f"oarlock=={VERSION}"]
     about = tomllib.loads((project.ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert "version" in about["dynamic"] and "version" not in about
 

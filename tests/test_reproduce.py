@@ -19,18 +19,15 @@ from command_line import run
 from oarlock.evaluation.study.filter_inputs import filter_model
 from oarlock.evaluation.study.pool import UNFINISHED
 from oarlock.evaluation.study.rows import write_rows
-from oarlock.lab.reproduce.chains import Size, built
-from oarlock.lab.reproduce.claim_runs import studies
-from oarlock.lab.reproduce.contents import PaperPart
-from oarlock.lab.reproduce.cost import formula, power
-from oarlock.lab.reproduce.discussion import printed_growth_percent
-from oarlock.lab.reproduce.estimators import ELEVEN, ESTIMATORS
-from oarlock.lab.reproduce.kept import PartCache, _plain
-from oarlock.lab.reproduce.page import reproduction_page
-from oarlock.lab.reproduce.places import place_band
-from oarlock.lab.reproduce.reproduce import PARTS, reproduce
-from oarlock.lab.reproduce.table5 import scores_of, table5_study, target_rows
 from oarlock.rowing.simulation import paper
+from oarlock_lab.reproduce.contents import PaperPart
+from oarlock_lab.reproduce.cost import Size, built, formula, power
+from oarlock_lab.reproduce.discussion import printed_growth_percent, studies
+from oarlock_lab.reproduce.page import reproduction_page
+from oarlock_lab.reproduce.part_cache import PartCache, _plain
+from oarlock_lab.reproduce.reproduce import PARTS, reproduce
+from oarlock_lab.reproduce.table5 import ELEVEN, ESTIMATORS, scores_of, table5_study, target_rows
+from oarlock_lab.reproduce.table6 import place_band
 
 SHORT_S = 6.0
 UNSEEN = 7919
@@ -229,16 +226,17 @@ def test_generated_models_have_their_size_and_can_be_tracked(size):
 
 def test_the_verb_writes_a_page_and_tables(tmp_path):
     out = tmp_path / "fig3"
-    command = ["reproduce", "fig3", "--seed", str(UNSEEN), "--duration-s", "5", "--out", str(out), "--json"]
+    asked = ("--seed", UNSEEN, "--duration-s", 5, "--out", out, "--json")
+    command = ["lab", "reproduce", "fig3", *asked]
     ran = run(*command)
     assert json.loads(ran.stdout)["fig3"]["notes"]
     assert (out / "report.html").exists() and (out / "run.toml").exists()
     table = parquet.read_table(out / "fig3.parquet")
     assert table.num_rows > 500 and "trunk_true_rad" in table.column_names
     run(*command)
-    other = run("reproduce", "fig3", "--out", str(tmp_path), status=2)
+    other = run("lab", "reproduce", "fig3", "--out", str(tmp_path), status=2)
     assert "contains other files" in other.output
-    run("reproduce", "table7", "--out", str(out), status=2)
+    run("lab", "reproduce", "table7", "--out", str(out), status=2)
 
 
 def kept(folder, seed=UNSEEN, duration_s=SHORT_S):
@@ -274,7 +272,7 @@ def test_a_part_that_others_made_or_that_is_damaged_is_made_again(made, tmp_path
     file.write_bytes(whole[: len(whole) // 2])
     assert kept(tmp_path).read("table6") is None
     file.write_bytes(whole)
-    monkeypatch.setattr("oarlock.lab.reproduce.kept._package_hash", lambda: "another one")
+    monkeypatch.setattr("oarlock_lab.reproduce.part_cache._package_hash", lambda: "another one")
     assert kept(tmp_path).read("table6") is None
 
 
@@ -287,7 +285,7 @@ def test_parts_that_were_finished_before_it_was_stopped_are_kept(tmp_path, monke
         [],
     )
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-        patch.setattr("oarlock.lab.reproduce.reproduce.cost", stop)
+        patch.setattr("oarlock_lab.reproduce.reproduce.cost", stop)
         reproduce(("fig3", "cost"), **given)
     reproduce(("fig3",), **given, on_part=lambda *told: parts.append(told))
     assert parts == [("fig3", True)]
@@ -327,8 +325,18 @@ def test_a_stopped_reproduction_goes_on_where_it_was(tmp_path):
 def test_a_killed_reproduction_leaves_no_process_and_goes_on(tmp_path, sent):
     """Whatever stops the command: its processes end, and the finished runs of table 5 are not made again."""
     runs, own = kept(tmp_path / "out" / "parts").runs("table5"), {"start_new_session": True}
-    command = ["reproduce", "table5", "--seed", str(UNSEEN), "--duration-s", str(SHORT_S), "--jobs", "2"]
-    command = [sys.executable, "-m", "oarlock", *command, "--out", str(tmp_path / "out")]
+    asked = ("--seed", str(UNSEEN), "--duration-s", str(SHORT_S), "--jobs", "2")
+    command = [
+        sys.executable,
+        "-m",
+        "oarlock",
+        "lab",
+        "reproduce",
+        "table5",
+        *asked,
+        "--out",
+        str(tmp_path / "out"),
+    ]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, **own) as process:
         while not (runs / UNFINISHED).is_file() or not (runs / UNFINISHED).read_text().endswith("\n"):
             assert process.poll() is None
@@ -347,7 +355,7 @@ def test_a_killed_reproduction_leaves_no_process_and_goes_on(tmp_path, sent):
 
 def test_the_verb_says_what_it_kept_and_makes_it_anew(tmp_path):
     out = tmp_path / "fig3"
-    command = ["reproduce", "fig3", "--seed", str(UNSEEN), "--duration-s", "5", "--out", str(out)]
+    command = ["lab", "reproduce", "fig3", "--seed", str(UNSEEN), "--duration-s", "5", "--out", str(out)]
     (out / "parts").mkdir(parents=True)  # as a reproduction leaves it that was killed
     assert "Kept from before" not in run(*command).stdout
     assert "Kept from before: fig3; --anew makes them again" in " ".join(run(*command).stdout.split())

@@ -10,8 +10,7 @@ import pytest
 
 from oarlock.season import Database
 from oarlock.season.questions.ask import answer
-from oarlock.season.synthetic.make import Synthetic
-from oarlock.season.synthetic.squad import BASES, SyntheticAthlete
+from oarlock_lab.synthetic_season import BASES, Synthetic, SyntheticAthlete
 from season_answers import answered
 
 pytestmark = pytest.mark.long

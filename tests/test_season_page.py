@@ -13,7 +13,7 @@ from oarlock import DataError
 from oarlock.season import Database, Selection, write_season_page
 from oarlock.season.page.findings import AthleteComparison, beyond_chance
 from oarlock.season.page.gather import gathered
-from oarlock.season.synthetic.make import Synthetic
+from oarlock_lab.synthetic_season import Synthetic
 from season_answers import answered, compacted
 
 WHAT = Synthetic(12 * 40, 12, seed=12, strokes=40)
@@ -92,7 +92,7 @@ def test_mixed_classes_are_said_and_kept_apart(tmp_path: Path, monkeypatch: pyte
 
 def test_the_command(tmp_path: Path) -> None:
     at, out = tmp_path / "season", tmp_path / "page.html"
-    run("season", "synthetic", at, "--recordings", 10, "--athletes", 2, "--jobs", 1, "--seed", 4)
+    run("lab", "season", at, "--recordings", 10, "--athletes", 2, "--jobs", 1, "--seed", 4)
     told = run("season", "page", at, "--out", out, "--metric", "catch_angle", "--scope", "coaching").stdout
     assert "Wrote" in told
     assert "What changed" in out.read_text("utf-8")

@@ -21,8 +21,7 @@ from oarlock.season.compact import Current
 from oarlock.season.questions.ask import answer
 from oarlock.season.questions.crew_functions import add_crew_functions
 from oarlock.season.questions.selection import Rates, metric_named
-from oarlock.season.synthetic.make import Synthetic
-from oarlock.season.synthetic.squad import BASES, REFERENCE_RATE, SyntheticAthlete
+from oarlock_lab.synthetic_season import BASES, REFERENCE_RATE, Synthetic, SyntheticAthlete
 from season_answers import answered, compacted
 
 Squad = list[SyntheticAthlete]
@@ -313,7 +312,7 @@ def test_a_season_without_results_says_what_to_do(tmp_path: Path, monkeypatch: p
 
 def test_the_verbs_answer(tmp_path: Path) -> None:
     at = tmp_path / "season"
-    made = run("season", "synthetic", at, "--recordings", 10, "--athletes", 2, "--jobs", 1, "--seed", 4)
+    made = run("lab", "season", at, "--recordings", 10, "--athletes", 2, "--jobs", 1, "--seed", 4)
     assert "Made 10 recordings of 2 athletes" in made.stdout
     names = sorted(file.stem for file in (at / "athletes").iterdir())
     listed = run("season", "questions", at).stdout

@@ -10,10 +10,7 @@ from oarlock import DataError, load_recording
 from oarlock.season import open_season
 from oarlock.season.check import check
 from oarlock.season.compact import compact
-from oarlock.season.synthetic.draw import strokes
-from oarlock.season.synthetic.make import Synthetic, make_synthetic
-from oarlock.season.synthetic.plan import plan
-from oarlock.season.synthetic.squad import synthetic_squad
+from oarlock_lab.synthetic_season import Synthetic, make_synthetic, plan, strokes, synthetic_squad
 
 SMALL = Synthetic(recordings=7, athletes=3, seed=2, strokes=30)
 

@@ -118,7 +118,7 @@ def test_a_verb_that_goes_on_says_so(tmp_path, monkeypatch):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("oarlock.evaluation.study.pool.all_rows", stopped)
-    said = run("study", "mount_error", "--out", tmp_path / "study", status=130).stderr
+    said = run("lab", "study", "mount_error", "--out", tmp_path / "study", status=130).stderr
     assert "what is finished is kept; the same command continues from there" in said
 
 

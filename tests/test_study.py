@@ -295,13 +295,13 @@ def test_the_verb_writes_tables_and_a_page_that_needs_nothing(pendulum_motion, t
         "[fixed]\nduration_s = 3.0\n[grid]\nnoise_factor = [1, 2, 4]\n"
     )
     out = tmp_path / "out"
-    ran = run("study", str(file), "--out", str(out), "--jobs", "1", "--json")
+    ran = run("lab", "study", str(file), "--out", str(out), "--jobs", "1", "--json")
     assert json.loads(ran.stdout)["runs"] == 6
     page = (out / "report.html").read_text(encoding="utf-8")
     assert "<svg" in page and "series-band" in page and "http" not in page.replace("http-equiv", "")
     assert {"runs.csv", "runs.parquet", "summary.csv", "summary.parquet", "run.toml"} <= {
         path.name for path in out.iterdir()
     }
-    keys = run("study", str(file), "--keys")
+    keys = run("lab", "study", str(file), "--keys")
     assert "mount_error_deg" in keys.output
-    run("study", str(file), status=2)
+    run("lab", "study", str(file), status=2)

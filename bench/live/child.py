@@ -21,10 +21,10 @@ from typing import Any
 from bench.live.misbehaving import sent
 from bench.live.virtual import VirtualTime, VirtualUdp
 from oarlock import Belief, Calibration, Model, load_model
-from oarlock.live.emulators.rig import LINES, lines_rig
 from oarlock.live.live import Live
 from oarlock.live.page import page_server
 from oarlock.live.picture import LivePicture
+from oarlock.live.simulated_devices import LINES, lines_rig
 from oarlock.rowing import StrokeFollower, live_look
 from oarlock.rowing.simulation.emulated import STREAMS
 

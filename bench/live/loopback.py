@@ -8,12 +8,11 @@ from importlib import resources
 import numpy as np
 
 import oarlock
-from oarlock.live.emulators.deliveries import Faults
-from oarlock.live.emulators.emulated import Destination, Emulated
-from oarlock.live.emulators.kinds import KINDS
-from oarlock.live.emulators.rig import rig_of
 from oarlock.live.reading import Packet
 from oarlock.live.session import LiveSession, command
+from oarlock.live.simulated_devices import Faults
+from oarlock_lab.emulators.emulated import Destination, Emulated
+from oarlock_lab.emulators.kinds import KINDS, rig_of
 
 START_NS = 7_000_000_000_000
 TRACKED_FROM_S, COMPARED_FROM_S = 3.0, 5.0

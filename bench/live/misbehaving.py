@@ -16,8 +16,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from oarlock import Model, load_model
-from oarlock.live.emulators.deliveries import Delivery, Faults, endless
-from oarlock.live.emulators.lines import json_line
+from oarlock.live.simulated_devices import Delivery, Faults, endless, json_line
 from oarlock.rowing.simulation.emulated import PERIOD_S, STREAMS, endless_sculling
 
 FIRST_S, CYCLE_S = 10.0, 100.0

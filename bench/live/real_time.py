@@ -30,17 +30,16 @@ from bench.live.loopback import (
     rms,
     track_angles,
 )
-from oarlock.live.emulators.emulated import Destination, Emulated
-from oarlock.live.emulators.kinds import KINDS, EmulatorKind
-from oarlock.live.emulators.rig import rig_of
-from oarlock.live.emulators.swinging import swinging
-from oarlock.live.emulators.together import Together
 from oarlock.live.folder import LiveFolder
 from oarlock.live.live import Live
 from oarlock.live.reading import Packet
 from oarlock.live.rig import Rig
 from oarlock.live.session import COMMANDS, LiveSession, command, recorded
 from oarlock.live.transports import opened
+from oarlock_lab.emulators.dot import Together
+from oarlock_lab.emulators.emulated import Destination, Emulated
+from oarlock_lab.emulators.kinds import KINDS, EmulatorKind, rig_of
+from oarlock_lab.emulators.swinging import swinging
 
 LONG_WAIT_S = 5.0
 """Estimates wait so long: what a busy machine delivers late is used all the same."""
@@ -166,11 +165,10 @@ def _by_wire(kind):
 
 def _by_bluetooth(kind):
     """Units and a radio on a link of this process."""
-    from oarlock.live.emulators import dot
-    from oarlock.live.emulators.air import Air
-    from oarlock.live.emulators.virtual_radio import VirtualRadio
     from oarlock.live.transports.ble import Ble
     from oarlock.live.transports.transport import Options
+    from oarlock_lab.emulators import dot
+    from oarlock_lab.emulators.bluetooth import Air, VirtualRadio
 
     air = Air()
 

@@ -17,11 +17,10 @@ from typing import Any
 
 from bench.live.child import FIGURES, made, run
 from oarlock import load_model
-from oarlock.live.emulators.deliveries import Faults
-from oarlock.live.emulators.lines import send
 from oarlock.live.live import Live
 from oarlock.live.outputs.output import SessionStart
 from oarlock.live.session import Estimate
+from oarlock.live.simulated_devices import Faults, send
 from oarlock.live.transports.udp import Udp
 from oarlock.rowing.simulation.emulated import RATE_HZ, rowing_devices
 

@@ -172,7 +172,7 @@ def _(model, motion, np, oarlock):
 @app.cell(hide_code=True)
 def _(mo):
     mo.md(r"""
-    For a study with many settings write a file and run `oarlock study`:
+    For a study with many settings write a file and run `oarlock lab study`:
     [docs/study.md](../../docs/study.md). Before you send a change: `make lint` and `make test`.
     """)
     return

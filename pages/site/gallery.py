@@ -124,7 +124,7 @@ PIECES = (
         "season.html",
         "The season of a squad",
         "Synthetic: twelve athletes over a year.",
-        ("season synthetic season --recordings 240 --athletes 12", "season page season --out season.html"),
+        ("lab season season --recordings 240 --athletes 12", "season page season --out season.html"),
         "season.html",
     ),
 )

@@ -16,7 +16,7 @@ SESSION = "http://127.0.0.1:8123/?token=..."
 """Stands for the address of a live session."""
 SERVERS = ("oarlock live demo", "oarlock live run")
 """Run until Ctrl-C and show a page."""
-BACKGROUND = ("oarlock emulate ximu3",)
+BACKGROUND = ("oarlock lab emulate ximu3",)
 """Run beside the commands that follow."""
 
 NOT_RUN: Mapping[str, str] = {
@@ -30,8 +30,8 @@ NOT_RUN: Mapping[str, str] = {
     "oarlock live run rig.toml --out today": "needs sensors that send; the page runs it with emulated ones",
     "oarlock calibrate session today/recording": "needs somebody who presses the buttons of the guided start",
     'import oarlock\n\nfound = oarlock.live.channels("today")': "needs a GPS receiver and an ergometer",
-    "oarlock reproduce all": "takes five minutes of processor time; tests/test_reproduce.py runs its parts",
-    "oarlock study robustness --seeds 2": "takes many minutes; the page runs the quick variant",
+    "oarlock lab reproduce all": "takes five minutes of processor time; tests/test_reproduce.py runs its parts",
+    "oarlock lab study robustness --seeds 2": "takes many minutes; the page runs the quick variant",
     "oarlock report today/track": "needs an ergometer that sends by Bluetooth",
     "oarlock report out --with evening/erg": "needs an ergometer that sends by Bluetooth",
     "dask ": "needs other machines; tests/test_season_cluster.py starts workers on this one",
@@ -53,12 +53,12 @@ DATA: Mapping[str, str] = {
 """Public recordings that a reader downloads, below `data` of OARLOCK_DATA."""
 
 QUICKER: Mapping[str, str] = {
-    "oarlock reproduce table5": "--seeds 1 --duration-s 10",
-    "oarlock study which_sensors": "--seeds 1",
-    "oarlock study examples/studies/noise_grade.toml": "--seeds 1",
-    "oarlock study mount_error": "--seeds 1",
-    "oarlock study robustness_quick": "--seeds 1",
-    "oarlock season synthetic season": "--recordings 60 --athletes 3",
+    "oarlock lab reproduce table5": "--seeds 1 --duration-s 10",
+    "oarlock lab study which_sensors": "--seeds 1",
+    "oarlock lab study examples/studies/noise_grade.toml": "--seeds 1",
+    "oarlock lab study mount_error": "--seeds 1",
+    "oarlock lab study robustness_quick": "--seeds 1",
+    "oarlock lab season season": "--recordings 60 --athletes 3",
 }
 """Beginning of a command that takes minutes, and options with which it does not: the last ones count."""
 
@@ -93,7 +93,7 @@ MADE: Mapping[str, str] = {
     "trial_1": f"oarlock simulate --duration-s 20 --seed 1 --out trial_1 && {WHO} > trial_1/session.toml",
     "trial_2": f"oarlock simulate --duration-s 20 --seed 2 --out trial_2 && {WHO} > trial_2/session.toml",
     "k7.toml": "oarlock calibrate stature 1.78 --model sculler --out k7.toml",
-    "season": "oarlock season synthetic season --recordings 60 --athletes 3",
+    "season": "oarlock lab season season --recordings 60 --athletes 3",
 }
 """How what a reader has is made here, from what stands above it."""
 

@@ -7,12 +7,12 @@ import threading
 from concurrent.futures import Future
 
 import oarlock
-from oarlock.live.emulators.rig import lines_rig
 from oarlock.live.guide.lead import Lead
 from oarlock.live.guide.steps import Guide, GuideDurations
 from oarlock.live.live import Live
 from oarlock.live.page import page_server
 from oarlock.live.picture import LivePicture
+from oarlock.live.simulated_devices import lines_rig
 from oarlock.live.transports.transport import now_ns
 from oarlock.live.transports.udp import free_port
 from oarlock.rowing import live_look

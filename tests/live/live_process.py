@@ -14,8 +14,8 @@ from contextlib import contextmanager
 from websockets.sync.client import connect
 
 from oarlock.live.client import socket_address
-from oarlock.live.emulators.rig import lines_rig
 from oarlock.live.rig import rig_document
+from oarlock.live.simulated_devices import lines_rig
 from oarlock.live.transports.udp import free_port
 from oarlock.rowing.simulation.emulated import STREAMS
 from oarlock.storage.toml import write_toml

@@ -12,10 +12,10 @@ from functools import cache
 from senders import encoded, rig_of
 
 from oarlock import rowing
-from oarlock.live.emulators.deliveries import Faults, deliveries
 from oarlock.live.live import Live
 from oarlock.live.page import page_server
 from oarlock.live.picture import LivePicture
+from oarlock.live.simulated_devices import Faults, deliveries
 from oarlock.live.transports.udp import free_port
 from oarlock.simulation.simulate import simulate
 

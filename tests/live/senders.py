@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from oarlock.live.decoders import DECODERS, WireFormat
-from oarlock.live.emulators.deliveries import Faults, deliveries
 from oarlock.live.reading import Packet, Reading
 from oarlock.live.rig import Feed, Rig, Source, streams_of
+from oarlock.live.simulated_devices import Faults, deliveries
 
 START_NS = 5_000_000_000_000
 

@@ -8,9 +8,6 @@ import pytest
 from enough import EnoughError, Sent
 
 from oarlock import DataError
-from oarlock.live.emulators import heart_rate
-from oarlock.live.emulators.air import Air
-from oarlock.live.emulators.virtual_radio import VirtualRadio
 from oarlock.live.rig import Source
 from oarlock.live.transports import opened
 from oarlock.live.transports.ble import Ble
@@ -18,6 +15,8 @@ from oarlock.live.transports.ble_profiles import kind_of
 from oarlock.live.transports.bleak_radio import BleakRadio
 from oarlock.live.transports.radio import RadioError, short, standard
 from oarlock.live.transports.transport import Options
+from oarlock_lab.emulators import heart_rate
+from oarlock_lab.emulators.bluetooth import Air, VirtualRadio
 
 DOT = "1517{:04x}-4947-11e9-8646-d663bd873d93"
 PM5 = "ce06{:04x}-43e5-11e4-916c-0800200c9a66"

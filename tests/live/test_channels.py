@@ -10,7 +10,6 @@ from senders import START_NS, encoded, packets_of, rig_of, with_test_format
 import oarlock
 from oarlock import rowing
 from oarlock.live.channel_tables import MOST_NUMBERS, MOST_QUANTITIES, MOST_TABLES, Channels, channels
-from oarlock.live.emulators.deliveries import Delivery
 from oarlock.live.folder import LiveFolder
 from oarlock.live.health import health
 from oarlock.live.intake import Spare
@@ -18,6 +17,7 @@ from oarlock.live.reading import Packet
 from oarlock.live.recorder import Recorder
 from oarlock.live.rig import Rig, Source
 from oarlock.live.session import LiveSession, command, recorded
+from oarlock.live.simulated_devices import Delivery
 from oarlock.storage.errors import DataError
 
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import pytest
 from bench.live.loopback import FAULTY, PERFECT, compared, emulated_by, pendulum_with
 
-from oarlock.live.emulators.kinds import KINDS
-from oarlock.live.emulators.swinging import swinging
+from oarlock_lab.emulators.kinds import KINDS
+from oarlock_lab.emulators.swinging import swinging
 
 
 @dataclass(frozen=True)

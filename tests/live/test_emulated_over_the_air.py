@@ -11,19 +11,18 @@ from mqtt_broker import Broker
 
 import oarlock
 from oarlock.live.decoders.lsl import HEADER, SAMPLES
-from oarlock.live.emulators import dot, ftms
-from oarlock.live.emulators.air import Air
-from oarlock.live.emulators.emulated import Destination
-from oarlock.live.emulators.lsl import labels
-from oarlock.live.emulators.swinging import swinging
-from oarlock.live.emulators.together import Together
-from oarlock.live.emulators.virtual_radio import VirtualRadio
 from oarlock.live.reading import Packet
 from oarlock.live.rig import Source
 from oarlock.live.transports import opened
 from oarlock.live.transports.ble import Ble
 from oarlock.live.transports.transport import Options
 from oarlock.live.transports.udp import free_port
+from oarlock_lab.emulators import dot, ftms
+from oarlock_lab.emulators.bluetooth import Air, VirtualRadio
+from oarlock_lab.emulators.dot import Together
+from oarlock_lab.emulators.emulated import Destination
+from oarlock_lab.emulators.lsl import labels
+from oarlock_lab.emulators.swinging import swinging
 
 PATIENCE_S = 120.0
 

@@ -8,7 +8,7 @@ import pytest
 from bench.live.loopback import FAULTY, PERFECT, emulated_by
 from bench.live.real_time import moved, own_lsl_session, place_of, run_and_compare, run_for_real
 
-from oarlock.live.emulators.kinds import KINDS
+from oarlock_lab.emulators.kinds import KINDS
 
 SOCKETS = ("udp", "tcp", "serial")
 WAYS = [

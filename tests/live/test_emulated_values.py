@@ -9,12 +9,12 @@ from bench.live.loopback import FAULTY, LATE_S, PERFECT, START_NS, emulated_by, 
 
 import oarlock
 from oarlock.live.channel_tables import Channels, channels
-from oarlock.live.emulators import nmea
-from oarlock.live.emulators.deliveries import Faults
-from oarlock.live.emulators.emulated import Destination
-from oarlock.live.emulators.rower import Rowing
 from oarlock.live.rig import Rig, Source
 from oarlock.live.session import LiveSession
+from oarlock.live.simulated_devices import Faults
+from oarlock_lab.emulators import nmea
+from oarlock_lab.emulators.emulated import Destination
+from oarlock_lab.emulators.rower import Rowing
 
 SECONDS = 30.0
 POUND_N = 4.4482216152605

@@ -11,11 +11,11 @@ from pythonosc.osc_bundle import OscBundle
 from decoded import as_bytes
 from oarlock.live.decoders import DECODERS
 from oarlock.live.decoders.ximu3_announcement import announcement
-from oarlock.live.emulators import mvn, ngimu, shimmer3, text, vicon, ximu3
-from oarlock.live.emulators.deliveries import Delivery
-from oarlock.live.emulators.kinds import KINDS
-from oarlock.live.emulators.osc_packets import osc_bundle, osc_message
-from oarlock.live.emulators.swinging import swinging
+from oarlock.live.simulated_devices import Delivery
+from oarlock_lab.emulators import mvn, ngimu, shimmer3, text, vicon, ximu3
+from oarlock_lab.emulators.kinds import KINDS
+from oarlock_lab.emulators.osc import osc_bundle, osc_message
+from oarlock_lab.emulators.swinging import swinging
 
 ZERO = "00000000"
 

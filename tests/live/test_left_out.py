@@ -7,12 +7,12 @@ from senders import START_NS
 
 from oarlock.live import health as health_module
 from oarlock.live.disk import SessionDisk
-from oarlock.live.emulators.rig import LINES, lines_rig
 from oarlock.live.event_log import EventLog, read_events
 from oarlock.live.health import Watch
 from oarlock.live.intake import MOST_SENDERS, is_plausible
 from oarlock.live.reading import Packet
 from oarlock.live.session import LiveSession, recorded
+from oarlock.live.simulated_devices import LINES, lines_rig
 from oarlock.live.transports.transport import Options
 from oarlock.live.transports.udp import Udp
 from oarlock.storage.errors import DataError

@@ -10,14 +10,12 @@ from senders import START_NS
 import oarlock
 from command_line import run
 from oarlock import rowing
-from oarlock.live.emulators.deliveries import Faults, deliveries
-from oarlock.live.emulators.lines import json_line
-from oarlock.live.emulators.rig import LINES, lines_rig
 from oarlock.live.folder import LiveFolder
 from oarlock.live.live_track import live_track
 from oarlock.live.reading import Packet
 from oarlock.live.recorder import Recorder
 from oarlock.live.session import command
+from oarlock.live.simulated_devices import LINES, Faults, deliveries, json_line, lines_rig
 
 SECONDS = 5.0
 

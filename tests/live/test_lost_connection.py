@@ -4,11 +4,9 @@ import asyncio
 
 import pytest
 
-from oarlock.live.emulators.deliveries import Faults, endless
-from oarlock.live.emulators.lines import json_line
-from oarlock.live.emulators.rig import lines_rig
 from oarlock.live.health import lost
 from oarlock.live.live import Live
+from oarlock.live.simulated_devices import Faults, endless, json_line, lines_rig
 from oarlock.live.transports import transport as transport_module
 from oarlock.rowing.simulation.emulated import PERIOD_S, STREAMS, endless_sculling
 

@@ -14,11 +14,11 @@ from websockets.asyncio.client import connect
 
 import oarlock
 from oarlock import rowing
-from oarlock.live.emulators.deliveries import Faults, deliveries
 from oarlock.live.folder import LiveFolder
 from oarlock.live.live import FRAMES_HZ, Live
 from oarlock.live.picture import LivePicture
 from oarlock.live.server import PageServer
+from oarlock.live.simulated_devices import Faults, deliveries
 from oarlock.live.transports.transport import Options
 from oarlock.live.transports.udp import Udp, free_port
 

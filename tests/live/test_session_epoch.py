@@ -5,16 +5,14 @@ import time
 import pytest
 
 import oarlock
-from oarlock.live.emulators.deliveries import Faults, deliveries
-from oarlock.live.emulators.lines import json_line
-from oarlock.live.emulators.rig import LINES, lines_rig
-from oarlock.live.emulators.swinging import swinging
 from oarlock.live.folder import SESSION, LiveFolder
 from oarlock.live.live_track import live_track
 from oarlock.live.reading import Packet
 from oarlock.live.recorder import Recorder
 from oarlock.live.session import command
+from oarlock.live.simulated_devices import LINES, Faults, deliveries, json_line, lines_rig
 from oarlock.storage.epoch import moment_of
+from oarlock_lab.emulators.swinging import swinging
 
 MICROSECOND_S = 1e-6
 """What `datetime` resolves."""

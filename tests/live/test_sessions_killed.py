@@ -18,13 +18,11 @@ import pytest
 
 import oarlock
 from command_line import run
-from oarlock.live.emulators.deliveries import Faults, endless
-from oarlock.live.emulators.lines import json_line
-from oarlock.live.emulators.rig import lines_rig
 from oarlock.live.folder import LiveFolder
 from oarlock.live.frame import frame_of
 from oarlock.live.rig import rig_document
 from oarlock.live.session import COMMANDS
+from oarlock.live.simulated_devices import Faults, endless, json_line, lines_rig
 from oarlock.live.transports.udp import free_port
 from oarlock.rowing.simulation.emulated import PERIOD_S, STREAMS, endless_sculling
 from oarlock.storage.toml import write_toml

@@ -3,15 +3,14 @@
 import asyncio
 from dataclasses import dataclass
 
-from oarlock.live.emulators import dot
-from oarlock.live.emulators.air import Air
-from oarlock.live.emulators.emulated import Emulated
-from oarlock.live.emulators.kinds import KINDS
-from oarlock.live.emulators.swinging import swinging
-from oarlock.live.emulators.together import Together
-from oarlock.live.emulators.virtual_radio import VirtualRadio
 from oarlock.live.transports.ble import Ble
 from oarlock.live.transports.transport import Options
+from oarlock_lab.emulators import dot
+from oarlock_lab.emulators.bluetooth import Air, VirtualRadio
+from oarlock_lab.emulators.dot import Together
+from oarlock_lab.emulators.emulated import Emulated
+from oarlock_lab.emulators.kinds import KINDS
+from oarlock_lab.emulators.swinging import swinging
 
 
 @dataclass(frozen=True)

@@ -10,13 +10,12 @@ from enough import EnoughError, Sent
 
 from oarlock import ImuStream
 from oarlock.live.decoders import DECODERS
-from oarlock.live.emulators import dot, heart_rate, pm5
-from oarlock.live.emulators.air import Air
-from oarlock.live.emulators.virtual_radio import VirtualRadio
 from oarlock.live.transports.ble import Ble
 from oarlock.live.transports.ble_profiles import kind_of
 from oarlock.live.transports.radio import RadioError
 from oarlock.live.transports.transport import Options
+from oarlock_lab.emulators import dot, heart_rate, pm5
+from oarlock_lab.emulators.bluetooth import Air, VirtualRadio
 
 ADDRESS = "F0:00:00:00:00:AA"
 

@@ -1,4 +1,4 @@
-//! Times steps of the engine's filters and of the textbook filter on this machine. `oarlock bench` uses it.
+//! Times steps of the engine's filters and of the textbook filter on this machine. `oarlock lab bench` uses it.
 
 use crate::config::PyConfig;
 use crate::errors::{raise, DataError};

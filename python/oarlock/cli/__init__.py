@@ -38,11 +38,7 @@ VERBS = {
     "rowing": "Strokes of a track or of another device's export; timing of a crew.",
     "season": "A squad's recordings, results and questions in one place.",
     "markers": "Optical markers: C3D, TRC, CSV.",
-    "emulate": "Send what a device would send, to develop without one.",
-    "compare": "Compare several estimators on one recording.",
-    "reproduce": "Repeat the paper's tables and figures and compare the values.",
-    "study": "Sweep sensors, noise, mounts, rates or settings over seeds.",
-    "bench": "Measure speed and latency on this machine.",
+    "lab": "Compare estimators, sweep settings, and tools of the project's developers.",
 }
 """All verbs with one line of help. `cli/NAME.py` defines a verb and is imported only when the verb is used."""
 MODULES = {"import": "import_"}

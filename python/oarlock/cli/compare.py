@@ -1,4 +1,4 @@
-"""`oarlock compare`: estimators of the literature on the same recording."""
+"""`oarlock lab compare`: estimators of the literature on the same recording."""
 
 from __future__ import annotations
 
@@ -47,9 +47,9 @@ def add_to(app: typer.Typer) -> None:
     app.command(
         "compare",
         epilog=example(
-            "oarlock compare trial --model sculler --out compared",
-            "oarlock compare trial --model sculler --filter ukf --filter limbs --filter vqf --out compared",
-            "oarlock compare trial trial/truth --model sculler --repeats 3 --out compared --json | jq .wins",
+            "oarlock lab compare trial --model sculler --out compared",
+            "oarlock lab compare trial --model sculler --filter ukf --filter limbs --filter vqf --out compared",
+            "oarlock lab compare trial trial/truth --model sculler --repeats 3 --out compared --json | jq .wins",
         )
         + "\n\n\b\nFilters:\n"
         + "\n".join(

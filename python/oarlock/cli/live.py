@@ -144,8 +144,8 @@ def demo(
 ) -> None:
     """Show a sculler whose sensors are emulated on this machine: drifting clocks, losses, a magnet, a dropout."""
     import oarlock
-    from oarlock.live.emulators.rig import lines_rig
     from oarlock.live.folder import dated_folder
+    from oarlock.live.simulated_devices import lines_rig
     from oarlock.live.transports.udp import free_port
     from oarlock.rowing.simulation.emulated import RATE_HZ, STREAMS
 

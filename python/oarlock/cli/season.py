@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from oarlock.cli import season_page, season_privacy, season_questions, season_run, season_synthetic
+from oarlock.cli import season_page, season_privacy, season_questions, season_run
 from oarlock.cli.options import Json, example
 from oarlock.cli.season_options import CutGps, SeasonAt, opened
 from oarlock.cli.season_tables import MOST_SHOWN, say_more, show_list
@@ -41,7 +41,6 @@ def add_to(app: typer.Typer) -> None:
     season_page.add_to(group)
     season_privacy.add_to(group)
     season_questions.add_to(group)
-    season_synthetic.add_to(group)
     app.add_typer(group, name="season")
 
 

@@ -1,4 +1,4 @@
-"""`oarlock study`: measures how errors depend on sensors, noise, mounts, rates and settings."""
+"""`oarlock lab study`: measures how errors depend on sensors, noise, mounts, rates and settings."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ def add_to(app: typer.Typer) -> None:
     app.command(
         "study",
         epilog=example(
-            "oarlock study which_sensors --out sensors",
-            "oarlock study robustness_quick --out robust",
-            "oarlock study mount_error --seeds 20 --jobs 2 --out mounts",
-            "oarlock study my.toml --keys",
+            "oarlock lab study which_sensors --out sensors",
+            "oarlock lab study robustness_quick --out robust",
+            "oarlock lab study mount_error --seeds 20 --jobs 2 --out mounts",
+            "oarlock lab study my.toml --keys",
         ),
     )(study)
 

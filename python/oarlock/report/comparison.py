@@ -1,4 +1,4 @@
-"""The page of `oarlock compare`: a table, errors as bars, and errors over time per step."""
+"""The page of `oarlock lab compare`: a table, errors as bars, and errors over time per step."""
 
 from __future__ import annotations
 

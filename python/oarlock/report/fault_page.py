@@ -1,4 +1,4 @@
-"""The page of a fault study for `oarlock study`: ranking, each fault from weak to strong, all numbers."""
+"""The page of a fault study for `oarlock lab study`: ranking, each fault from weak to strong, all numbers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page of `oarlock study`: errors over the varied settings, and the results of every scenario."""
+"""The page of `oarlock lab study`: errors over the varied settings, and the results of every scenario."""
 
 from __future__ import annotations
 

@@ -9,9 +9,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 
 from oarlock import Calibration, Model, Recording, load_model, simulate
-from oarlock.live.emulators.deliveries import Delivery, Faults, endless
-from oarlock.live.emulators.lines import send
-from oarlock.live.emulators.swinging import at_zero
+from oarlock.live.simulated_devices import Delivery, Faults, at_zero, endless, send
 from oarlock.rowing.simulation.motion import sculling
 
 STROKES, RATE_SPM, RATE_HZ = 8, 24.0, 100.0

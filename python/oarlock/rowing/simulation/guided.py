@@ -14,8 +14,7 @@ import numpy as np
 
 from oarlock import Calibration, Model, Recording
 from oarlock.calibration import SessionPlan, default_plan
-from oarlock.live.emulators.deliveries import Delivery
-from oarlock.live.emulators.lines import json_line
+from oarlock.live.simulated_devices import Delivery, json_line
 from oarlock.rowing.simulation.emulated import PERIOD_S, RATE_HZ, STREAMS, endless_sculling
 from oarlock.simulation import SessionErrors, simulate_session
 

@@ -1,4 +1,4 @@
-"""The rowing simulators of `oarlock study`: sculling as modelled, and sculling with field errors."""
+"""The rowing simulators of `oarlock lab study`: sculling as modelled, and sculling with field errors."""
 
 from __future__ import annotations
 

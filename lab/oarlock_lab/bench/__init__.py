@@ -1,0 +1,1 @@
+"""Benchmarks of Oarlock's filters, a textbook filter and other software, for `oarlock lab bench`."""

@@ -1,1 +1,0 @@
-"""Benchmarks of Oarlock's filters, a textbook filter and other software, for `oarlock bench`."""
