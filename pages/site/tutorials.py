@@ -59,6 +59,8 @@ def sections(record: Record) -> Mapping[str, Mapping[str, str]]:
     for name, commands in record["tutorials"].items():
         longest = max(commands, key=lambda one: one["s"])
         total_s = sum(one["s"] for one in commands)
-        shown = f"All commands take {total_s:.1f} s, the longest {longest['s']:.1f} s: `{longest['command']}`."
+        shown = (
+            f"All commands take {total_s:.1f} s, the longest {longest['s']:.1f} s: `{longest['command']}`."
+        )
         found[f"docs/tutorials/{name}.md"] = {"times": f"{shown}\n\n{made}"}
     return found
