@@ -57,10 +57,7 @@ def sections(record: Record) -> Mapping[str, Mapping[str, str]]:
     made += "`make pages PAGES=tutorials` measures it anew."
     found = {}
     for name, commands in record["tutorials"].items():
-        longest = max(commands, key=lambda one: one["s"])
-        total_s = sum(one["s"] for one in commands)
-        shown = (
-            f"All commands take {total_s:.1f} s, the longest {longest['s']:.1f} s: `{longest['command']}`."
-        )
+        total_s, longest_s = (f([one["s"] for one in commands]) for f in (sum, max))
+        shown = f"All commands take {total_s:.1f} s, the longest {longest_s:.1f} s."
         found[f"docs/tutorials/{name}.md"] = {"times": f"{shown}\n\n{made}"}
     return found
