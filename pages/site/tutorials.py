@@ -11,7 +11,6 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from pages.record import ROOT, Record, made_text
-from pages.sections import table
 
 from .steps import Reader
 
@@ -53,13 +52,12 @@ def machine() -> str:
 
 
 def sections(record: Record) -> Mapping[str, Mapping[str, str]]:
-    """The table of each tutorial's commands and times."""
+    """The time that each tutorial's commands take."""
     made = f"{made_text(record)}, installed from a wheel, on {record['machine']}; "
     made += "`make pages PAGES=tutorials` measures it anew."
     found = {}
     for name, commands in record["tutorials"].items():
-        rows = [[f"`{one['command'].replace('|', chr(92) + '|')}`", f"{one['s']:.1f}"] for one in commands]
-        total = sum(one["s"] for one in commands)
-        shown = table(("command", "s"), [*rows, ["all", f"{total:.1f}"]])
+        total_s, longest_s = (f([one["s"] for one in commands]) for f in (sum, max))
+        shown = f"All commands take {total_s:.1f} s, the longest {longest_s:.1f} s."
         found[f"docs/tutorials/{name}.md"] = {"times": f"{shown}\n\n{made}"}
     return found
