@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from command_line import run as typed
+from oarlock.cli import VERBS, load_verb
 
 ROOT = Path(__file__).parents[1]
 MODEL_PAGE = ROOT / "docs/model-files.md"
