@@ -41,7 +41,11 @@ CATALOGUES = {
     ),
 }
 """Collections of the package whose members have names that a user writes or reads: `module:attribute`."""
-PUBLIC = ("oarlock", "oarlock.live", "oarlock.movement", "oarlock.report", "oarlock.rowing", "oarlock.season")
+PUBLIC = (
+    *("oarlock", "oarlock.calibration", "oarlock.evaluation", "oarlock.live", "oarlock.markers", "oarlock.model"),
+    *("oarlock.movement", "oarlock.recording", "oarlock.report", "oarlock.rowing", "oarlock.season"),
+    *("oarlock.simulation", "oarlock.studies", "oarlock.tracking"),
+)
 SCORES = (
     "oarlock.evaluation.scores",
     "oarlock.evaluation.marker_scores",
@@ -84,6 +88,8 @@ PAGES = {
     "page of a session": ("report/session_page.py",),
 }
 """Pages and the modules that name their sections."""
+EVERYWHERE = ("--quiet", "--verbose")
+"""Options of every verb; they stand once, as those of `oarlock`."""
 _SECTION_KEY = re.compile(r"[a-z][a-z0-9-]*")
 _SECTION_TITLE = re.compile(r"[A-Z][^<>]{2,}")
 
@@ -102,7 +108,8 @@ def surface() -> dict[str, set[str]]:
     commands = dict(_commands())
     return {
         "verbs": set(commands),
-        "options": {f"{path} {option}" for path, options in commands.items() for option in options},
+        "options": {f"{path} {option}" for path, options in commands.items() for option in options}
+        | {f"oarlock {option}" for option in EVERYWHERE},
         **_settings(oarlock.Config),
         "model": set(_model_keys()),
         **{
@@ -150,9 +157,8 @@ def _below(path: str, command: Any) -> Iterator[tuple[str, list[str]]]:
 
 def _options(command: Any) -> list[str]:
     options = [param for param in command.params if param.param_type_name == "option"]
-    return [
-        name for option in options for name in (*option.opts, *option.secondary_opts) if name.startswith("--")
-    ]
+    names = [name for option in options for name in (*option.opts, *option.secondary_opts)]
+    return [name for name in names if name.startswith("--") and name not in EVERYWHERE]
 
 
 def _settings(config: Any) -> dict[str, set[str]]:
@@ -213,7 +219,8 @@ def _score_classes() -> Iterator[tuple[str, type]]:
 
 def _public_things() -> Iterator[tuple[str, Any]]:
     for module in map(import_module, PUBLIC):
-        yield from ((f"{module.__name__}.{name}", getattr(module, name)) for name in module.__all__)
+        things = ((f"{module.__name__}.{name}", getattr(module, name)) for name in module.__all__)
+        yield from ((name, thing) for name, thing in things if not inspect.ismodule(thing))
 
 
 def attributes(thing: Any) -> set[str]:
