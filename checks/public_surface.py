@@ -42,7 +42,14 @@ CATALOGUES = {
 }
 """Collections of the package whose members have names that a user writes or reads: `module:attribute`."""
 PUBLIC = (
-    *("oarlock", "oarlock.calibration", "oarlock.evaluation", "oarlock.live", "oarlock.markers", "oarlock.model"),
+    *(
+        "oarlock",
+        "oarlock.calibration",
+        "oarlock.evaluation",
+        "oarlock.live",
+        "oarlock.markers",
+        "oarlock.model",
+    ),
     *("oarlock.movement", "oarlock.recording", "oarlock.report", "oarlock.rowing", "oarlock.season"),
     *("oarlock.simulation", "oarlock.studies", "oarlock.tracking"),
 )

@@ -364,9 +364,7 @@ def all_calibrations() -> Iterator[tuple[str, oarlock.Calibration]]:
     ]
     yield (
         "clocks",
-        oarlock.calibration.calibrate_clocks(
-            arm, oarlock.Recording(delayed), reference="upperarm", threads=1
-        ),
+        oarlock.calibration.calibrate_clocks(arm, oarlock.Recording(delayed), reference="upperarm", jobs=1),
     )
 
 

@@ -222,12 +222,14 @@ def test_a_still_posture_sets_mounts_upright_and_keeps_their_heading(model):
 
 def test_the_posture_is_the_users(model):
     recording = recorded(model, wearing(), still_s=4.0, seconds=6.0)
-    straight = oarlock.calibration.calibrate_pose(model, recording, {"elbow": 0.0}, 0.5, 3.5)
+    straight = oarlock.calibration.calibrate_pose(model, recording, {"elbow": 0.0}, (0.5, 3.5))
     assert straight.noted["sensor"]["lower"]["turned_rad"] == pytest.approx(0.4, abs=UPRIGHT_BOUND_RAD)
     assert_refused(lambda: oarlock.calibration.calibrate_pose(model, recording, {"elbo": 0.0}), "elbo")
-    assert_refused(lambda: oarlock.calibration.calibrate_pose(model, recording, None, 3.0, 2.0), "later end")
+    assert_refused(
+        lambda: oarlock.calibration.calibrate_pose(model, recording, None, (3.0, 2.0)), "later end"
+    )
     with pytest.raises(DataError, match=r"`trunk`.*5.00 to 7.00 s"):
-        oarlock.calibration.calibrate_pose(model, recording, None, 5.0, 7.0)
+        oarlock.calibration.calibrate_pose(model, recording, None, (5.0, 7.0))
 
 
 # --- the field, and all of them together ---------------------------------------------------------------

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from command_line import run as typed
 from oarlock.cli import VERBS, load_verb
 
 ROOT = Path(__file__).parents[1]

@@ -116,7 +116,7 @@ def test_nobody_moves(model):
 
 def test_a_stretch_may_be_named_and_units_chosen(model, walks):
     cal = oarlock.calibration.calibrate_sagittal(
-        model, walks[0].recording, start_s=0.5, end_s=2.5, sensors=["thigh_r", "shank_r"]
+        model, walks[0].recording, still_s=(0.5, 2.5), sensors=["thigh_r", "shank_r"]
     )
     assert cal.noted["still_s"] == pytest.approx([0.5, 2.5], abs=0.02)
     assert set(cal.noted["sensor"]) == {"thigh_r", "shank_r"}

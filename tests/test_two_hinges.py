@@ -74,7 +74,7 @@ def without_magnetometers(recording):
 @pytest.mark.parametrize("seed", [0, 1, *(pytest.param(s, marks=pytest.mark.long) for s in range(2, 6))])
 def test_mounts_of_any_orientation_are_within_their_standard_deviations(model, seed):
     true, recording = recorded(model, reaching(model, seed), seed)
-    found = calibrate_sagittal(model, recording, start_s=STILL_S[0], end_s=STILL_S[1])
+    found = calibrate_sagittal(model, recording, still_s=STILL_S)
     (pair,) = found.noted["two_hinges"]
     assert pair["refused"] == ""
     for name in ELBOW:
@@ -102,7 +102,7 @@ def test_the_verb_shows_mounts_of_an_elbow_with_their_own_standard_deviations(mo
 
 def test_an_elbow_that_does_not_bend_is_refused(model):
     _, recording = recorded(model, reaching(model, 0, flexion=0.0), 0)
-    found = calibrate_sagittal(model, recording, start_s=STILL_S[0], end_s=STILL_S[1])
+    found = calibrate_sagittal(model, recording, still_s=STILL_S)
     (pair,) = found.noted["two_hinges"]
     assert "deg, more than" in pair["refused"]
     assert all(found.noted["sensor"][name]["heading_by"] != "two hinges" for name in ELBOW)
@@ -113,7 +113,7 @@ def test_units_that_do_not_move_as_two_hinges_are_refused(model, tmp_path):
     folder = local_folder("data/opensimrt_upper_limb_ngimu")
     run("import", folder, "--model", "arm", "--out", tmp_path / "arm", "--no-questions")
     recording = oarlock.load_recording(tmp_path / "arm")
-    found = calibrate_sagittal(model, recording, start_s=recording.start_s, end_s=recording.start_s + 0.6)
+    found = calibrate_sagittal(model, recording, still_s=(recording.start_s, recording.start_s + 0.6))
     (pair,) = found.noted["two_hinges"]
     assert "axis has a standard deviation" in pair["refused"]
     assert found.noted["balls"] == [["elbow_flexion_r", "elbow_pronation_r"]]
@@ -122,7 +122,7 @@ def test_units_that_do_not_move_as_two_hinges_are_refused(model, tmp_path):
 def test_only_an_elbow_whose_axes_and_headings_are_unknown_becomes_a_ball(model):
     """Where the headings of the mounts are known, hinges follow the arm better even without the axes' own search."""
     _, recording = recorded(model, reaching(model, 0, flexion=0.7, pronation=0.0), 0)
-    found = calibrate_sagittal(model, recording, start_s=STILL_S[0], end_s=STILL_S[1])
+    found = calibrate_sagittal(model, recording, still_s=STILL_S)
     (pair,) = found.noted["two_hinges"]
     assert pair["refused"] and found.noted["balls"] == []
     unclear = TwoHinges(tuple(ELBOW), ("a", "b"), {}, 0.0, 0.0, np.zeros(2), "refused", upright=True)

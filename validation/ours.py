@@ -130,7 +130,7 @@ def qmt_tracks(
     """
     name = "qmt_full_body"
     model = oarlock.load_model(name)
-    calibration = oarlock.calibration.calibrate_pose(model, _known(recording, model), None, *still_s)
+    calibration = oarlock.calibration.calibrate_pose(model, _known(recording, model), None, still_s)
     mounts = {s: Rotation.from_matrix(rotation) for s, (rotation, _) in calibration.mounts.items()}
     for estimate, track in _both(name, recording, segments, calibration):
         yield estimate.turned({s: mounts[s] for s in estimate.quats}), track

@@ -101,7 +101,7 @@ def _(mo):
 @app.cell
 def _(model, oarlock, observed, recording):
     calibration = oarlock.calibration.calibrate_sagittal(
-        model, recording, {"trunk": 0.0}, end_s=0.9, sensors=["back"]
+        model, recording, {"trunk": 0.0}, (recording.start_s, 0.9), sensors=["back"]
     )
     track = oarlock.smooth(oarlock.track(model, recording, calibration))
     track.plot(observed)[0]

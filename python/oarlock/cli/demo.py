@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from oarlock.cli.calibrate import write_chain
+from oarlock.cli.calibrate_text import write_chain
 from oarlock.cli.options import Force, Json, example
 from oarlock.cli.tables import error, speed, write_notes, write_sensors
 from oarlock.cli.terminal import (

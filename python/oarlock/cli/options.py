@@ -13,6 +13,7 @@ from oarlock.cli.terminal import UsageError
 ModelName = Annotated[
     str, typer.Option("--model", "-m", metavar="NAME|FILE", help="Name of a shipped model, or a model file.")
 ]
+OutFile = Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="Calibration file to write.")]
 OutFolder = Annotated[Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write.")]
 Json = Annotated[bool, typer.Option("--json", help="Print only one JSON document, on stdout.")]
 Force = Annotated[bool, typer.Option("--force", help="Write into a folder that contains other files.")]

@@ -35,7 +35,7 @@ def calibrate_clocks(
     calibration: Calibration | None = None,
     *,
     reference: str | Iterable[str] | None = None,
-    threads: int | None = None,
+    jobs: int | None = None,
     progress: Progress = None,
 ) -> Calibration:
     """Estimate offset and drift of each stream's clock from ordinary movement.
@@ -53,7 +53,7 @@ def calibrate_clocks(
         reference: the stream or streams with the reference clock. None takes the largest group of streams with
             identical time stamps (such as a logger with its encoders), or, if no two streams share theirs, the clock
             on which most streams agree.
-        threads: number of parts tracked at a time; None uses all cores.
+        jobs: number of parts tracked at a time; None uses all cores.
         progress: True shows a bar or lines; a function is called regularly with the share done, 0 to 1.
 
     Returns:
@@ -85,7 +85,7 @@ def calibrate_clocks(
             near = offsets_of_units(model, start, bare(known), groups, told or _nobody)
         found = {name: after(rough.get(name, Clock(0.0)), clock) for name, clock in near.items()}
         return _noted(known, found, fixed, rough, {})
-    seen_by = Filtering(model, bare(known), groups, bool(fixed), threads)
+    seen_by = Filtering(model, bare(known), groups, bool(fixed), jobs)
     with shown(progress, "calibrating clocks") as told:
         near = settle(seen_by, start, told or _nobody)
     found = {name: after(rough.get(name, Clock(0.0)), clock) for name, clock in near.items()}

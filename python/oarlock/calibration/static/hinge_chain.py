@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from oarlock import _core
+from oarlock.calibration.static.pose_mounts import Span
 from oarlock.model.chain_geometry import HingeLink, hinge_links, posture
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.inertial_units import chosen_units, readings
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from oarlock._core import Model
     from oarlock.recording.calibration import Mount
 
-Span = tuple[float, float]
 
 WELL_KNOWN_M = 0.05
 """A coordinate or length whose standard deviation is larger keeps the model's value."""

@@ -25,15 +25,15 @@ from oarlock.storage.errors import DataError
 if TYPE_CHECKING:
     from oarlock._core import Model
 
+Span = tuple[float, float]
 SEARCH = "pose"
 
 
 def calibrate_pose(
     model: Model,
     recording: Recording,
-    pose: Mapping[str, float] | ArrayLike | None = None,
-    start_s: float | None = None,
-    end_s: float | None = None,
+    rest_q: Mapping[str, float] | ArrayLike | None = None,
+    still_s: Span | None = None,
     *,
     sensors: Iterable[str] | None = None,
     calibration: Calibration | None = None,
@@ -47,10 +47,9 @@ def calibrate_pose(
     Args:
         model: its poses give each link's axes in the posture.
         recording: gyroscope and accelerometer of the units.
-        pose: the posture, by coordinate (the others as at rest) or (n_coordinates,), rad and m; None is the
+        rest_q: the posture, by coordinate (the others as at rest) or (n_coordinates,), rad and m. None is the
             model's rest posture.
-        start_s: where the still stretch begins, s; None finds the longest that all units share.
-        end_s: where it ends; with `start_s` alone it lasts to the end of the recording.
+        still_s: start and end of the still stretch, s. None finds the longest that all units share.
         sensors: the units to use; None takes all of the model that were recorded.
         calibration: mounts and lengths to start from; None takes the model's.
         posture_std_rad: how well the posture is taken up, rad.
@@ -66,9 +65,9 @@ def calibrate_pose(
     names = chosen_units(model, recording, sensors, SEARCH)
     recording = corrected(recording, calibration)
     require_plausible(recording.only(names))
-    still_s = _stretch(recording, start_s, end_s)
+    _check_span(still_s)
     worn = Worn.of(model, calibration)
-    q = rest_posture(worn.model, pose)
+    q = rest_posture(worn.model, rest_q)
     described = worn.model.describe()
     frames = {s.name: worn.model.frame_names.index(s.frame) for s in described.inertial_units}
     poses = worn.model.forward_kinematics(q)
@@ -108,16 +107,11 @@ def rest_posture(model: Model, pose: Mapping[str, float] | ArrayLike | None) -> 
     return posture(model, at_rest | dict(pose))
 
 
-def _stretch(recording: Recording, start_s: float | None, end_s: float | None) -> tuple[float, float] | None:
-    if start_s is None and end_s is None:
-        return None
-    start = recording.start_s if start_s is None else float(start_s)
-    end = recording.end_s if end_s is None else float(end_s)
-    if not start < end:
+def _check_span(still_s: Span | None) -> None:
+    if still_s is not None and not still_s[0] < still_s[1]:
         raise DataError(
-            f"{SEARCH}: the still stretch from {start} to {end} s; expected a start and a later end in s"
+            f"{SEARCH}: the still stretch from {still_s[0]} to {still_s[1]} s; expected a start and a later end in s"
         )
-    return start, end
 
 
 def _figures(mount: Mapping[str, Any]) -> dict[str, Any]:

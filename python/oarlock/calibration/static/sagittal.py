@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from oarlock.calibration.session.body import BodyKinematics
 from oarlock.calibration.session.unit_rows import UnitRows, common
-from oarlock.calibration.static.pose_mounts import calibrate_pose, rest_posture
+from oarlock.calibration.static.pose_mounts import Span, calibrate_pose, rest_posture
 from oarlock.calibration.static.sagittal_signs import facing
 from oarlock.calibration.static.two_hinges import two_hinges
 from oarlock.calibration.static.worn_model import Worn
@@ -157,9 +157,8 @@ class _Standing:
 def calibrate_sagittal(
     model: Model,
     recording: Recording,
-    pose: Mapping[str, float] | ArrayLike | None = None,
-    start_s: float | None = None,
-    end_s: float | None = None,
+    rest_q: Mapping[str, float] | ArrayLike | None = None,
+    still_s: Span | None = None,
     *,
     sensors: Iterable[str] | None = None,
     calibration: Calibration | None = None,
@@ -170,9 +169,8 @@ def calibrate_sagittal(
     Args:
         model: its `forward` and `up` define the sagittal plane in the posture; its limits the sides of the joints.
         recording: gyroscope and accelerometer of the units; magnetometers help units that turn about no clear axis.
-        pose: as for `calibrate_pose`.
-        start_s: where the still stretch begins, s; None finds the first that all units share.
-        end_s: where it ends.
+        rest_q: the posture, as for `calibrate_pose`. None is the model's rest posture.
+        still_s: start and end of the still stretch, s. None finds the first that all units share.
         sensors: as for `calibrate_pose`.
         calibration: mounts and lengths to start from; None takes the model's.
         posture_std_rad: how well the posture is taken up, rad.
@@ -189,20 +187,18 @@ def calibrate_sagittal(
     """
     names = chosen_units(model, recording, sensors, "sagittal")
     measured = corrected(recording, calibration)
-    if start_s is None and end_s is None:
-        start_s, end_s = _first_still(measured, names)
+    still_s = still_s or _first_still(measured, names)
     upright = calibrate_pose(
         model,
         recording,
-        pose,
-        start_s,
-        end_s,
+        rest_q,
+        still_s,
         sensors=names,
         calibration=calibration,
         posture_std_rad=posture_std_rad,
     )
     worn = Worn.of(model, upright)
-    body, q = BodyKinematics.of(worn.model, names), rest_posture(worn.model, pose)
+    body, q = BodyKinematics.of(worn.model, names), rest_posture(worn.model, rest_q)
     noted_still: Any = upright.noted["still_s"]
     still_s = (float(noted_still[0]), float(noted_still[1]))
     standing = _Standing(body, q, {name: _unit(measured, name) for name in names}, worn.rotations, still_s)
@@ -256,10 +252,10 @@ def _headings(standing: _Standing, swings: Mapping[str, _Swing]) -> dict[str, _H
     return found
 
 
-def _first_still(recording: Recording, names: Iterable[str]) -> tuple[float | None, float | None]:
-    """The first stretch in which all units are still; none is found by `calibrate_pose`, which says why."""
+def _first_still(recording: Recording, names: Iterable[str]) -> Span | None:
+    """The first stretch in which all units are still; without one `calibrate_pose` says why."""
     stills = common([UnitRows.of(_unit(recording, name)).still(worn=True) for name in names])
-    return next(((start, end) for start, end in stills if end - start >= LEAST_STILL_S), (None, None))
+    return next(((start, end) for start, end in stills if end - start >= LEAST_STILL_S), None)
 
 
 def _unit(recording: Recording, name: str) -> ImuStream:
