@@ -228,6 +228,6 @@ def test_the_verb_writes_a_calibration_and_says_whose_clock_is_late(arm, tmp_pat
     out = tmp_path / "cal.toml"
     words = ["calibrate", "clocks", tmp_path / "rec", "--model", "arm7", "--reference", "upperarm,forearm"]
     told = json.loads(run(*words, "--out", out, "--json").stdout)
-    assert told["noted"]["reference"] == ["upperarm", "forearm"]
+    assert told["noted"]["clocks"]["reference"] == ["upperarm", "forearm"]
     assert oarlock.load_calibration(out).clocks.keys() == told["clocks"].keys()
     run(*words, "--out", out, status=2)

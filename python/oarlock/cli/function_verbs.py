@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from importlib import import_module
@@ -21,6 +21,7 @@ from oarlock.cli.body import Mass, Sensors, Stature, chosen_body
 from oarlock.cli.made_verb import made_verb
 from oarlock.cli.options import Json, ModelName, OutFile, Replace, Settings, assignments, example, names
 from oarlock.cli.terminal import free_file, print_json, progress, say, steps
+from oarlock.cli.unit_options import assignment
 
 if TYPE_CHECKING:
     from oarlock import Calibration
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 PACKAGE = Path(__file__).parents[1]
 SMALLEST = {"jobs": 1}
 """Bounds of whole numbers, by name."""
+SHORT = {"model": ("-m",), "out": ("-o",)}
 REQUIRED: Any = ...
 
 
@@ -136,6 +138,15 @@ KINDS: Mapping[str, Kind] = {
     "int": Kind(int, "N"),
     "bool": Kind(bool),
     "Progress": Kind(None),
+    "Model | AnyPath": Kind(str, "NAME|FILE"),
+    "Recording | AnyPath": Kind(Path, "PATH"),
+    "Calibration | AnyPath": Kind(Path, "FILE"),
+    "Mapping[str, str] | AnyPath": Kind(
+        list[str], "SENSOR=UNIT,...|FILE", lambda option, texts: assignment(texts)
+    ),
+    "Sequence[str]": Kind(str, "NAMES", lambda option, text: names(text)),
+    "AnyPath": Kind(Path, "FOLDER"),
+    "str": Kind(str, "NAME"),
 }
 UNITS = {"_s": "S", "_hz": "HZ", "_m": "M", "_kg": "KG", "_rad": "RAD", "_deg": "DEG", "_spm": "SPM"}
 """What stands for a number, by the unit at the end of its name."""
@@ -152,13 +163,43 @@ def option_of(function: FunctionText, name: str) -> tuple[str, Any, Any] | None:
     if kind.type is None:
         return None
     metavar = kind.metavar or next((unit for end, unit in UNITS.items() if name.endswith(end)), None)
-    option = typer.Option(flag_of(name), metavar=metavar, help=function.about(name), min=SMALLEST.get(name))
+    option = typer.Option(
+        flag_of(name),
+        *SHORT.get(name, ()),
+        metavar=metavar,
+        help=function.about(name),
+        min=SMALLEST.get(name),
+    )
     return name, Annotated[kind.type | None if default is None else kind.type, option], default
 
 
 def flag_of(name: str) -> str:
     """`--still-s` of `still_s`."""
     return f"--{name.replace('_', '-')}"
+
+
+def options_of(
+    function: FunctionText, *positional: str, without: Collection[str] = ()
+) -> list[tuple[str, Any, Any]]:
+    """Name, annotation and default of all parameters of a function, those of `positional` as arguments."""
+    options = []
+    for name, (annotation, default) in function.parameters.items():
+        if name in positional:
+            kind = KINDS[annotation.removesuffix(" | None")]
+            place = typer.Argument(metavar=kind.metavar, help=function.about(name))
+            options.append((name, Annotated[kind.type, place], default))
+        elif name not in without and (option := option_of(function, name)):
+            options.append(option)
+    return options
+
+
+def arguments_of(function: FunctionText, typed: Mapping[str, Any]) -> dict[str, Any]:
+    """Arguments of a function from what was typed; what was not typed has the function's default."""
+    return {
+        name: KINDS[function.parameters[name][0].removesuffix(" | None")].read(flag_of(name), value)
+        for name, value in typed.items()
+        if value is not None
+    }
 
 
 def calibration_verb(
@@ -208,11 +249,7 @@ def calibration_verb(
             of_body["sensors"] = typed.pop("sensors")
         body = chosen_body(model, assignments(typed.pop("settings"), "--set"), **of_body)
         free_file(out, force)
-        arguments: dict[str, Any] = {
-            name: KINDS[function.parameters[name][0].removesuffix(" | None")].read(flag_of(name), value)
-            for name, value in typed.items()
-            if value is not None
-        }
+        arguments = arguments_of(function, typed)
         shown: AbstractContextManager[Any] = progress("calibrating")
         if "progress" in own:
             arguments["progress"], shown = True, nullcontext()
