@@ -43,7 +43,7 @@ def emulate(
         typer.Option("--replay", metavar="FOLDER", help="Send the readings of this recording, once."),
     ] = None,
     units: Annotated[
-        str, typer.Option("--units", metavar="NAME,...", help="Only these sensors. Default: all.")
+        str, typer.Option("--sensors", metavar="NAMES", help="Only these sensors. Default: all.")
     ] = "",
     transport: Annotated[
         str, typer.Option("--transport", metavar="NAME", help="udp, tcp, serial, ...; see --list.")
@@ -64,8 +64,10 @@ def emulate(
     rate_hz: Annotated[
         float | None, typer.Option("--rate-hz", metavar="HZ", min=1.0, help="Default: the device's own.")
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Seed of movement, noise and faults.")] = 0,
-    drift_ppm: Annotated[float, typer.Option("--drift-ppm", help="Clocks are fast or slow by this.")] = 0.0,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Seed of movement, noise and faults.")] = 0,
+    drift_ppm: Annotated[
+        float, typer.Option("--drift-ppm", metavar="PPM", help="Clocks are fast or slow by this.")
+    ] = 0.0,
     least_ms: Annotated[float, typer.Option("--least-ms", min=0.0, help="Least time on the way, ms.")] = 0.0,
     jitter_ms: Annotated[float, typer.Option("--jitter-ms", min=0.0, help="Mean of what is added.")] = 0.0,
     burst: Annotated[int, typer.Option("--burst", min=1, help="Readings that are sent together.")] = 1,

@@ -70,7 +70,7 @@ def reproduce(
         typer.Option("--seeds", metavar="N", min=1, help="Number of seeds; default 3, or 1 with --seed."),
     ] = None,
     seed: Annotated[
-        int | None, typer.Option("--seed", metavar="K", min=0, help="First seed; default 0.")
+        int | None, typer.Option("--seed", metavar="N", min=0, help="First seed; default 0.")
     ] = None,
     duration_s: Annotated[
         float, typer.Option("--duration-s", metavar="S", min=4.0, help="Length of each recording.")

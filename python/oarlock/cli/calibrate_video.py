@@ -25,7 +25,7 @@ def add_to(group: typer.Typer) -> None:
     """Registers the verbs."""
     group.command("video", epilog=example("oarlock calibrate video out piece.mp4"))(align)
     group.command(
-        "clap", epilog=example("oarlock calibrate clap rec piece.mp4 --unit r_wrist --distance-m 6")
+        "clap", epilog=example("oarlock calibrate clap rec piece.mp4 --sensor r_wrist --distance-m 6")
     )(clap)
 
 
@@ -76,7 +76,7 @@ def clap(
     recording: RecordingFolder,
     video: VideoFile,
     unit: Annotated[
-        str | None, typer.Option("--unit", metavar="NAME", help="The inertial unit that was struck.")
+        str | None, typer.Option("--sensor", metavar="NAME", help="The inertial unit that was struck.")
     ] = None,
     distance_m: Annotated[
         float,
@@ -95,7 +95,7 @@ def clap(
     units = [name for name in read.names if isinstance(read.sensor(name), ImuStream)]
     if unit is None and len(units) != 1:
         raise UsageError(
-            f"calibrate clap: name the unit that was struck with --unit; there are {', '.join(units)}"
+            f"calibrate clap: name the unit that was struck with --sensor; there are {', '.join(units)}"
         )
     stream = read.sensor(unit or units[0])
     if not isinstance(stream, ImuStream):

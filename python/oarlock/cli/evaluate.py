@@ -76,7 +76,7 @@ def evaluate(
         ),
     ] = True,
     unit: Annotated[
-        str | None, typer.Option("--unit", metavar="m|cm|mm", help="Markers: unit of length.")
+        str | None, typer.Option("--length-unit", metavar="m|cm|mm", help="Markers: unit of length.")
     ] = None,
     json_output: Json = False,
 ) -> None:

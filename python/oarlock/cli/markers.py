@@ -37,7 +37,7 @@ group = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Optical m
 MarkerFile = Annotated[Path, typer.Argument(metavar="FILE", help="Markers: .c3d, .trc, .csv or .tsv.")]
 Unit = Annotated[
     str | None,
-    typer.Option("--unit", metavar="m|cm|mm", help="Unit of length, if the file does not state it."),
+    typer.Option("--length-unit", metavar="m|cm|mm", help="Unit of length, if the file does not state it."),
 ]
 Axes = Annotated[
     str | None,
@@ -187,7 +187,7 @@ def simulate(
     accel_bias_m_s2: Annotated[
         float, typer.Option("--accel-bias-m-s2", metavar="M/S2", help="Constant, on every axis.")
     ] = 0.0,
-    seed: Annotated[int, typer.Option("--seed", help="Seed of the noise.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Seed of the noise.")] = 0,
     force: Force = False,
     json_output: Json = False,
 ) -> None:

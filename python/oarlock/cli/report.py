@@ -86,7 +86,7 @@ def report(
         float | None,
         typer.Option(
             "--offset-s",
-            metavar="SECONDS",
+            metavar="S",
             help="With --with: what to add to the export's times, if intervals between strokes cannot tell.",
         ),
     ] = None,

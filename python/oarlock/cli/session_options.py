@@ -19,8 +19,9 @@ _MEANINGS = {
     "seat": "Seat in the boat.",
     "note": "Anything else.",
 }
+_METAVARS = {"athlete": "NAME", "date": "DATE"}
 SESSION_OPTIONS: list[tuple[str, Any]] = [
-    (name, Annotated[str | None, typer.Option(f"--{name}", metavar="TEXT", help=about)])
+    (name, Annotated[str | None, typer.Option(f"--{name}", metavar=_METAVARS.get(name, "TEXT"), help=about)])
     for name, about in _MEANINGS.items()
 ]
 """Name and annotation of each option, for session.toml."""

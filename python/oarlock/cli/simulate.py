@@ -81,7 +81,7 @@ def simulate(
     ] = None,
     hull_roll_rad: Annotated[float | None, _amplitude("--hull-roll-rad", "Roll", "0.026 (1.5 deg)")] = None,
     hull_yaw_rad: Annotated[float | None, _amplitude("--hull-yaw-rad", "Yaw", "0.0087 (0.5 deg)")] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Seed of stroke variation and noise.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Seed of stroke variation and noise.")] = 0,
     session: Annotated[
         bool,
         typer.Option(

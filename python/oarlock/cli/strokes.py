@@ -82,7 +82,7 @@ def strokes(
         typer.Option("--last", metavar="FILE", help="With --report: an export to compare with."),
     ] = None,
     athlete: Annotated[
-        str | None, typer.Option("--athlete", metavar="TEXT", help="With --report: name or pseudonym.")
+        str | None, typer.Option("--athlete", metavar="NAME", help="With --report: name or pseudonym.")
     ] = None,
     boat: Annotated[
         str | None, typer.Option("--boat", metavar="TEXT", help="With --report: boat or boat class.")

@@ -128,7 +128,7 @@ def jolts_felt(unit: ImuStream) -> Floats:
         raise DataError(
             f"clap: {unit.name} felt no jolt of {JOLT_M_S2:g} m/s2 (the largest is {float(jolt.max()):.1f}); "
             "name the unit "
-            "that was struck with --unit"
+            "that was struck with --sensor"
         )
     return np.asarray(times[peaks])
 
