@@ -1,6 +1,7 @@
-"""Tables of the pages that the code has: formats, devices, metrics, settings, model keys, verbs; `python -m pages tables`.
+"""Tables of the pages that come from code: formats, devices, metrics, settings, model keys and verbs.
 
 A table stands in a page of docs/ between `<!-- generated: NAME -->` and `<!-- end -->`; NAME is a key of `TABLES`.
+`python -m pages tables` writes them.
 """
 
 from __future__ import annotations

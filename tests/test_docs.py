@@ -113,10 +113,3 @@ def test_command_table_names_verbs_that_exist():
     verbs |= set(re.findall("`(.*?)`", readme))
     text = typed("--help").stdout
     assert len(verbs) > 20 and all(re.search(rf"\b{verb}\b", text) for verb in verbs), verbs
-
-
-def test_page_of_imports_lists_every_format():
-    from oarlock.formats.importers import FORMATS
-
-    rows = re.findall(r"^\| `oarlock import .*$", (ROOT / "docs/import.md").read_text(encoding="utf-8"), re.M)
-    assert rows == [f"| `{one.command}` | {one.reads} |" for one in FORMATS]
