@@ -71,7 +71,8 @@ def metrics() -> str:
             columns += ", `r_`, `l_`"
         unit = "" if feature.shown_unit == "1" else feature.shown_unit
         sign = f" Positive: {feature.sign}." if feature.sign else ""
-        rows.append([columns, unit, f"{feature.definition}{sign}", feature.source])
+        source = "" if feature.source == "own" else feature.source
+        rows.append([columns, unit, f"{feature.definition}{sign}", source])
     return _table(("column", "shown in", "definition", "source"), rows)
 
 

@@ -58,7 +58,9 @@ def test_writing_recorded_figures_changes_no_page(tmp_path):
 def test_tables_of_pages_are_those_of_the_code():
     texts = [file.read_text(encoding="utf-8") for file in sorted((record.ROOT / "docs").rglob("*.md"))]
     assert [text for text in texts if tables.with_tables(text) != text] == [], "run `python -m pages tables`"
-    assert [name for name in tables.TABLES if not any(f"generated: {name} -->" in text for text in texts)] == []
+    assert [
+        name for name in tables.TABLES if not any(f"generated: {name} -->" in text for text in texts)
+    ] == []
 
 
 def test_a_page_without_its_marks_is_refused():
