@@ -35,6 +35,7 @@ _LONGEST = 300
 
 
 def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Without blanks around the bars, which would count as words of the page."""
     return "\n".join(f"|{'|'.join(row)}|" for row in (columns, ["---"] * len(columns), *rows))
 
 
