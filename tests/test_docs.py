@@ -68,7 +68,8 @@ def test_recipe_of_a_ball_on_a_free_body(tmp_path):
 def test_recipe_of_a_ball_with_pushes_in_place_of_a_free_body(tmp_path):
     import oarlock
 
-    pushes = next(block for block in blocks(MODEL_PAGE, "toml") if block.startswith("[[base_acceleration]]"))
+    push = next(block for block in blocks(MODEL_PAGE, "toml") if block.startswith("[[base_acceleration]]"))
+    pushes = "\n".join(push.replace("push_x", f"push_{axis}").replace('"x"', f'"{axis}"') for axis in "xyz")
     ball = re.sub(
         r"^translation = .*\n", "", free_body().replace('kind = "free"', 'kind = "ball"'), flags=re.M
     )
