@@ -2,4 +2,5 @@
 
 `python -m pages status validation robustness` measures, keeps each record in `docs/figures/` and writes the sections
 between the marks of README.md and docs/. Every figure there is computed in this package or in `validation/`.
+`python -m pages tables` writes the tables that come from code.
 """

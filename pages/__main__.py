@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
-from . import coverage, emulated, faults, record, robustness, status, structures, validation
+from . import coverage, emulated, faults, record, robustness, status, structures, tables, validation
 from .sections import into_page
 from .site import tutorials
 
@@ -21,25 +21,26 @@ SECTIONS: Mapping[str, Callable[[record.Record], Mapping[str, Mapping[str, str]]
     "emulated": emulated.sections,
     "tutorials": tutorials.sections,
 }
+NAMES = (*SECTIONS, "tables")
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Exit 0; a measurement that cannot run raises."""
     parser = argparse.ArgumentParser(prog="python -m pages", description=__doc__)
-    parser.add_argument("names", nargs="*", metavar="NAME", help=f"{', '.join(SECTIONS)}; default: all")
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"{', '.join(NAMES)}; default: all")
     parser.add_argument("--seeds", type=int, help="robustness, coverage, faults: only N seeds")
     parser.add_argument("--jobs", type=int, help="robustness, faults: processes; else all cores")
     parser.add_argument("--sets", nargs="+", choices=list(validation.SETS), help="validation: only these")
     parser.add_argument("--python", type=Path, help="tutorials: a Python in which a wheel is installed")
     parser.add_argument("--recorded", action="store_true", help="write the pages, measure nothing")
     asked = parser.parse_args(arguments)
-    if unknown := sorted(set(asked.names) - set(SECTIONS)):
-        parser.error(f"{', '.join(unknown)}: expected {', '.join(SECTIONS)}")
-    for name in asked.names or SECTIONS:
-        if not asked.recorded:
+    if unknown := sorted(set(asked.names) - set(NAMES)):
+        parser.error(f"{', '.join(unknown)}: expected {', '.join(NAMES)}")
+    for name in asked.names or NAMES:
+        if name in SECTIONS and not asked.recorded:
             for found in _measured(name, asked):
                 print(f"wrote {record.save(name, found)}", flush=True)
-        for file in write(name):
+        for file in write(name) if name in SECTIONS else tables.write():
             print(f"wrote {file}")
     return 0
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pages import __main__ as pages
-from pages import record, robustness, sections, status
+from pages import record, robustness, sections, status, tables
 from pages.recordings import read_simulated
 from pages.sculling import ELEVEN, HANDS, PLACES
 from pages.validation import best_other
@@ -53,6 +53,14 @@ def test_writing_recorded_figures_changes_no_page(tmp_path):
     for name in pages.SECTIONS:
         for file in pages.write(name, tmp_path):
             assert file.read_text("utf-8") == (record.ROOT / file.relative_to(tmp_path)).read_text("utf-8")
+
+
+def test_tables_of_pages_are_those_of_the_code():
+    texts = [file.read_text(encoding="utf-8") for file in sorted((record.ROOT / "docs").rglob("*.md"))]
+    assert [text for text in texts if tables.with_tables(text) != text] == [], "run `python -m pages tables`"
+    assert [
+        name for name in tables.TABLES if not any(f"generated: {name} -->" in text for text in texts)
+    ] == []
 
 
 def test_a_page_without_its_marks_is_refused():

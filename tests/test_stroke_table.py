@@ -1,16 +1,12 @@
 """The table of strokes, what its numbers mean, and targets."""
 
 import csv
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from oarlock import DataError
 from oarlock.rowing import FEATURES, TARGET_CLASSES, StrokeTable, load_targets
-from oarlock.rowing.analysis.features import SIDES
-
-DOCS = Path(__file__).parents[1] / "docs/technique.md"
 
 
 def two_strokes() -> StrokeTable:
@@ -87,36 +83,6 @@ def test_every_feature_says_what_it_is_in_units_that_can_be_shown():
 
 def test_sides_are_said_both_ways():
     assert "port" in FEATURES["r_arc_rad"].label and "starboard" in FEATURES["l_arc_rad"].label
-
-
-def feature_table() -> str:
-    """All features as a Markdown table, one line per number; both sides share a line."""
-    lines = ["| column | name | shown in | positive | definition | source |", "|---|---|---|---|---|---|"]
-    for feature in FEATURES.values():
-        stem = feature.name.removeprefix("l_")
-        if feature.name != stem or (feature.name.startswith("r_") and feature.name[2:] in FEATURES):
-            continue
-        name, label = feature.name, feature.label
-        if name.startswith("r_"):
-            name, label = (
-                f"r_{name[2:]}`, `l_{name[2:]}",
-                label.removesuffix(f", {SIDES['r']}") + ", each side",
-            )
-        elif f"r_{name}" in FEATURES:
-            name = f"{name}`, `r_...`, `l_..."
-        unit = "" if feature.shown_unit == "1" else feature.shown_unit
-        lines.append(
-            f"| `{name}` | {label} | {unit} | {feature.sign} | {feature.definition} | {feature.source} |"
-        )
-    return "\n".join(lines)
-
-
-def test_the_page_holds_the_definitions_as_they_are():
-    assert feature_table() in DOCS.read_text(encoding="utf-8"), (
-        "put the output of feature_table() into the page"
-    )
-    for name in FEATURES:
-        assert name in feature_table() or f"`{name[2:]}`, `r_...`" in feature_table()
 
 
 @pytest.mark.parametrize("name", TARGET_CLASSES)

@@ -1,18 +1,16 @@
 """The page's files and first message, and a program that follows a session."""
 
-import json
 import threading
-from pathlib import Path
 
 import numpy as np
 import pytest
+from json_schema import SCHEMA
 from page_session import STROKES, PageSession
 from senders import with_test_format
-from websockets.sync.client import connect
 
 import oarlock
+from oarlock.live import frame as live_frame
 from oarlock.live.client import socket_address
-from oarlock.live.frame import SCHEMA
 from oarlock.live.live import Live
 from oarlock.live.named_angles import LiveAngles, joints_with_names
 from oarlock.live.page import page_files
@@ -20,7 +18,6 @@ from oarlock.live.session import LiveSession
 from oarlock.storage.errors import DataError
 
 FEW = 20
-PAGE = Path(__file__).parents[2] / "docs/live.md"
 
 
 @pytest.fixture
@@ -50,27 +47,27 @@ def test_a_program_gets_the_newest_frames_until_the_session_ends(session):
         if len(found) == FEW:
             threading.Thread(target=session.end).start()
     assert len(found) >= FEW
-    assert all(frame["schema"] == SCHEMA for frame in found)
+    assert all(one["schema"] == live_frame.SCHEMA for one in found)
     assert np.all(np.diff([frame["time_s"] for frame in found]) > 0)
     value, std = found[-1]["joints"]["trunk"]
     assert abs(value) < np.pi and 0.0 < std < 1.0
     assert len(found[-1]["places_mm"]) % 3 == 0
 
 
-def test_the_documentation_names_every_key_of_every_message(session):
-    text = PAGE.read_text(encoding="utf-8")
-    messages = []
-    with connect(socket_address(session.url)) as socket:
-        while not any("health" in one for one in messages) or not any("frame" in one for one in messages):
-            messages.append(json.loads(socket.recv()))
-            socket.send('{"shown": 1}')
-    assert [one["type"] for one in messages[:1]] == ["hello"]
-    health = next(one["health"] for one in messages if "health" in one)
-    frame = next(one["frame"] for one in messages if "frame" in one)
-    parts = [*messages, frame, health, health["recorder"], *health["devices"], *health["sources"]]
-    first = [*messages[0]["joints"], *messages[0]["streams"], *messages[0]["strokes"]["columns"]]
-    missing = {key for part in (*parts, *first) for key in part if f"`{key}`" not in text}
-    assert missing == set()
+def test_the_schema_says_what_each_key_of_a_message_means():
+    messages = {name: each for name, each in SCHEMA["$defs"].items() if name not in ("point", "figure")}
+    assert [found for name, each in messages.items() for found in bare(each, name)] == []
+
+
+def bare(schema, name):
+    """Properties without a description, a reference, or the list of their values."""
+    for key, inner in schema.items():
+        if key == "properties":
+            for of, each in inner.items():
+                if not {"description", "$ref", "const", "enum"} & set(each):
+                    yield f"{name}.{of}"
+        if isinstance(inner, dict):
+            yield from bare(inner, f"{name}.{key}")
 
 
 def test_a_program_with_a_wrong_address_is_told_what_to_do(session):

@@ -206,7 +206,7 @@ FORMATS = (
         "A recording of dfjimu, .mat.",
         "Import a dfjimu recording: two inertial units on two bodies connected by a ball joint.",
         "data_3D_01.mat",
-        "two units on bodies joined by a ball joint; see [public data sets](#public-data-sets)",
+        "two units on bodies joined by a ball joint",
         suffixes=(".mat",),
     ),
     ImportFormat(
@@ -263,7 +263,7 @@ FORMATS = (
         "Folder of a session, with a folder for each unit.",
         "Import x-io NGIMU units: CSV folders of the vendor's software.",
         "LOG_0000",
-        "x-io NGIMU units: folders of CSV files; see [NGIMU](#ngimu)",
+        "x-io NGIMU units: folders of CSV files",
         suffixes=(".csv",),
     ),
     ImportFormat(
@@ -273,7 +273,7 @@ FORMATS = (
         "Lines t_us,seq,ax,ay,az,gx,gy,gz,mx,my,mz.",
         "Import a unit that somebody built, which writes Oarlock's line protocol to a serial port or by UDP.",
         "left_hand.csv",
-        "units that you built yourself: Oarlock's line protocol; see [the line protocol](#the-line-protocol)",
+        "units that you built yourself: Oarlock's line protocol",
         suffixes=(".csv", ".txt", ".log"),
     ),
     ImportFormat(
@@ -283,7 +283,7 @@ FORMATS = (
         "C3D file with analogue channels.",
         "Import analogue channels of a C3D file: inertial units by their labels, all other channels as numbers.",
         "trial.c3d",
-        "analogue channels of C3D files, inertial units among them; see [C3D](#c3d)",
+        "analogue channels of C3D files, inertial units among them",
         suffixes=(".c3d",),
     ),
     ImportFormat(
@@ -293,7 +293,7 @@ FORMATS = (
         "MCAP file of ROS 2.",
         "Import inertial units from an MCAP file of ROS 2: messages Imu and MagneticField.",
         "bag.mcap",
-        "MCAP files of ROS 2: inertial units and magnetometers; see [MCAP](#mcap)",
+        "MCAP files of ROS 2: inertial units and magnetometers",
         suffixes=(".mcap",),
     ),
     ImportFormat(
@@ -303,7 +303,7 @@ FORMATS = (
         "XDF file, as LabRecorder writes it.",
         "Import streams of the Lab Streaming Layer: inertial units by their labels, all other channels as numbers.",
         "trial.xdf",
-        "XDF files of the Lab Streaming Layer (LSL), all streams; see [XDF](#xdf)",
+        "XDF files of the Lab Streaming Layer (LSL), all streams",
         suffixes=(".xdf",),
     ),
     ImportFormat(
@@ -313,7 +313,7 @@ FORMATS = (
         "Folder with the units' folders of CSV files, or a .ximu3 file.",
         "Import x-io x-IMU3 units: CSV folders of the vendor's software, or files of the data logger.",
         "logged_lower_body",
-        "x-io x-IMU3 units: folders of CSV files, or .ximu3 files; see [x-IMU3](#x-imu3)",
+        "x-io x-IMU3 units: folders of CSV files, or .ximu3 files",
         suffixes=(".csv", ".ximu3"),
     ),
 )

@@ -189,7 +189,7 @@ class Guide:
         return self._next()
 
     def told(self) -> dict[str, Any]:
-        """The state as the page has it, docs/live.md."""
+        """The state as the page has it, `guide` of messages.schema.json."""
         verdict = self.verdict
         is_counting = self.phase in ("countdown", "running")
         return {

@@ -1,0 +1,144 @@
+"""Tables of the pages that come from code: formats, devices, metrics, settings, model keys and verbs.
+
+A table stands in a page of docs/ between `<!-- generated: NAME -->` and `<!-- end -->`; NAME is a key of `TABLES`.
+`python -m pages tables` writes them.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import typer
+from typer.main import get_command
+
+import oarlock
+from oarlock.cli import app
+from oarlock.formats.importers import FORMATS
+from oarlock.live.decoders import DECODERS
+from oarlock.rowing.analysis.features import CURVES, FEATURES, NUMBERS
+from oarlock.tracking.settings import meanings
+
+from .record import ROOT
+
+KEYS: Mapping[str, Mapping[str, Sequence[str]]] = tomllib.loads(
+    (ROOT / "pages/model_keys.toml").read_text(encoding="utf-8")
+)
+"""Keys of each table of a model file: what they take, default, meaning."""
+_BLOCK = re.compile(r"(<!-- generated: (.+?) -->\n).*?(<!-- end -->)", re.S)
+_LONGEST = 300
+"""Characters of a verb's line of help; typer cuts a longer one."""
+
+
+def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Without blanks around the bars, which would count as words of the page."""
+    return "\n".join(f"|{'|'.join(row)}|" for row in (columns, ["---"] * len(columns), *rows))
+
+
+def formats() -> str:
+    """What `oarlock import` reads."""
+
+    def row(name: str, reads: str, options: Sequence[str]) -> list[str]:
+        return [f"`{name}`", reads, ", ".join(f"`--{option.replace('_', '-')}`" for option in options)]
+
+    rows = [row(each.name, each.reads, [option.name for option in each.options]) for each in FORMATS]
+    return _table(("name", "reads", "options"), rows)
+
+
+def devices() -> str:
+    """What a live session decodes."""
+    rows = [
+        [f"`{each.name}`", ", ".join(f"`{name}`" for name in each.transports), each.about]
+        for each in DECODERS.values()
+    ]
+    return _table(("format", "transports", "sends"), rows)
+
+
+def metrics() -> str:
+    """Numbers and curves of technique; both sides share a row."""
+    rows = []
+    for name in (*NUMBERS, *CURVES):
+        feature, other = FEATURES[name], f"l_{name[2:]}"
+        if name.startswith("l_") or (name.startswith("r_") and name[2:] in FEATURES):
+            continue
+        columns = f"`{name}`"
+        if name.startswith("r_") and other in FEATURES:
+            columns = f"`r_`, `l_{name[2:]}`"
+        elif f"r_{name}" in FEATURES:
+            columns += ", `r_`, `l_`"
+        unit = "" if feature.shown_unit == "1" else feature.shown_unit
+        sign = f" Positive: {feature.sign}." if feature.sign else ""
+        source = "" if feature.source == "own" else feature.source
+        rows.append([columns, unit, f"{feature.definition}{sign}", source])
+    return _table(("column", "shown in", "definition", "source"), rows)
+
+
+def settings() -> str:
+    """Settings of the filter."""
+    defaults = oarlock.Config().to_dict()
+
+    def shown(value: object) -> str:
+        if isinstance(value, list):
+            return ", ".join(value)
+        return "" if value is None else str(value).lower()
+
+    rows = [[f"`{name}`", shown(defaults[name]), meaning] for name, meaning in meanings().items()]
+    return _table(("setting", "default", "meaning"), rows)
+
+
+def model_keys(table: str) -> str:
+    """Keys of a table of model files."""
+    rows = [[f"`{keys.replace(', ', '`, `')}`", *cells] for keys, cells in KEYS[table].items()]
+    return _table(("key", "takes", "default", "meaning"), rows)
+
+
+def verbs() -> str:
+    """All verbs with their lines of help, those of a group under its title."""
+    return "\n\n".join(_groups(get_command(app), "oarlock"))
+
+
+def _groups(group: Any, path: str) -> Iterator[str]:
+    context = typer.Context(group, info_name=path)
+    listed = [(name, group.get_command(context, name)) for name in group.list_commands(context)]
+    shown = [(name, command) for name, command in listed if not command.hidden]
+    rows = [[f"`{name}`", command.get_short_help_str(_LONGEST)] for name, command in shown]
+    yield f"## {path}\n\n{_table(('verb', 'does'), rows)}"
+    for name, _ in shown:
+        command = group.resolve_command(context, [name])[1]
+        if hasattr(command, "commands"):
+            yield from _groups(command, f"{path} {name}")
+
+
+TABLES: Mapping[str, Callable[[], str]] = {
+    "formats": formats,
+    "devices": devices,
+    "metrics": metrics,
+    "settings": settings,
+    "verbs": verbs,
+    **{f"keys of {table}": partial(model_keys, table) for table in KEYS},
+}
+"""Text of a block by its name."""
+
+
+def with_tables(page: str) -> str:
+    """The page with its tables as the code has them.
+
+    Raises:
+        KeyError: a block has a name that `TABLES` lacks.
+    """
+    return _BLOCK.sub(lambda block: f"{block[1]}\n{TABLES[block[2]]()}\n\n{block[3]}", page)
+
+
+def write(root: Path = ROOT) -> list[Path]:
+    """Write the tables into the pages, and return these."""
+    files = []
+    for file in sorted((root / "docs").rglob("*.md")):
+        text = file.read_text(encoding="utf-8")
+        if _BLOCK.search(text):
+            file.write_text(with_tables(text), encoding="utf-8")
+            files.append(file)
+    return files
