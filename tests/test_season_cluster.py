@@ -21,12 +21,11 @@ import season_support as support
 from exact_recording import sculler
 from oarlock import DataError
 from oarlock.season import Season, create_season, open_season
-from oarlock.season.check import check
-from oarlock.season.run.cluster import DaskCluster
-from oarlock.season.run.plan import Plan, make_plan
-from oarlock.season.run.processes import Processes
-from oarlock.season.run.runner import RunCounts, run_season
-from oarlock.season.run.setups import choose_setup, make_setup
+from oarlock.season.cluster import DaskCluster
+from oarlock.season.compute import choose_setup, make_setup
+from oarlock.season.processes import Processes
+from oarlock.season.run import Plan, RunCounts, make_plan, run_season
+from oarlock.season.upkeep import check
 
 pytest.importorskip("distributed")
 pytestmark = pytest.mark.long

@@ -18,8 +18,8 @@ from oarlock.rowing.analysis.technique import technique
 from oarlock.rowing.strokes.files import strokes_parquet
 from oarlock.season import Admission, Athlete, Entry, Season, Setup, create_season, earlier_pieces
 from oarlock.season.add import done_record, put_entry
+from oarlock.season.compute import make_setup
 from oarlock.season.erase import erase
-from oarlock.season.run.setups import make_setup
 from rowed_truth import rowed
 
 pytest.importorskip("duckdb")

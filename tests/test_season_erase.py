@@ -12,15 +12,13 @@ import season_support as support
 from command_line import run
 from oarlock import DataError
 from oarlock.season import Admission, Athlete, NamesFile, Season, Setup, create_season, open_season
-from oarlock.season.check import check
-from oarlock.season.compact import compact, known_now
-from oarlock.season.disk import FolderStorage
-from oarlock.season.entry import Entry
 from oarlock.season.erase import Erasure, erase
 from oarlock.season.exports import export_athlete
-from oarlock.season.layout import CURRENT_FILE
-from oarlock.season.run.job import Ended, Job, Reply
-from oarlock.season.run.run_log import RunLog
+from oarlock.season.records import CURRENT_FILE, Entry
+from oarlock.season.run import Ended, Job, Reply, RunLog
+from oarlock.season.storage import FolderStorage
+from oarlock.season.tables import catalogue, update_tables
+from oarlock.season.upkeep import check
 
 GONE, STAYS = "K7QMVA", "R9TWXB"
 OWN = Setup(model=b'name = "sculler"\n', calibration=b"arm = 0.31\n")
@@ -48,7 +46,7 @@ def filled(season: Season, scratch: Path) -> dict[str, list[str]]:
         recording = support.add_noise(season, athlete, seed)
         support.add_strokes(season, recording, scratch, seed, setup=OWN if athlete == GONE else support.SETUP)
         names[athlete].append(recording)
-    compact(season)
+    update_tables(season)
     return names
 
 
@@ -108,7 +106,7 @@ def test_what_is_not_the_seasons_is_named_and_the_erasure_not_proven(season: Sea
 
 def test_the_proof_queries_every_table(season: Season, monkeypatch: pytest.MonkeyPatch) -> None:
     """Tables that are not compacted keep the rows; each of them is named, and one that is damaged too."""
-    current = compact(season)
+    current = update_tables(season)
     with monkeypatch.context() as patch:
         patch.setattr("oarlock.season.erase.compact", lambda season: current)
         patch.setattr("oarlock.season.erase._ROUNDS", 1)
@@ -157,7 +155,7 @@ def test_what_comes_back_from_a_backup_is_named_and_erased_again(season: Season,
         ("erased", f"athletes/{GONE}.toml"),
     ]
     assert f"--athlete {GONE} --yes" in found[0].words
-    assert GONE not in {entry.athlete for entry in known_now(season).entries.values()}
+    assert GONE not in {entry.athlete for entry in catalogue(season).entries.values()}
     assert gone(season).is_proven
     assert check(season) == []
 
@@ -203,7 +201,7 @@ def test_a_compaction_that_began_before_the_erasure_does_not_win(
         write(name, contents)
 
     monkeypatch.setattr(season.place, "write", late)
-    compact(season)
+    update_tables(season)
     assert not is_late
     assert check(season) == []
     assert GONE.encode() not in everything(tmp_path / "season")

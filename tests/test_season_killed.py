@@ -10,9 +10,9 @@ import pytest
 
 import season_support as support
 from oarlock.season import create_season, season_summary
-from oarlock.season.check import check
-from oarlock.season.compact import compact
 from oarlock.season.erase import erase
+from oarlock.season.tables import update_tables
+from oarlock.season.upkeep import check
 
 pytestmark = pytest.mark.long
 
@@ -27,7 +27,7 @@ def test_thirty_kills(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
             support.wait_for(one, int(rng.integers(0, 3)))
             time.sleep(rng.uniform(0.0, 0.3))
         assert {found.what for found in check(season)} <= {"unfinished"}, round_
-    compact(season)
+    update_tables(season)
     counts = season_summary(season).counts
     assert counts["recordings"] >= 10
     assert counts["failed"] == 0
@@ -77,7 +77,7 @@ def test_two_adds_and_a_compaction_at_once(
             for process in (one, two, three):
                 support.wait_for(process, 10)
         assert {found.what for found in check(season)} <= {"unfinished"}
-    compact(season)
+    update_tables(season)
     counts = season_summary(season).counts
     assert counts["recordings"] >= 10 * rounds
     assert counts["strokes"] == 5 * counts["with results"]

@@ -17,11 +17,11 @@ import season_places
 import season_support as support
 from oarlock import DataError
 from oarlock.season import Admission, Season, create_season, open_season
-from oarlock.season.check import check
-from oarlock.season.compact import compact
 from oarlock.season.erase import erase
 from oarlock.season.exports import export_athlete
-from oarlock.season.open_place import open_place
+from oarlock.season.storage import open_storage
+from oarlock.season.tables import update_tables
+from oarlock.season.upkeep import check
 
 for _package in ("obstore", "moto", "boto3"):
     pytest.importorskip(_package)
@@ -35,7 +35,7 @@ def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_listings_of_several_pages_are_whole(season_address: str) -> None:
-    place = open_place(season_address)
+    place = open_storage(season_address)
     count = 2 * int(season_places.PAGE) + 3
     names = [f"many/{k:03d}/x" for k in range(count)]
     for name in names:
@@ -51,7 +51,7 @@ def test_listings_of_several_pages_are_whole(season_address: str) -> None:
 
 def test_folders_that_are_stored_at_once_are_whole(season_address: str) -> None:
     """Each of several writers has contents of its own; those of one of them are there."""
-    place = open_place(season_address)
+    place = open_storage(season_address)
     for round_ in range(4):
         folder = f"recordings/{round_}"
         files = [
@@ -69,7 +69,7 @@ def test_files_of_a_stopped_writer_are_written_over(
     season_address: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("oarlock.season.objects._OTHER_WRITER_S", -1.0)
-    place = open_place(season_address)
+    place = open_storage(season_address)
     place.write("recordings/one/a", b"left")
     assert place.put_folder("recordings/one", {"a": b"new", "entry": b"x"}, "entry")
     assert place.read("recordings/one/a") == b"new"
@@ -86,7 +86,7 @@ def test_an_endpoint_that_is_not_there_and_a_bucket_that_is_not(
     with pytest.raises(DataError, match=r"cannot be reached; look at the network and AWS_ENDPOINT_URL"):
         open_season("s3://nobodys/season")
     with pytest.raises(DataError, match="cannot be reached"):
-        list(open_place("s3://nobodys/season").files())
+        list(open_storage("s3://nobodys/season").files())
 
 
 def filled(address: str, scratch: Path) -> tuple[Season, dict[str, list[str]]]:
@@ -96,7 +96,7 @@ def filled(address: str, scratch: Path) -> tuple[Season, dict[str, list[str]]]:
     for seed, athlete in enumerate((GONE, STAYS, GONE)):
         names[athlete].append(support.add_noise(season, athlete, seed))
         support.add_strokes(season, names[athlete][-1], scratch, seed)
-        compact(season)
+        update_tables(season)
     return season, names
 
 
@@ -181,7 +181,7 @@ def test_another_machine_forgets_its_copies(tmp_path: Path, monkeypatch: pytest.
     season, _ = filled(f"s3://{bucket}/club", tmp_path)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "elsewhere"))
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "its state"))
-    compact(season)
+    update_tables(season)
     old = {file.name for file in (tmp_path / "elsewhere").rglob("*.parquet")}
     assert old
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
@@ -189,7 +189,7 @@ def test_another_machine_forgets_its_copies(tmp_path: Path, monkeypatch: pytest.
     erase(season, GONE, dry_run=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "elsewhere"))
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "its state"))
-    compact(season)
+    update_tables(season)
     assert not [file for file in (tmp_path / "elsewhere").rglob("*.parquet") if file.name in old]
 
 
@@ -200,8 +200,8 @@ import season_support as support
 from pathlib import Path
 from oarlock import DataError
 from oarlock.season import Admission, create_season
-from oarlock.season.check import check
-from oarlock.season.compact import compact
+from oarlock.season.upkeep import check
+from oarlock.season.tables import update_tables
 season = create_season({season!r}, "club")
 support.squad(season, "AAAAAA")
 limit = {limit!r}
@@ -212,7 +212,7 @@ for seed in range(500):
         noise = support.noise(seed, seconds=0.4 * (seed + 1))
         name = Admission(season, "AAAAAA").add_recording(noise, {{}}).entry.recording
         support.add_strokes(season, name, Path({scratch!r}), seed)
-        compact(season)
+        update_tables(season)
     except DataError as error:
         print(error)
         break
@@ -260,11 +260,11 @@ def test_two_admissions_and_a_compaction_at_once(season_address: str, tmp_path: 
 
     with ThreadPoolExecutor(4) as pool:
         jobs = [pool.submit(add, GONE, 0), pool.submit(add, STAYS, 100), pool.submit(add, STAYS, 104)]
-        jobs += [pool.submit(compact, season) for _ in range(3)]
+        jobs += [pool.submit(update_tables, season) for _ in range(3)]
         for job in jobs:
             job.result()
     assert len(season.recordings()) == 20
-    compact(season)
+    update_tables(season)
     assert check(season) == []
     from oarlock.season import season_summary
 

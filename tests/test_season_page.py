@@ -11,8 +11,7 @@ from headless_chromium import chromium, quiet_tabs, serious_violations
 from html_page import Page, assert_loads_nothing, assert_references_lead_somewhere
 from oarlock import DataError
 from oarlock.season import Database, Selection, write_season_page
-from oarlock.season.page.findings import AthleteComparison, beyond_chance
-from oarlock.season.page.gather import gathered
+from oarlock.season.page import AthleteComparison, beyond_chance, gathered
 from oarlock.season.synthetic.make import Synthetic
 from season_answers import answered, compacted
 
@@ -46,7 +45,7 @@ def test_the_page_loads_nothing_and_is_small(made) -> None:
 
 def test_planted_changes_are_listed_and_nobody_else(made) -> None:
     season, current, squad, _ = made
-    with Database(season, current=current) as database:
+    with Database(season, tables=current) as database:
         found = gathered(database, METRICS)
     listed = {(one.athlete, one.metric) for one in found.changes}
     for one in squad:

@@ -16,9 +16,9 @@ import season_support as support
 from command_line import run
 from oarlock import DataError, load_recording
 from oarlock.season import Season, changed_athlete, create_season
-from oarlock.season.check import check
 from oarlock.season.exports import export_athlete, may_share
 from oarlock.season.gps import EARTH_RADIUS_M, GpsCut, kept_positions
+from oarlock.season.upkeep import check
 
 ONE, OTHER = "K7QMVA", "R9TWXB"
 METRE_DEG = 180.0 / (np.pi * EARTH_RADIUS_M)

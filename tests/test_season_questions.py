@@ -17,10 +17,8 @@ from command_line import run
 from oarlock import DataError
 from oarlock.rowing import StrokeTable
 from oarlock.season import QUESTIONS, Athlete, Database, Season, Selection, ask, create_season, trend
-from oarlock.season.compact import Current
-from oarlock.season.questions.ask import answer
-from oarlock.season.questions.crew_functions import add_crew_functions
-from oarlock.season.questions.selection import Rates, metric_named
+from oarlock.season.database import Rates, add_crew_functions, metric_named
+from oarlock.season.questions import answer
 from oarlock.season.synthetic.make import Synthetic
 from oarlock.season.synthetic.squad import BASES, REFERENCE_RATE, SyntheticAthlete
 from season_answers import answered, compacted
@@ -35,7 +33,7 @@ DRIFTING = Synthetic(recordings=24 * 48, athletes=24, seed=11, strokes=72)
 def drifting(tmp_path_factory: pytest.TempPathFactory) -> Any:
     """A database of 24 athletes, four sessions a month."""
     season, current, squad = answered(tmp_path_factory.mktemp("season [1]"), DRIFTING)
-    with Database(season, current=current) as database:
+    with Database(season, tables=current) as database:
         yield database, squad, current
 
 
@@ -341,25 +339,25 @@ def test_the_verbs_answer(tmp_path: Path) -> None:
 
 def test_tables_follow_athletes_setups_and_tombstones(tmp_path: Path) -> None:
     from oarlock.season.athletes import pseudonym_hash
-    from oarlock.season.compact import compact
+    from oarlock.season.tables import update_tables
 
     season = create_season(str(tmp_path / "season"), "club")
     support.squad(season, "AAAAAA", "BBBBBB")
     for seed, name in enumerate(("AAAAAA", "BBBBBB")):
         support.add_strokes(season, support.add_noise(season, name, seed), tmp_path, seed)
-    first = compact(season)
-    assert compact(season) == first
+    first = update_tables(season)
+    assert update_tables(season) == first
     season.put_athlete(Athlete("AAAAAA", {"stature_m": 1.7}))
-    second = compact(season)
+    second = update_tables(season)
     assert {name for name in first.files if first.files[name] != second.files[name]} == {"athletes"}
     season.place.write(f"erased/{pseudonym_hash(season.id, 'BBBBBB')}.toml", b"")
     with Database(season) as database:
         assert database.table("SELECT DISTINCT athlete FROM strokes")["athlete"].to_pylist() == ["AAAAAA"]
-    third = compact(season)
+    third = update_tables(season)
     pinned = Season(**{**vars(season), "setup": {"": "none"}})
-    assert compact(pinned).setup != third.setup
+    assert update_tables(pinned).setup != third.setup
     season.place.write(f"recordings/{'0' * 20}/left.parquet", b"")  # a writer that was stopped
-    assert compact(pinned) == compact(pinned)
+    assert update_tables(pinned) == update_tables(pinned)
 
 
 def test_crews_match_by_absolute_time() -> None:
@@ -389,7 +387,7 @@ def test_crews_match_by_absolute_time() -> None:
         connection.execute("INSERT INTO recordings VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", row)
         rows = [(name, 10.0 + 2.5 * k + late_s - after_s) for k in range(30)]
         connection.executemany("INSERT INTO caught VALUES (?, ?)", rows)
-    text = files("oarlock.season.questions").joinpath("views.sql").read_text(encoding="utf-8")
+    text = files("oarlock.season").joinpath("views.sql").read_text(encoding="utf-8")
     macro = text[text.index("CREATE MACRO outings()") :]
     connection.execute(macro[: macro.index(";")])
     found = connection.execute("SELECT athlete, late_s, strokes, one_start FROM outings() ORDER BY athlete")

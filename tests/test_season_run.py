@@ -20,17 +20,21 @@ from command_line import run as typed
 from exact_recording import at_rate, load_excerpt, sculler
 from oarlock import Calibration, Config, DataError, load_model
 from oarlock.season import Admission, Season, create_season, open_season
-from oarlock.season.check import check
-from oarlock.season.compact import compact, known_now
-from oarlock.season.entry import Entry
-from oarlock.season.layout import ENTRY_FILE
-from oarlock.season.run.child import Child
-from oarlock.season.run.compute import StrokesAndHealth, Tools, commit, failed_record, run_job
-from oarlock.season.run.job import Ended, Job, Loss, Reply
-from oarlock.season.run.plan import LIMIT_S, LIMIT_SHARE, make_plan
-from oarlock.season.run.processes import Processes
-from oarlock.season.run.runner import RunCounts, run_season
-from oarlock.season.run.setups import choose_setup, make_setup, opened_setup
+from oarlock.season.compute import (
+    StrokesAndHealth,
+    Tools,
+    choose_setup,
+    commit,
+    failed_record,
+    make_setup,
+    opened_setup,
+    run_job,
+)
+from oarlock.season.processes import Child, Processes
+from oarlock.season.records import ENTRY_FILE, Entry
+from oarlock.season.run import LIMIT_S, LIMIT_SHARE, Ended, Job, Loss, Reply, RunCounts, make_plan, run_season
+from oarlock.season.tables import catalogue, update_tables
+from oarlock.season.upkeep import check
 
 LATE_S = 120.0
 """What is waited for comes within seconds; a busy machine takes longer."""
@@ -98,9 +102,9 @@ def test_another_setup_makes_it_out_of_date_for_whom_it_is(season: Season) -> No
     changed = choose_setup(season, longer, "AAAAAA")
     assert left(changed) == 2
     assert done(changed).computed == 2
-    runs = {record.setup for record in known_now(changed).current(changed).values()}
+    runs = {record.setup for record in catalogue(changed).current().values()}
     assert runs == set(changed.setup.values())
-    assert len(known_now(changed).records) == 6
+    assert len(catalogue(changed).records) == 6
     choose_setup(changed, make_setup(sculler()), "AAAAAA")
     assert left(open_season(season.place.address)) == 0
 
@@ -133,7 +137,7 @@ def test_without_a_setup_only_exports_are_computed(tmp_path: Path) -> None:
     assert [job.recording for job in plan.jobs] == [name]
     assert len(plan.without_setup) == 1
     assert run_season(season, Here(run_job), plan).computed == 1
-    record = known_now(season).current(season)[name]
+    record = catalogue(season).current()[name]
     assert record.strokes > 5
     contents = season.place.read(f"results/{name}.{record.run}/strokes.parquet")
     assert str(tmp_path).encode() not in contents
@@ -229,7 +233,7 @@ def test_what_another_run_stored_is_not_computed_again(season: Season, tmp_path:
 def test_other_versions_are_refused(season: Season) -> None:
     job = make_plan(season).jobs[0]
     reply = run_job(replace(job, versions=(("oarlock", "9.9"),)))
-    assert reply.told == "refused"
+    assert reply.status == "refused"
     assert "this command 9.9" in reply.words
 
 
@@ -246,10 +250,10 @@ def test_a_recording_without_strokes_is_done_and_has_no_rows(season: Season) -> 
     reply = run_job(
         make_plan(season).jobs[0], lambda entry, tools: StrokesAndHealth(None, {"trunk.nis": 1.0})
     )
-    assert reply.told == "done"
-    record = known_now(season).records[0]
+    assert reply.status == "done"
+    record = catalogue(season).records[0]
     assert (record.status, record.strokes, dict(record.files)) == ("done", 0, {})
-    assert compact(season).files["recordings"]
+    assert update_tables(season).files["recordings"]
     assert check(season) == []
 
 
@@ -260,7 +264,7 @@ def test_an_erasure_meanwhile_leaves_no_result(season: Season) -> None:
         season.place.remove_folder(f"recordings/{entry.recording}", ENTRY_FILE)
         return StrokesAndHealth(None, {})
 
-    assert run_job(job, erased_then_found).told == "there"
+    assert run_job(job, erased_then_found).status == "there"
     assert season.results() == []
 
 
@@ -270,13 +274,13 @@ def test_a_failure_gives_way_to_a_result_and_never_the_reverse(season: Season) -
     assert commit(season, failed_record(job, setup, "first"), {}, setup, False)
     assert not commit(season, failed_record(job, setup, "second"), {}, setup, False)
     assert commit(season, failed_record(job, setup, "third"), {}, setup, True)
-    assert [record.fault for record in known_now(season).records] == ["third"]
+    assert [record.fault for record in catalogue(season).records] == ["third"]
     result = replace(failed_record(job, setup, ""), status="done")
     assert commit(season, result, {}, setup, False)
     assert not commit(season, failed_record(job, setup, "late"), {}, setup, True)
     Path(season.place.address, f"results/{job.recording}.{job.run}/run.toml").write_bytes(b"\xff")
     assert commit(season, result, {}, setup, False)
-    assert [record.status for record in known_now(season).records] == ["done"]
+    assert [record.status for record in catalogue(season).records] == ["done"]
 
 
 def test_processes_name_each_culprit(season: Season, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -290,7 +294,7 @@ def test_processes_name_each_culprit(season: Season, monkeypatch: pytest.MonkeyP
     assert found.failed[aborts].endswith("computed alone: its process was ended by SIGABRT")
     assert found.failed[hangs].startswith("hangs: it was not done after 1 s")
     assert found.failed[raises] == "ZeroDivisionError: nothing to divide by"
-    assert {one.recording: one.status for one in known_now(season).records}[good] == "done"
+    assert {one.recording: one.status for one in catalogue(season).records}[good] == "done"
     assert check(season) == []
 
 
@@ -303,7 +307,7 @@ def test_a_process_that_cannot_start_or_write_says_so(
     only = replace(plan, jobs=[job for job in plan.jobs if job.recording == one])
     with pytest.raises(DataError, match="No space left on device"):
         run_season(season, Processes(jobs.quick_task, 1), only)
-    assert len(known_now(season).records) == 0
+    assert len(catalogue(season).records) == 0
     monkeypatch.setattr(sys, "path", ["/nowhere"])
     with pytest.raises(DataError, match=r"could not start.*No module named"):
         Child(jobs.quick_task).ask(only.jobs[0])
@@ -313,8 +317,8 @@ _KILLED = """
 import sys, threading
 import season_bad_jobs as jobs
 from oarlock.season import open_season
-from oarlock.season.run.child import Child
-from oarlock.season.run.plan import make_plan
+from oarlock.season.processes import Child
+from oarlock.season.run import make_plan
 child = Child(jobs.quick_task)
 job = make_plan(open_season({season!r})).jobs[0]
 threading.Thread(target=child.ask, args=(job,), daemon=True).start()
@@ -354,7 +358,7 @@ def test_cancelled_processes_end_at_once(season: Season, monkeypatch: pytest.Mon
         executor.submit(job)
     threading.Timer(0.2, executor.cancel).start()
     assert all(isinstance(one.reply, Loss | Reply) for one in executor.as_completed())
-    assert known_now(season).records == []
+    assert catalogue(season).records == []
 
 
 _ADDER = """
@@ -411,7 +415,7 @@ def test_typed(typed_season: Path, tmp_path: Path) -> None:
     assert (found["computed"], found["failed"]) == (2, {})
     assert "Everything is up to date" in typed("season", "run", typed_season).stdout
     season = open_season(str(typed_season))
-    records = known_now(season).records
+    records = catalogue(season).records
     assert all(record.strokes > 1 for record in records)
     health = max((record.health for record in records), key=len)
     assert 0.2 < health["back.nis"] < 2.0

@@ -8,12 +8,12 @@ import pytest
 
 from oarlock import DataError, load_recording
 from oarlock.season import open_season
-from oarlock.season.check import check
-from oarlock.season.compact import compact
 from oarlock.season.synthetic.draw import strokes
 from oarlock.season.synthetic.make import Synthetic, make_synthetic
 from oarlock.season.synthetic.plan import plan
 from oarlock.season.synthetic.squad import synthetic_squad
+from oarlock.season.tables import update_tables
+from oarlock.season.upkeep import check
 
 SMALL = Synthetic(recordings=7, athletes=3, seed=2, strokes=30)
 
@@ -38,7 +38,7 @@ def test_one_seed_gives_one_season_also_after_a_stop(tmp_path: Path) -> None:
     (tmp_path / "other").mkdir()
     make_synthetic(str(tmp_path / "other"), Synthetic(**{**vars(SMALL), "seed": 3}), jobs=1)
     for name in ("whole", "stopped"):
-        compact(open_season(str(tmp_path / name)))
+        update_tables(open_season(str(tmp_path / name)))
     whole, stopped = files(tmp_path / "whole"), files(tmp_path / "stopped")
     assert whole == stopped
     assert not set(files(tmp_path / "other")) & {name for name in whole if name.startswith("recordings/")}

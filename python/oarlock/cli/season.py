@@ -194,26 +194,24 @@ def check(
     ] = False,
     json_output: Json = False,
 ) -> None:
-    """Compare every file with its hash; list damaged and unfinished files, and erased athletes who came back."""
-    from oarlock.season.check import check as findings_of
-    from oarlock.season.check import is_repairable
-    from oarlock.season.check import repair as repaired
+    """Compare every file with its hash; list damaged and unfinished files."""
+    from oarlock.season import upkeep
 
     season = opened(at)
     with progress("checking") as share:
-        findings = findings_of(season, share)
-    removed = repaired(season, findings) if repair else []
+        faults = upkeep.check(season, share)
+    removed = upkeep.repair(season, faults) if repair else []
     if json_output:
-        print_json({"findings": findings, "removed": removed})
+        print_json({"findings": faults, "removed": removed})
     else:
-        for one in findings:
+        for one in faults:
             say(f"{one.what}: {one.name}: {one.words}")
         for name in removed:
             say(f"Removed {name}")
-        say(f"{len(findings)} {'finding' if len(findings) == 1 else 'findings'}" if findings else "In order.")
-        if not repair and any(is_repairable(one) for one in findings):
+        say(f"{len(faults)} {'finding' if len(faults) == 1 else 'findings'}" if faults else "In order.")
+        if not repair and any(one.is_repairable for one in faults):
             steps(f"oarlock season check {at} --repair")
-    if any(one.is_damage for one in findings):
+    if any(one.is_damage for one in faults):
         raise typer.Exit(EXIT_DATA)
 
 
@@ -229,7 +227,7 @@ def prune(
     """Remove replaced results, data older than the retention time, and files of commands that were stopped."""
     import datetime
 
-    from oarlock.season.prune import prune as pruned
+    from oarlock.season.upkeep import prune as pruned
     from oarlock.storage.regular_file import shown_bytes
 
     found = pruned(opened(at), datetime.datetime.now(datetime.UTC).date(), dry_run)
@@ -283,7 +281,7 @@ def athlete(
     A pseudonym is random. Names of people stay in a file of their own, outside the season.
     """
     from oarlock.season import changed_athlete
-    from oarlock.season.squad import keep_name
+    from oarlock.season.add import keep_name
 
     season = opened(at)
     known = {

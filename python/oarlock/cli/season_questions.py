@@ -96,7 +96,7 @@ def questions(
     Means have 95 % bands. Results of different engines, models or calibrations are never compared.
     """
     from oarlock.season import QUESTIONS, Database
-    from oarlock.season.questions.ask import answer, question_named
+    from oarlock.season.questions import answer, question_named
 
     if question is None:
         if json_output:
@@ -152,7 +152,7 @@ def trend(
 
 
 def _say_trend(found: Trend) -> None:
-    from oarlock.season.questions.shown import shown_metric
+    from oarlock.season.questions import shown_metric
 
     metric = shown_metric(found.metric)
     label = f"{metric.label}, {metric.unit}" if metric.unit else metric.label

@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import datetime
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from oarlock import Calibration, Model, ModelError, Track
+from oarlock.model.description import ImuDescription
 from oarlock.recording.session_info import session_info
 from oarlock.report import day_text
-from oarlock.rowing.findings.rowed import kind_of
+from oarlock.rowing import find_strokes
+from oarlock.rowing.findings.rowed import FEWEST_STROKES, RATES_APART, Rowed, kind_of
 from oarlock.rowing.report.stored_piece import StoredPiece
 from oarlock.rowing.strokes.files import parsed_strokes
 from oarlock.season.add import start_of
-from oarlock.season.comparable import Compared, end_of, is_day, mounts_differ
-from oarlock.season.efforts import Efforts
-from oarlock.season.layout import STROKES_FILE, result_folder
-from oarlock.season.questions.database import Database
-from oarlock.season.questions.selection import Selection
-from oarlock.season.run.setups import opened_setup
+from oarlock.season.compute import opened_setup
+from oarlock.season.database import Database, Selection
+from oarlock.season.records import STROKES_FILE, result_folder
 from oarlock.season.store import Season
 from oarlock.storage.errors import DataError
 
@@ -90,7 +94,7 @@ def _asked(season: Season, track: Track, names: Mapping[str, str]) -> tuple[Comp
     if not person:
         return 'the track does not say whose it is. Write athlete = "..." into its session.toml.'
     pseudonym = names.get(person, person)
-    if season.athlete(pseudonym) is None or season.is_erased_now(pseudonym):
+    if not season.is_here(pseudonym):
         hint = "" if names else " If it knows the athlete by a pseudonym, give the file of names (--names)."
         return f"it contains nothing of {person}.{hint}"
     start = start_of(season, track.provenance.get("epoch"), float(track.time_s[0]), info)
@@ -158,7 +162,7 @@ class _Search:
         return self._looked[name]
 
     def _read(self, row: Mapping[str, Any]) -> StoredPiece | str:
-        setup = self._setup(row["setup"])
+        setup = self._setup(row["athlete"], row["setup"])
         if setup is None:
             return "has a setup that cannot be read: `oarlock season check`"
         model, calibration = setup
@@ -166,7 +170,7 @@ class _Search:
             return f"is {kind}, this piece {self.now.rowed.kind}"
         if told := mounts_differ(model, calibration, self.now.nominal):
             return told
-        file = f"{result_folder(row['recording'], row['run'])}/{STROKES_FILE}"
+        file = f"{result_folder(row['athlete'], row['recording'], row['run'])}/{STROKES_FILE}"
         try:
             table = parsed_strokes(self.now.season.place.read(file), self.now.season.where(file))
         except (DataError, FileNotFoundError):
@@ -182,9 +186,9 @@ class _Search:
         when = self.now.when(row)
         return ", ".join(filter(None, (day_text(when[:10]), when[11:])))
 
-    def _opened(self, name: str) -> tuple[Model, Calibration | None] | None:
+    def _opened(self, athlete: str, name: str) -> tuple[Model, Calibration | None] | None:
         try:
-            return opened_setup(self.now.season.load_setup(name))[:2]
+            return opened_setup(self.now.season.load_setup(name, athlete))[:2]
         except (DataError, ModelError):
             return None
 
@@ -206,7 +210,7 @@ class _Search:
 def _rows(database: Database) -> list[dict[str, Any]]:
     """The recordings of the athlete, the latest first, with counted strokes and their usual rate."""
     rows: list[dict[str, Any]] = database.table(
-        "SELECT r.recording, r.run, r.started, r.duration_s, r.status, r.engine, u.setup, s.counted, s.rate "
+        "SELECT r.recording, r.athlete, r.run, r.started, r.duration_s, r.status, r.engine, u.setup, s.counted, s.rate "
         "FROM recordings r LEFT JOIN runs u USING (recording, run) LEFT JOIN ("
         "SELECT recording, count(*) AS counted, median(rate) AS rate FROM stroke_values('rate_per_min') "
         "GROUP BY recording) s USING (recording) "
@@ -221,3 +225,160 @@ def _passed(said: Sequence[str], head: str) -> list[str]:
         return []
     more = f"; and {len(said) - _MOST_NAMED} more" if len(said) > _MOST_NAMED else ""
     return [f"{head}: {'; '.join(said[:_MOST_NAMED])}{more}."]
+
+
+_NOON = datetime.time(12)
+
+
+@dataclass(frozen=True)
+class Compared:
+    """The piece of a report.
+
+    Attributes:
+        season: where others are looked for.
+        rowed: its strokes.
+        start: the moment of its first sample, UTC.
+        engine: version of Oarlock that tracked it.
+        nominal: its units whose mounts are not calibrated.
+    """
+
+    season: Season
+    rowed: Rowed
+    start: datetime.datetime
+    engine: str
+    nominal: frozenset[str]
+
+    @classmethod
+    def of(cls, season: Season, track: Track, start: datetime.datetime) -> Compared:
+        """Of a track of a rower.
+
+        Raises:
+            DataError: there are no strokes in it.
+        """
+        found = find_strokes(track)
+        kind = kind_of(track.joint_names)
+        rowed = Rowed.of_table(found.table(), found.in_averages, kind, found.source)
+        about = track.provenance
+        return cls(
+            season, rowed, start, str(about.get("oarlock", "")), frozenset(about.get("nominal_mounts", ()))
+        )
+
+    def follows(self, row: Mapping[str, Any]) -> bool:
+        """Whether a recording ended before this one; where only days are known, on a day before."""
+        days = [self.local(row), self.start.astimezone(self.season.zone())]
+        if any(map(is_day, days)):
+            return days[0].date() < days[1].date()
+        return bool(end_of(row) <= self.start)
+
+    def local(self, row: Mapping[str, Any]) -> datetime.datetime:
+        """The start of a recording in the season's zone."""
+        moment: datetime.datetime = row["started"]
+        return moment.astimezone(self.season.zone())
+
+    def when(self, row: Mapping[str, Any]) -> str:
+        """Day and time of a recording; only the day where the time is not known."""
+        local = self.local(row)
+        return f"{local:%Y-%m-%d}" if is_day(local) else f"{local:%Y-%m-%d %H:%M}"
+
+    def differs(self, row: Mapping[str, Any]) -> str:
+        """Why a recording does not compare, as far as the tables say; "" if it may."""
+        if row["status"] != "done":
+            return (
+                "could not be computed"
+                if row["status"] == "failed"
+                else "is not computed yet: `oarlock season run`"
+            )
+        if not row["counted"] or row["counted"] < FEWEST_STROKES:
+            return f"has {row['counted'] or 0} strokes that count, at least {FEWEST_STROKES} are needed"
+        if row["rate"] is None or not abs(row["rate"] - self.rowed.rate_per_min) <= RATES_APART:
+            rate = "an unknown rate" if row["rate"] is None else f"{row['rate']:.0f}/min"
+            return f"has {rate}, this piece {self.rowed.rate_per_min:.0f}/min"
+        if row["engine"] != self.engine:
+            return (
+                f"was computed by Oarlock {row['engine']}, this piece by {self.engine}: `oarlock season run`"
+            )
+        return ""
+
+
+def end_of(row: Mapping[str, Any]) -> datetime.datetime:
+    """When a recording ended; without a duration its start."""
+    started: datetime.datetime = row["started"]
+    return started + datetime.timedelta(seconds=row["duration_s"] or 0.0)
+
+
+def is_day(local: datetime.datetime) -> bool:
+    """Whether only the day of a recording is known; then `start_of` takes its noon."""
+    return local.time() == _NOON
+
+
+def mounts_differ(model: Model, calibration: Calibration | None, nominal: frozenset[str]) -> str:
+    """Why mounts differ: errors of nominal ones, several degrees, would look like a change; "" if they are alike."""
+    if calibration is None:
+        units = any(isinstance(sensor, ImuDescription) for sensor in model.describe().sensors)
+        return "is not calibrated, this piece is" if units and not nominal else ""
+    return (
+        "is calibrated, this piece is not: `oarlock calibrate`" if nominal & set(calibration.mounts) else ""
+    )
+
+
+Floats = NDArray[np.float64]
+
+MEASURES = {"sculling": "speed_m_s", "sweep": "speed_m_s", "ergometer": "power_w"}
+"""The number that says how fast a piece was, by kind of rowing."""
+COVERED = 0.8
+"""Smallest share of a piece from the export's first to its last stroke in it."""
+_TIMES = ("end_time_s", "finish_time_s", "time_s")
+_RATES_PER_MIN = (14.0, 50.0)
+"""Strokes outside are paddling or misread, as in `rowing.alongside.stretches`."""
+_FEWEST = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Efforts:
+    """Strokes of the devices that measured an athlete's pace.
+
+    Attributes:
+        measure: column of the numbers.
+        exports: of each export the end of each stroke, s since 1970, and its number, (N,) each.
+    """
+
+    measure: str
+    exports: tuple[tuple[Floats, Floats], ...]
+
+    @classmethod
+    def of(cls, database: Database, kind: str) -> Efforts:
+        """Those of the one athlete whom the database was opened for.
+
+        An export whose clock restarts is left out: when its strokes were rowed is not known.
+        """
+        measure = MEASURES[kind]
+        columns = set(database.table("DESCRIBE strokes")["column_name"].to_pylist())
+        times = [name for name in _TIMES if name in columns]
+        if not times or not {measure, "rate_per_min"} <= columns:
+            return cls(measure, ())
+        low, high = _RATES_PER_MIN
+        rows = database.table(
+            f"SELECT s.recording, epoch(s.started) + coalesce({', '.join(times)}) AS at_s, {measure}::DOUBLE AS value "
+            "FROM strokes s JOIN recordings r USING (recording) "
+            f"WHERE r.kind = 'export' AND s.started IS NOT NULL AND {measure} > 0 "
+            f"AND rate_per_min BETWEEN {low} AND {high} ORDER BY s.recording, stroke"
+        )
+        return cls(measure, tuple(_exports(rows.to_pydict())))
+
+    def during(self, start_s: float, end_s: float) -> float:
+        """Mean over a piece, of the export that covers most of it; NaN without one. Moments in s since 1970."""
+        best, covered = float("nan"), COVERED * (end_s - start_s)
+        for at_s, value in self.exports:
+            inside = (at_s >= start_s) & (at_s <= end_s)
+            if inside.sum() >= _FEWEST and (length := float(np.ptp(at_s[inside]))) >= covered:
+                best, covered = float(np.mean(value[inside])), length
+        return best
+
+
+def _exports(rows: dict[str, list[object]]) -> Iterator[tuple[Floats, Floats]]:
+    at_s, value = (np.array(rows[name], dtype=np.float64) for name in ("at_s", "value"))
+    names = np.array(rows["recording"], dtype=str)
+    for name in np.unique(names):
+        own = (names == name) & np.isfinite(at_s)
+        if (np.diff(at_s[own]) > 0.0).all():
+            yield at_s[own], value[own]

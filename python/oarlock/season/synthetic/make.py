@@ -13,10 +13,9 @@ from dataclasses import dataclass
 from oarlock import _core
 from oarlock.evaluation.child_process import begin_child
 from oarlock.rowing.strokes.files import strokes_parquet
-from oarlock.season.add import Admission, content_name, done_record
-from oarlock.season.layout import SEASON_FILE, STROKES_FILE
-from oarlock.season.open_place import open_place
-from oarlock.season.run_record import RunRecord, Setup
+from oarlock.season.add import Admission, content_name
+from oarlock.season.records import SEASON_FILE, STROKES_FILE, RunRecord, Setup
+from oarlock.season.storage import open_storage
 from oarlock.season.store import Season, open_season
 from oarlock.season.synthetic.draw import health, raw, strokes
 from oarlock.season.synthetic.plan import Planned, plan
@@ -93,7 +92,7 @@ def make_synthetic(
 
 
 def _begun(address: str, what: Synthetic) -> Season:
-    place = open_place(address)
+    place = open_storage(address)
     if not place.exists(SEASON_FILE):
         if place.children(""):
             raise DataError(f"{address}: holds other files; choose an empty place")
@@ -141,7 +140,7 @@ class _Writer:
         self.what, self.season = what, open_season(address)
         self._admission, self._squad = Admission(self.season), what.squad()
         self._plan = plan(what.seed, self._squad, what.recordings, what.classes)
-        self._done = set(self.season.results())
+        self._done = {one for who in self._squad for one in self.season.results_of(who.athlete.pseudonym)}
 
     def write(self, batch: range) -> int:
         """Write these recordings; returns how many."""
@@ -164,11 +163,12 @@ class _Writer:
         self._admission.add_recording(recording, session)
         if one.failed:
             plain = (name, setup.run(ENGINE), ENGINE, setup.name, setup.comparable(ENGINE))
-            self.season.put_result(RunRecord(*plain, "failed", _FAULT, health=health(seed, one)), {}, setup)
+            failed = RunRecord(*plain, "failed", _FAULT, health=health(seed, one))
+            self.season.put_result(who.athlete.pseudonym, failed, {}, setup)
             return
         contents = strokes_parquet(strokes(seed, one, who, self.what.strokes))
-        record = done_record(name, setup, ENGINE, contents, self.what.strokes, health(seed, one))
-        self.season.put_result(record, {STROKES_FILE: contents}, setup)
+        record = RunRecord.done(name, setup, ENGINE, contents, self.what.strokes, health(seed, one))
+        self.season.put_result(who.athlete.pseudonym, record, {STROKES_FILE: contents}, setup)
 
 
 _OWN: _Writer | None = None

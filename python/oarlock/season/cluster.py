@@ -20,8 +20,8 @@ from contextlib import suppress
 from functools import partial
 from typing import Any
 
-from oarlock.season.run.child import Child
-from oarlock.season.run.job import Ended, Job, Loss, Reply, Task
+from oarlock.season.processes import Child
+from oarlock.season.run import Ended, Job, Loss, Reply, Task
 from oarlock.storage.errors import DataError
 
 IN_FLIGHT = 2

@@ -1,4 +1,4 @@
-"""`Child`: a process that does one job after the other. If it ends or hangs, only the job at hand is lost.
+"""Processes of this machine that compute: a `Child` does one job after the other; `Processes` has several.
 
 A pool of processes (`concurrent.futures`) breaks as a whole when one of them dies, and does not say at which job. Here
 each process has one job at a time, so that it is known. The processes are started as commands, because a worker of Dask
@@ -9,29 +9,39 @@ from __future__ import annotations
 
 import os
 import pickle
+import queue
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
 import threading
+import time
 import weakref
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
-from oarlock.season.run.child_main import READY
-from oarlock.season.run.job import Job, Loss, Reply, Task
+from oarlock.season.run import Ended, Job, Loss, Reply, Task
 from oarlock.storage.errors import DataError
 from oarlock.storage.regular_file import read_bytes
 
+_READY = "ready"
 START_LIMIT_S = 300.0
 _STOPPED = "the run was stopped"
 _DYING_S = 5.0
-_COMMAND = "from oarlock.season.run.child_main import main; main()"
+_COMMAND = "from oarlock.season.processes import child_main; child_main()"
 _ONE_THREAD = ("RAYON_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 _TEMPORARY = ("TMPDIR", "TEMP", "TMP")
 _SHOWN_BYTES = 2000
+_LOOK_S = 0.5
+_STOP_S = 5.0
+_REMOVALS = 3
+"""The job at hand may write meanwhile."""
+_IDLE_S = 600.0
+"""A process that gets no job for so long ends: a worker of a cluster may stay for days."""
 
 
 class Child:
@@ -113,7 +123,7 @@ class Child:
             )
         with _TimeLimit(self._process, START_LIMIT_S):
             found = _answer(self._process, self.task)
-        if found != READY:
+        if found != _READY:
             last = self._errors().splitlines()[-1:] or ["it said nothing"]
             self._end()
             raise DataError(f"a process that computes could not start: {last[0]}")
@@ -203,3 +213,112 @@ def _closed(stream: IO[bytes] | None) -> None:
     if stream is not None:
         with suppress(OSError):  # what was not read is lost with the process
             stream.close()
+
+
+def child_main() -> None:
+    """Answer questions from the standard input until it ends, at once even if a job is at work.
+
+    The argument of the command is a folder for temporary files, which is removed then.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what a library prints is no answer
+    task: Task = pickle.load(sys.stdin.buffer)
+    jobs: queue.SimpleQueue[Job] = queue.SimpleQueue()
+    threading.Thread(target=_receive, args=(jobs,), daemon=True).start()
+    _reply(answers, _READY)
+    while True:
+        try:
+            job = jobs.get(timeout=_IDLE_S)
+        except queue.Empty:
+            _leave()
+        _reply(answers, _do(task, job))
+
+
+def _do(task: Task, job: Job) -> Reply:
+    try:
+        return task(job)
+    except Exception as error:
+        return Reply("refused", f"{type(error).__name__}: {error}")
+
+
+def _reply(stream: IO[bytes], answer: object) -> None:
+    pickle.dump(answer, stream)
+    stream.flush()
+
+
+def _receive(jobs: queue.SimpleQueue[Job]) -> None:
+    """Passes jobs on. The end of the input is the end of whoever asks, and of this process."""
+    while True:
+        try:
+            jobs.put(pickle.load(sys.stdin.buffer))
+        except EOFError:
+            _leave()
+        except Exception:
+            os._exit(1)
+
+
+def _leave() -> None:
+    """End this process, and leave no copies of recordings behind, also if whoever asked was killed."""
+    for _ in range(_REMOVALS):
+        shutil.rmtree(sys.argv[1], ignore_errors=True)
+    os._exit(0)
+
+
+class Processes:
+    """An `Executor` with a number of processes; a thread looks after each.
+
+    Args:
+        task: a function of a module.
+        workers: how many processes.
+    """
+
+    def __init__(self, task: Task, workers: int) -> None:
+        self._waiting: queue.SimpleQueue[Job | None] = queue.SimpleQueue()
+        self._ended: queue.SimpleQueue[Ended] = queue.SimpleQueue()
+        self._open = 0
+        self._is_cancelled = False
+        self._children = [Child(task) for _ in range(workers)]
+        self._threads = [threading.Thread(target=self._serve, args=(c,), daemon=True) for c in self._children]
+        for thread in self._threads:
+            thread.start()
+
+    def submit(self, job: Job) -> None:
+        """As `Executor.submit`."""
+        self._open += 1
+        self._waiting.put(job)
+
+    def as_completed(self) -> Iterator[Ended]:
+        """As `Executor.as_completed`."""
+        while self._open and not self._is_cancelled:
+            try:
+                ended = self._ended.get(timeout=_LOOK_S)
+            except queue.Empty:
+                continue
+            self._open -= 1
+            yield ended
+
+    def cancel(self) -> None:
+        """As `Executor.cancel`."""
+        self._is_cancelled = True
+        for child in self._children:
+            child.stop()
+        for _ in self._threads:
+            self._waiting.put(None)
+        ends = time.monotonic() + _STOP_S
+        for thread in self._threads:
+            thread.join(max(0.0, ends - time.monotonic()))
+
+    def _serve(self, child: Child) -> None:
+        host = socket.gethostname()
+        try:
+            while (job := self._waiting.get()) is not None and not self._is_cancelled:
+                began = time.monotonic()
+                try:
+                    reply = child.ask(job)
+                except (DataError, OSError) as error:
+                    reply = Reply("refused", str(error))
+                seconds = time.monotonic() - began
+                self._ended.put(Ended(job, reply, host, child.process_id, seconds))
+        finally:
+            child.close()

@@ -1,8 +1,11 @@
-"""`Database`: a season's tables as views of DuckDB, in memory, with the ready questions as macros."""
+"""`Database`: the tables of a season as views of DuckDB, in memory, with the ready questions as macros."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import datetime
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from types import TracebackType
@@ -10,13 +13,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from oarlock.rowing.crew.matching import delays
+from oarlock.rowing.crew.seats import seat_place
 from oarlock.season.athletes import check_scope
-from oarlock.season.compact import Current, compact
-from oarlock.season.questions.crew_functions import add_crew_functions
-from oarlock.season.questions.selection import Selection, metric_named, metrics_among
-from oarlock.season.schema import KEYS
-from oarlock.season.store import Season, not_in_season
+from oarlock.season.store import Season, in_threads, not_in_season
+from oarlock.season.tables import (
+    KEYS,
+    Catalogue,
+    athlete_rows,
+    recording_rows,
+    run_rows,
+    update_tables,
+)
 from oarlock.storage.errors import DataError
+from oarlock.storage.suggest import did_you_mean
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -30,6 +40,80 @@ _SETTINGS: dict[str, Any] = {
 }
 _SIDED = " right minus left"
 _MOST_DF = 300
+_UNIT = re.compile(r"_(rad|deg|per_min|m_s2|m_s|rad_s|m2|s|m|w|n|j)$")
+_TO = re.compile(r"^\s*(\d+(?:\.\d+)?)\s*(?:-|to|\.\.)\s*(\d+(?:\.\d+)?)\s*$")
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Which rows of a season are asked; None does not restrict.
+
+    Args:
+        athlete: pseudonym.
+        boat: as in `session.toml`.
+        comparable: class of runs.
+        since: first day, UTC.
+        until: last day, UTC.
+        scope: only athletes who consent to this use: `coaching`, `research` or `sharing`.
+    """
+
+    athlete: str | None = None
+    boat: str | None = None
+    comparable: str | None = None
+    since: datetime.date | None = None
+    until: datetime.date | None = None
+    scope: str | None = None
+
+    def __str__(self) -> str:
+        named = {"boat": self.boat, "class": self.comparable, "since": self.since, "until": self.until}
+        parts = [self.athlete, *(f"{name} {value}" for name, value in named.items() if value is not None)]
+        return ", ".join(part for part in parts if part) or "the season"
+
+
+@dataclass(frozen=True)
+class Rates:
+    """Stroke rates, 1/min, both included; None does not restrict."""
+
+    low: float | None = None
+    high: float | None = None
+
+    @classmethod
+    def parsed(cls, text: str | None) -> Rates:
+        """Rates of a text such as "20-24".
+
+        Raises:
+            DataError: it is none.
+        """
+        if text is None:
+            return cls()
+        found = _TO.match(text)
+        if found is None or float(found[1]) >= float(found[2]):
+            raise DataError(f'"{text}" is no range of stroke rates; expected one such as 20-24')
+        return cls(float(found[1]), float(found[2]))
+
+
+def metrics_among(columns: Iterable[str]) -> list[str]:
+    """The numbers of strokes among columns: without their standard deviations."""
+    return [name for name in columns if not name.endswith("_std")]
+
+
+def metric_named(text: str, metrics: Sequence[str]) -> str:
+    """The metric of a name, which may lack its unit: `catch_angle`, `Catch angle` and `catch_angle_rad` are the same.
+
+    Raises:
+        DataError: none has this name, or several have it.
+    """
+    asked = re.sub(r"[\s\-]+", "_", text.strip()).casefold()
+    if asked in metrics:
+        return asked
+    found = [name for name in metrics if _UNIT.sub("", name) == _UNIT.sub("", asked)]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        raise DataError(f'"{text}" may be {" or ".join(found)}; give one of them')
+    raise DataError(
+        f'"{text}" is no metric of this season. {did_you_mean(asked, (_UNIT.sub("", name) for name in metrics))}'
+    )
 
 
 class Database:
@@ -38,7 +122,7 @@ class Database:
     Args:
         season: which.
         selection: which rows.
-        current: the tables; None brings those of the season up to date first.
+        tables: what is in the tables; None brings those of the season up to date first.
 
     Raises:
         DataError: DuckDB is not installed, the selection names somebody or something that is not there, or a table
@@ -46,12 +130,12 @@ class Database:
     """
 
     def __init__(
-        self, season: Season, selection: Selection | None = None, current: Current | None = None
+        self, season: Season, selection: Selection | None = None, tables: Catalogue | None = None
     ) -> None:
         self.season, self.selection = season, selection or Selection()
         self._connection = _connected(season.place.address)
         try:
-            self._open(compact(season) if current is None else current)
+            self._open(update_tables(season, self.selection.athlete) if tables is None else tables)
         except BaseException as error:
             self.close()
             if _is_of_files(error):
@@ -111,25 +195,26 @@ class Database:
         rows = self.table("FROM classes").to_pylist()
         return {row["comparable"]: (row["engine"], row["recordings"]) for row in rows}
 
-    def _open(self, current: Current) -> None:
+    def _open(self, found: Catalogue) -> None:
+        self._check_named(found)
         self._run("SET TimeZone = 'UTC'")
-        place, names = self.season.place, current.files
-        recordings, runs, athletes = (
-            place.on_disk([names[table]])[0] for table in ("recordings", "runs", "athletes")
-        )
-        strokes = place.on_disk([names[table] for table in sorted(names) if table.startswith("strokes/")])
-        self._run(f"CREATE TABLE athletes AS FROM {_read([athletes])} WHERE {self._consent()}")
-        self._check_named(_read([recordings]), _read([runs]))
+        for name, rows in (
+            ("athletes", athlete_rows),
+            ("all_recordings", recording_rows),
+            ("all_runs", run_rows),
+        ):
+            self._connection.register("rows", rows(found))
+            self._run(f"CREATE TABLE {name} AS FROM rows {self._consent() if name == 'athletes' else ''}")
+            self._connection.unregister("rows")
         self._run(
-            "CREATE TABLE recordings AS SELECT r.*, u.comparable, u.engine "
-            f"FROM {_read([recordings])} r LEFT JOIN {_read([runs])} u USING (recording, run) WHERE {self._rows()}"
+            "CREATE TABLE recordings AS SELECT r.*, u.comparable, u.engine FROM all_recordings r "
+            f"LEFT JOIN all_runs u USING (recording, run) WHERE {self._rows()}"
         )
-        self._run(
-            f"CREATE TABLE runs AS FROM {_read([runs])} WHERE recording IN (SELECT recording FROM recordings)"
-        )
-        self._strokes(strokes)
-        paths = ", ".join(_text(str(file)) for file in strokes)
-        self._run(f"SET allowed_paths = [{paths}]")
+        self._run("CREATE TABLE runs AS FROM all_runs WHERE recording IN (SELECT recording FROM recordings)")
+        self._run("DROP TABLE all_recordings; DROP TABLE all_runs")
+        paths = in_threads(self.season.place.on_disk, [one.file for one in found.of])
+        self._strokes(paths)
+        self._run(f"SET allowed_paths = [{', '.join(_text(str(file)) for file in paths)}]")
         self._run("SET enable_external_access = false")
         self._run("SET lock_configuration = true")
 
@@ -146,29 +231,27 @@ class Database:
             quantile = f"{_quantiles(share)}[least(df, {_MOST_DF})::INTEGER]"
             self._run(f"CREATE MACRO {name}(df) AS CASE WHEN df >= 1 THEN {quantile} END")
         add_crew_functions(self._connection)
-        self._run(files("oarlock.season.questions").joinpath("views.sql").read_text(encoding="utf-8"))
+        self._run(files("oarlock.season").joinpath("views.sql").read_text(encoding="utf-8"))
         if paths:
             self._run("DROP TABLE strokes")
             self._run(f"CREATE VIEW strokes AS FROM {_read(paths)} WHERE {self._rows()}")
 
     def _consent(self) -> str:
         scope = self.selection.scope
-        if scope is None:
-            return "true"
-        check_scope(scope)
-        return f"list_contains(string_split(consent, ', '), {_text(scope)})"
+        return "" if scope is None else f"WHERE list_contains(string_split(consent, ', '), {_text(scope)})"
 
-    def _check_named(self, recordings: str, runs: str) -> None:
+    def _check_named(self, found: Catalogue) -> None:
         asked = self.selection
-        consents = self._values("SELECT athlete FROM athletes")
-        if asked.athlete not in consents and asked.athlete in self.season.athletes():
+        if asked.scope is not None:
+            check_scope(asked.scope)
+        if asked.athlete is not None and not found.of:
+            raise not_in_season("athlete", asked.athlete, self.season.athletes())
+        if asked.athlete is not None and asked.scope and not found.of[0].athlete.allows(asked.scope):
             raise DataError(f"{asked.athlete} has not consented to {asked.scope}")
-        for what, name, query in (
-            ("athlete", asked.athlete, "SELECT athlete FROM athletes"),
-            ("boat", asked.boat, f"SELECT DISTINCT boat FROM {recordings} WHERE boat > '' ORDER BY boat"),
-            ("class of runs", asked.comparable, f"SELECT DISTINCT comparable FROM {runs} ORDER BY 1"),
-        ):
-            if name is not None and name not in (known := self._values(query)):
+        boats = {entry.session["boat"] for entry in found.entries.values() if entry.session.get("boat")}
+        classes = {record.comparable for record in found.records}
+        for what, name, known in (("boat", asked.boat, boats), ("class of runs", asked.comparable, classes)):
+            if name is not None and name not in known:
                 raise not_in_season(what, name, known)
 
     def _values(self, sql: str) -> list[str]:
@@ -254,3 +337,30 @@ def _read(paths: Sequence[Path]) -> str:
 def _text(text: str) -> str:
     """A text of SQL."""
     return "'" + text.replace("'", "''") + "'"
+
+
+def add_crew_functions(connection: Any) -> None:
+    """Registers `seat_place(seat)` and `delays(leader, own, after_s)` with DuckDB."""
+    kept = {"null_handling": "special"}
+    connection.create_function("seat_place", _place, ["VARCHAR"], "DOUBLE", **kept)
+    connection.create_function("delays", _delays, ["DOUBLE[]", "DOUBLE[]", "DOUBLE"], "DOUBLE[]")
+
+
+def _place(seat: str | None) -> float | None:
+    """Counted from the bow; None for what names no seat."""
+    try:
+        return seat_place(seat) if seat else None
+    except DataError:
+        return None
+
+
+def _delays(leader_s: list[float], own_s: list[float], after_s: float) -> list[float | None]:
+    """How much later than the leader's each catch is, s; None without a partner.
+
+    Args:
+        leader_s: increasing times from the start of its recording.
+        own_s: as `leader_s`, of the other recording.
+        after_s: how much later than the leader's the own recording starts.
+    """
+    late = delays(np.asarray(leader_s), np.asarray(own_s) + after_s)
+    return [None if np.isnan(one) else float(one) for one in late]
