@@ -99,7 +99,7 @@ def season(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Season:
     support.squad(season, "AAAAAA")
     names = sorted(support.add_noise(season, "AAAAAA", seed) for seed in range(RECORDINGS))
     monkeypatch.setenv(jobs.BAD, json.dumps({names[5]: "abort", names[9]: "hang", names[13]: "raise"}))
-    damaged = tmp_path / "season/recordings" / names[17] / "trunk.parquet"
+    damaged = tmp_path / "season/athlete=AAAAAA/recordings" / names[17] / "trunk.parquet"
     damaged.write_bytes(damaged.read_bytes()[:-1])
     return choose_setup(season, make_setup(sculler()))
 
@@ -113,7 +113,7 @@ def planned(season: Season) -> Plan:
 
 
 def results(season: Season) -> dict[str, bytes]:
-    return {name: season.place.read(name) for name, _ in season.place.files("results")}
+    return {name: season.place.read(name) for name, _ in season.place.files("athlete=AAAAAA/results")}
 
 
 def on_cluster(season: Season, address: str, during: Callable[[float], None]) -> RunCounts:
@@ -196,7 +196,9 @@ def test_an_object_store_has_the_same_results(season: Season, bucket: str) -> No
     for seed in range(RECORDINGS):
         support.add_noise(there, "AAAAAA", seed)
     there = choose_setup(there, make_setup(sculler()))
-    damaged = [name for name, _ in season.place.files("recordings") if name.endswith("trunk.parquet")]
+    damaged = [
+        name for name, _ in season.place.files("athlete=AAAAAA/recordings") if name.endswith("trunk.parquet")
+    ]
     for name in damaged:
         there.place.write(name, season.place.read(name))
     run_season(season, Processes(jobs.quick_task, 2), planned(season))

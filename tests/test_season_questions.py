@@ -21,11 +21,12 @@ from oarlock.season.database import Rates, add_crew_functions, metric_named
 from oarlock.season.questions import answer
 from oarlock.season.synthetic.make import Synthetic
 from oarlock.season.synthetic.squad import BASES, REFERENCE_RATE, SyntheticAthlete
+from oarlock.season.tables import Catalogue, update_tables
 from season_answers import answered, compacted
 
 Squad = list[SyntheticAthlete]
 Rows = list[dict[str, Any]]
-Drifting = tuple[Database, Squad, Current]
+Drifting = tuple[Database, Squad, Catalogue]
 DRIFTING = Synthetic(recordings=24 * 48, athletes=24, seed=11, strokes=72)
 
 
@@ -313,7 +314,7 @@ def test_the_verbs_answer(tmp_path: Path) -> None:
     at = tmp_path / "season"
     made = run("season", "synthetic", at, "--recordings", 10, "--athletes", 2, "--jobs", 1, "--seed", 4)
     assert "Made 10 recordings of 2 athletes" in made.stdout
-    names = sorted(file.stem for file in (at / "athletes").iterdir())
+    names = sorted(folder.name.partition("=")[2] for folder in at.glob("athlete=*"))
     listed = run("season", "questions", at).stdout
     assert all(question.name in listed for question in QUESTIONS)
     shown = run(
@@ -337,27 +338,28 @@ def test_the_verbs_answer(tmp_path: Path) -> None:
     assert "--metric catch_angle" in wrong.stderr
 
 
-def test_tables_follow_athletes_setups_and_tombstones(tmp_path: Path) -> None:
-    from oarlock.season.athletes import pseudonym_hash
-    from oarlock.season.tables import update_tables
-
+def test_tables_follow_athletes_setups_and_erasures(tmp_path: Path) -> None:
     season = create_season(str(tmp_path / "season"), "club")
     support.squad(season, "AAAAAA", "BBBBBB")
     for seed, name in enumerate(("AAAAAA", "BBBBBB")):
         support.add_strokes(season, support.add_noise(season, name, seed), tmp_path, seed)
-    first = update_tables(season)
-    assert update_tables(season) == first
+    assert update_tables(season) == update_tables(season)
     season.put_athlete(Athlete("AAAAAA", {"stature_m": 1.7}))
-    second = update_tables(season)
-    assert {name for name in first.files if first.files[name] != second.files[name]} == {"athletes"}
-    season.place.write(f"erased/{pseudonym_hash(season.id, 'BBBBBB')}.toml", b"")
     with Database(season) as database:
-        assert database.table("SELECT DISTINCT athlete FROM strokes")["athlete"].to_pylist() == ["AAAAAA"]
-    third = update_tables(season)
-    pinned = Season(**{**vars(season), "setup": {"": "none"}})
-    assert update_tables(pinned).setup != third.setup
-    season.place.write(f"recordings/{'0' * 20}/left.parquet", b"")  # a writer that was stopped
+        statures = database.table("SELECT athlete, stature_m FROM athletes").to_pylist()
+    assert statures == [{"athlete": "AAAAAA", "stature_m": 1.7}, {"athlete": "BBBBBB", "stature_m": 1.8}]
+    season.place.remove(["athlete=BBBBBB/athlete.toml"])  # an erasure has begun
+    with Database(season) as database:
+        for table in ("strokes", "recordings", "athletes"):
+            found = database.table(f"SELECT DISTINCT athlete FROM {table}")["athlete"].to_pylist()
+            assert found == ["AAAAAA"]
+        assert database.table("FROM runs").num_rows == 1
+    pinned = Season(**{**vars(season), "setup": "none"})
+    assert [one.setup for one in update_tables(pinned).of] == ["none"]
+    # a writer that was stopped
+    season.place.write(f"athlete=AAAAAA/recordings/{'0' * 20}/left.parquet", b"")
     assert update_tables(pinned) == update_tables(pinned)
+    assert len(update_tables(pinned).entries) == 1
 
 
 def test_crews_match_by_absolute_time() -> None:

@@ -30,6 +30,7 @@ from oarlock.season.compute import (
     opened_setup,
     run_job,
 )
+from oarlock.season.erase import erase
 from oarlock.season.processes import Child, Processes
 from oarlock.season.records import ENTRY_FILE, Entry
 from oarlock.season.run import LIMIT_S, LIMIT_SHARE, Ended, Job, Loss, Reply, RunCounts, make_plan, run_season
@@ -103,7 +104,7 @@ def test_another_setup_makes_it_out_of_date_for_whom_it_is(season: Season) -> No
     assert left(changed) == 2
     assert done(changed).computed == 2
     runs = {record.setup for record in catalogue(changed).current().values()}
-    assert runs == set(changed.setup.values())
+    assert runs == {changed.setup, longer.name}
     assert len(catalogue(changed).records) == 6
     choose_setup(changed, make_setup(sculler()), "AAAAAA")
     assert left(open_season(season.place.address)) == 0
@@ -139,7 +140,7 @@ def test_without_a_setup_only_exports_are_computed(tmp_path: Path) -> None:
     assert run_season(season, Here(run_job), plan).computed == 1
     record = catalogue(season).current()[name]
     assert record.strokes > 5
-    contents = season.place.read(f"results/{name}.{record.run}/strokes.parquet")
+    contents = season.place.read(f"athlete=AAAAAA/results/{name}.{record.run}/strokes.parquet")
     assert str(tmp_path).encode() not in contents
 
 
@@ -153,14 +154,15 @@ def test_the_longest_goes_first_and_has_most_time(season: Season) -> None:
 
 def test_what_failed_is_repeated_only_on_request(season: Season, monkeypatch: pytest.MonkeyPatch) -> None:
     one, two, *_ = season.recordings()
-    damaged = Path(season.place.address, "recordings", two, "trunk.parquet")
+    folder = f"athlete={season.recordings()[two]}/recordings/{two}"
+    damaged = Path(season.place.address, folder, "trunk.parquet")
     whole = damaged.read_bytes()
     damaged.write_bytes(whole[:-1] + b"x")
     bad(monkeypatch, **{one: "raise"})
     found = done(season)
     assert found.failed == {
         one: "ZeroDivisionError: nothing to divide by",
-        two: f"recordings/{two}/trunk.parquet: is damaged: its SHA-256 differs from the recorded one; "
+        two: f"{folder}/trunk.parquet: is damaged: its SHA-256 differs from the recorded one; "
         "restore it from a backup, then run with --again-failed",
     }
     assert make_plan(season).failed == found.failed
@@ -187,7 +189,9 @@ def test_a_recording_whose_process_ends_is_tried_once_more_alone_and_then_blamed
     assert "again when it was computed alone: its process was ended by SIGSEGV" in found.failed[guilty]
     assert {job.recording for job in here.began[4:]} == {guilty, unlucky}
     assert [job.alone for job in here.began] == [False] * 4 + [True] * 2
-    log = [json.loads(line) for line in season.place.read(found.log).decode().splitlines()]
+    files = [found.log, *(f"athlete={name}/{found.log}" for name in season.athletes())]
+    log = [json.loads(line) for file in files for line in season.place.read(file).decode().splitlines()]
+    assert [line["event"] for line in log[:2]] == ["begun", "finished"]
     assert [line["event"] for line in log].count("lost") == 3
     assert {line["detail"] for line in log if line["event"] == "lost"} == {"Segmentation fault"}
 
@@ -238,10 +242,10 @@ def test_other_versions_are_refused(season: Season) -> None:
 
 
 def test_raw_data_that_retention_removed_are_left_alone(season: Season) -> None:
-    one, *_ = season.recordings()
-    entry = season.entry(one)
+    (one, athlete), *_ = season.recordings().items()
+    entry = season.entry(athlete, one)
     assert entry is not None
-    season.place.write(f"recordings/{one}/{ENTRY_FILE}", replace(entry, files={}).toml())
+    season.place.write(f"{entry.folder}/{ENTRY_FILE}", replace(entry, files={}).toml())
     plan = make_plan(season)
     assert (len(plan.jobs), plan.removed) == (3, 1)
 
@@ -253,7 +257,7 @@ def test_a_recording_without_strokes_is_done_and_has_no_rows(season: Season) -> 
     assert reply.status == "done"
     record = catalogue(season).records[0]
     assert (record.status, record.strokes, dict(record.files)) == ("done", 0, {})
-    assert update_tables(season).files["recordings"]
+    assert len(update_tables(season).entries) == 4
     assert check(season) == []
 
 
@@ -261,25 +265,28 @@ def test_an_erasure_meanwhile_leaves_no_result(season: Season) -> None:
     job = make_plan(season).jobs[0]
 
     def erased_then_found(entry: Entry, tools: Tools) -> StrokesAndHealth:
-        season.place.remove_folder(f"recordings/{entry.recording}", ENTRY_FILE)
+        assert erase(season, entry.athlete, dry_run=False).is_proven
         return StrokesAndHealth(None, {})
 
     assert run_job(job, erased_then_found).status == "there"
-    assert season.results() == []
+    assert season.results_of(job.athlete) == []
+    assert job.athlete not in season.folders()
 
 
 def test_a_failure_gives_way_to_a_result_and_never_the_reverse(season: Season) -> None:
     job = make_plan(season).jobs[0]
-    setup = season.load_setup(job.setup)
-    assert commit(season, failed_record(job, setup, "first"), {}, setup, False)
-    assert not commit(season, failed_record(job, setup, "second"), {}, setup, False)
-    assert commit(season, failed_record(job, setup, "third"), {}, setup, True)
+    setup = season.load_setup(job.setup, job.athlete)
+    assert commit(season, job, failed_record(job, setup, "first"), {}, setup)
+    assert not commit(season, job, failed_record(job, setup, "second"), {}, setup)
+    assert commit(season, replace(job, again=True), failed_record(job, setup, "third"), {}, setup)
     assert [record.fault for record in catalogue(season).records] == ["third"]
     result = replace(failed_record(job, setup, ""), status="done")
-    assert commit(season, result, {}, setup, False)
-    assert not commit(season, failed_record(job, setup, "late"), {}, setup, True)
-    Path(season.place.address, f"results/{job.recording}.{job.run}/run.toml").write_bytes(b"\xff")
-    assert commit(season, result, {}, setup, False)
+    assert commit(season, job, result, {}, setup)
+    assert not commit(season, replace(job, again=True), failed_record(job, setup, "late"), {}, setup)
+    Path(
+        season.place.address, f"athlete={job.athlete}/results/{job.recording}.{job.run}/run.toml"
+    ).write_bytes(b"\xff")
+    assert commit(season, job, result, {}, setup)
     assert [record.status for record in catalogue(season).records] == ["done"]
 
 
@@ -317,6 +324,7 @@ _KILLED = """
 import sys, threading
 import season_bad_jobs as jobs
 from oarlock.season import open_season
+from oarlock.season.erase import erase
 from oarlock.season.processes import Child
 from oarlock.season.run import make_plan
 child = Child(jobs.quick_task)
@@ -420,7 +428,7 @@ def test_typed(typed_season: Path, tmp_path: Path) -> None:
     health = max((record.health for record in records), key=len)
     assert 0.2 < health["back.nis"] < 2.0
     assert (health["back.missing"], health["back.rejected"]) == (0.0, pytest.approx(0.0, abs=0.05))
-    assert season.load_setup(season.setup[""]).settings == text.encode()
+    assert season.load_setup(season.setup).settings == text.encode()
 
 
 def test_typed_mistakes_say_what_to_do(season: Season, tmp_path: Path) -> None:

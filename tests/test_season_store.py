@@ -239,8 +239,8 @@ def test_a_damaged_table_is_named_and_made_again(season: Season, tmp_path: Path)
     assert [(one.what, one.name) for one in check(season)] == [("damaged", file)]
     assert rows(season, "strokes") == before
     assert check(season) == []
-    season.place.write(file, whole[:4] + bytes(len(whole) // 4) + whole[4 + len(whole) // 4 :])
-    with pytest.raises(DataError, match=r"season check .* --repair|cannot be answered"):
+    season.place.write(file, whole[:200] + bytes(200) + whole[400:])
+    with pytest.raises(DataError, match=r"cannot be answered: .*season check .* --repair"):
         rows(season, "strokes")
     found = check(season)
     assert [(one.what, one.name) for one in found] == [("damaged", file)]

@@ -136,14 +136,8 @@ class Database:
         self._connection = _connected(season.place.address)
         try:
             self._open(update_tables(season, self.selection.athlete) if tables is None else tables)
-        except BaseException as error:
+        except BaseException:
             self.close()
-            if _is_of_files(error):
-                address = season.place.address
-                raise DataError(
-                    f"{address}: a table of the season cannot be read ({str(error).splitlines()[0]}). "
-                    f"Make it again: `oarlock season check {address} --repair`"
-                ) from None
             raise
 
     def __enter__(self) -> Database:
@@ -176,7 +170,21 @@ class Database:
                 )
             return self._connection.sql(sql).to_arrow_table()
         except duckdb.Error as error:
-            raise DataError(f"the question cannot be answered: {error}") from None
+            raise DataError(f"the question cannot be answered: {error}{self._advice(error)}") from None
+
+    def _advice(self, error: BaseException) -> str:
+        """What to do where DuckDB could not read a file; empty for other errors."""
+        import duckdb
+
+        other = (
+            duckdb.ParserException,
+            duckdb.BinderException,
+            duckdb.CatalogException,
+            duckdb.PermissionException,
+        )
+        if isinstance(error, other):
+            return ""
+        return f". If a table is damaged: `oarlock season check {self.season.place.address} --repair`"
 
     def metric(self, text: str) -> str:
         """The column of a metric's name.
@@ -196,6 +204,10 @@ class Database:
         return {row["comparable"]: (row["engine"], row["recordings"]) for row in rows}
 
     def _open(self, found: Catalogue) -> None:
+        here = in_threads(self._path, [one.file for one in found.of])
+        # An athlete whose table is gone was erased meanwhile.
+        found = Catalogue([one for one, path in zip(found.of, here, strict=True) if path is not None])
+        paths = [path for path in here if path is not None]
         self._check_named(found)
         self._run("SET TimeZone = 'UTC'")
         for name, rows in (
@@ -212,11 +224,16 @@ class Database:
         )
         self._run("CREATE TABLE runs AS FROM all_runs WHERE recording IN (SELECT recording FROM recordings)")
         self._run("DROP TABLE all_recordings; DROP TABLE all_runs")
-        paths = in_threads(self.season.place.on_disk, [one.file for one in found.of])
         self._strokes(paths)
         self._run(f"SET allowed_paths = [{', '.join(_text(str(file)) for file in paths)}]")
         self._run("SET enable_external_access = false")
         self._run("SET lock_configuration = true")
+
+    def _path(self, file: str) -> Path | None:
+        try:
+            return self.season.place.on_disk(file)
+        except FileNotFoundError:
+            return None
 
     def _strokes(self, paths: Sequence[Path]) -> None:
         """The view of strokes, and all questions."""
@@ -271,7 +288,12 @@ class Database:
         return " AND ".join(found)
 
     def _run(self, sql: str) -> None:
-        self._connection.execute(sql)
+        import duckdb
+
+        try:
+            self._connection.execute(sql)
+        except duckdb.Error as error:
+            raise DataError(f"{self.season.place.address}: {error}{self._advice(error)}") from error
 
 
 _KINDS = {"string": "VARCHAR", "timestamp[us, tz=UTC]": "TIMESTAMPTZ", "int32": "INTEGER"}
@@ -285,14 +307,6 @@ def _connected(address: str) -> Any:
             f'{address}: questions need one more package: pip install "oarlock[season]"'
         ) from None
     return duckdb.connect(":memory:", config=_SETTINGS)
-
-
-def _is_of_files(error: BaseException) -> bool:
-    """Whether DuckDB could not read a file; the other errors are of our own statements."""
-    import duckdb
-
-    own = (duckdb.ParserException, duckdb.BinderException, duckdb.CatalogException)
-    return isinstance(error, duckdb.Error) and not isinstance(error, own)
 
 
 def _stroke_values(columns: set[str], metrics: Sequence[str]) -> str:
