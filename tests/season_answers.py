@@ -55,7 +55,7 @@ def answered(
     return season, Catalogue(found), squad
 
 
-def compacted(patch: pytest.MonkeyPatch, tables: Catalogue) -> None:
+def ask_of(patch: pytest.MonkeyPatch, tables: Catalogue) -> None:
     """Questions are asked of these tables."""
 
     def of(season: Season, athlete: str | None = None) -> Catalogue:

@@ -13,7 +13,7 @@ from oarlock import DataError
 from oarlock.season import Database, Selection, write_season_page
 from oarlock.season.page import AthleteComparison, beyond_chance, gathered
 from oarlock.season.synthetic.make import Synthetic
-from season_answers import answered, compacted
+from season_answers import answered, ask_of
 
 WHAT = Synthetic(12 * 40, 12, seed=12, strokes=40)
 NOT_TRIED = "THE SEASON PAGE WAS NOT TRIED IN A BROWSER"
@@ -26,7 +26,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Any:
     folder = tmp_path_factory.mktemp("season")
     season, current, squad = answered(folder / "season", WHAT)
     with pytest.MonkeyPatch.context() as patch:
-        compacted(patch, current)
+        ask_of(patch, current)
         file = write_season_page(season, folder, METRICS)
     return season, current, squad, file
 
@@ -72,7 +72,7 @@ def test_the_number_of_comparisons_counts() -> None:
 
 def test_mixed_classes_are_said_and_kept_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     season, current, squad = answered(tmp_path, Synthetic(96, 2, seed=5, classes=2, strokes=30))
-    compacted(monkeypatch, current)
+    ask_of(monkeypatch, current)
     with Database(season) as database:
         found = gathered(database, ["catch_angle"])
         other = found.classes[1]["comparable"]

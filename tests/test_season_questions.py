@@ -22,7 +22,7 @@ from oarlock.season.questions import answer
 from oarlock.season.synthetic.make import Synthetic
 from oarlock.season.synthetic.squad import BASES, REFERENCE_RATE, SyntheticAthlete
 from oarlock.season.tables import Catalogue, update_tables
-from season_answers import answered, compacted
+from season_answers import answered, ask_of
 
 Squad = list[SyntheticAthlete]
 Rows = list[dict[str, Any]]
@@ -180,7 +180,7 @@ def test_a_stroke_counts_by_its_uncertainty(tmp_path: Path, monkeypatch: pytest.
     means = []
     for name, spoil in (("plain", lambda one, table: table), ("spoilt", spoilt)):
         season, current, _ = answered(tmp_path / name, what, spoil)
-        compacted(monkeypatch, current)
+        ask_of(monkeypatch, current)
         means.append(ask(season, "trend", "catch_angle").to_pylist())
     before, after = means
     for one, other in zip(before, after, strict=True):
@@ -190,7 +190,7 @@ def test_a_stroke_counts_by_its_uncertainty(tmp_path: Path, monkeypatch: pytest.
 
 def test_what_cannot_be_compared_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     season, current, squad = answered(tmp_path, Synthetic(96, 2, seed=5, classes=2, strokes=30))
-    compacted(monkeypatch, current)
+    ask_of(monkeypatch, current)
     name = squad[0].athlete.pseudonym
     with pytest.raises(DataError) as caught:
         trend(season, name, "catch_angle")
@@ -214,7 +214,7 @@ def test_what_cannot_be_compared_is_refused(tmp_path: Path, monkeypatch: pytest.
 
 def test_who_has_not_consented_is_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     season, current, squad = answered(tmp_path, Synthetic(24, 4, seed=6, strokes=30))
-    compacted(monkeypatch, current)
+    ask_of(monkeypatch, current)
     names = [one.athlete.pseudonym for one in squad]
     with Database(season, Selection(scope="research")) as database:
         for table in ("strokes", "recordings", "athletes"):
@@ -277,7 +277,7 @@ def test_names_are_forgiven(drifting: Drifting) -> None:
 
 def test_selections(drifting: Drifting, monkeypatch: pytest.MonkeyPatch) -> None:
     database, squad, current = drifting
-    compacted(monkeypatch, current)
+    ask_of(monkeypatch, current)
     season, name = database.season, squad[0].athlete.pseudonym
     day = datetime.date(2026, 1, 1)
     found = trend(
