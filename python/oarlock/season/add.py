@@ -216,11 +216,7 @@ def changed_athlete(
 
 
 def keep_name(season: Season, pseudonym: str, name: str | None, file: Path | None) -> None:
-    """Write who stands behind a pseudonym into the file of names.
-
-    Raises:
-        DataError: a name without a file or the reverse, a file inside the season, or a name that is there.
-    """
+    """Write who stands behind a pseudonym into the file of names."""
     if name is None or file is None:
         raise DataError(
             "give --name and --names together: the name, and the file outside the season that keeps it"

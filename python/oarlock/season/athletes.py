@@ -57,11 +57,7 @@ class Athlete:
 
     @classmethod
     def parsed(cls, contents: bytes, pseudonym: str, where: str) -> Athlete:
-        """The athlete of a file.
-
-        Raises:
-            DataError: it is damaged.
-        """
+        """The athlete of a file."""
         table = parsed_toml(contents, where)
         table.check_keys((*_ATTRIBUTES, "setup", "consent"))
         consent = table.table("consent", {})
@@ -93,11 +89,7 @@ def check_scope(scope: str) -> None:
 
 
 def checked_day(text: str, where: str) -> str:
-    """A day as ISO text.
-
-    Raises:
-        DataError: it is none.
-    """
+    """A day as ISO text."""
     try:
         return datetime.date.fromisoformat(text).isoformat()
     except ValueError:
@@ -118,11 +110,7 @@ class NamesFile:
 
     @classmethod
     def read(cls, path: Path) -> NamesFile:
-        """The file; empty if it is not there.
-
-        Raises:
-            DataError: it is damaged.
-        """
+        """The file; empty if it is not there."""
         if not path.exists():
             return cls(path, {})
         table = TomlTable.read(path)

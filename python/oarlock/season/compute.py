@@ -36,9 +36,6 @@ def make_setup(model: Model, calibration: Calibration | None = None, config: Con
     """The setup of a model with everything that it extends.
 
     Equal values give equal files, however they were written. What a calibration notes about its origin is left out.
-
-    Raises:
-        DataError: the model is no rower's, or has other parameters than its file.
     """
     RowerFrames(model)
     if dict(Model.from_toml(model.text, "model.toml", {}).parameters) != dict(model.parameters):
@@ -51,11 +48,7 @@ def make_setup(model: Model, calibration: Calibration | None = None, config: Con
 
 
 def choose_setup(season: Season, setup: Setup, athlete: str | None = None) -> Season:
-    """Store a setup and make it the current one of an athlete, or of everybody without one of their own.
-
-    Raises:
-        DataError: nobody has this pseudonym.
-    """
+    """Store a setup and make it the current one of an athlete, or of everybody without one of their own."""
     if athlete is None:
         season.put_setup(setup)
         now = open_season(season.place.address)  # it may have changed meanwhile
@@ -71,11 +64,7 @@ def choose_setup(season: Season, setup: Setup, athlete: str | None = None) -> Se
 
 
 def opened_setup(setup: Setup) -> tuple[Model, Calibration | None, Config]:
-    """What the files of a setup contain.
-
-    Raises:
-        DataError, ModelError: this version cannot read them.
-    """
+    """What the files of a setup contain."""
     model = Model.from_toml(setup.model.decode(), "model.toml", {})
     calibration = parsed_calibration(setup.calibration.decode()) if setup.calibration else None
     values = tomllib.loads(setup.settings.decode())
@@ -137,9 +126,6 @@ def computed(entry: Entry, tools: Tools) -> StrokesAndHealth:
     """Strokes of a recording or an export.
 
     Curves of strokes are left out: they are 9 of 10 bytes.
-
-    Raises:
-        DataError: a file is damaged, the filter diverged, or there is nothing to find strokes in.
     """
     with TemporaryDirectory() as scratch:
         folder = Path(scratch, "recording")
@@ -173,11 +159,7 @@ def sensor_health(found: Track) -> dict[str, float]:
 
 
 def fetch(season: Season, entry: Entry, folder: Path) -> None:
-    """Copy the files of a recording into a new folder and compare them with their hashes.
-
-    Raises:
-        DataError: one is missing, damaged or cannot be read.
-    """
+    """Copy the files of a recording into a new folder and compare them with their hashes."""
     for name, expected in entry.files.items():
         full = f"{entry.folder}/{name}"
         advice = "restore it from a backup, then run with --again-failed"

@@ -79,11 +79,7 @@ class Rates:
 
     @classmethod
     def parsed(cls, text: str | None) -> Rates:
-        """Rates of a text such as "20-24".
-
-        Raises:
-            DataError: it is none.
-        """
+        """Rates of a text such as "20-24"."""
         if text is None:
             return cls()
         found = _TO.match(text)
@@ -98,11 +94,7 @@ def metrics_among(columns: Iterable[str]) -> list[str]:
 
 
 def metric_named(text: str, metrics: Sequence[str]) -> str:
-    """The metric of a name, which may lack its unit: `catch_angle`, `Catch angle` and `catch_angle_rad` are the same.
-
-    Raises:
-        DataError: none has this name, or several have it.
-    """
+    """The metric of a name, which may lack its unit: `Catch angle` and `catch_angle_rad` are the same."""
     asked = re.sub(r"[\s\-]+", "_", text.strip()).casefold()
     if asked in metrics:
         return asked

@@ -45,9 +45,6 @@ def erase(season: Season, athlete: str, *, dry_run: bool = True) -> Erasure:
         season: which.
         athlete: the pseudonym.
         dry_run: remove nothing.
-
-    Raises:
-        DataError: nothing is known of this athlete, or something cannot be removed.
     """
     place, folder = season.place, athlete_folder(athlete)
     versions = FormerVersions(place, folder)

@@ -44,11 +44,7 @@ class Exported:
 
 
 def may_share(season: Season, scope: str) -> tuple[list[str], list[str]]:
-    """Who consents to a use, and who does not, or not any more.
-
-    Raises:
-        DataError: the scope is unknown.
-    """
+    """Who consents to a use, and who does not, or not any more."""
     check_scope(scope)
     athletes = season.athletes()
     willing = [name for name, one in sorted(athletes.items()) if one.allows(scope)]
@@ -71,9 +67,6 @@ def export_athlete(
         out: a folder outside the season.
         cut_gps_m: remove positions that are so near to the start or the end of a track, m; None removes none.
         progress: called with the share done, 0 to 1.
-
-    Raises:
-        DataError: the athlete is unknown, the folder lies in the season or is there, or positions cannot be cut.
     """
     found = update_tables(season, athlete)
     if not found.of:

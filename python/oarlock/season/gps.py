@@ -71,9 +71,6 @@ class GpsCut:
     Args:
         cut_m: as in `kept_positions`, m.
         secret: as in `kept_positions`.
-
-    Raises:
-        DataError: the distance is not positive.
     """
 
     cut_m: float
@@ -86,11 +83,7 @@ class GpsCut:
             )
 
     def file(self, contents: bytes, where: str) -> bytes:
-        """The file without the positions near start and end.
-
-        Raises:
-            DataError: it has positions in a way that cannot be cut here.
-        """
+        """The file without the positions near start and end."""
         name = where.lower()
         if name.endswith(".fit"):
             raise DataError(f"{where}: positions in FIT files are not cut; export it as TCX or CSV first")

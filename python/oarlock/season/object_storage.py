@@ -38,11 +38,7 @@ _IN_MEMORY: dict[str, ObjectStore] = {}
 
 
 def open_objects(address: str) -> SeasonStorage:
-    """The season at an address such as `s3://bucket/season`.
-
-    Raises:
-        DataError: obstore is not installed, or cannot open the address.
-    """
+    """The season at an address such as `s3://bucket/season`."""
     try:
         from obstore.store import from_url
     except ImportError:

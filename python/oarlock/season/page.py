@@ -174,9 +174,6 @@ def gathered(
         database: of the athletes to show.
         metrics: names; None takes `USUAL_METRICS`.
         comparable: class of runs whose numbers are shown; None takes the one with most recordings.
-
-    Raises:
-        DataError: there is no such metric or class, or there is no recording.
     """
     recordings = database.table(
         "SELECT athlete, started, strftime(started, '%Y-%m-%d') AS day, "

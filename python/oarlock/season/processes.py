@@ -22,46 +22,45 @@ import weakref
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import IO
 
 from oarlock.season.run import Ended, Job, Loss, Reply, Task
 from oarlock.storage.errors import DataError
 from oarlock.storage.regular_file import read_bytes
 
-_READY = "ready"
 START_LIMIT_S = 300.0
-_STOPPED = "the run was stopped"
 _DYING_S = 5.0
+_LOOK_S = 0.5
+_STOP_S = 5.0
+_IDLE_S = 600.0
+"""A process that gets no job for so long ends: a worker of a cluster may stay for days."""
+_REMOVALS = 3
+"""The job at hand may write meanwhile."""
+_SHOWN_BYTES = 2000
+_READY = "ready"
 _COMMAND = "from oarlock.season.processes import child_main; child_main()"
 _ONE_THREAD = ("RAYON_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 _TEMPORARY = ("TMPDIR", "TEMP", "TMP")
-_SHOWN_BYTES = 2000
-_LOOK_S = 0.5
-_STOP_S = 5.0
-_REMOVALS = 3
-"""The job at hand may write meanwhile."""
-_IDLE_S = 600.0
-"""A process that gets no job for so long ends: a worker of a cluster may stay for days."""
 
 
 class Child:
-    """A process for one task, started when it is first asked.
-
-    Args:
-        task: a function of a module; the process imports it.
-    """
+    """A process for one task, a function of a module; it is started when it is first asked."""
 
     def __init__(self, task: Task) -> None:
         self.task = task
         self._process: subprocess.Popen[bytes] | None = None
-        self._scratch: Path | None = None
+        self._scratch = Path()
         self._lock = threading.Lock()
-        self._stopped = False
+        self._is_stopped = False
 
-    @property
-    def process_id(self) -> int:
-        """Of the process; 0 while there is none."""
-        return 0 if self._process is None else self._process.pid
+    def ended(self, job: Job) -> Ended:
+        """As `ask`; a process that does not start refuses the job."""
+        began_s = time.monotonic()
+        try:
+            reply = self.ask(job)
+        except (DataError, OSError) as error:
+            reply = Reply("refused", str(error))
+        number = os.getpid() if self._process is None else self._process.pid
+        return Ended(job, reply, socket.gethostname(), number, time.monotonic() - began_s)
 
     def ask(self, job: Job) -> Reply | Loss:
         """Do a job; returns when there is a reply, the process ended, or the job's time limit is over.
@@ -69,26 +68,28 @@ class Child:
         Raises:
             DataError: the process does not even start.
         """
-        if job.alone:
+        if job.alone or (self._process is not None and self._process.poll() is not None):
             self._end()
-        process = self._running()
-        assert process.stdin is not None
-        assert process.stdout is not None
-        with _TimeLimit(process, job.limit_s) as limit:
-            reply = _answer(process, job)
+        process = self._process or self._started()
+        reply, is_late = _answer(process, job, job.limit_s)
         if isinstance(reply, Reply):
+            if is_late:  # it was killed after its answer
+                self._end()
             return reply
-        status = _status(process)
+        try:
+            status = process.wait(_DYING_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            status = process.wait()
         detail = self._errors()
         self._end()
-        if limit.reached:
-            return Loss(True, f"it was not done after {job.limit_s:g} s", detail)
-        return Loss(False, _how(status), detail)
+        how = f"it was not done after {job.limit_s:g} s" if is_late else _how(status)
+        return Loss(is_late, how, detail)
 
     def stop(self) -> None:
         """Kill the process; whoever waits for a reply gets a `Loss`. It does not start again."""
         with self._lock:
-            self._stopped = True
+            self._is_stopped = True
             if self._process is not None:
                 self._process.kill()
 
@@ -97,109 +98,66 @@ class Child:
         self.stop()
         self._end()
 
-    def _running(self) -> subprocess.Popen[bytes]:
-        if self._process is not None and self._process.poll() is not None:
-            self._end()
-        if self._process is None:
-            self._start()
-        assert self._process is not None
-        return self._process
-
-    def _start(self) -> None:
-        if self._stopped:
-            raise DataError(_STOPPED)
+    def _started(self) -> subprocess.Popen[bytes]:
         self._scratch = Path(tempfile.mkdtemp(prefix="oarlock-"))
         self._remove_scratch = weakref.finalize(self, shutil.rmtree, self._scratch, True)  # at exit, too
+        paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
+        own = dict.fromkeys(_ONE_THREAD, "1") | dict.fromkeys(_TEMPORARY, str(self._scratch))
         with self._lock, (self._scratch / "errors.txt").open("wb") as errors:
-            if self._stopped:
-                raise DataError(_STOPPED)
-            self._process = subprocess.Popen(
+            if self._is_stopped:
+                raise DataError("the run was stopped")
+            self._process = process = subprocess.Popen(
                 [sys.executable, "-c", _COMMAND, str(self._scratch)],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=errors,
-                env=_environment(self._scratch),
+                env={**os.environ, **own, "PYTHONPATH": paths},
                 process_group=0,  # so that Ctrl-C reaches only the command, which then stops its processes
             )
-        with _TimeLimit(self._process, START_LIMIT_S):
-            found = _answer(self._process, self.task)
-        if found != _READY:
-            last = self._errors().splitlines()[-1:] or ["it said nothing"]
+        if _answer(process, self.task, START_LIMIT_S)[0] != _READY:
+            last = self._errors().splitlines()[-1:] or ["it wrote no error"]
             self._end()
             raise DataError(f"a process that computes could not start: {last[0]}")
+        return process
 
     def _errors(self) -> str:
-        assert self._scratch is not None
         file = self._scratch / "errors.txt"
         return read_bytes(file)[-_SHOWN_BYTES:].decode(errors="replace").strip() if file.exists() else ""
 
     def _end(self) -> None:
-        if self._process is not None:
-            self._process.kill()
-            self._process.wait()
-            for stream in (self._process.stdin, self._process.stdout):
-                _closed(stream)
-        if self._scratch is not None:
-            self._remove_scratch()
-        self._process = self._scratch = None
+        if self._process is None:
+            return
+        self._process.kill()
+        self._process.wait()
+        for stream in (self._process.stdin, self._process.stdout):
+            with suppress(OSError):  # what was not read is lost with the process
+                if stream is not None:
+                    stream.close()
+        self._process = None
+        self._remove_scratch()
 
 
-class _TimeLimit:
-    """Kills a process unless the block ends before."""
-
-    def __init__(self, process: subprocess.Popen[bytes], limit_s: float) -> None:
-        self._process, self._limit_s = process, limit_s
-        self._timer = threading.Timer(limit_s, self._kill)
-        self._timer.daemon = True
-        self._lock = threading.Lock()
-        self._is_over = False
-        self.reached = False
-
-    def __enter__(self) -> _TimeLimit:
-        self._timer.start()
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._timer.cancel()
-        with self._lock:
-            self._is_over = True
-
-    def _kill(self) -> None:
-        with self._lock:
-            if not self._is_over:
-                self.reached = True
-                self._process.kill()
-
-
-def _answer(process: subprocess.Popen[bytes], question: object) -> object:
-    """What the process answers; None if it ended."""
+def _answer(process: subprocess.Popen[bytes], question: object, limit_s: float) -> tuple[object, bool]:
+    """The answer of a process, None if it ended; and whether it was killed because the time limit was over."""
     assert process.stdin is not None
     assert process.stdout is not None
-    try:
+    is_late = threading.Event()
+
+    def kill() -> None:
+        is_late.set()
+        process.kill()
+
+    timer = threading.Timer(limit_s, kill)
+    timer.daemon = True
+    timer.start()
+    answer = None
+    with suppress(EOFError, OSError, pickle.UnpicklingError):
         pickle.dump(question, process.stdin)
         process.stdin.flush()
-        return pickle.load(process.stdout)
-    except (EOFError, OSError, pickle.UnpicklingError):
-        return None
-
-
-def _status(process: subprocess.Popen[bytes]) -> int:
-    """How a process ended that answers no more."""
-    try:
-        return process.wait(_DYING_S)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        return process.wait()
-
-
-def _environment(scratch: Path) -> dict[str, str]:
-    paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
-    return {
-        **os.environ,
-        **dict.fromkeys(_ONE_THREAD, "1"),
-        **dict.fromkeys(_TEMPORARY, str(scratch)),
-        "PYTHONPATH": paths,
-    }
+        answer = pickle.load(process.stdout)
+    timer.cancel()
+    timer.join()
+    return answer, is_late.is_set()
 
 
 def _how(status: int) -> str:
@@ -207,12 +165,6 @@ def _how(status: int) -> str:
         return f"its process ended with status {status}"
     name = signal.Signals(-status).name if -status in set(signal.Signals) else f"signal {-status}"
     return f"its process was ended by {name}{' (out of memory?)' if name == 'SIGKILL' else ''}"
-
-
-def _closed(stream: IO[bytes] | None) -> None:
-    if stream is not None:
-        with suppress(OSError):  # what was not read is lost with the process
-            stream.close()
 
 
 def child_main() -> None:
@@ -226,25 +178,18 @@ def child_main() -> None:
     task: Task = pickle.load(sys.stdin.buffer)
     jobs: queue.SimpleQueue[Job] = queue.SimpleQueue()
     threading.Thread(target=_receive, args=(jobs,), daemon=True).start()
-    _reply(answers, _READY)
+    answer: object = _READY
     while True:
+        pickle.dump(answer, answers)
+        answers.flush()
         try:
             job = jobs.get(timeout=_IDLE_S)
         except queue.Empty:
             _leave()
-        _reply(answers, _do(task, job))
-
-
-def _do(task: Task, job: Job) -> Reply:
-    try:
-        return task(job)
-    except Exception as error:
-        return Reply("refused", f"{type(error).__name__}: {error}")
-
-
-def _reply(stream: IO[bytes], answer: object) -> None:
-    pickle.dump(answer, stream)
-    stream.flush()
+        try:
+            answer = task(job)
+        except Exception as error:
+            answer = Reply("refused", f"{type(error).__name__}: {error}")
 
 
 def _receive(jobs: queue.SimpleQueue[Job]) -> None:
@@ -266,12 +211,7 @@ def _leave() -> None:
 
 
 class Processes:
-    """An `Executor` with a number of processes; a thread looks after each.
-
-    Args:
-        task: a function of a module.
-        workers: how many processes.
-    """
+    """An `Executor` with `workers` processes for a task; a thread looks after each."""
 
     def __init__(self, task: Task, workers: int) -> None:
         self._waiting: queue.SimpleQueue[Job | None] = queue.SimpleQueue()
@@ -291,12 +231,10 @@ class Processes:
     def as_completed(self) -> Iterator[Ended]:
         """As `Executor.as_completed`."""
         while self._open and not self._is_cancelled:
-            try:
+            with suppress(queue.Empty):
                 ended = self._ended.get(timeout=_LOOK_S)
-            except queue.Empty:
-                continue
-            self._open -= 1
-            yield ended
+                self._open -= 1
+                yield ended
 
     def cancel(self) -> None:
         """As `Executor.cancel`."""
@@ -305,20 +243,13 @@ class Processes:
             child.stop()
         for _ in self._threads:
             self._waiting.put(None)
-        ends = time.monotonic() + _STOP_S
+        ends_s = time.monotonic() + _STOP_S
         for thread in self._threads:
-            thread.join(max(0.0, ends - time.monotonic()))
+            thread.join(max(0.0, ends_s - time.monotonic()))
 
     def _serve(self, child: Child) -> None:
-        host = socket.gethostname()
         try:
             while (job := self._waiting.get()) is not None and not self._is_cancelled:
-                began = time.monotonic()
-                try:
-                    reply = child.ask(job)
-                except (DataError, OSError) as error:
-                    reply = Reply("refused", str(error))
-                seconds = time.monotonic() - began
-                self._ended.put(Ended(job, reply, host, child.process_id, seconds))
+                self._ended.put(child.ended(job))
         finally:
             child.close()

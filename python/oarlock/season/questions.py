@@ -248,11 +248,7 @@ def trend(
 
 
 def question_named(name: str) -> Question:
-    """A ready question.
-
-    Raises:
-        DataError: there is none of this name.
-    """
+    """A ready question."""
     for one in QUESTIONS:
         if one.name == name.replace("-", "_"):
             return one
@@ -260,11 +256,7 @@ def question_named(name: str) -> Question:
 
 
 def one_class(database: Database) -> str:
-    """The class of all runs asked.
-
-    Raises:
-        DataError: there is no run, or there are several classes.
-    """
+    """The class of all runs asked."""
     found = database.classes()
     if not found:
         raise DataError(f"{database.selection}: has no results; compute them: `oarlock season run`")

@@ -119,11 +119,7 @@ class Entry:
 
     @classmethod
     def parsed(cls, contents: bytes, where: str) -> Entry:
-        """The entry of a commit record.
-
-        Raises:
-            DataError: it is damaged.
-        """
+        """The entry of a commit record."""
         table = parsed_toml(contents, where)
         table.check_format(ENTRY_FORMAT)
         kind = table.string("kind")
@@ -233,11 +229,7 @@ class RunRecord:
 
     @classmethod
     def parsed(cls, contents: bytes, where: str) -> RunRecord:
-        """The record of a file.
-
-        Raises:
-            DataError: it is damaged.
-        """
+        """The record of a file."""
         table = parsed_toml(contents, where)
         table.check_format(RUN_FORMAT)
         status = table.string("status")
@@ -255,11 +247,7 @@ class RunRecord:
 
 
 def parsed_toml(contents: bytes, where: str) -> TomlTable:
-    """A TOML file of a season.
-
-    Raises:
-        DataError: it is no UTF-8 or no TOML.
-    """
+    """A TOML file of a season."""
     try:
         return TomlTable.parsed(contents.decode(), Path(where))
     except UnicodeDecodeError as error:

@@ -109,11 +109,7 @@ class Executor(Protocol):
         """Take a job."""
 
     def as_completed(self) -> Iterator[Ended]:
-        """Jobs as they end, until none is left; more may be submitted meanwhile.
-
-        Raises:
-            DataError: what computes is gone.
-        """
+        """Jobs as they end, until none is left; more may be submitted meanwhile."""
 
     def cancel(self) -> None:
         """Stop at once; nothing further comes from `as_completed`."""
@@ -157,9 +153,6 @@ def make_plan(season: Season, again: bool = False, limit_s: float | None = None)
         season: which.
         again: also repeat what failed in the same run.
         limit_s: time limit of a recording, s; None is 300 s and 10 times its length.
-
-    Raises:
-        DataError: a setup that was chosen is not there.
     """
     jobs, failed, without_setup, there, removed = list[Job](), dict[str, str](), list[str](), 0, 0
     for data in catalogue(season).of:
@@ -228,9 +221,6 @@ def run_season(
         plan: what is missing.
         progress: called with the share done, 0 to 1.
         look_again: what is missing then; asked when all is done.
-
-    Raises:
-        DataError: the jobs cannot be done there, such as on a full disk or with another version.
     """
     log, outcome, asked = RunLog(season), RunCounts(), set[str]()
     outcome.log = log.name

@@ -30,11 +30,7 @@ class SeasonStorage(Protocol):
     address: str
 
     def read(self, name: str) -> bytes:
-        """The contents.
-
-        Raises:
-            FileNotFoundError: nothing has this name.
-        """
+        """The contents."""
 
     def write(self, name: str, contents: bytes) -> None:
         """Write or replace one file as a whole."""
@@ -68,22 +64,14 @@ class SeasonStorage(Protocol):
         """Remove a folder, and those in it, as far as there are no files in them; an object store has none."""
 
     def on_disk(self, name: str) -> Path:
-        """A file of the same contents that other programs can open: itself, or a copy in the cache.
-
-        Raises:
-            FileNotFoundError: nothing has this name.
-        """
+        """A file of the same contents that other programs can open: itself, or a copy in the cache."""
 
     def forget_copies(self, but: Collection[str] = ()) -> int:
         """Remove the copies that `on_disk` made, but not in these folders; returns how many were removed."""
 
 
 def open_storage(address: str) -> SeasonStorage:
-    """The storage at an address: a path, or an object store such as `s3://bucket/season`.
-
-    Raises:
-        DataError: the address has a scheme that nothing here can open.
-    """
+    """The storage at an address: a path, or an object store such as `s3://bucket/season`."""
     if "://" not in address:
         return FolderStorage(Path(address))
     if address.startswith("file://"):
@@ -94,11 +82,7 @@ def open_storage(address: str) -> SeasonStorage:
 
 
 def checked_name(name: str) -> str:
-    """The name, if it leads to no other place.
-
-    Raises:
-        DataError: it leads out of the season.
-    """
+    """The name, if it leads to no other place."""
     parts = name.split("/")
     if name.startswith("/") or "\\" in name or any(part in ("", ".", "..") for part in parts):
         raise DataError(f"{name!r}: is no name inside a season")

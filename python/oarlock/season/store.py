@@ -71,11 +71,7 @@ class Season:
         return [name.removeprefix(_PREFIX) for name in names if name.startswith(_PREFIX)]
 
     def athletes(self) -> dict[str, Athlete]:
-        """All athletes by pseudonym.
-
-        Raises:
-            DataError: an athlete's file is damaged.
-        """
+        """All athletes by pseudonym."""
         found = in_threads(self.athlete, self.folders())
         return {one.pseudonym: one for one in found if one is not None}
 
@@ -106,11 +102,7 @@ class Season:
         return False
 
     def _put(self, athlete: str, folder: str, files: Mapping[str, bytes], record: str) -> bool:
-        """As `SeasonStorage.put_folder`, in an athlete's folder.
-
-        Raises:
-            DataError: it cannot be written, or the athlete was erased meanwhile.
-        """
+        """As `SeasonStorage.put_folder`, in an athlete's folder."""
         try:
             is_new, fault = self.place.put_folder(folder, files, record), None
         except DataError as error:  # perhaps because the erasure removed what was half written
@@ -143,11 +135,7 @@ class Season:
         return [(recording, run) for recording, dot, run in named if dot]
 
     def entry(self, athlete: str, recording: str) -> Entry | None:
-        """What is known of a recording; None if it is not there, or not yet as a whole.
-
-        Raises:
-            DataError: its commit record is damaged.
-        """
+        """What is known of a recording; None if it is not there, or not yet as a whole."""
         file = f"{recording_folder(athlete, recording)}/{ENTRY_FILE}"
         try:
             return Entry.parsed(self.place.read(file), self.where(file))
@@ -155,11 +143,7 @@ class Season:
             return None
 
     def run_record(self, athlete: str, recording: str, run: str) -> RunRecord | None:
-        """How a run ended; None if it has not.
-
-        Raises:
-            DataError: its commit record is damaged.
-        """
+        """How a run ended; None if it has not."""
         file = f"{result_folder(athlete, recording, run)}/{RUN_FILE}"
         try:
             return RunRecord.parsed(self.place.read(file), self.where(file))
@@ -175,11 +159,7 @@ class Season:
         return _readable(lambda name: self.run_record(athlete, *name), list(results))
 
     def put_recording(self, entry: Entry, files: Mapping[str, bytes]) -> Entry | None:
-        """Store the files of a recording; returns the entry with their hashes, None if it was there.
-
-        Raises:
-            DataError: it cannot be written, or the athlete was erased meanwhile.
-        """
+        """Store the files of a recording; returns the entry with their hashes, None if it was there."""
         hashes = {name: hashlib.sha256(contents).hexdigest() for name, contents in files.items()}
         whole = replace(entry, files=hashes)
         is_new = self._put(entry.athlete, entry.folder, {**files, ENTRY_FILE: whole.toml()}, ENTRY_FILE)
@@ -220,11 +200,7 @@ class Season:
         return setup.name
 
     def load_setup(self, name: str, athlete: str = "") -> Setup:
-        """A setup that was stored, of an athlete or else of everybody.
-
-        Raises:
-            DataError: it is not there, or its files are others than its name says.
-        """
+        """A setup that was stored, of an athlete or else of everybody."""
         for top in (f"{athlete_folder(athlete)}/", "") if athlete else ("",):
             folder, found = f"{top}setups/{name}", {}
             for file in self.place.children(folder):
@@ -308,11 +284,7 @@ def not_in_season(what: str, name: str, known: Iterable[str]) -> DataError:
 
 
 def checked_zone(name: str, where: str) -> ZoneInfo:
-    """The zone of a name.
-
-    Raises:
-        DataError: it is not known.
-    """
+    """The zone of a name."""
     try:
         return ZoneInfo(name)
     except (ZoneInfoNotFoundError, ValueError, OSError):

@@ -258,11 +258,7 @@ def _strokes_of(season: Season, data: AthleteData, record: RunRecord) -> pa.Tabl
 
 
 def stroke_rows(contents: bytes, entry: Entry, run: RunRecord, where: str) -> pa.Table:
-    """Rows of `strokes` of one result; `joined` brings their numbers to float32.
-
-    Raises:
-        DataError: the file is damaged.
-    """
+    """Rows of `strokes` of one result; `joined` brings their numbers to float32."""
     advice = "; `oarlock season check` lists all damaged files"
     found = read_table(contents, advice, where, without_lists=True)
     names = [one.name for one in found.schema if _is_number(one.type)]
