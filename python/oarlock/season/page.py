@@ -30,6 +30,25 @@ from oarlock.storage.write_file import write_file
 
 FALSE_SHARE = 0.05
 """Expected share of false ones among the changes listed, at most."""
+USUAL_METRICS = (
+    "catch_angle_rad",
+    "finish_angle_rad",
+    "arc_rad",
+    "seat_travel_m",
+    "catch_factor_s",
+    "rhythm",
+)
+"""Metrics of a page that asks for no others, as far as the season has them."""
+_MOST = 4
+"""Sessions a week with the darkest colour."""
+_OPEN_ROWS, _DRAWN = 12, 3
+"""Changes in the open list, and those that are drawn; the others are folded."""
+_SIZE = (345.0, 190.0)
+_PLACE = (40.0, 8.0, 297.0, 128.0)
+_MOST_LABELS = 14
+_MONTHS = ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"]
+
+Row = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -64,40 +83,24 @@ class AthleteComparison:
         return abs(self.change) / max(0.5 * (self.high - self.low), 1e-300)
 
 
-def trend_comparison(metric: str, row: Mapping[str, Any]) -> AthleteComparison | None:
-    """A row of the question `changes`; None if there are too few months."""
-    if row["se"] is None or not row["se"] > 0.0 or row["months"] < MONTHS_FOR_CHANGE or not row["per_month"]:
-        return None
-    span = row["change"] / row["per_month"]
-    return AthleteComparison(
-        row["athlete"],
-        metric,
-        "trend",
-        row["change"],
-        row["low"] * span,
-        row["high"] * span,
-        _chance(row["per_month"] / row["se"], row["months"] - 2),
-        row["sessions"],
-        f"{row['first_month']} to {row['last_month']}",
-    )
+def _comparison(metric: str, kind: str, row: Row) -> AthleteComparison | None:
+    """A row of the question `changes` or `rig`; None if there are too few months or sessions."""
+    from scipy.special import stdtr
 
-
-def rig_comparison(metric: str, row: Mapping[str, Any]) -> AthleteComparison | None:
-    """A row of the question `rig`."""
-    if row["low"] is None or row["se"] is None or not row["se"] > 0.0:
+    if row["se"] is None or not row["se"] > 0.0 or row["low"] is None:
         return None
-    fewer = min(row["n_before"], row["n_after"])
-    return AthleteComparison(
-        row["athlete"],
-        metric,
-        "rig",
-        row["change"],
-        row["low"],
-        row["high"],
-        _chance(row["change"] / row["se"], fewer - 1),
-        row["n_before"] + row["n_after"],
-        f"{row['before']} to {row['after']}, {row['day']}",
-    )
+    if kind == "trend":
+        if row["months"] < MONTHS_FOR_CHANGE or not row["per_month"]:
+            return None
+        scale, freedom, sessions = row["change"] / row["per_month"], row["months"] - 2, row["sessions"]
+        period = f"{row['first_month']} to {row['last_month']}"
+    else:
+        before, after = row["n_before"], row["n_after"]
+        scale, freedom, sessions = 1.0, min(before, after) - 1, before + after
+        period = f"{row['before']} to {row['after']}, {row['day']}"
+    chance = 2.0 * float(stdtr(max(freedom, 1), -abs(row["change"] / (row["se"] * scale))))
+    low, high = row["low"] * scale, row["high"] * scale
+    return AthleteComparison(row["athlete"], metric, kind, row["change"], low, high, chance, sessions, period)
 
 
 def beyond_chance(
@@ -117,28 +120,9 @@ def beyond_chance(
     return sorted(found, key=lambda one: (-one.against_band, one.athlete, one.metric))
 
 
-def _chance(ratio: float, freedom: int) -> float:
-    from scipy.special import stdtr
-
-    return 2.0 * float(stdtr(max(freedom, 1), -abs(ratio)))
-
-
-USUAL_METRICS = (
-    "catch_angle_rad",
-    "finish_angle_rad",
-    "arc_rad",
-    "seat_travel_m",
-    "catch_factor_s",
-    "rhythm",
-)
-"""Metrics of a page that asks for no others, as far as the season has them."""
-
-Row = Mapping[str, Any]
-
-
 @dataclass(frozen=True)
 class SeasonPageData:
-    """What a page shows; SI and radians.
+    """What a page shows: rows of the database and of the questions of their names; SI and radians.
 
     Args:
         athletes: pseudonyms, in order.
@@ -146,11 +130,11 @@ class SeasonPageData:
         recordings: one row each: athlete, started, day, week (its Monday), duration_s, status, strokes, comparable.
         classes: classes of runs, most recordings first.
         comparable: the class whose numbers are shown; None without results.
-        trends: rows of the question `trend` by athlete and metric.
+        trends: months by athlete and metric.
         compared: all comparisons.
         changes: those that are beyond chance.
-        health: rows of `sensor_health`.
-        failed: rows of `failed`.
+        health: numbers about the sensors.
+        failed: recordings without a result.
     """
 
     athletes: Sequence[str]
@@ -168,13 +152,7 @@ class SeasonPageData:
 def gathered(
     database: Database, metrics: Sequence[str] | None = None, comparable: str | None = None
 ) -> SeasonPageData:
-    """Ask for everything.
-
-    Args:
-        database: of the athletes to show.
-        metrics: names; None takes `USUAL_METRICS`.
-        comparable: class of runs whose numbers are shown; None takes the one with most recordings.
-    """
+    """Ask for everything; without names the usual metrics, without a class the one with most recordings."""
     recordings = database.table(
         "SELECT athlete, started, strftime(started, '%Y-%m-%d') AS day, "
         "strftime(date_trunc('week', started), '%Y-%m-%d') AS week, duration_s, status, "
@@ -183,16 +161,27 @@ def gathered(
     if not recordings:
         raise DataError(f"{database.selection}: has no recordings to show; add some: `oarlock season add`")
     classes = database.table("FROM classes").to_pylist()
-    shown = _class(classes, comparable)
-    columns = _columns(database, metrics) if shown else []
+    names = [row["comparable"] for row in classes]
+    if comparable is not None and comparable not in names:
+        raise not_in_season("class of runs", comparable, names)
+    shown = comparable or (names[0] if names else None)
+    columns: list[str] = []
+    if shown and metrics:
+        columns = list(dict.fromkeys(database.metric(name) for name in metrics))
+    elif shown:
+        usual = [name for name in USUAL_METRICS if name in database.metrics]
+        columns = usual or list(database.metrics[:6])
     trends: dict[tuple[str, str], list[Row]] = {}
     compared: list[AthleteComparison] = []
     for column in columns:
-        for row in _rows(database, "trend", column, shown):
-            trends.setdefault((row["athlete"], column), []).append(row)
-        found = [trend_comparison(column, row) for row in _rows(database, "changes", column, shown)]
-        found += [rig_comparison(column, row) for row in _rows(database, "rig", column, shown)]
-        compared += [one for one in found if one is not None]
+        for question, kind in (("trend", ""), ("changes", "trend"), ("rig", "rig")):
+            for row in database.table(f"FROM {question}('{column}')").to_pylist():
+                if row["comparable"] != shown:
+                    continue
+                if not kind:
+                    trends.setdefault((row["athlete"], column), []).append(row)
+                elif (found := _comparison(column, kind, row)) is not None:
+                    compared.append(found)
     return SeasonPageData(
         athletes=sorted({row["athlete"] for row in recordings}),
         metrics=columns,
@@ -207,28 +196,6 @@ def gathered(
     )
 
 
-def _class(classes: Sequence[Row], asked: str | None) -> str | None:
-    names = [row["comparable"] for row in classes]
-    if asked is not None and asked not in names:
-        raise not_in_season("class of runs", asked, names)
-    return asked or (names[0] if names else None)
-
-
-def _columns(database: Database, metrics: Sequence[str] | None) -> list[str]:
-    if metrics:
-        return list(dict.fromkeys(database.metric(name) for name in metrics))
-    return [name for name in USUAL_METRICS if name in database.metrics] or list(database.metrics[:6])
-
-
-def _rows(database: Database, question: str, column: str, comparable: str | None) -> list[Row]:
-    rows: list[Row] = database.table(f"FROM {question}('{column}')").to_pylist()
-    return [row for row in rows if row["comparable"] == comparable]
-
-
-MOST = 4
-"""Sessions a week with the darkest colour."""
-
-
 def heat_map(found: SeasonPageData) -> str:
     """The table; a week with a failed recording has a mark at its foot."""
     weeks = _weeks(found.recordings)
@@ -239,7 +206,7 @@ def heat_map(found: SeasonPageData) -> str:
         by_athlete[row["athlete"]].append(row)
     changes = Counter(one.athlete for one in found.changes)
     rows = [_row(name, by_athlete[name], weeks, changes[name]) for name in found.athletes]
-    swatches = [(f'<rect class="heat-{k}" width="14" height="10"/>', _level(k)) for k in range(MOST + 1)]
+    swatches = [(f'<rect class="heat-{k}" width="14" height="10"/>', _level(k)) for k in range(_MOST + 1)]
     swatches.append(('<rect class="heat-failed" y="6" width="14" height="4"/>', "a recording failed"))
     heads = [
         Column("Athlete"),
@@ -280,7 +247,7 @@ def _cells(name: str, rows: Sequence[Row], weeks: Sequence[str]) -> str:
         lost = f", {failed[week]} failed" if failed[week] else ""
         words = f"<title>Week of {week}: {plural(count[week], 'session')}{lost}</title>"
         parts.append(
-            f'<rect class="heat-{min(count[week], MOST)}" x="{k}" width="1" height="10">{words}</rect>'
+            f'<rect class="heat-{min(count[week], _MOST)}" x="{k}" width="1" height="10">{words}</rect>'
         )
         if failed[week]:
             parts.append(f'<rect class="heat-failed" x="{k}" y="6" width="1" height="4"/>')
@@ -307,13 +274,7 @@ def _month_name(day: str) -> str:
 
 
 def _level(k: int) -> str:
-    return "none" if k == 0 else f"{k} a week" if k < MOST else f"{MOST} or more"
-
-
-SIZE = (345.0, 190.0)
-PLACE = (40.0, 8.0, 297.0, 128.0)
-MOST_LABELS = 14
-_MONTHS = ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"]
+    return "none" if k == 0 else f"{k} a week" if k < _MOST else f"{_MOST} or more"
 
 
 def trend_chart(key: str, athlete: str, metric: str, rows: Sequence[Row], fact: str = "") -> str:
@@ -325,14 +286,14 @@ def trend_chart(key: str, athlete: str, metric: str, rows: Sequence[Row], fact: 
         for name in ("mean", "low", "high")
     )
     span = (float(x.min()) - 0.5, float(x.max()) + 0.5)
-    panel = Panel(*PLACE, span, plot.padded([mean, low, high], least=1e-6))
+    panel = Panel(*_PLACE, span, plot.padded([mean, low, high], least=1e-6))
     content = _grid(panel) + _month_names(panel, x, [row["sessions"] for row in rows])
     content += _bars(panel, x, low, high) + plot.line(panel, x, mean, "series s0")
     content += "".join(
         _dot(panel, *values, shown.unit) for values in zip(x, mean, low, high, rows, strict=True)
     )
     drawn = plot.drawing(
-        key, SIZE, f"{athlete}: {shown.label}", f"Mean of each month with 95 % band, {shown.unit}", content
+        key, _SIZE, f"{athlete}: {shown.label}", f"Mean of each month with 95 % band, {shown.unit}", content
     )
     return markup.figure(f"{athlete}: {shown.label}", drawn, unit=shown.unit, fact=fact)
 
@@ -347,7 +308,7 @@ def _grid(panel: Panel) -> str:
 
 
 def _month_names(panel: Panel, x: Floats, sessions: Sequence[int]) -> str:
-    bottom, every = panel.top + panel.height, 1 + (len(x) - 1) // MOST_LABELS
+    bottom, every = panel.top + panel.height, 1 + (len(x) - 1) // _MOST_LABELS
     parts = [plot.label(panel.left - 5, bottom + 33, "n", anchor="end")]
     for k in range(0, len(x), every):
         at, month = float(panel.x(x[k])), int(x[k])
@@ -381,21 +342,17 @@ def _number(month: str) -> int:
     return 12 * int(year) + int(number) - 1
 
 
-OPEN_ROWS, DRAWN = 12, 3
-"""Changes in the open list, and those that are drawn; the others are folded."""
-
-
 def changes_section(found: SeasonPageData) -> str:
     """Changes beyond chance, largest against their band first."""
     if not found.changes:
         return f"<p>No change is beyond chance among {plural(len(found.compared), 'comparison')}.</p>"
-    content = _explained(found) + _changes_table("changes", found.changes[:OPEN_ROWS], _counted(found))
+    content = _explained(found) + _changes_table("changes", found.changes[:_OPEN_ROWS], _counted(found))
     drawn = [
         trend_chart(f"changed-{k}", one.athlete, one.metric, rows)
         for k, one in enumerate(_drawn(found))
         if (rows := found.trends.get((one.athlete, one.metric)))
     ]
-    if rest := found.changes[OPEN_ROWS:]:
+    if rest := found.changes[_OPEN_ROWS:]:
         content += (
             f"<details><summary>{plural(len(rest), 'smaller change')}</summary>"
             f"{_changes_table('more-changes', rest, 'The others, in the same order.')}</details>"
@@ -460,7 +417,7 @@ def _explained(found: SeasonPageData) -> str:
 
 def _counted(found: SeasonPageData) -> str:
     count = len(found.changes)
-    return plural(count, "change") if count <= OPEN_ROWS else f"The largest {OPEN_ROWS} of {count} changes."
+    return plural(count, "change") if count <= _OPEN_ROWS else f"The largest {_OPEN_ROWS} of {count} changes."
 
 
 def _changes_table(key: str, changes: Sequence[AthleteComparison], caption: str) -> str:
@@ -496,7 +453,7 @@ def _drawn(found: SeasonPageData) -> list[AthleteComparison]:
     unique: dict[tuple[str, str], AthleteComparison] = {}
     for one in found.changes:
         unique.setdefault((one.athlete, one.metric), one)
-    return list(unique.values())[:DRAWN]
+    return list(unique.values())[:_DRAWN]
 
 
 def _health_row(name: str, rows: Sequence[Row]) -> list[str]:

@@ -54,27 +54,9 @@ QUESTIONS = (
     Question("sides", "Right against left; one row an athlete."),
     Question("rig", "After a change of rig against before, 60 days each; one row an athlete and change."),
     Question("crew", "Catch relative to the stroke seat; one row a seat and month.", of_metric=False),
-    Question(
-        "sensor_health",
-        "Numbers about the sensors by athlete and month.",
-        of_metric=False,
-        compares=False,
-        is_macro=False,
-    ),
-    Question(
-        "failed",
-        "Recordings without a result, and why.",
-        of_metric=False,
-        compares=False,
-        is_macro=False,
-    ),
-    Question(
-        "classes",
-        "Classes of runs: numbers are compared only within one.",
-        of_metric=False,
-        compares=False,
-        is_macro=False,
-    ),
+    Question("sensor_health", "Numbers about the sensors by athlete and month.", False, False, False),
+    Question("failed", "Recordings without a result, and why.", False, False, False),
+    Question("classes", "Classes of runs: numbers are compared only within one.", False, False, False),
     Question("sessions", "Mean, standard error and scatter; one row a recording."),
     Question("session_drifts", "Last third against first; one row a recording."),
     Question("outings", "Catch relative to the stroke seat; one row a recording.", of_metric=False),
@@ -82,32 +64,17 @@ QUESTIONS = (
 """All ready questions that a season answers, with one line each."""
 
 
-SCALED = (
-    "mean",
-    "low",
-    "high",
-    "per_month",
-    "change",
-    "sd",
-    "noise",
-    "first",
-    "last",
-    "drift",
-    "difference",
-    "se",
+MONTHS_FOR_CHANGE = 4
+_SCALED = (
+    *("mean", "low", "high", "per_month", "change", "sd"),
+    *("noise", "first", "last", "drift", "difference", "se"),
 )
 """Columns of the ready questions that are in the unit of the metric."""
 
 
 @dataclass(frozen=True)
 class ShownMetric:
-    """How a metric is shown.
-
-    Args:
-        label: for people.
-        unit: such as "deg"; empty without one.
-        scale: a number of the column times this is in `unit`.
-    """
+    """How a metric is shown: a label, a unit such as "deg", and the factor from the column's unit to it."""
 
     label: str
     unit: str
@@ -128,10 +95,7 @@ def shown_metric(column: str) -> ShownMetric:
 
 def is_scaled(column: str) -> bool:
     """Whether a column of a ready question is in the unit of the metric."""
-    return column.removesuffix("_before").removesuffix("_after") in SCALED
-
-
-MONTHS_FOR_CHANGE = 4
+    return column.removesuffix("_before").removesuffix("_after") in _SCALED
 
 
 @dataclass(frozen=True)

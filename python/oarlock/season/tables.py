@@ -191,14 +191,16 @@ def update_tables(season: Season, athlete: str | None = None) -> Catalogue:
 
     A recording whose result is damaged counts as failed.
     """
-    season.place.forget_copies([athlete_folder(name) for name in season.folders() if season.is_here(name)])
+    here = _all(season, athlete)
+    if athlete is None:
+        season.place.forget_copies([athlete_folder(one.athlete.pseudonym) for one in here])
 
     def updated(one: AthleteData) -> AthleteData | None:
         before = one.before(season)
         now = one.now(season, before)
         return now if now == before else _written(season, now, before)
 
-    found = in_threads(updated, _all(season, athlete))
+    found = in_threads(updated, here)
     return Catalogue([one for one in found if one is not None])
 
 
