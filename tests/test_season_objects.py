@@ -19,7 +19,7 @@ from oarlock import DataError
 from oarlock.season import Admission, Season, create_season, open_season
 from oarlock.season.erase import erase
 from oarlock.season.exports import export_athlete
-from oarlock.season.storage import open_storage
+from oarlock.season.object_storage import open_storage
 from oarlock.season.tables import update_tables
 from oarlock.season.upkeep import check
 

@@ -1,4 +1,4 @@
-"""A season in an object store: S3 and what speaks its protocol, Google, Azure, or memory for tests; former versions.
+"""A season in an object store: S3 and what speaks its protocol, Google, Azure, or memory for tests.
 
 One object appears as a whole; a folder counts from the moment at which its commit record, written last, is there.
 Credentials, region and endpoint come from the environment, as the store's own tools have them (`AWS_ENDPOINT_URL`).
@@ -16,7 +16,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
-from oarlock.season.storage import SeasonStorage, checked_name
+from oarlock.season.storage import FolderStorage, SeasonStorage, checked_name
 from oarlock.storage.errors import DataError
 from oarlock.storage.write_file import write_file
 
@@ -37,7 +37,16 @@ _IN_MEMORY: dict[str, ObjectStore] = {}
 """Stores of this process by address."""
 
 
-def open_objects(address: str) -> SeasonStorage:
+def open_storage(address: str) -> SeasonStorage:
+    """The storage at an address: a path, or an object store such as `s3://bucket/season`."""
+    if "://" not in address:
+        return FolderStorage(Path(address))
+    if address.startswith("file://"):
+        return open_storage(address.removeprefix("file://"))
+    return _open_objects(address)
+
+
+def _open_objects(address: str) -> SeasonStorage:
     """The season at an address such as `s3://bucket/season`."""
     try:
         from obstore.store import from_url

@@ -1,4 +1,4 @@
-"""Where a season lies: `SeasonStorage`, and `FolderStorage` for a disk or a share; `open_storage` opens an address.
+"""Where a season lies: `SeasonStorage`, and `FolderStorage` for a disk or a share.
 
 Writes are seen by readers as a whole or not at all. Names are relative, with `/` between their parts.
 """
@@ -68,17 +68,6 @@ class SeasonStorage(Protocol):
 
     def forget_copies(self, but: Collection[str] = ()) -> int:
         """Remove the copies that `on_disk` made, but not in these folders; returns how many were removed."""
-
-
-def open_storage(address: str) -> SeasonStorage:
-    """The storage at an address: a path, or an object store such as `s3://bucket/season`."""
-    if "://" not in address:
-        return FolderStorage(Path(address))
-    if address.startswith("file://"):
-        return open_storage(address.removeprefix("file://"))
-    from oarlock.season.object_storage import open_objects
-
-    return open_objects(address)
 
 
 def checked_name(name: str) -> str:

@@ -17,6 +17,7 @@ from typing import TypeVar
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from oarlock.season.athletes import Athlete
+from oarlock.season.object_storage import open_storage
 from oarlock.season.records import (
     ATHLETE_FILE,
     ENTRY_FILE,
@@ -30,7 +31,7 @@ from oarlock.season.records import (
     recording_folder,
     result_folder,
 )
-from oarlock.season.storage import OWN_WORK, SeasonStorage, open_storage
+from oarlock.season.storage import OWN_WORK, SeasonStorage
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
 from oarlock.storage.toml import TomlTable, toml_text

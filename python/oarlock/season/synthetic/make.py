@@ -14,8 +14,8 @@ from oarlock import _core
 from oarlock.evaluation.child_process import begin_child
 from oarlock.rowing.strokes.files import strokes_parquet
 from oarlock.season.add import Admission, content_name
+from oarlock.season.object_storage import open_storage
 from oarlock.season.records import SEASON_FILE, STROKES_FILE, RunRecord, Setup
-from oarlock.season.storage import open_storage
 from oarlock.season.store import Season, open_season
 from oarlock.season.synthetic.draw import health, raw, strokes
 from oarlock.season.synthetic.plan import Planned, plan
