@@ -175,11 +175,8 @@ def list_(at: SeasonAt, json_output: Json = False) -> None:
     if found.athletes:
         heading("Athletes")
         table(
-            ("athlete", "recordings", "hours", "strokes", "first", "last"),
-            [
-                (one.athlete, one.recordings, f"{one.hours:.1f}", one.strokes, one.first, one.last)
-                for one in found.athletes
-            ],
+            tuple(found.athletes[0]),
+            [tuple({**row, "hours": f"{row['hours']:.1f}"}.values()) for row in found.athletes],
         )
     failed = [f"{recording}: {fault}" for recording, fault in found.faults.items()]
     show_list("Failed", failed, rest=f"oarlock season questions {at} failed")

@@ -42,7 +42,6 @@ class Admission:
     """Brings recordings into a season, one after the other.
 
     Args:
-        season: where.
         athlete: the pseudonym of all of them; None takes each one's session.
         names: pseudonym by name: the explicit mapping by which names are replaced.
         cut_gps_m: positions of exports that are so near to the start or the end of a track are not stored, m.

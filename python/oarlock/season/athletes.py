@@ -98,12 +98,7 @@ def checked_day(text: str, where: str) -> str:
 
 @dataclass(frozen=True)
 class NamesFile:
-    """The file of names: the pseudonym of each person, in a file outside the season.
-
-    Args:
-        path: of the file.
-        pseudonyms: by name.
-    """
+    """The file of names: the pseudonym of each person, in a file outside the season."""
 
     path: Path
     pseudonyms: Mapping[str, str]

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import datetime
 import re
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
 from types import TracebackType
@@ -16,6 +17,7 @@ import numpy as np
 from oarlock.rowing.crew.matching import delays
 from oarlock.rowing.crew.seats import seat_place
 from oarlock.season.athletes import check_scope
+from oarlock.season.records import Entry, RunRecord
 from oarlock.season.store import Season, in_threads, not_in_season
 from oarlock.season.tables import (
     KEYS,
@@ -64,6 +66,16 @@ class Selection:
     until: datetime.date | None = None
     scope: str | None = None
 
+    def selects(self, entry: Entry, run: RunRecord | None) -> bool:
+        """Whether a recording with its current run is asked of."""
+        day = None if entry.start is None else entry.start.date()
+        return (
+            self.boat in (None, entry.session.get("boat"))
+            and self.comparable in (None, None if run is None else run.comparable)
+            and (self.since is None or (day is not None and self.since <= day))
+            and (self.until is None or (day is not None and day <= self.until))
+        )
+
     def __str__(self) -> str:
         named = {"boat": self.boat, "class": self.comparable, "since": self.since, "until": self.until}
         parts = [self.athlete, *(f"{name} {value}" for name, value in named.items() if value is not None)]
@@ -86,11 +98,6 @@ class Rates:
         if found is None or float(found[1]) >= float(found[2]):
             raise DataError(f'"{text}" is no range of stroke rates; expected one such as 20-24')
         return cls(float(found[1]), float(found[2]))
-
-
-def metrics_among(columns: Iterable[str]) -> list[str]:
-    """The numbers of strokes among columns: without their standard deviations."""
-    return [name for name in columns if not name.endswith("_std")]
 
 
 def metric_named(text: str, metrics: Sequence[str]) -> str:
@@ -168,13 +175,8 @@ class Database:
         """What to do where DuckDB could not read a file; empty for other errors."""
         import duckdb
 
-        other = (
-            duckdb.ParserException,
-            duckdb.BinderException,
-            duckdb.CatalogException,
-            duckdb.PermissionException,
-        )
-        if isinstance(error, other):
+        own = (duckdb.ParserException, duckdb.BinderException, duckdb.CatalogException)
+        if isinstance(error, (*own, duckdb.PermissionException)):
             return ""
         return f". If a table is damaged: `oarlock season check {self.season.place.address} --repair`"
 
@@ -199,27 +201,34 @@ class Database:
         here = in_threads(self._path, [one.file for one in found.of])
         # An athlete whose table is gone was erased meanwhile.
         found = Catalogue([one for one, path in zip(found.of, here, strict=True) if path is not None])
-        paths = [path for path in here if path is not None]
         self._check_named(found)
+        asked = self._selected(found)
         self._run("SET TimeZone = 'UTC'")
-        for name, rows in (
-            ("athletes", athlete_rows),
-            ("all_recordings", recording_rows),
-            ("all_runs", run_rows),
-        ):
-            self._connection.register("rows", rows(found))
-            self._run(f"CREATE TABLE {name} AS FROM rows {self._consent() if name == 'athletes' else ''}")
-            self._connection.unregister("rows")
-        self._run(
-            "CREATE TABLE recordings AS SELECT r.*, u.comparable, u.engine FROM all_recordings r "
-            f"LEFT JOIN all_runs u USING (recording, run) WHERE {self._rows()}"
-        )
-        self._run("CREATE TABLE runs AS FROM all_runs WHERE recording IN (SELECT recording FROM recordings)")
-        self._run("DROP TABLE all_recordings; DROP TABLE all_runs")
-        self._strokes(paths)
-        self._run(f"SET allowed_paths = [{', '.join(_text(str(file)) for file in paths)}]")
+        tables = {"athletes": athlete_rows, "recordings": recording_rows, "runs": run_rows}
+        for name, rows in tables.items():
+            self._create(name, rows(asked))
+        paths = [_text(str(path)) for path in here if path is not None]
+        self._strokes(f"read_parquet([{', '.join(paths)}], union_by_name = true, hive_partitioning = false)")
+        self._run(f"SET allowed_paths = [{', '.join(paths)}]")
         self._run("SET enable_external_access = false")
         self._run("SET lock_configuration = true")
+
+    def _selected(self, found: Catalogue) -> Catalogue:
+        """What is asked of: athletes who consent, recordings, and the runs over these."""
+        asked, selected = self.selection, []
+        for one in found.of:
+            if asked.scope is not None and not one.athlete.allows(asked.scope):
+                continue
+            runs = one.current()
+            entries = {name: it for name, it in one.entries.items() if asked.selects(it, runs.get(name))}
+            records = [record for record in one.records if record.recording in entries]
+            selected.append(replace(one, entries=entries, records=records))
+        return Catalogue(selected)
+
+    def _create(self, name: str, rows: pa.Table) -> None:
+        self._connection.register("rows", rows)
+        self._run(f"CREATE TABLE {name} AS FROM rows")
+        self._connection.unregister("rows")
 
     def _path(self, file: str) -> Path | None:
         try:
@@ -227,27 +236,29 @@ class Database:
         except FileNotFoundError:
             return None
 
-    def _strokes(self, paths: Sequence[Path]) -> None:
+    def _strokes(self, files_: str) -> None:
         """The view of strokes, and all questions."""
-        kinds = ", ".join(f"{field.name} {_KINDS[str(field.type)]}" for field in KEYS)
-        rows = f"AS FROM {_read(paths)} LIMIT 0" if paths else f"({kinds})"
+        from scipy.special import stdtrit
+
         # A macro is bound when it is made; on an empty table that needs no file. The view replaces it.
-        self._run(f"CREATE TABLE strokes {rows}")
-        columns = self._values("DESCRIBE strokes")
-        self.metrics = metrics_among(name for name in columns if name not in KEYS.names)
+        is_empty = files_.startswith("read_parquet([]")
+        if is_empty:
+            self._create("strokes", KEYS.empty_table())
+        else:
+            self._run(f"CREATE TABLE strokes AS FROM {files_} LIMIT 0")
+        columns = [row[0] for row in self._connection.execute("DESCRIBE strokes").fetchall()]
+        self.metrics = [name for name in columns if not name.endswith("_std") and name not in KEYS.names]
         self._run(_stroke_values(set(columns), self.metrics))
-        for name, share in (("t95", 0.975), ("t999", 0.9995)):
-            quantile = f"{_quantiles(share)}[least(df, {_MOST_DF})::INTEGER]"
-            self._run(f"CREATE MACRO {name}(df) AS CASE WHEN df >= 1 THEN {quantile} END")
+        for name, share in (("t95", 0.975), ("t999", 0.9995)):  # quantiles of Student's t
+            quantiles = [round(float(one), 6) for one in stdtrit(np.arange(1, _MOST_DF + 1), share)]
+            case = f"CASE WHEN df >= 1 THEN {quantiles}[least(df, {_MOST_DF})::INTEGER] END"
+            self._run(f"CREATE MACRO {name}(df) AS {case}")
         add_crew_functions(self._connection)
         self._run(files("oarlock.season").joinpath("views.sql").read_text(encoding="utf-8"))
-        if paths:
+        if not is_empty:
             self._run("DROP TABLE strokes")
-            self._run(f"CREATE VIEW strokes AS FROM {_read(paths)} WHERE {self._rows()}")
-
-    def _consent(self) -> str:
-        scope = self.selection.scope
-        return "" if scope is None else f"WHERE list_contains(string_split(consent, ', '), {_text(scope)})"
+            only = "" if self.selection == Selection() else "SEMI JOIN recordings USING (recording)"
+            self._run(f"CREATE VIEW strokes AS FROM {files_} {only}")
 
     def _check_named(self, found: Catalogue) -> None:
         asked = self.selection
@@ -263,22 +274,6 @@ class Database:
             if name is not None and name not in known:
                 raise not_in_season(what, name, known)
 
-    def _values(self, sql: str) -> list[str]:
-        return [row[0] for row in self._connection.execute(sql).fetchall()]
-
-    def _rows(self) -> str:
-        """The condition on rows of `recordings` and `strokes`."""
-        asked, found = self.selection, ["true"]
-        named = {"athlete": asked.athlete, "boat": asked.boat, "comparable": asked.comparable}
-        found += [f"{column} = {_text(text)}" for column, text in named.items() if text is not None]
-        if asked.scope is not None:
-            found.append("athlete IN (SELECT athlete FROM athletes)")
-        if asked.since is not None:
-            found.append(f"started >= TIMESTAMPTZ {_text(f'{asked.since} 00:00:00+00')}")
-        if asked.until is not None:
-            found.append(f"started < TIMESTAMPTZ {_text(f'{asked.until} 00:00:00+00')} + INTERVAL 1 DAY")
-        return " AND ".join(found)
-
     def _run(self, sql: str) -> None:
         import duckdb
 
@@ -286,9 +281,6 @@ class Database:
             self._connection.execute(sql)
         except duckdb.Error as error:
             raise DataError(f"{self.season.place.address}: {error}{self._advice(error)}") from error
-
-
-_KINDS = {"string": "VARCHAR", "timestamp[us, tz=UTC]": "TIMESTAMPTZ", "int32": "INTEGER"}
 
 
 def _connected(address: str) -> Any:
@@ -328,18 +320,6 @@ def _choice(by_name: dict[str, str]) -> str:
     return f"CASE metric {cases} END" if by_name else "NULL"
 
 
-def _quantiles(share: float) -> list[float]:
-    """Quantiles of Student's t for 1, 2, 3 ... degrees of freedom."""
-    from scipy.special import stdtrit
-
-    return [round(float(one), 6) for one in stdtrit(np.arange(1, _MOST_DF + 1), share)]
-
-
-def _read(paths: Sequence[Path]) -> str:
-    files_ = ", ".join(_text(str(path)) for path in paths)
-    return f"read_parquet([{files_}], union_by_name = true, hive_partitioning = false)"
-
-
 def _text(text: str) -> str:
     """A text of SQL."""
     return "'" + text.replace("'", "''") + "'"
@@ -354,19 +334,15 @@ def add_crew_functions(connection: Any) -> None:
 
 def _place(seat: str | None) -> float | None:
     """Counted from the bow; None for what names no seat."""
-    try:
+    with suppress(DataError):
         return seat_place(seat) if seat else None
-    except DataError:
-        return None
+    return None
 
 
 def _delays(leader_s: list[float], own_s: list[float], after_s: float) -> list[float | None]:
     """How much later than the leader's each catch is, s; None without a partner.
 
-    Args:
-        leader_s: increasing times from the start of its recording.
-        own_s: as `leader_s`, of the other recording.
-        after_s: how much later than the leader's the own recording starts.
+    Times are of the own recording each, which starts `after_s` after the leader's.
     """
     late = delays(np.asarray(leader_s), np.asarray(own_s) + after_s)
     return [None if np.isnan(one) else float(one) for one in late]

@@ -19,8 +19,6 @@ class Erasure:
     """What an erasure removed, and what it could not.
 
     Args:
-        athlete: the pseudonym.
-        is_dry_run: whether nothing was removed.
         removed: how many of what were removed, or would be.
         left: files and versions of the athlete that are still there, and why versions could not be seen.
         elsewhere: copies that are out of reach, each with what to do.
@@ -39,13 +37,7 @@ class Erasure:
 
 
 def erase(season: Season, athlete: str, *, dry_run: bool = True) -> Erasure:
-    """Erase an athlete, or say what would be removed. An erasure that was interrupted continues when it is repeated.
-
-    Args:
-        season: which.
-        athlete: the pseudonym.
-        dry_run: remove nothing.
-    """
+    """Erase an athlete, or say what would be removed. An erasure that was interrupted continues when it is repeated."""
     place, folder = season.place, athlete_folder(athlete)
     versions = FormerVersions(place, folder)
     notes = export_notes(season, athlete)

@@ -66,12 +66,7 @@ def kept_positions(
 
 @dataclass(frozen=True)
 class GpsCut:
-    """Cuts the positions of files.
-
-    Args:
-        cut_m: as in `kept_positions`, m.
-        secret: as in `kept_positions`.
-    """
+    """Cuts the positions of files."""
 
     cut_m: float
     secret: bytes = b""

@@ -56,12 +56,8 @@ class AthleteComparison:
     """One comparison of an athlete with itself, in the unit of the column.
 
     Args:
-        athlete: the pseudonym.
-        metric: the column.
         kind: "trend", from the first month to the last, or "rig", after a change of rig against before.
-        change: its size.
         low: lower end of the 95 % band.
-        high: upper end.
         chance: probability of a change of this size or larger without a true one (two-sided).
         sessions: how many it comes from.
         period: for people, such as "2025-11 to 2026-10".
@@ -125,16 +121,11 @@ class SeasonPageData:
     """What a page shows: rows of the database and of the questions of their names; SI and radians.
 
     Args:
-        athletes: pseudonyms, in order.
-        metrics: columns.
         recordings: one row each: athlete, started, day, week (its Monday), duration_s, status, strokes, comparable.
         classes: classes of runs, most recordings first.
         comparable: the class whose numbers are shown; None without results.
         trends: months by athlete and metric.
-        compared: all comparisons.
         changes: those that are beyond chance.
-        health: numbers about the sensors.
-        failed: recordings without a result.
     """
 
     athletes: Sequence[str]
@@ -198,19 +189,27 @@ def gathered(
 
 def heat_map(found: SeasonPageData) -> str:
     """The table; a week with a failed recording has a mark at its foot."""
-    weeks = _weeks(found.recordings)
-    if not weeks:
+    known = [row["week"] for row in found.recordings if row["week"]]
+    if not known:
         return "<p>No recording has a date.</p>"
+    first, last = (datetime.date.fromisoformat(end) for end in (min(known), max(known)))
+    weeks = [str(first + datetime.timedelta(weeks=k)) for k in range((last - first).days // 7 + 1)]
     by_athlete: dict[str, list[Row]] = {name: [] for name in found.athletes}
     for row in found.recordings:
         by_athlete[row["athlete"]].append(row)
     changes = Counter(one.athlete for one in found.changes)
-    rows = [_row(name, by_athlete[name], weeks, changes[name]) for name in found.athletes]
-    swatches = [(f'<rect class="heat-{k}" width="14" height="10"/>', _level(k)) for k in range(_MOST + 1)]
+    rows = []
+    for name, own in by_athlete.items():
+        strokes = sum(row["strokes"] for row in own)
+        counts = [value_cell(len(own), f"{len(own):,}"), value_cell(strokes, f"{strokes:,}")]
+        changed = value_cell(changes[name], str(changes[name] or ""))
+        rows.append([escape(name), _cells(name, own, weeks), *counts, changed])
+    names = ["none", *(f"{k} a week" for k in range(1, _MOST)), f"{_MOST} or more"]
+    swatches = [(f'<rect class="heat-{k}" width="14" height="10"/>', name) for k, name in enumerate(names)]
     swatches.append(('<rect class="heat-failed" y="6" width="14" height="4"/>', "a recording failed"))
     heads = [
         Column("Athlete"),
-        Column("Weeks", f"{_month_name(weeks[0])} to {_month_name(weeks[-1])}"),
+        Column("Weeks", f"{_day(weeks[0])[-8:]} to {_day(weeks[-1])[-8:]}"),
         Column("Sessions", meaning="Recordings with and without a result"),
         Column("Strokes"),
         Column("Changes", meaning="Changes that are listed below"),
@@ -219,22 +218,6 @@ def heat_map(found: SeasonPageData) -> str:
         "One cell is a week, stronger with more sessions. Hover a cell for its numbers. A heading sorts."
     )
     return legend(swatches, BAR_SWATCH) + table("heat", caption, heads, rows, style="sortable heat")
-
-
-def duration(seconds: float) -> str:
-    """Hours, or minutes of less than two hours."""
-    return f"{seconds / 3600.0:,.0f} h" if seconds >= 7200.0 else f"{seconds / 60.0:.0f} min"
-
-
-def _row(name: str, rows: Sequence[Row], weeks: Sequence[str], changes: int) -> list[str]:
-    strokes = sum(row["strokes"] for row in rows)
-    return [
-        escape(name),
-        _cells(name, rows, weeks),
-        value_cell(len(rows), f"{len(rows):,}"),
-        value_cell(strokes, f"{strokes:,}"),
-        value_cell(changes, str(changes) if changes else ""),
-    ]
 
 
 def _cells(name: str, rows: Sequence[Row], weeks: Sequence[str]) -> str:
@@ -259,28 +242,10 @@ def _cells(name: str, rows: Sequence[Row], weeks: Sequence[str]) -> str:
     )
 
 
-def _weeks(rows: Sequence[Row]) -> list[str]:
-    """All Mondays from the first week to the last."""
-    known = [row["week"] for row in rows if row["week"]]
-    if not known:
-        return []
-    first, last = (datetime.date.fromisoformat(end) for end in (min(known), max(known)))
-    count = (last - first).days // 7 + 1
-    return [str(first + datetime.timedelta(weeks=k)) for k in range(count)]
-
-
-def _month_name(day: str) -> str:
-    return datetime.date.fromisoformat(day).strftime("%b %Y")
-
-
-def _level(k: int) -> str:
-    return "none" if k == 0 else f"{k} a week" if k < _MOST else f"{_MOST} or more"
-
-
-def trend_chart(key: str, athlete: str, metric: str, rows: Sequence[Row], fact: str = "") -> str:
+def trend_chart(key: str, athlete: str, metric: str, rows: Sequence[Row]) -> str:
     """A chart; `rows` are months of the question `trend`."""
     shown = shown_metric(metric)
-    x = np.array([_number(row["month"]) for row in rows], dtype=float)
+    x = np.array([12 * int(row["month"][:4]) + int(row["month"][5:]) - 1 for row in rows], dtype=float)
     mean, low, high = (
         shown.scale * np.array([np.nan if row[name] is None else row[name] for row in rows], dtype=float)
         for name in ("mean", "low", "high")
@@ -288,14 +253,20 @@ def trend_chart(key: str, athlete: str, metric: str, rows: Sequence[Row], fact: 
     span = (float(x.min()) - 0.5, float(x.max()) + 0.5)
     panel = Panel(*_PLACE, span, plot.padded([mean, low, high], least=1e-6))
     content = _grid(panel) + _month_names(panel, x, [row["sessions"] for row in rows])
-    content += _bars(panel, x, low, high) + plot.line(panel, x, mean, "series s0")
-    content += "".join(
-        _dot(panel, *values, shown.unit) for values in zip(x, mean, low, high, rows, strict=True)
-    )
+    dots = []
+    for a, value, b, c, row in zip(x, mean, low, high, rows, strict=True):
+        at = f"{float(panel.x(a)):.1f}"
+        if np.isfinite(b) and np.isfinite(c):
+            ends = f"{float(panel.y(b)):.1f}V{float(panel.y(c)):.1f}"
+            content += f'<path class="interval" d="M{at} {ends}"/>'
+        words = f"{row['month']}: {value:.4g} {shown.unit} ({b:.4g} to {c:.4g}), n = {row['sessions']}"
+        place = f'cx="{at}" cy="{float(panel.y(value)):.1f}" r="2.8"'
+        dots.append(f'<circle class="dot s0" {place}><title>{escape(words)}</title></circle>')
+    content += plot.line(panel, x, mean, "series s0") + "".join(dots)
     drawn = plot.drawing(
         key, _SIZE, f"{athlete}: {shown.label}", f"Mean of each month with 95 % band, {shown.unit}", content
     )
-    return markup.figure(f"{athlete}: {shown.label}", drawn, unit=shown.unit, fact=fact)
+    return markup.figure(f"{athlete}: {shown.label}", drawn, unit=shown.unit)
 
 
 def _grid(panel: Panel) -> str:
@@ -323,34 +294,26 @@ def _month_names(panel: Panel, x: Floats, sessions: Sequence[int]) -> str:
     return "".join(parts)
 
 
-def _bars(panel: Panel, x: Floats, low: Floats, high: Floats) -> str:
-    return "".join(
-        f'<path class="interval" d="M{float(panel.x(a)):.1f} {float(panel.y(b)):.1f}V{float(panel.y(c)):.1f}"/>'
-        for a, b, c in zip(x, low, high, strict=True)
-        if np.isfinite(b) and np.isfinite(c)
-    )
-
-
-def _dot(panel: Panel, x: float, mean: float, low: float, high: float, row: Row, unit: str) -> str:
-    words = f"{row['month']}: {mean:.4g} {unit} ({low:.4g} to {high:.4g}), n = {row['sessions']}"
-    place = f'cx="{float(panel.x(x)):.1f}" cy="{float(panel.y(mean)):.1f}" r="2.8"'
-    return f'<circle class="dot s0" {place}><title>{escape(words)}</title></circle>'
-
-
-def _number(month: str) -> int:
-    year, number = month.split("-")
-    return 12 * int(year) + int(number) - 1
-
-
 def changes_section(found: SeasonPageData) -> str:
     """Changes beyond chance, largest against their band first."""
     if not found.changes:
         return f"<p>No change is beyond chance among {plural(len(found.compared), 'comparison')}.</p>"
-    content = _explained(found) + _changes_table("changes", found.changes[:_OPEN_ROWS], _counted(found))
+    count = len(found.changes)
+    caption = plural(count, "change")
+    if count > _OPEN_ROWS:
+        caption = f"The largest {_OPEN_ROWS} of {count} changes."
+    content = (
+        '<p class="hint">Each athlete is compared with itself: months over the season, and 60 days after a change of '
+        f"rig with 60 days before. {plural(len(found.compared), 'comparison')} were made, so some would be beyond "
+        "their 95 % band by chance alone. The list is corrected for that (Benjamini and Hochberg 1995): of the changes "
+        "listed, about 1 in 20 is expected to be false. The largest against its band comes first.</p>"
+        + _changes_table("changes", found.changes[:_OPEN_ROWS], caption)
+    )
+    largest = list(dict.fromkeys((one.athlete, one.metric) for one in found.changes))[:_DRAWN]
     drawn = [
-        trend_chart(f"changed-{k}", one.athlete, one.metric, rows)
-        for k, one in enumerate(_drawn(found))
-        if (rows := found.trends.get((one.athlete, one.metric)))
+        trend_chart(f"changed-{k}", *one, found.trends[one])
+        for k, one in enumerate(largest)
+        if one in found.trends
     ]
     if rest := found.changes[_OPEN_ROWS:]:
         content += (
@@ -399,25 +362,14 @@ def failed_section(found: SeasonPageData) -> str:
     ordered = sorted(found.failed, key=lambda row: str(row["fault"]))
     groups = [(fault, list(rows)) for fault, rows in groupby(ordered, key=lambda row: str(row["fault"]))]
     for k, (fault, rows) in enumerate(sorted(groups, key=lambda group: -len(group[1]))):
-        cells = [[escape(row["recording"][:8]), escape(row["athlete"]), _date(row)] for row in rows]
+        cells = [
+            [escape(row["recording"][:8]), escape(row["athlete"]), f"{row['started'] or DASH!s:.10}"]
+            for row in rows
+        ]
         listed = table(f"failed-{k}", fault, ("Recording", "Athlete", "Day"), cells)
         title = f"{plural(len(rows), 'recording')}: {escape(fault)}"
         parts.append(f"<details><summary>{title}</summary>{listed}</details>")
     return "".join(parts)
-
-
-def _explained(found: SeasonPageData) -> str:
-    return (
-        '<p class="hint">Each athlete is compared with itself: months over the season, and 60 days after a change of '
-        f"rig with 60 days before. {plural(len(found.compared), 'comparison')} were made, so some would be beyond "
-        "their 95 % band by chance alone. The list is corrected for that (Benjamini and Hochberg 1995): of the changes "
-        "listed, about 1 in 20 is expected to be false. The largest against its band comes first.</p>"
-    )
-
-
-def _counted(found: SeasonPageData) -> str:
-    count = len(found.changes)
-    return plural(count, "change") if count <= _OPEN_ROWS else f"The largest {_OPEN_ROWS} of {count} changes."
 
 
 def _changes_table(key: str, changes: Sequence[AthleteComparison], caption: str) -> str:
@@ -448,14 +400,6 @@ def _change_row(one: AthleteComparison) -> list[str]:
     ]
 
 
-def _drawn(found: SeasonPageData) -> list[AthleteComparison]:
-    """The largest changes, of each athlete and metric once."""
-    unique: dict[tuple[str, str], AthleteComparison] = {}
-    for one in found.changes:
-        unique.setdefault((one.athlete, one.metric), one)
-    return list(unique.values())[:_DRAWN]
-
-
 def _health_row(name: str, rows: Sequence[Row]) -> list[str]:
     recordings = sum(row["recordings"] for row in rows)
     mean = sum(row["recordings"] * row["mean"] for row in rows) / recordings
@@ -465,10 +409,6 @@ def _health_row(name: str, rows: Sequence[Row]) -> list[str]:
     label = name.removesuffix("_share").replace("_", " ") if share else name
     where = [escape(str(worst[name] or DASH)) for name in ("athlete", "month")]
     return [escape(label), f"{recordings:,}", *values, *where, escape(worst["worst_recording"][:8])]
-
-
-def _date(row: Row) -> str:
-    return DASH if row["started"] is None else f"{row['started']:%Y-%m-%d}"
 
 
 def _places(width: float) -> int:
@@ -520,14 +460,11 @@ def season_page(name: str, found: SeasonPageData, selection: Selection) -> str:
     ]
     style = files("oarlock.season").joinpath("page.css").read_text(encoding="utf-8")
     heading = f"{name}: {selection.athlete}" if selection.athlete else f"Season: {name}"
-    lead = f'<div class="lead">{_lead(found)}</div>{tiles(_figures(found))}'
+    texts = (_rowed(found), _changed(found), _believed(found))
+    paragraphs = "".join(f"<p>{escape(text)}</p>" for text in texts)
+    lead = f'<div class="lead">{paragraphs}</div>{tiles(_figures(found))}'
     folded = ("trends",) if len(found.athletes) > 1 else ()
     return shell(heading, lead, sections, style=style, scripts=(sort_script(),), folded=folded)
-
-
-def _lead(found: SeasonPageData) -> str:
-    """Who rowed how much, what changed, whether it can be believed; a paragraph each."""
-    return "".join(f"<p>{escape(text)}</p>" for text in (_rowed(found), _changed(found), _believed(found)))
 
 
 def _rowed(found: SeasonPageData) -> str:
@@ -591,16 +528,15 @@ def _believed(found: SeasonPageData) -> str:
 def _figures(found: SeasonPageData) -> list[KeyFigure]:
     strokes = sum(row["strokes"] for row in found.recordings)
     time_s = sum(row["duration_s"] or 0.0 for row in found.recordings)
-    chart = len(found.metrics)
+    time = f"{time_s / 3600.0:,.0f} h" if time_s >= 7200.0 else f"{time_s / 60.0:.0f} min"
+    failed = len(found.failed)
     return [
         KeyFigure("Sessions", f"{len(found.recordings):,}", plural(len(found.athletes), "athlete")),
-        KeyFigure("Strokes", f"{strokes:,}", f"in {duration(time_s)} of recordings"),
-        KeyFigure("Changes beyond chance", str(len(found.changes)), f"in {plural(chart, 'metric')}"),
+        KeyFigure("Strokes", f"{strokes:,}", f"in {time} of recordings"),
         KeyFigure(
-            "Failed recordings",
-            str(len(found.failed)),
-            f"{100 * len(found.failed) / len(found.recordings):.1f} %",
+            "Changes beyond chance", str(len(found.changes)), f"in {plural(len(found.metrics), 'metric')}"
         ),
+        KeyFigure("Failed recordings", str(failed), f"{100 * failed / len(found.recordings):.1f} %"),
     ]
 
 

@@ -21,7 +21,6 @@ class Question:
 
     Args:
         name: of the macro or view.
-        line: what it answers.
         of_metric: whether it is asked of one metric, and of a range of stroke rates.
         compares: whether it brings numbers of several recordings together, so that they must be comparable.
         is_macro: whether it is called with parentheses.
@@ -105,7 +104,6 @@ class Change:
     Args:
         per_month: change a month of 30.4 days.
         low: lower end of its 95 % band.
-        high: upper end.
         change: from the first month to the last.
         changed: whether the 99.9 % band is beside zero. Of 1,000 athletes without a change about one is said to have
             changed.
@@ -123,7 +121,6 @@ class Trend:
     """A metric of one athlete over the months.
 
     Args:
-        athlete: the pseudonym.
         metric: the column; `oarlock.rowing.FEATURES` explains it.
         comparable: class of all runs that were used.
         months: one row a month: `month`, `sessions`, `strokes`, `rate`, `mean`, `low` and `high` (95 % band), `se`.

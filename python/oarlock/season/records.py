@@ -77,10 +77,8 @@ class Entry:
 
     Args:
         recording: its name in the season, made of its contents.
-        athlete: the pseudonym.
         kind: a recording of streams, or an export of a device: strokes, or points in time.
         start: the moment at which it began, UTC; None if nothing says so.
-        duration_s: None if unknown.
         session: texts of `session.toml`, with the pseudonym.
         files: SHA-256 by name in its folder.
     """
@@ -125,12 +123,18 @@ class Entry:
         kind = table.string("kind")
         if kind not in ("recording", "export"):
             raise DataError(f'{table.where("kind")}: is "{kind}"; expected recording or export')
-        length = table.number("duration_s", -1.0)
+        length, start = table.number("duration_s", -1.0), table.string("start", "")
+        try:
+            moment = datetime.datetime.fromisoformat(start) if start else None
+            if moment is not None and moment.utcoffset() != datetime.timedelta(0):
+                raise ValueError
+        except ValueError:
+            raise DataError(f'{table.where("start")}: "{start}" is no moment in UTC') from None
         return cls(
             table.string("recording"),
             table.string("athlete"),
             cast(Kind, kind),
-            _moment(table.string("start"), where) if "start" in table.values else None,
+            moment,
             None if length < 0.0 else length,
             _texts(table.table("session", {})),
             _texts(table.table("files", {})),
@@ -181,14 +185,8 @@ class RunRecord:
     """How one run over one recording ended; the commit record of its result. It has no times and no hosts.
 
     Args:
-        recording: name of the recording.
-        run: name of the run.
-        engine: version of Oarlock.
-        setup: name of the setup.
         comparable: numbers of runs with the same text may be compared.
-        status: done, or failed.
         fault: why it failed, a sentence; empty if it did not.
-        strokes: how many there are.
         files: SHA-256 by name in the result's folder.
         health: numbers about the sensors, by name.
     """
@@ -256,15 +254,3 @@ def parsed_toml(contents: bytes, where: str) -> TomlTable:
 
 def _texts(table: TomlTable) -> dict[str, str]:
     return {key: table.string(key) for key in table.values}
-
-
-def _moment(text: str, where: str) -> datetime.datetime:
-    try:
-        found = datetime.datetime.fromisoformat(text)
-    except ValueError:
-        raise DataError(
-            f'{where}: "{text}" is no moment; expected one such as 2026-05-01T07:30:00Z'
-        ) from None
-    if found.tzinfo is None:
-        raise DataError(f'{where}: "{text}" says no time zone; add Z for UTC')
-    return found.astimezone(datetime.UTC)

@@ -37,10 +37,6 @@ class Job:
 
     Args:
         season: address of the season; absolute, because other processes open it.
-        athlete: the pseudonym.
-        recording: name of the recording.
-        setup: name of the setup.
-        run: name of the run.
         versions: of the packages that results depend on; a process with others refuses the job.
         duration_s: length of the recording; longer ones go first.
         limit_s: time after which the computation counts as hanging, s.
@@ -149,10 +145,8 @@ class Plan:
 def make_plan(season: Season, again: bool = False, limit_s: float | None = None) -> Plan:
     """Compare what is stored with what should be.
 
-    Args:
-        season: which.
-        again: also repeat what failed in the same run.
-        limit_s: time limit of a recording, s; None is 300 s and 10 times its length.
+    `again` also repeats what failed in the same run. The time limit of a recording, s, is by default 300 s and 10 times
+    its length.
     """
     jobs, failed, without_setup, there, removed = list[Job](), dict[str, str](), list[str](), 0, 0
     for data in catalogue(season).of:
@@ -215,12 +209,7 @@ def run_season(
     A recording whose process ended is tried once more after all others, alone and in a new process, so that none is
     blamed for what another did, or for memory that others needed.
 
-    Args:
-        season: which.
-        executor: where it is computed; it is cancelled at the end.
-        plan: what is missing.
-        progress: called with the share done, 0 to 1.
-        look_again: what is missing then; asked when all is done.
+    The executor is cancelled at the end. `look_again` says what is missing when all is done.
     """
     log, outcome, asked = RunLog(season), RunCounts(), set[str]()
     outcome.log = log.name

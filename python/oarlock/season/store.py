@@ -49,8 +49,6 @@ class Season:
     """One season.
 
     Args:
-        place: where it lies.
-        name: for people.
         id: random; the same in every copy of the season.
         time_zone: of local times without a zone, such as Europe/Berlin.
         retention: months after which `prune` removes something, by what: ``raw`` or ``results``.

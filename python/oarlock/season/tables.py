@@ -48,7 +48,7 @@ RECORDINGS: Final = pa.schema(
         ("started", pa.timestamp("us", tz="UTC")),
         ("month", pa.string()),
         ("duration_s", pa.float64()),
-        *((name, pa.string()) for name in ("run", "status", "fault")),
+        *((name, pa.string()) for name in ("run", "status", "fault", "comparable", "engine")),
         ("strokes", pa.int32()),
     ]
 )
@@ -71,7 +71,6 @@ class AthleteData:
     """What is stored of an athlete.
 
     Args:
-        athlete: who.
         setup: name of the setup whose runs count.
         entries: by name of the recording; without hashes.
         records: of all runs over these recordings.
@@ -107,34 +106,27 @@ class AthleteData:
     def document(self) -> bytes:
         """For the metadata of the table."""
         entries = [
-            {**vars(one), "start": None if one.start is None else one.start.isoformat()}
-            for one in self.entries.values()
+            {**vars(one), "start": one.start and one.start.isoformat()} for one in self.entries.values()
         ]
-        return json.dumps(
-            {
-                "schema": SCHEMA,
-                "setup": self.setup,
-                "entries": entries,
-                "records": list(map(vars, self.records)),
-            }
-        ).encode()
+        about = {"schema": SCHEMA, "setup": self.setup, "entries": entries}
+        return json.dumps({**about, "records": list(map(vars, self.records))}).encode()
 
     def before(self, season: Season) -> AthleteData | None:
         """What the table was made from; None if there is no table, or it is damaged or of another version."""
+        moment = datetime.datetime.fromisoformat
         try:
             table = read_table(season.place.on_disk(self.file), columns=[])
             about: dict[str, Any] = json.loads((table.schema.metadata or {})[_ABOUT])
-        except (OSError, DataError, KeyError, ValueError):
+            if about["schema"] != SCHEMA:
+                return None
+            entries = [
+                Entry(**{**one, "start": None if one["start"] is None else moment(one["start"])})
+                for one in about["entries"]
+            ]
+            records = [RunRecord(**one) for one in about["records"]]
+            return AthleteData(self.athlete, about["setup"], {one.recording: one for one in entries}, records)
+        except (OSError, DataError, KeyError, ValueError, TypeError):
             return None
-        if about["schema"] != SCHEMA:
-            return None
-        moment = datetime.datetime.fromisoformat
-        entries = (
-            Entry(**{**one, "start": None if one["start"] is None else moment(one["start"])})
-            for one in about["entries"]
-        )
-        records = [RunRecord(**one) for one in about["records"]]
-        return AthleteData(self.athlete, about["setup"], {one.recording: one for one in entries}, records)
 
     def now(self, season: Season, before: AthleteData | None) -> AthleteData:
         """What is stored now; commit records are read of what is new, unfinished or failed."""
@@ -306,7 +298,7 @@ def recording_rows(found: Catalogue) -> pa.Table:
     rows, current = [], found.current()
     for entry in found.entries.values():
         run = current.get(entry.recording)
-        keys = ("run", "status", "fault", "strokes")
+        keys = ("run", "status", "fault", "comparable", "engine", "strokes")
         known = {key: getattr(run, key) for key in keys} if run else {"status": "waiting"}
         plain = {key: getattr(entry, key) for key in ("recording", "athlete", "kind", "month", "duration_s")}
         rows.append({**plain, **entry.shown_session(), "started": entry.start, **known})
@@ -349,35 +341,19 @@ def _without_nan(column: pa.ChunkedArray) -> pa.ChunkedArray:
     return pc.if_else(pc.is_nan(plain), pa.scalar(None, pa.float32()), plain)
 
 
-# ---- how much a season contains
-
-
-@dataclass(frozen=True)
-class AthleteCount:
-    """How much there is of one athlete; the days are of the first and last recording, UTC."""
-
-    athlete: str
-    recordings: int
-    hours: float
-    strokes: int
-    first: str
-    last: str
-
-
 @dataclass(frozen=True)
 class SeasonSummary:
     """How much a season contains.
 
     Args:
-        name: of the season.
         counts: numbers by what they count, in words.
-        athletes: of each athlete who was recorded.
+        athletes: of each who was recorded: athlete, recordings, hours, strokes, first and last day, UTC.
         faults: why a recording's current run failed, by recording.
     """
 
     name: str
     counts: Mapping[str, int]
-    athletes: Sequence[AthleteCount]
+    athletes: Sequence[Mapping[str, Any]]
     faults: Mapping[str, str]
 
 
@@ -386,6 +362,19 @@ def season_summary(season: Season) -> SeasonSummary:
     known = catalogue(season)
     current = known.current()
     status = Counter(current[name].status if name in current else "waiting" for name in known.entries)
+    athletes = []
+    for one in known.of:
+        entries = one.entries.values()
+        days = sorted(f"{entry.start:%Y-%m-%d}" for entry in entries if entry.start is not None) or [""]
+        row = {
+            "athlete": one.athlete.pseudonym,
+            "recordings": len(entries),
+            "hours": sum(entry.duration_s or 0.0 for entry in entries) / 3600.0,
+            "strokes": sum(record.strokes for record in one.current().values()),
+            "first": days[0],
+            "last": days[-1],
+        }
+        athletes += [row] if entries else []
     counts = {
         "athletes": len(known.of),
         "recordings": len(known.entries),
@@ -395,13 +384,4 @@ def season_summary(season: Season) -> SeasonSummary:
         "strokes": sum(record.strokes for record in current.values()),
     }
     faults = {name: record.fault for name, record in sorted(current.items()) if record.status == "failed"}
-    return SeasonSummary(season.name, counts, [_count(one) for one in known.of if one.entries], faults)
-
-
-def _count(data: AthleteData) -> AthleteCount:
-    entries = data.entries.values()
-    days = sorted(f"{entry.start:%Y-%m-%d}" for entry in entries if entry.start is not None)
-    hours = sum(entry.duration_s or 0.0 for entry in entries) / 3600.0
-    strokes = sum(record.strokes for record in data.current().values())
-    first, last = (days[0], days[-1]) if days else ("", "")
-    return AthleteCount(data.athlete.pseudonym, len(entries), hours, strokes, first, last)
+    return SeasonSummary(season.name, counts, athletes, faults)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import datetime
 import hashlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias
+from typing import Literal, TypeAlias, TypeVar
 
 from oarlock.season.records import (
     ENTRY_FILE,
@@ -23,6 +23,7 @@ from oarlock.storage.errors import DataError
 from oarlock.storage.parquet_table import read_table
 
 What: TypeAlias = Literal["damaged", "missing", "unfinished", "unknown"]
+Record = TypeVar("Record")
 Progress: TypeAlias = Callable[[float], None]
 _LEFT_S = 3600.0
 """A folder without its commit record is a stopped writer's if nothing was written into it for so long."""
@@ -37,7 +38,6 @@ class FileFault:
         what: damaged or missing files lose data; unfinished ones are left of a writer that was stopped, and cost space
             only.
         name: of the file or folder.
-        words: a sentence.
     """
 
     what: What
@@ -101,37 +101,39 @@ def _athlete(season: Season, athlete: str) -> list[FileFault]:
 
 def _recording(season: Season, athlete: str, name: str) -> Iterator[FileFault]:
     folder = recording_folder(athlete, name)
-    try:
-        entry = season.entry(athlete, name)
-    except DataError as error:
-        yield FileFault("damaged", f"{folder}/{ENTRY_FILE}", str(error))
-        return
-    if entry is None:
-        yield FileFault("unfinished", folder, f"has no {ENTRY_FILE}: {_STOPPED}")
-        return
-    if (entry.athlete, entry.recording) != (athlete, name):
-        words = f"{ENTRY_FILE} names the recording {entry.recording} of {entry.athlete}"
-        yield FileFault("damaged", folder, words)
-    yield from _files(season, folder, entry.files, ENTRY_FILE)
+    entry = yield from _record(season.entry, (athlete, name), f"{folder}/{ENTRY_FILE}")
+    if entry is not None:
+        if (entry.athlete, entry.recording) != (athlete, name):
+            words = f"{ENTRY_FILE} names the recording {entry.recording} of {entry.athlete}"
+            yield FileFault("damaged", folder, words)
+        yield from _files(season, folder, entry.files, ENTRY_FILE)
 
 
 def _result(
     season: Season, athlete: str, result: tuple[str, str], recordings: Sequence[str]
 ) -> Iterator[FileFault]:
-    recording, run = result
-    folder = result_folder(athlete, recording, run)
+    folder = result_folder(athlete, *result)
+    record = yield from _record(season.run_record, (athlete, *result), f"{folder}/{RUN_FILE}")
+    if record is not None:
+        if result[0] not in recordings:
+            words = "belongs to a recording that is not here; `season prune` removes it"
+            yield FileFault("unknown", folder, words)
+        yield from _files(season, folder, record.files, RUN_FILE)
+
+
+def _record(
+    read: Callable[..., Record | None], name: Sequence[str], file: str
+) -> Generator[FileFault, None, Record | None]:
+    """The commit record of a folder; None, and why, if it is damaged or not there."""
     try:
-        record = season.run_record(athlete, recording, run)
+        record = read(*name)
     except DataError as error:
-        yield FileFault("damaged", f"{folder}/{RUN_FILE}", str(error))
-        return
+        yield FileFault("damaged", file, str(error))
+        return None
     if record is None:
-        yield FileFault("unfinished", folder, f"has no {RUN_FILE}: {_STOPPED}")
-        return
-    if recording not in recordings:
-        words = "belongs to a recording that is not here; `season prune` removes it"
-        yield FileFault("unknown", folder, words)
-    yield from _files(season, folder, record.files, RUN_FILE)
+        folder, _, own = file.rpartition("/")
+        yield FileFault("unfinished", folder, f"has no {own}: {_STOPPED}")
+    return record
 
 
 def _files(season: Season, folder: str, files: Mapping[str, str], record: str) -> Iterator[FileFault]:
