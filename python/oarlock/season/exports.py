@@ -109,20 +109,14 @@ def export_notes(season: Season, athlete: str) -> list[str]:
 
 
 def remove_export(season: Season, athlete: str, note: str) -> list[str]:
-    """Remove the export of a note, then the note.
-
-    Returns:
-        What is out of reach, with what to do.
-    """
+    """Remove the export of a note; returns what is out of reach, with what to do."""
     try:
         table = TomlTable.parsed(season.place.read(note).decode(), Path(note))
         where, host = Path(table.string("folder")), table.string("host")
     except (FileNotFoundError, UnicodeDecodeError, DataError):
-        season.place.remove([note])
         return [
             f"{note}: the note of an export could not be read; ask who exports, and remove the folder by hand"
         ]
-    season.place.remove([note])
     if host != socket.gethostname():
         return [f"{where} on {host}: an export; remove it there"]
     if not where.exists():
