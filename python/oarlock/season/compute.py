@@ -95,12 +95,7 @@ Compute = Callable[[Entry, Tools], StrokesAndHealth]
 
 
 def run_job(job: Job, compute: Compute | None = None) -> Reply:
-    """Compute a recording and store its result, or the reason why there is none.
-
-    Args:
-        job: which.
-        compute: from an entry to strokes; None is `computed`.
-    """
+    """Compute a recording and store its result, or the reason why there is none; tests compute otherwise."""
     if (other := _other_versions(job)) is not None:
         return Reply("refused", other)
     try:

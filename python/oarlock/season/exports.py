@@ -59,15 +59,7 @@ def export_athlete(
     cut_gps_m: float | None = None,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Exported:
-    """Write everything of an athlete into `out/PSEUDONYM`.
-
-    Args:
-        season: which.
-        athlete: the pseudonym.
-        out: a folder outside the season.
-        cut_gps_m: remove positions that are so near to the start or the end of a track, m; None removes none.
-        progress: called with the share done, 0 to 1.
-    """
+    """Write everything of an athlete into `out/PSEUDONYM`; positions so near to the ends of a track are removed, m."""
     found = update_tables(season, athlete)
     if not found.of:
         raise not_in_season("athlete", athlete, season.athletes())

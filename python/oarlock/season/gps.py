@@ -39,16 +39,13 @@ _WIDER = 1.5
 def kept_positions(
     latitude_deg: NDArray[np.float64], longitude_deg: NDArray[np.float64], cut_m: float, secret: bytes = b""
 ) -> NDArray[np.bool_]:
-    """Which positions of a track may be shown.
+    """Which positions of a track may be shown, (T,); False where there is none.
 
     Args:
         latitude_deg: (T,), NaN where there is none.
         longitude_deg: (T,), NaN where there is none.
         cut_m: positions nearer than this to the first or the last one are cut; so are some up to twice as far.
         secret: from which the centres of the circles are moved; the same for all tracks of an athlete.
-
-    Returns:
-        (T,): True for positions outside both circles; False where there is none.
     """
     latitude_deg, longitude_deg = np.asarray(latitude_deg, float), np.asarray(longitude_deg, float)
     known = np.isfinite(latitude_deg) & np.isfinite(longitude_deg)

@@ -53,14 +53,10 @@ Row = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class AthleteComparison:
-    """One comparison of an athlete with itself, in the unit of the column.
+    """A change of an athlete with its 95 % band, in the unit of the column.
 
-    Args:
-        kind: "trend", from the first month to the last, or "rig", after a change of rig against before.
-        low: lower end of the 95 % band.
-        chance: probability of a change of this size or larger without a true one (two-sided).
-        sessions: how many it comes from.
-        period: for people, such as "2025-11 to 2026-10".
+    Its kind is "trend", from the first month to the last, or "rig", after a change of rig against before. `chance` is
+    the probability of a change of this size or larger without a true one (two-sided).
     """
 
     athlete: str
@@ -118,14 +114,9 @@ def beyond_chance(
 
 @dataclass(frozen=True)
 class SeasonPageData:
-    """What a page shows: rows of the database and of the questions of their names; SI and radians.
+    """What a page shows: rows of the questions of these names, in SI units and radians.
 
-    Args:
-        recordings: one row each: athlete, started, day, week (its Monday), duration_s, status, strokes, comparable.
-        classes: classes of runs, most recordings first.
-        comparable: the class whose numbers are shown; None without results.
-        trends: months by athlete and metric.
-        changes: those that are beyond chance.
+    `comparable` is the class of runs whose numbers are shown, `changes` are the comparisons beyond chance.
     """
 
     athletes: Sequence[str]

@@ -58,13 +58,10 @@ class Job:
 
 @dataclass(frozen=True)
 class Reply:
-    """What a task answers to a job.
+    """What a task answers to a job, with the reason in words.
 
-    Args:
-        status: ``done`` and ``failed`` are stored; ``there``: the result was stored before; ``removed``: the raw data
-            are gone; ``refused``: the job cannot be done here, and no recording is to blame.
-        words: why, a sentence; empty if it was done or there.
-        computed_s: time of the computation, s; 0 where there was none.
+    ``done`` and ``failed`` are stored; ``there``: the result was stored before; ``removed``: the raw data are gone;
+    ``refused``: the job cannot be done here, and no recording is to blame.
     """
 
     status: Literal["done", "failed", "there", "removed", "refused"]
@@ -120,14 +117,9 @@ def versions() -> tuple[tuple[str, str], ...]:
 
 @dataclass(frozen=True)
 class Plan:
-    """What is to be computed.
+    """What is to be computed, the longest first; how many results are there; what failed before in the same run.
 
-    Args:
-        jobs: the longest first, within a factor of two.
-        there: recordings that have the result.
-        failed: reasons by recording, where the same run failed before; `again` makes jobs of them.
-        without_setup: recordings for which no setup was chosen.
-        removed: recordings of which the raw data are gone, because retention ended.
+    `removed` counts recordings of which the raw data are gone, because retention ended.
     """
 
     jobs: Sequence[Job]

@@ -32,13 +32,7 @@ _STOPPED = "its writer was stopped, or is still at work"
 
 @dataclass(frozen=True)
 class FileFault:
-    """Something that is not as it should be.
-
-    Args:
-        what: damaged or missing files lose data; unfinished ones are left of a writer that was stopped, and cost space
-            only.
-        name: of the file or folder.
-    """
+    """A file or folder that is not as it should be; unfinished ones cost space only."""
 
     what: What
     name: str
@@ -190,13 +184,7 @@ class Pruned:
 
 
 def prune(season: Season, today: datetime.date, dry_run: bool = True) -> list[Pruned]:
-    """Find superseded runs, what retention ends, and what stopped writers left; and remove it.
-
-    Args:
-        season: which.
-        today: the day from which months of retention are counted back.
-        dry_run: only say what would be removed.
-    """
+    """Find superseded runs, what ended its retention before today, and what stopped writers left; and remove it."""
     found = []
     for one in catalogue(season).of:
         name = one.athlete.pseudonym
