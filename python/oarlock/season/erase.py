@@ -48,7 +48,7 @@ def erase(season: Season, athlete: str, *, dry_run: bool = True) -> Erasure:
         "exports": len(notes),
         "object versions": len(versions.names()),
     }
-    if athlete not in season.folders() and not any(removed.values()):
+    if "/" in athlete or (athlete not in season.folders() and not any(removed.values())):
         raise not_in_season("athlete", athlete, season.folders())
     if dry_run:
         return Erasure(athlete, True, removed)

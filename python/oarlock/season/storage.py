@@ -30,7 +30,7 @@ class SeasonStorage(Protocol):
     address: str
 
     def read(self, name: str) -> bytes:
-        """The contents."""
+        """The contents; a FileNotFoundError if nothing has this name."""
 
     def write(self, name: str, contents: bytes) -> None:
         """Write or replace one file as a whole."""
@@ -64,7 +64,7 @@ class SeasonStorage(Protocol):
         """Remove a folder, and those in it, as far as there are no files in them; an object store has none."""
 
     def on_disk(self, name: str) -> Path:
-        """A file of the same contents that other programs can open: itself, or a copy in the cache."""
+        """A file of the same contents that other programs can open, itself or a copy; errors as `read`."""
 
     def forget_copies(self, but: Collection[str] = ()) -> int:
         """Remove the copies that `on_disk` made, but not in these folders; returns how many were removed."""
