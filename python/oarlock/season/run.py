@@ -102,7 +102,7 @@ class Executor(Protocol):
         """Take a job."""
 
     def as_completed(self) -> Iterator[Ended]:
-        """Jobs as they end, until none is left; more may be submitted meanwhile. A DataError if what computes is gone."""
+        """Jobs as they end, until none is left; more may be submitted meanwhile. DataError if what computes is gone."""
 
     def cancel(self) -> None:
         """Stop at once; nothing further comes from `as_completed`."""
