@@ -213,6 +213,9 @@ def test_what_no_recording_is_to_blame_for_ends_the_run_and_the_next_continues(s
     with pytest.raises(DataError, match=r"no space left on device\. All finished results are stored"):
         run_season(season, here, plan)
     assert here.is_cancelled
+    (log,) = (name for name, _ in season.place.files("logs"))
+    assert b"stopped" in season.place.read(log)
+    assert not any(name.encode() in season.place.read(log) for name in season.athletes())
     assert done(season).computed == 3
 
 

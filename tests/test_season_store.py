@@ -18,6 +18,7 @@ from oarlock.season.database import Database
 from oarlock.season.storage import FolderStorage
 from oarlock.season.tables import catalogue, update_tables
 from oarlock.season.upkeep import check, prune, repair
+from oarlock.storage.write_file import TEMPORARY
 
 
 @pytest.fixture
@@ -191,6 +192,23 @@ def test_a_result_takes_the_place_of_a_failure_in_the_tables(season: Season, tmp
     support.add_strokes(season, one, tmp_path, 1)
     assert rows(season, "failed") == []
     assert len(rows(season, "strokes")) == 5
+
+
+def test_what_stopped_writers_left_is_pruned_after_an_hour(
+    season: Season, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    support.add_strokes(season, support.add_noise(season, "AAAAAA", 1), tmp_path, 1)
+    update_tables(season)
+    stays = sorted(name for name, _ in season.place.files())
+    top = "athlete=AAAAAA"
+    left = [f"{top}/.new/abc/run.toml", f"{top}/{TEMPORARY}x", f"{top}/recordings/{'0' * 20}/a.parquet"]
+    for name in left:
+        season.place.write(name, b"half")
+    day = datetime.date(2026, 4, 1)
+    assert prune(season, day) == []
+    monkeypatch.setattr("oarlock.season.upkeep._LEFT_S", -1.0)
+    assert [one.bytes for one in prune(season, day, dry_run=False)] == [4, 4, 4]
+    assert sorted(name for name, _ in season.place.files()) == stays
 
 
 def test_retention_removes_raw_data_and_keeps_strokes(season: Season, tmp_path: Path) -> None:

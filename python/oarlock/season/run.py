@@ -215,7 +215,7 @@ def run_season(
             jobs = [job for job in more if job.recording not in asked]
         log.add("finished", computed=outcome.computed, failed=len(outcome.failed))
     except BaseException as error:
-        log.add("stopped", words=f"{type(error).__name__}: {error}")
+        log.add("stopped", words=type(error).__name__)  # its words may name an athlete
         raise
     finally:
         executor.cancel()

@@ -93,8 +93,14 @@ class Season:
     def write(self, athlete: str, name: str, contents: bytes) -> bool:
         """Write or replace a file in an athlete's folder; False if the athlete was erased meanwhile."""
         file = f"{athlete_folder(athlete)}/{name}"
-        self.place.write(file, contents)
+        fault = None
+        try:
+            self.place.write(file, contents)
+        except DataError as error:  # perhaps because an erasure removes the folder
+            fault = error
         if self.is_here(athlete):
+            if fault is not None:
+                raise fault
             return True
         self.place.remove([file])
         self.place.remove_empty(athlete_folder(athlete))

@@ -21,6 +21,7 @@ from oarlock.season.store import Season, in_threads
 from oarlock.season.tables import AthleteData, catalogue, update_tables
 from oarlock.storage.errors import DataError
 from oarlock.storage.parquet_table import read_table
+from oarlock.storage.write_file import TEMPORARY
 
 What: TypeAlias = Literal["damaged", "missing", "unfinished", "unknown"]
 Record = TypeVar("Record")
@@ -206,11 +207,16 @@ def _unfinished(season: Season, athlete: str) -> Iterator[Pruned]:
     for kind, record in (("recordings", ENTRY_FILE), ("results", RUN_FILE)):
         names = (f"{top}/{kind}/{name}" for name in place.children(f"{top}/{kind}"))
         folders += [folder for folder in names if not place.exists(f"{folder}/{record}")]
-    for folder in folders:
-        files = list(place.files(folder))
-        if all(place.age_s(name) > _LEFT_S for name, _ in files):
+    files = {folder: list(place.files(folder)) for folder in folders}
+    files |= {name: [(name, size)] for name, size in place.files(top) if _is_temporary(name)}
+    for folder, own in files.items():
+        if all(place.age_s(name) > _LEFT_S for name, _ in own):
             why = "was left unfinished by a writer that was stopped"
-            yield Pruned(folder, why, sum(size for _, size in files))
+            yield Pruned(folder, why, sum(size for _, size in own))
+
+
+def _is_temporary(name: str) -> bool:
+    return name.rpartition("/")[2].startswith(TEMPORARY)
 
 
 def _superseded(season: Season, athlete: str, data: AthleteData) -> Iterator[Pruned]:
@@ -243,13 +249,14 @@ def _ended(season: Season, athlete: str, data: AthleteData, today: datetime.date
 
 def _remove(season: Season, pruned: Pruned) -> None:
     """Remove a folder; of a recording that was whole its entry stays, so that its strokes keep it."""
+    if _is_temporary(pruned.folder):
+        return season.place.remove([pruned.folder])
     top, kind, name = pruned.folder.split("/")
     entry = season.entry(top.partition("=")[2], name) if kind == "recordings" else None
     if entry is None:
-        season.place.remove_folder(pruned.folder, RUN_FILE if kind == "results" else "")
-        return
+        return season.place.remove_folder(pruned.folder, RUN_FILE if kind == "results" else "")
     season.place.write(f"{pruned.folder}/{ENTRY_FILE}", replace(entry, files={}).toml())
-    season.place.remove([f"{pruned.folder}/{file}" for file in entry.files])
+    return season.place.remove([f"{pruned.folder}/{file}" for file in entry.files])
 
 
 def _size(season: Season, folder: str) -> int:
