@@ -126,8 +126,8 @@ class Season:
 
     def recordings(self) -> dict[str, str]:
         """The athlete of each recording, finished or not, by its name."""
-        here = [name for name in self.folders() if self.is_here(name)]
-        found = in_threads(self.recordings_of, here)
+        here = self.folders()
+        found = in_threads(lambda name: self.recordings_of(name) if self.is_here(name) else [], here)
         return {recording: athlete for athlete, own in zip(here, found, strict=True) for recording in own}
 
     def recordings_of(self, athlete: str) -> list[str]:
