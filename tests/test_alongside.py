@@ -411,7 +411,7 @@ def test_the_report_of_a_track_shows_force_beside_the_motion(tmp_path):
         str(tmp_path / "out"),
         "--with",
         str(export),
-        "--offset",
+        "--offset-s",
         "-200",
         "--out",
         str(tmp_path / "piece.html"),

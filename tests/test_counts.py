@@ -127,7 +127,7 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Told]:
         recording = made()
         recording.save(folder / "trial")
         words = ("track", folder / "trial", "--model", model, "--no-suspects", "--smooth", "--out")
-        terminal = run(*words, folder / "out").output
+        terminal = run(*words, folder / "out", "--verbose").output
         as_json = json.loads(run(*words, folder / "json", "--json").stdout)
         page = (
             (folder / "out" / "report.html")

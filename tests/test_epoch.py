@@ -225,7 +225,14 @@ def test_terminal_and_report_show_the_start(pair, tmp_path):
     *_, (recording, _) = pair.values()
     recording.save(tmp_path / "rec")
     shown = run(
-        "track", tmp_path / "rec", "--model", "pendulum3", "--out", tmp_path / "track", "--no-suspects"
+        "track",
+        tmp_path / "rec",
+        "--model",
+        "pendulum3",
+        "--out",
+        tmp_path / "track",
+        "--no-suspects",
+        "--verbose",
     )
     assert "2023-11-14 22:13:20.00 UTC" in shown.stdout
     report = (tmp_path / "track/report.html").read_text(encoding="utf-8")

@@ -271,7 +271,7 @@ def test_typed(saved: Path, tmp_path: Path) -> None:
         "frames.csv",
     ]
     assert document["body_names"]["r_wrist"] == "r_wrist"
-    again = run("export", saved, "--out", tmp_path / "x", "--radians", "--axes", "root")
+    again = run("export", saved, "--out", tmp_path / "x", "--radians", "--axes", "root", "--force")
     assert "Wrote" in again.stdout
     assert "inDegrees=no" in (tmp_path / "x/coordinates.mot").read_text(encoding="ascii")
 

@@ -160,7 +160,7 @@ def test_what_the_file_does_not_say_is_asked_for(tmp_path):
     text = Page(page.read_text("utf-8")).text
     assert "Date and place not in the file." in text and "--date DATE" in text
     run(
-        "strokes",
+        *("rowing", "strokes"),
         str(EXAMPLE),
         "--report",
         str(page),

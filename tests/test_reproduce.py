@@ -233,9 +233,10 @@ def test_the_verb_writes_a_page_and_tables(tmp_path):
     assert (out / "report.html").exists() and (out / "run.toml").exists()
     table = parquet.read_table(out / "fig3.parquet")
     assert table.num_rows > 500 and "trunk_true_rad" in table.column_names
-    run(*command)
+    assert "contains files" in run(*command, status=2).output
+    run(*command, "--force")
     other = run("lab", "reproduce", "fig3", "--out", str(tmp_path), status=2)
-    assert "contains other files" in other.output
+    assert "contains files" in other.output
     run("lab", "reproduce", "table7", "--out", str(out), status=2)
 
 
@@ -358,8 +359,9 @@ def test_the_verb_says_what_it_kept_and_makes_it_anew(tmp_path):
     command = ["lab", "reproduce", "fig3", "--seed", str(UNSEEN), "--duration-s", "5", "--out", str(out)]
     (out / "parts").mkdir(parents=True)  # as a reproduction leaves it that was killed
     assert "Kept from before" not in run(*command).stdout
-    assert "Kept from before: fig3; --anew makes them again" in " ".join(run(*command).stdout.split())
-    assert "Kept from before" not in run(*command, "--anew").stdout
+    again = run(*command, "--force").stdout
+    assert "Kept from before: fig3; --anew makes them again" in " ".join(again.split())
+    assert "Kept from before" not in run(*command, "--force", "--anew").stdout
 
 
 def test_unknown_parts_are_refused():

@@ -10,7 +10,7 @@ import typer
 from oarlock.cli.function_verbs import FunctionText, arguments_of, options_of
 from oarlock.cli.made_verb import made_verb
 from oarlock.cli.options import Json, example
-from oarlock.cli.terminal import UsageError, check_folder, details, free_file, print_json, steps
+from oarlock.cli.terminal import UsageError, check_folder, details, free_file, print_json, say, steps
 
 if TYPE_CHECKING:
     from oarlock.tracking.settings import Settings
@@ -78,6 +78,7 @@ def run(
         return
     with details():
         write_summary(track)
+        say()
     write_result(track, page)
     with details():
         steps(f"oarlock view {out}/track", f"oarlock export {out}/track --out FOLDER")

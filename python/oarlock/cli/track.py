@@ -189,6 +189,7 @@ def track(
     write_suspects(found)
     with details():
         write_summary(result)
+        say()
     write_result(result, report if report.exists() else None)
     with details():
         tables = ", ".join(f"{name}.parquet" for name in ("track", *beside(result)))

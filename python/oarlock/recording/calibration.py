@@ -150,7 +150,7 @@ def _three(check: Callable[..., FloatArray], name: str, unit: str) -> Callable[[
 def _instance(kind: type, field_name: str, value: object, name: str) -> object:
     if not isinstance(value, kind):
         raise DataError(
-            f'calibration, {field_name} of "{name}": expected oarlock.{kind.__name__}(...), got {value!r}'
+            f'calibration, {field_name} of "{name}": expected oarlock.recording.{kind.__name__}(...), got {value!r}'
         )
     return value
 
