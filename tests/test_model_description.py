@@ -100,7 +100,7 @@ def test_every_field_is_typed_and_documented() -> None:
             assert hint is not Any, f"{part.__name__}.{name}"
             about = cleandoc(part.__doc__ or "")
             assert name in inherited or f"    {name}: " in about, f"{part.__name__}.{name}"
-        assert getattr(oarlock, part.__name__) is part
+        assert getattr(oarlock.model, part.__name__) is part
 
 
 def test_a_calibration_shows_in_lengths_places_and_mounts(sculler: oarlock.Model) -> None:

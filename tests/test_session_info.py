@@ -55,7 +55,9 @@ def test_tracks_carry_it_and_their_hash_does_not(tmp_path):
 
 def test_terminal_and_json(tmp_path):
     recording(WHO)[1].save(tmp_path / "rec")
-    said = run("track", tmp_path / "rec", "--model", "pendulum3", "--out", tmp_path / "out").stdout
+    said = run(
+        "track", tmp_path / "rec", "--model", "pendulum3", "--out", tmp_path / "out", "--verbose"
+    ).stdout
     assert "A07, 2026-05-01" in said
     assert (tmp_path / "out/session.toml").is_file()
 

@@ -59,8 +59,8 @@ def test_a_long_track_is_cut_and_it_is_said(folder, browsed, tmp_path, monkeypat
 @pytest.mark.parametrize(
     ("arguments", "status", "words"),
     [
-        (["--start", "3", "--end", "2"], 2, "--start 3 is not before --end 2"),
-        (["--start", "30", "--end", "40"], 1, "no sample from 30.0 to 40.0 s"),
+        (["--start-s", "3", "--end-s", "2"], 2, "--start-s 3 is not before --end-s 2"),
+        (["--start-s", "30", "--end-s", "40"], 1, "no sample from 30.0 to 40.0 s"),
         (["--every-s", "0"], 1, "every_s is 0"),
         (["--ghost", "nowhere"], 1, "nowhere"),
     ],
