@@ -187,11 +187,11 @@ def in_commands(folder: Path) -> Iterator[tuple[str, Call]]:
         "absent_recording": f"track {folder}/absent --model sculler --out {folder}/out",
         "misspelt_option": f"track {folder} --modell sculler --out {folder}/out",
         "misspelt_setting": f"track {folder} --model sculler --set structur=tree --out {folder}/out",
-        "unknown_format": f"export {folder} --to {folder}/out --format xlsx",
+        "unknown_format": f"export {folder} --out {folder}/out --format xlsx",
         "absent_model": "model show scullerr",
         "wrong_condition": f"simulate --condition X --out {folder}/out",
         "negative_duration": f"simulate --duration-s -3 --out {folder}/out",
-        "absent_strokes": f"strokes {folder}/absent.csv",
+        "absent_strokes": f"rowing strokes {folder}/absent.csv",
     }
     for key, line in lines.items():
         yield f"command/{key}", partial(run_command, *line.split())
