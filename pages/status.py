@@ -151,10 +151,12 @@ def sections(record: Record) -> Mapping[str, Mapping[str, str]]:
     made = f"{made_text(record)}; `make pages PAGES=status` measures it anew."
     found = record["rows"]
     short = [_line(found[key]) for key in README_ROWS if key in found]
-    full = [[*_line(row), _number(max(row["worst_deg"]))] for row in found.values()]
+    others = [
+        [*_line(row), _number(max(row["worst_deg"]))] for key, row in found.items() if key not in README_ROWS
+    ]
     return {
         "README.md": {"status": f"{table(COLUMNS, short)}\n\n{made}"},
-        "docs/bands.md": {"figures": f"{table((*COLUMNS, WORST), full)}\n\n{made}"},
+        "docs/bands.md": {"figures": f"{table((*COLUMNS, WORST), others)}\n\n{made}"},
     }
 
 
@@ -183,7 +185,7 @@ def _values(values: Sequence[float]) -> str:
 
 def _shares(values: Sequence[float]) -> str:
     mean = percent(float(np.mean(values)))
-    return mean if len(values) == 1 else f"{mean} ({percent(min(values))} to {percent(max(values))})"
+    return mean if len(values) == 1 else f"{mean} ({percent(min(values))})"
 
 
 def _number(value: float) -> str:
