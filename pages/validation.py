@@ -30,7 +30,12 @@ SCORED = (
     ("singular", "Upper arm in the world, RMSE after 2 s"),
 )
 """The set and the title of each table that the page shows; None is the set's first."""
-COLUMNS_IN_RECORD_ONLY = ("VQF + 0.3 deg", "worst as tracked")
+COLUMNS_IN_RECORD_ONLY = (
+    *("VQF + 0.3 deg", "worst as tracked", "e2/var"),
+    *("circle-100", "circle-250", "triangle-150", "triangle-250"),
+    *("slow rotation A", "fast translation A", "tapping A", "phone vibration A"),
+)
+"""The means contain them."""
 ROWS_IN_RECORD_ONLY = ("calibration found", "inverse kinematics", "9D, smoothed", "hinges 6D, smoothed")
 """Words in the names of rows that say what others say."""
 
