@@ -87,7 +87,7 @@ PAGES = {
         *("rowing/report/export_force.py", "rowing/report/export_pace.py"),
     ),
     "crew page": ("rowing/report/crew/write.py",),
-    "season page": ("season/page/write.py",),
+    "season page": ("season/page.py",),
     "comparison page": ("report/comparison.py",),
     "study page": ("report/study_page.py",),
     "page of faults": ("report/fault_page.py",),

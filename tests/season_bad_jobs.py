@@ -17,9 +17,9 @@ from pathlib import Path
 import numpy as np
 
 from oarlock.rowing import StrokeTable
-from oarlock.season.entry import Entry
-from oarlock.season.run.compute import Compute, StrokesAndHealth, Tools, computed, fetch, run_job
-from oarlock.season.run.job import Job, Reply
+from oarlock.season import Entry
+from oarlock.season.compute import Compute, StrokesAndHealth, Tools, computed, fetch, run_job
+from oarlock.season.run import Job, Reply
 
 BAD, COUNT = "OARLOCK_TEST_BAD", "OARLOCK_TEST_COUNT"
 
@@ -47,7 +47,7 @@ def _counted(job: Job, compute: Compute) -> Reply:
         return compute(entry, tools)
 
     reply = run_job(job, watched)
-    if reply.told in ("done", "failed"):
+    if reply.status in ("done", "failed"):
         _note("stored", job)
     return reply
 

@@ -13,8 +13,7 @@ import numpy as np
 
 from oarlock import ImuStream, Recording
 from oarlock.rowing import StrokeTable, save_strokes
-from oarlock.season import Admission, Athlete, Season, Setup
-from oarlock.season.add import done_record
+from oarlock.season import Admission, Athlete, RunRecord, Season, Setup
 
 SETUP = Setup(model=b'name = "sculler"\n')
 
@@ -53,12 +52,19 @@ def strokes_of(folder: Path, seed: int, count: int = 5) -> bytes:
 
 
 def add_strokes(
-    season: Season, recording: str, folder: Path, seed: int, engine: str = "0.1.0", setup: Setup = SETUP
+    season: Season,
+    recording: str,
+    folder: Path,
+    seed: int,
+    engine: str = "0.1.0",
+    setup: Setup = SETUP,
+    athlete: str = "",
 ) -> str:
-    """Name of the run that has these strokes as its result."""
+    """Name of the run that has these strokes as its result; without `athlete` the recording is there."""
     contents = strokes_of(folder, seed)
-    record = done_record(recording, setup, engine, contents, 5, {})
-    season.put_result(record, {"strokes.parquet": contents}, setup)
+    record = RunRecord.done(recording, setup, engine, contents, 5, {})
+    owner = athlete or season.recordings()[recording]
+    season.put_result(owner, record, {"strokes.parquet": contents}, setup)
     return record.run
 
 
@@ -83,16 +89,16 @@ from tempfile import mkdtemp
 sys.path.insert(0, {tests!r})
 import season_support as support
 from oarlock.season import open_season
-from oarlock.season.compact import compact
+from oarlock.season.tables import update_tables
 season = open_season({season!r})
 scratch = Path(mkdtemp(dir={scratch!r}))
 for seed in itertools.count({first}):
     if "add" in {does!r}:
         name = support.add_noise(season, {athlete!r}, seed, support.day(seed % 300))
     if "result" in {does!r}:
-        support.add_strokes(season, name, scratch, seed)
-    if "compact" in {does!r}:
-        compact(season)
+        support.add_strokes(season, name, scratch, seed, athlete={athlete!r})
+    if "tables" in {does!r}:
+        update_tables(season)
     print(seed, flush=True)
 """
 
@@ -103,7 +109,7 @@ def writer(
 ) -> Iterator[subprocess.Popen[str]]:
     """A process that stores recordings from a seed on, until the end of the block kills it; a line for each.
 
-    It adds, stores results and compacts, as the words of `does` say.
+    It adds, stores results and updates tables, as the words of `does` say.
     """
     code = _WRITER.format(
         tests=str(Path(__file__).parent),

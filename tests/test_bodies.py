@@ -376,7 +376,7 @@ def test_the_command_line_chooses_a_person_and_units():
         "1.92",
         "--mass-kg",
         "95",
-        "--units",
+        "--sensors",
         "thigh_l,shank_l",
         "--json",
     ]
@@ -397,7 +397,7 @@ def test_the_command_line_tracks_with_fewer_units(tmp_path):
         "lower_body",
         "--stature-m",
         "1.75",
-        "--units",
+        "--sensors",
         "thigh_r,shank_r",
     ]
     run(*asked, "--low-pass-hz", "6", "--no-suspects", "--out", tmp_path / "out")

@@ -181,7 +181,7 @@ def test_the_verb_writes_the_page_and_json(four, tmp_path, monkeypatch):
     for seat in four.seats:
         seat.data.save(tmp_path / seat.name)
     folders = [tmp_path / name for name in NAMES]
-    given = ("--seats", "bow,2,3,stroke", "--clock-ms", 0, "--source", "oars", "--against", "stroke")
+    given = ("--seats", "bow,2,3,stroke", "--clock-ms", 0, "--movement", "oars", "--against", "stroke")
     out = tmp_path / "boat.html"
     found = json.loads(run("rowing", "crew", *folders, *given, "--out", out, "--json").stdout)
     late = {(one["seat"], one["event"]): one["mean_s"] for one in found["delays"]}

@@ -20,7 +20,7 @@ from oarlock_lab.emulators.swinging import swinging
 
 def test_a_kind_is_emulated_and_its_rig_written(tmp_path):
     rig, port = tmp_path / "rig.toml", free_port()
-    words = ("--model", "pendulum3", "--sensors", "upper,lower", "--port", port, "--rig", rig)
+    words = ("--model", "pendulum3", "--sensors", "upper,lower", "--port", port, "--rig-file", rig)
     said = run("lab", "emulate", "lines", *words, "--duration-s", "0.3").stdout
     assert f"sends to 127.0.0.1:{port}" in said and "oarlock live run" in said
     found = Rig.load(rig)
@@ -57,7 +57,7 @@ def test_a_kind_that_feeds_no_sensor_gets_a_rig_without_streams(tmp_path, name):
 
 def test_a_session_of_a_gps_receiver_records_its_speed(tmp_path):
     rig, port = tmp_path / "rig.toml", free_port()
-    said = run("lab", "emulate", "nmea", "--port", port, "--rig", rig, "--duration-s", "0.1").stdout
+    said = run("lab", "emulate", "nmea", "--port", port, "--rig-file", rig, "--duration-s", "0.1").stdout
     assert "feeds no sensor of a body" in " ".join(said.split())
     device = subprocess.Popen(
         [sys.executable, "-m", "oarlock", "lab", "emulate", "nmea", "--port", str(port)]

@@ -4,7 +4,6 @@ The files are written by hand after what rowingdata 3.8.2, Open Rowing Monitor a
 """
 
 import datetime
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,9 +17,9 @@ from oarlock.rowing import Activity, StrokeTable, load_export, load_stroke_expor
 from oarlock.rowing.exports.starts import epoch_of_text
 from oarlock.rowing.strokes.table import running
 from oarlock.season import Admission, create_season
-from oarlock.season.compact import compact, known_now
-from oarlock.season.run.compute import run_job
-from oarlock.season.run.plan import make_plan
+from oarlock.season.compute import run_job
+from oarlock.season.run import make_plan
+from oarlock.season.tables import catalogue, update_tables
 from refusals import assert_refused
 
 EXAMPLES = Path(__file__).parents[1] / "examples/strokes"
@@ -246,11 +245,11 @@ def test_a_season_knows_when_an_export_began_and_keeps_no_position(tmp_path: Pat
     assert [entry.kind for entry in entries] == ["export"] * 4
     assert [round(entry.duration_s or 0.0) for entry in entries] == [89, 8, 84, 732]
     assert list(entries[0].files) == ["export.fit"]
-    table = pq.read_table(pa.BufferReader(season.place.read(compact(season).files["recordings"])))
-    assert 89.0 in table["duration_s"].to_pylist()
+    known = update_tables(season)
+    assert 89.0 in [entry.duration_s for entry in known.entries.values()]
+    table = pq.read_table(pa.BufferReader(season.place.read(known.of[0].file)))
     assert not [name for name in table.column_names if "lat" in name or "lon" in name]
-    stored = season.entry(entries[0].recording)
-    assert stored == replace(entries[0], files=entries[0].files)
+    assert season.entry("AAAAAA", entries[0].recording) == entries[0]
 
 
 def test_a_run_over_exports_finds_their_strokes_and_none_in_points_in_time(tmp_path: Path) -> None:
@@ -260,15 +259,15 @@ def test_a_run_over_exports_finds_their_strokes_and_none_in_points_in_time(tmp_p
     watch.write_bytes(fit_bytes.fit_file(fit_bytes.watch(90)))
     for file in (watch, saved(tmp_path, rowsandall())):
         Admission(season, "AAAAAA").add(file)
-    assert [run_job(job).told for job in make_plan(season).jobs] == ["done", "done"]
-    records = known_now(season).current(season)
+    assert [run_job(job).status for job in make_plan(season).jobs] == ["done", "done"]
+    records = catalogue(season).current()
     assert sorted(record.strokes for record in records.values()) == [0, 4]
     (with_strokes,) = (record for record in records.values() if record.strokes)
-    name = f"results/{with_strokes.recording}.{with_strokes.run}/strokes.parquet"
+    name = f"athlete=AAAAAA/results/{with_strokes.recording}.{with_strokes.run}/strokes.parquet"
     table = pq.read_table(pa.BufferReader(season.place.read(name)))
     assert table.schema.metadata[b"epoch"].decode() == START
     assert not [column for column in table.column_names if "tude" in column]
-    compact(season)
+    update_tables(season)
 
 
 def test_a_season_refuses_an_export_that_cannot_be_read(tmp_path: Path) -> None:
@@ -277,4 +276,4 @@ def test_a_season_refuses_an_export_that_cannot_be_read(tmp_path: Path) -> None:
     cut = tmp_path / "cut.fit"
     cut.write_bytes(fit_bytes.fit_file(fit_bytes.watch(90))[:-100])
     assert_refused(lambda: Admission(season, "AAAAAA").add(cut), "cut.fit", "no whole FIT file")
-    assert season.recordings() == []
+    assert season.recordings() == {}

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from oarlock.season import Database
-from oarlock.season.questions.ask import answer
+from oarlock.season.questions import answer
 from oarlock_lab.synthetic_season import BASES, Synthetic, SyntheticAthlete
 from season_answers import answered
 
@@ -30,7 +30,7 @@ def test_bands_contain_the_truth_and_unchanged_athletes_are_not_named(tmp_path: 
             tmp_path / str(seed), Synthetic(40 * sessions, 40, seed=seed, strokes=36)
         )
         named: dict[str, SyntheticAthlete] = {one.athlete.pseudonym: one for one in squad}
-        with Database(season, current=current) as database:
+        with Database(season, tables=current) as database:
             for metric in BASES:
                 for row in answer(database, "changes", metric).to_pylist():
                     one = named[row["athlete"]]

@@ -21,12 +21,11 @@ import season_support as support
 from exact_recording import sculler
 from oarlock import DataError
 from oarlock.season import Season, create_season, open_season
-from oarlock.season.check import check
-from oarlock.season.run.cluster import DaskCluster
-from oarlock.season.run.plan import Plan, make_plan
-from oarlock.season.run.processes import Processes
-from oarlock.season.run.runner import RunCounts, run_season
-from oarlock.season.run.setups import choose_setup, make_setup
+from oarlock.season.cluster import DaskCluster
+from oarlock.season.compute import choose_setup, make_setup
+from oarlock.season.processes import Processes
+from oarlock.season.run import Plan, RunCounts, make_plan, run_season
+from oarlock.season.upkeep import check
 
 pytest.importorskip("distributed")
 pytestmark = pytest.mark.long
@@ -100,7 +99,7 @@ def season(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Season:
     support.squad(season, "AAAAAA")
     names = sorted(support.add_noise(season, "AAAAAA", seed) for seed in range(RECORDINGS))
     monkeypatch.setenv(jobs.BAD, json.dumps({names[5]: "abort", names[9]: "hang", names[13]: "raise"}))
-    damaged = tmp_path / "season/recordings" / names[17] / "trunk.parquet"
+    damaged = tmp_path / "season/athlete=AAAAAA/recordings" / names[17] / "trunk.parquet"
     damaged.write_bytes(damaged.read_bytes()[:-1])
     return choose_setup(season, make_setup(sculler()))
 
@@ -114,7 +113,7 @@ def planned(season: Season) -> Plan:
 
 
 def results(season: Season) -> dict[str, bytes]:
-    return {name: season.place.read(name) for name, _ in season.place.files("results")}
+    return {name: season.place.read(name) for name, _ in season.place.files("athlete=AAAAAA/results")}
 
 
 def on_cluster(season: Season, address: str, during: Callable[[float], None]) -> RunCounts:
@@ -197,7 +196,9 @@ def test_an_object_store_has_the_same_results(season: Season, bucket: str) -> No
     for seed in range(RECORDINGS):
         support.add_noise(there, "AAAAAA", seed)
     there = choose_setup(there, make_setup(sculler()))
-    damaged = [name for name, _ in season.place.files("recordings") if name.endswith("trunk.parquet")]
+    damaged = [
+        name for name, _ in season.place.files("athlete=AAAAAA/recordings") if name.endswith("trunk.parquet")
+    ]
     for name in damaged:
         there.place.write(name, season.place.read(name))
     run_season(season, Processes(jobs.quick_task, 2), planned(season))

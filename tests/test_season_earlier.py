@@ -16,10 +16,9 @@ from oarlock import Track, load_model
 from oarlock.rowing import StrokeTable
 from oarlock.rowing.analysis.technique import technique
 from oarlock.rowing.strokes.files import strokes_parquet
-from oarlock.season import Admission, Athlete, Entry, Season, Setup, create_season, earlier_pieces
-from oarlock.season.add import done_record, put_entry
+from oarlock.season import Admission, Athlete, Entry, RunRecord, Season, Setup, create_season, earlier_pieces
+from oarlock.season.compute import make_setup
 from oarlock.season.erase import erase
-from oarlock.season.run.setups import make_setup
 from rowed_truth import rowed
 
 pytest.importorskip("duckdb")
@@ -49,8 +48,8 @@ def put(season: Season, seed: int, day: str, table: StrokeTable, setup: Setup, e
     """A recording from 10:00 on, with these strokes as its result."""
     recording = Admission(season, ANNA).add_recording(support.noise(seed, day, SECONDS), {"boat": "1x"})
     contents = strokes_parquet(replace(table, curves={}))
-    record = done_record(recording.entry.recording, setup, engine, contents, len(table), {})
-    season.put_result(record, {"strokes.parquet": contents}, setup)
+    record = RunRecord.done(recording.entry.recording, setup, engine, contents, len(table), {})
+    season.put_result(ANNA, record, {"strokes.parquet": contents}, setup)
 
 
 def put_speed(season: Season, day: str, speed_m_s: float) -> None:
@@ -58,11 +57,11 @@ def put_speed(season: Season, day: str, speed_m_s: float) -> None:
     start = datetime.datetime.fromisoformat(f"{day}T09:59:00+00:00")
     time_s = np.arange(2.5, 120.0, 2.5)
     entry = Entry(f"{round(100 * speed_m_s):020d}", ANNA, "export", start, 120.0, {"athlete": ANNA})
-    put_entry(season, entry, {"export.csv": day.encode()})
+    season.put_recording(entry, {"export.csv": day.encode()})
     columns = {"time_s": time_s, "speed_m_s": np.full(47, speed_m_s), "rate_per_min": np.full(47, 24.0)}
     contents = strokes_parquet(StrokeTable(columns, source="a.csv: NK SpeedCoach"))
-    record = done_record(entry.recording, Setup(), "0.1.0", contents, 47, {})
-    season.put_result(record, {"strokes.parquet": contents}, Setup())
+    record = RunRecord.done(entry.recording, Setup(), "0.1.0", contents, 47, {})
+    season.put_result(ANNA, record, {"strokes.parquet": contents}, Setup())
 
 
 @pytest.fixture

@@ -11,10 +11,9 @@ from headless_chromium import chromium, quiet_tabs, serious_violations
 from html_page import Page, assert_loads_nothing, assert_references_lead_somewhere
 from oarlock import DataError
 from oarlock.season import Database, Selection, write_season_page
-from oarlock.season.page.findings import AthleteComparison, beyond_chance
-from oarlock.season.page.gather import gathered
+from oarlock.season.page import AthleteComparison, beyond_chance, gathered
 from oarlock_lab.synthetic_season import Synthetic
-from season_answers import answered, compacted
+from season_answers import answered, ask_of
 
 WHAT = Synthetic(12 * 40, 12, seed=12, strokes=40)
 NOT_TRIED = "THE SEASON PAGE WAS NOT TRIED IN A BROWSER"
@@ -27,7 +26,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Any:
     folder = tmp_path_factory.mktemp("season")
     season, current, squad = answered(folder / "season", WHAT)
     with pytest.MonkeyPatch.context() as patch:
-        compacted(patch, current)
+        ask_of(patch, current)
         file = write_season_page(season, folder, METRICS)
     return season, current, squad, file
 
@@ -46,7 +45,7 @@ def test_the_page_loads_nothing_and_is_small(made) -> None:
 
 def test_planted_changes_are_listed_and_nobody_else(made) -> None:
     season, current, squad, _ = made
-    with Database(season, current=current) as database:
+    with Database(season, tables=current) as database:
         found = gathered(database, METRICS)
     listed = {(one.athlete, one.metric) for one in found.changes}
     for one in squad:
@@ -73,7 +72,7 @@ def test_the_number_of_comparisons_counts() -> None:
 
 def test_mixed_classes_are_said_and_kept_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     season, current, squad = answered(tmp_path, Synthetic(96, 2, seed=5, classes=2, strokes=30))
-    compacted(monkeypatch, current)
+    ask_of(monkeypatch, current)
     with Database(season) as database:
         found = gathered(database, ["catch_angle"])
         other = found.classes[1]["comparable"]

@@ -16,9 +16,9 @@ import season_support as support
 from command_line import run
 from oarlock import DataError, load_recording
 from oarlock.season import Season, changed_athlete, create_season
-from oarlock.season.check import check
 from oarlock.season.exports import export_athlete, may_share
 from oarlock.season.gps import EARTH_RADIUS_M, GpsCut, kept_positions
+from oarlock.season.upkeep import check
 
 ONE, OTHER = "K7QMVA", "R9TWXB"
 METRE_DEG = 180.0 / (np.pi * EARTH_RADIUS_M)
@@ -46,7 +46,7 @@ def test_an_export_has_everything_of_one_athlete_and_nothing_of_others(
     shown = run("season", "export", tmp_path / "season", "--athlete", ONE, "--out", out, "--json").stdout
     assert json.loads(shown)["exported"][0]["athlete"] == ONE
     folder = out / ONE
-    strokes = list(csv.DictReader((folder / "strokes.csv").read_text().splitlines()))
+    strokes = list(csv.DictReader((folder / "csv/strokes.csv").read_text().splitlines()))
     assert [float(row["catch_angle_rad"]) for row in strokes] == pytest.approx(
         [-1.01 - k / 1000.0 for k in range(5)], abs=1e-6
     )
@@ -57,14 +57,14 @@ def test_an_export_has_everything_of_one_athlete_and_nothing_of_others(
     assert (folder / f"stored/results/{mine}.{run_name}/strokes.parquet").exists()
     texts = [file.read_bytes() for file in folder.rglob("*") if file.is_file()]
     assert not any(OTHER.encode() in text or other.encode() in text for text in texts)
-    notes = [season.place.read(name) for name, _ in season.place.files("exports")]
+    notes = [season.place.read(name) for name, _ in season.place.files(f"athlete={ONE}/exports")]
     assert len(notes) == 1
     assert str(folder).encode() in notes[0]
     assert check(season) == []
     with pytest.raises(DataError, match="is there already"):
         export_athlete(season, ONE, out)
     with pytest.raises(DataError, match="lies inside the season"):
-        export_athlete(season, ONE, tmp_path / "season/exports")
+        export_athlete(season, ONE, tmp_path / "season/out")
     with pytest.raises(DataError, match="has no athlete"):
         export_athlete(season, "NOBODY", out)
 
@@ -183,8 +183,8 @@ def test_positions_are_cut_when_an_export_is_added_and_when_it_leaves(season: Se
     run(*add, "--athlete", ONE, "--cut-gps-m", "5000")
     run(*add, "--athlete", OTHER)
     kept = {
-        e.athlete: season.place.read(f"recordings/{e.recording}/export.csv")
-        for e in season.entries(season.recordings())
+        athlete: season.place.read(f"athlete={athlete}/recordings/{name}/export.csv")
+        for name, athlete in season.recordings().items()
     }
     assert b"47.0" not in kept[ONE]
     assert b"47.0" in kept[OTHER]

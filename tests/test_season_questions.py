@@ -17,16 +17,15 @@ from command_line import run
 from oarlock import DataError
 from oarlock.rowing import StrokeTable
 from oarlock.season import QUESTIONS, Athlete, Database, Season, Selection, ask, create_season, trend
-from oarlock.season.compact import Current
-from oarlock.season.questions.ask import answer
-from oarlock.season.questions.crew_functions import add_crew_functions
-from oarlock.season.questions.selection import Rates, metric_named
+from oarlock.season.database import Rates, add_crew_functions, metric_named
+from oarlock.season.questions import answer
+from oarlock.season.tables import Catalogue, update_tables
 from oarlock_lab.synthetic_season import BASES, REFERENCE_RATE, Synthetic, SyntheticAthlete
-from season_answers import answered, compacted
+from season_answers import answered, ask_of
 
 Squad = list[SyntheticAthlete]
 Rows = list[dict[str, Any]]
-Drifting = tuple[Database, Squad, Current]
+Drifting = tuple[Database, Squad, Catalogue]
 DRIFTING = Synthetic(recordings=24 * 48, athletes=24, seed=11, strokes=72)
 
 
@@ -34,7 +33,7 @@ DRIFTING = Synthetic(recordings=24 * 48, athletes=24, seed=11, strokes=72)
 def drifting(tmp_path_factory: pytest.TempPathFactory) -> Any:
     """A database of 24 athletes, four sessions a month."""
     season, current, squad = answered(tmp_path_factory.mktemp("season [1]"), DRIFTING)
-    with Database(season, current=current) as database:
+    with Database(season, tables=current) as database:
         yield database, squad, current
 
 
@@ -180,7 +179,7 @@ def test_a_stroke_counts_by_its_uncertainty(tmp_path: Path, monkeypatch: pytest.
     means = []
     for name, spoil in (("plain", lambda one, table: table), ("spoilt", spoilt)):
         season, current, _ = answered(tmp_path / name, what, spoil)
-        compacted(monkeypatch, current)
+        ask_of(monkeypatch, current)
         means.append(ask(season, "trend", "catch_angle").to_pylist())
     before, after = means
     for one, other in zip(before, after, strict=True):
@@ -190,7 +189,7 @@ def test_a_stroke_counts_by_its_uncertainty(tmp_path: Path, monkeypatch: pytest.
 
 def test_what_cannot_be_compared_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     season, current, squad = answered(tmp_path, Synthetic(96, 2, seed=5, classes=2, strokes=30))
-    compacted(monkeypatch, current)
+    ask_of(monkeypatch, current)
     name = squad[0].athlete.pseudonym
     with pytest.raises(DataError) as caught:
         trend(season, name, "catch_angle")
@@ -214,7 +213,7 @@ def test_what_cannot_be_compared_is_refused(tmp_path: Path, monkeypatch: pytest.
 
 def test_who_has_not_consented_is_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     season, current, squad = answered(tmp_path, Synthetic(24, 4, seed=6, strokes=30))
-    compacted(monkeypatch, current)
+    ask_of(monkeypatch, current)
     names = [one.athlete.pseudonym for one in squad]
     with Database(season, Selection(scope="research")) as database:
         for table in ("strokes", "recordings", "athletes"):
@@ -277,7 +276,7 @@ def test_names_are_forgiven(drifting: Drifting) -> None:
 
 def test_selections(drifting: Drifting, monkeypatch: pytest.MonkeyPatch) -> None:
     database, squad, current = drifting
-    compacted(monkeypatch, current)
+    ask_of(monkeypatch, current)
     season, name = database.season, squad[0].athlete.pseudonym
     day = datetime.date(2026, 1, 1)
     found = trend(
@@ -314,11 +313,11 @@ def test_the_verbs_answer(tmp_path: Path) -> None:
     at = tmp_path / "season"
     made = run("lab", "season", at, "--recordings", 10, "--athletes", 2, "--jobs", 1, "--seed", 4)
     assert "Made 10 recordings of 2 athletes" in made.stdout
-    names = sorted(file.stem for file in (at / "athletes").iterdir())
+    names = sorted(folder.name.partition("=")[2] for folder in at.glob("athlete=*"))
     listed = run("season", "questions", at).stdout
     assert all(question.name in listed for question in QUESTIONS)
     shown = run(
-        "season", "trend", at, "--metric", "catch_angle", "--athlete", names[0], "--rate", "20-24"
+        "season", "trend", at, "--metric", "catch_angle", "--athlete", names[0], "--rate-spm", "20-24"
     ).stdout
     assert "catch angle, deg" in shown
     assert "change a month" in shown
@@ -338,27 +337,28 @@ def test_the_verbs_answer(tmp_path: Path) -> None:
     assert "--metric catch_angle" in wrong.stderr
 
 
-def test_tables_follow_athletes_setups_and_tombstones(tmp_path: Path) -> None:
-    from oarlock.season.athletes import pseudonym_hash
-    from oarlock.season.compact import compact
-
+def test_tables_follow_athletes_setups_and_erasures(tmp_path: Path) -> None:
     season = create_season(str(tmp_path / "season"), "club")
     support.squad(season, "AAAAAA", "BBBBBB")
     for seed, name in enumerate(("AAAAAA", "BBBBBB")):
         support.add_strokes(season, support.add_noise(season, name, seed), tmp_path, seed)
-    first = compact(season)
-    assert compact(season) == first
+    assert update_tables(season) == update_tables(season)
     season.put_athlete(Athlete("AAAAAA", {"stature_m": 1.7}))
-    second = compact(season)
-    assert {name for name in first.files if first.files[name] != second.files[name]} == {"athletes"}
-    season.place.write(f"erased/{pseudonym_hash(season.id, 'BBBBBB')}.toml", b"")
     with Database(season) as database:
-        assert database.table("SELECT DISTINCT athlete FROM strokes")["athlete"].to_pylist() == ["AAAAAA"]
-    third = compact(season)
-    pinned = Season(**{**vars(season), "setup": {"": "none"}})
-    assert compact(pinned).setup != third.setup
-    season.place.write(f"recordings/{'0' * 20}/left.parquet", b"")  # a writer that was stopped
-    assert compact(pinned) == compact(pinned)
+        statures = database.table("SELECT athlete, stature_m FROM athletes").to_pylist()
+    assert statures == [{"athlete": "AAAAAA", "stature_m": 1.7}, {"athlete": "BBBBBB", "stature_m": 1.8}]
+    season.place.remove(["athlete=BBBBBB/athlete.toml"])  # an erasure has begun
+    with Database(season) as database:
+        for table in ("strokes", "recordings", "athletes"):
+            found = database.table(f"SELECT DISTINCT athlete FROM {table}")["athlete"].to_pylist()
+            assert found == ["AAAAAA"]
+        assert database.table("FROM runs").num_rows == 1
+    pinned = Season(**{**vars(season), "setup": "none"})
+    assert [one.setup for one in update_tables(pinned).of] == ["none"]
+    # a writer that was stopped
+    season.place.write(f"athlete=AAAAAA/recordings/{'0' * 20}/left.parquet", b"")
+    assert update_tables(pinned) == update_tables(pinned)
+    assert len(update_tables(pinned).entries) == 1
 
 
 def test_crews_match_by_absolute_time() -> None:
@@ -388,7 +388,7 @@ def test_crews_match_by_absolute_time() -> None:
         connection.execute("INSERT INTO recordings VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", row)
         rows = [(name, 10.0 + 2.5 * k + late_s - after_s) for k in range(30)]
         connection.executemany("INSERT INTO caught VALUES (?, ?)", rows)
-    text = files("oarlock.season.questions").joinpath("views.sql").read_text(encoding="utf-8")
+    text = files("oarlock.season").joinpath("views.sql").read_text(encoding="utf-8")
     macro = text[text.index("CREATE MACRO outings()") :]
     connection.execute(macro[: macro.index(";")])
     found = connection.execute("SELECT athlete, late_s, strokes, one_start FROM outings() ORDER BY athlete")

@@ -20,17 +20,22 @@ from command_line import run as typed
 from exact_recording import at_rate, load_excerpt, sculler
 from oarlock import Calibration, Config, DataError, load_model
 from oarlock.season import Admission, Season, create_season, open_season
-from oarlock.season.check import check
-from oarlock.season.compact import compact, known_now
-from oarlock.season.entry import Entry
-from oarlock.season.layout import ENTRY_FILE
-from oarlock.season.run.child import Child
-from oarlock.season.run.compute import StrokesAndHealth, Tools, commit, failed_record, run_job
-from oarlock.season.run.job import Ended, Job, Loss, Reply
-from oarlock.season.run.plan import LIMIT_S, LIMIT_SHARE, make_plan
-from oarlock.season.run.processes import Processes
-from oarlock.season.run.runner import RunCounts, run_season
-from oarlock.season.run.setups import choose_setup, make_setup, opened_setup
+from oarlock.season.compute import (
+    StrokesAndHealth,
+    Tools,
+    choose_setup,
+    commit,
+    failed_record,
+    make_setup,
+    opened_setup,
+    run_job,
+)
+from oarlock.season.erase import erase
+from oarlock.season.processes import Child, Processes
+from oarlock.season.records import ENTRY_FILE, Entry
+from oarlock.season.run import LIMIT_S, LIMIT_SHARE, Ended, Job, Loss, Reply, RunCounts, make_plan, run_season
+from oarlock.season.tables import catalogue, update_tables
+from oarlock.season.upkeep import check
 
 LATE_S = 120.0
 """What is waited for comes within seconds; a busy machine takes longer."""
@@ -98,9 +103,9 @@ def test_another_setup_makes_it_out_of_date_for_whom_it_is(season: Season) -> No
     changed = choose_setup(season, longer, "AAAAAA")
     assert left(changed) == 2
     assert done(changed).computed == 2
-    runs = {record.setup for record in known_now(changed).current(changed).values()}
-    assert runs == set(changed.setup.values())
-    assert len(known_now(changed).records) == 6
+    runs = {record.setup for record in catalogue(changed).current().values()}
+    assert runs == {changed.setup, longer.name}
+    assert len(catalogue(changed).records) == 6
     choose_setup(changed, make_setup(sculler()), "AAAAAA")
     assert left(open_season(season.place.address)) == 0
 
@@ -133,9 +138,9 @@ def test_without_a_setup_only_exports_are_computed(tmp_path: Path) -> None:
     assert [job.recording for job in plan.jobs] == [name]
     assert len(plan.without_setup) == 1
     assert run_season(season, Here(run_job), plan).computed == 1
-    record = known_now(season).current(season)[name]
+    record = catalogue(season).current()[name]
     assert record.strokes > 5
-    contents = season.place.read(f"results/{name}.{record.run}/strokes.parquet")
+    contents = season.place.read(f"athlete=AAAAAA/results/{name}.{record.run}/strokes.parquet")
     assert str(tmp_path).encode() not in contents
 
 
@@ -149,14 +154,15 @@ def test_the_longest_goes_first_and_has_most_time(season: Season) -> None:
 
 def test_what_failed_is_repeated_only_on_request(season: Season, monkeypatch: pytest.MonkeyPatch) -> None:
     one, two, *_ = season.recordings()
-    damaged = Path(season.place.address, "recordings", two, "trunk.parquet")
+    folder = f"athlete={season.recordings()[two]}/recordings/{two}"
+    damaged = Path(season.place.address, folder, "trunk.parquet")
     whole = damaged.read_bytes()
     damaged.write_bytes(whole[:-1] + b"x")
     bad(monkeypatch, **{one: "raise"})
     found = done(season)
     assert found.failed == {
         one: "ZeroDivisionError: nothing to divide by",
-        two: f"recordings/{two}/trunk.parquet: is damaged: its SHA-256 differs from the recorded one; "
+        two: f"{folder}/trunk.parquet: is damaged: its SHA-256 differs from the recorded one; "
         "restore it from a backup, then run with --again-failed",
     }
     assert make_plan(season).failed == found.failed
@@ -183,7 +189,9 @@ def test_a_recording_whose_process_ends_is_tried_once_more_alone_and_then_blamed
     assert "again when it was computed alone: its process was ended by SIGSEGV" in found.failed[guilty]
     assert {job.recording for job in here.began[4:]} == {guilty, unlucky}
     assert [job.alone for job in here.began] == [False] * 4 + [True] * 2
-    log = [json.loads(line) for line in season.place.read(found.log).decode().splitlines()]
+    files = [found.log, *(f"athlete={name}/{found.log}" for name in season.athletes())]
+    log = [json.loads(line) for file in files for line in season.place.read(file).decode().splitlines()]
+    assert [line["event"] for line in log[:2]] == ["begun", "finished"]
     assert [line["event"] for line in log].count("lost") == 3
     assert {line["detail"] for line in log if line["event"] == "lost"} == {"Segmentation fault"}
 
@@ -205,6 +213,9 @@ def test_what_no_recording_is_to_blame_for_ends_the_run_and_the_next_continues(s
     with pytest.raises(DataError, match=r"no space left on device\. All finished results are stored"):
         run_season(season, here, plan)
     assert here.is_cancelled
+    (log,) = (name for name, _ in season.place.files("logs"))
+    assert b"stopped" in season.place.read(log)
+    assert not any(name.encode() in season.place.read(log) for name in season.athletes())
     assert done(season).computed == 3
 
 
@@ -229,15 +240,15 @@ def test_what_another_run_stored_is_not_computed_again(season: Season, tmp_path:
 def test_other_versions_are_refused(season: Season) -> None:
     job = make_plan(season).jobs[0]
     reply = run_job(replace(job, versions=(("oarlock", "9.9"),)))
-    assert reply.told == "refused"
+    assert reply.status == "refused"
     assert "this command 9.9" in reply.words
 
 
 def test_raw_data_that_retention_removed_are_left_alone(season: Season) -> None:
-    one, *_ = season.recordings()
-    entry = season.entry(one)
+    (one, athlete), *_ = season.recordings().items()
+    entry = season.entry(athlete, one)
     assert entry is not None
-    season.place.write(f"recordings/{one}/{ENTRY_FILE}", replace(entry, files={}).toml())
+    season.place.write(f"{entry.folder}/{ENTRY_FILE}", replace(entry, files={}).toml())
     plan = make_plan(season)
     assert (len(plan.jobs), plan.removed) == (3, 1)
 
@@ -246,10 +257,10 @@ def test_a_recording_without_strokes_is_done_and_has_no_rows(season: Season) -> 
     reply = run_job(
         make_plan(season).jobs[0], lambda entry, tools: StrokesAndHealth(None, {"trunk.nis": 1.0})
     )
-    assert reply.told == "done"
-    record = known_now(season).records[0]
+    assert reply.status == "done"
+    record = catalogue(season).records[0]
     assert (record.status, record.strokes, dict(record.files)) == ("done", 0, {})
-    assert compact(season).files["recordings"]
+    assert len(update_tables(season).entries) == 4
     assert check(season) == []
 
 
@@ -257,26 +268,29 @@ def test_an_erasure_meanwhile_leaves_no_result(season: Season) -> None:
     job = make_plan(season).jobs[0]
 
     def erased_then_found(entry: Entry, tools: Tools) -> StrokesAndHealth:
-        season.place.remove_folder(f"recordings/{entry.recording}", ENTRY_FILE)
+        assert erase(season, entry.athlete, dry_run=False).is_proven
         return StrokesAndHealth(None, {})
 
-    assert run_job(job, erased_then_found).told == "there"
-    assert season.results() == []
+    assert run_job(job, erased_then_found).status == "there"
+    assert season.results_of(job.athlete) == []
+    assert job.athlete not in season.folders()
 
 
 def test_a_failure_gives_way_to_a_result_and_never_the_reverse(season: Season) -> None:
     job = make_plan(season).jobs[0]
-    setup = season.load_setup(job.setup)
-    assert commit(season, failed_record(job, setup, "first"), {}, setup, False)
-    assert not commit(season, failed_record(job, setup, "second"), {}, setup, False)
-    assert commit(season, failed_record(job, setup, "third"), {}, setup, True)
-    assert [record.fault for record in known_now(season).records] == ["third"]
+    setup = season.load_setup(job.setup, job.athlete)
+    assert commit(season, job, failed_record(job, setup, "first"), {}, setup)
+    assert not commit(season, job, failed_record(job, setup, "second"), {}, setup)
+    assert commit(season, replace(job, again=True), failed_record(job, setup, "third"), {}, setup)
+    assert [record.fault for record in catalogue(season).records] == ["third"]
     result = replace(failed_record(job, setup, ""), status="done")
-    assert commit(season, result, {}, setup, False)
-    assert not commit(season, failed_record(job, setup, "late"), {}, setup, True)
-    Path(season.place.address, f"results/{job.recording}.{job.run}/run.toml").write_bytes(b"\xff")
-    assert commit(season, result, {}, setup, False)
-    assert [record.status for record in known_now(season).records] == ["done"]
+    assert commit(season, job, result, {}, setup)
+    assert not commit(season, replace(job, again=True), failed_record(job, setup, "late"), {}, setup)
+    Path(
+        season.place.address, f"athlete={job.athlete}/results/{job.recording}.{job.run}/run.toml"
+    ).write_bytes(b"\xff")
+    assert commit(season, job, result, {}, setup)
+    assert [record.status for record in catalogue(season).records] == ["done"]
 
 
 def test_processes_name_each_culprit(season: Season, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -290,7 +304,7 @@ def test_processes_name_each_culprit(season: Season, monkeypatch: pytest.MonkeyP
     assert found.failed[aborts].endswith("computed alone: its process was ended by SIGABRT")
     assert found.failed[hangs].startswith("hangs: it was not done after 1 s")
     assert found.failed[raises] == "ZeroDivisionError: nothing to divide by"
-    assert {one.recording: one.status for one in known_now(season).records}[good] == "done"
+    assert {one.recording: one.status for one in catalogue(season).records}[good] == "done"
     assert check(season) == []
 
 
@@ -303,7 +317,7 @@ def test_a_process_that_cannot_start_or_write_says_so(
     only = replace(plan, jobs=[job for job in plan.jobs if job.recording == one])
     with pytest.raises(DataError, match="No space left on device"):
         run_season(season, Processes(jobs.quick_task, 1), only)
-    assert len(known_now(season).records) == 0
+    assert len(catalogue(season).records) == 0
     monkeypatch.setattr(sys, "path", ["/nowhere"])
     with pytest.raises(DataError, match=r"could not start.*No module named"):
         Child(jobs.quick_task).ask(only.jobs[0])
@@ -313,8 +327,9 @@ _KILLED = """
 import sys, threading
 import season_bad_jobs as jobs
 from oarlock.season import open_season
-from oarlock.season.run.child import Child
-from oarlock.season.run.plan import make_plan
+from oarlock.season.erase import erase
+from oarlock.season.processes import Child
+from oarlock.season.run import make_plan
 child = Child(jobs.quick_task)
 job = make_plan(open_season({season!r})).jobs[0]
 threading.Thread(target=child.ask, args=(job,), daemon=True).start()
@@ -354,7 +369,7 @@ def test_cancelled_processes_end_at_once(season: Season, monkeypatch: pytest.Mon
         executor.submit(job)
     threading.Timer(0.2, executor.cancel).start()
     assert all(isinstance(one.reply, Loss | Reply) for one in executor.as_completed())
-    assert known_now(season).records == []
+    assert catalogue(season).records == []
 
 
 _ADDER = """
@@ -407,21 +422,21 @@ def test_typed(typed_season: Path, tmp_path: Path) -> None:
     assert "oarlock season run" in said
     waits = json.loads(typed("season", "run", typed_season, "--dry-run", "--json").stdout)
     assert (waits["to_compute"], waits["up_to_date"]) == (2, 0)
-    found = json.loads(typed("season", "run", typed_season, "--workers", 1, "--json").stdout)
+    found = json.loads(typed("season", "run", typed_season, "--jobs", 1, "--json").stdout)
     assert (found["computed"], found["failed"]) == (2, {})
     assert "Everything is up to date" in typed("season", "run", typed_season).stdout
     season = open_season(str(typed_season))
-    records = known_now(season).records
+    records = catalogue(season).records
     assert all(record.strokes > 1 for record in records)
     health = max((record.health for record in records), key=len)
     assert 0.2 < health["back.nis"] < 2.0
     assert (health["back.missing"], health["back.rejected"]) == (0.0, pytest.approx(0.0, abs=0.05))
-    assert season.load_setup(season.setup[""]).settings == text.encode()
+    assert season.load_setup(season.setup).settings == text.encode()
 
 
 def test_typed_mistakes_say_what_to_do(season: Season, tmp_path: Path) -> None:
     at = season.place.address
-    both = typed("season", "run", at, "--workers", 1, "--scheduler", "tcp://127.0.0.1:1", status=2)
+    both = typed("season", "run", at, "--jobs", 1, "--scheduler", "tcp://127.0.0.1:1", status=2)
     assert "contradict" in both.stderr
     nobody = typed("season", "setup", at, "--model", "sculler", "--athlete", "AAAAAB", status=1)
     assert "this season has no athlete" in nobody.stderr

@@ -9,18 +9,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pyarrow import parquet
 
 import season_support as support
 from command_line import run
 from oarlock import DataError, Recording
-from oarlock.season import Admission, Season, Setup, create_season, open_season, season_summary
-from oarlock.season.check import check, repair
-from oarlock.season.compact import Current, compact
-from oarlock.season.disk import FolderStorage
-from oarlock.season.layout import CURRENT_FILE
-from oarlock.season.prune import prune
-from oarlock.season.questions.database import Database
+from oarlock.season import Admission, RunRecord, Season, Setup, create_season, open_season, season_summary
+from oarlock.season.database import Database
+from oarlock.season.storage import FolderStorage
+from oarlock.season.tables import catalogue, update_tables
+from oarlock.season.upkeep import check, prune, repair
+from oarlock.storage.write_file import TEMPORARY
 
 
 @pytest.fixture
@@ -37,10 +35,16 @@ def disk_season(tmp_path: Path) -> Season:
     return season
 
 
-def table(season: Season, name: str) -> list[dict[str, object]]:
-    """Rows of a compacted table."""
-    file = season.place.on_disk([Current.read(season).files[name]])[0]
-    return parquet.read_table(file).to_pylist()
+def rows(season: Season, name: str) -> list[dict[str, object]]:
+    """Rows of a table."""
+    with Database(season) as database:
+        found: list[dict[str, object]] = database.table(f"FROM {name}").to_pylist()
+        return found
+
+
+def current_runs(season: Season) -> set[object]:
+    """Runs whose strokes are in the tables."""
+    return {row["run"] for row in rows(season, "strokes")}
 
 
 def test_a_recording_is_stored_once_and_opens_like_any_other(season: Season, tmp_path: Path) -> None:
@@ -49,7 +53,7 @@ def test_a_recording_is_stored_once_and_opens_like_any_other(season: Season, tmp
     assert first.is_new
     again = Admission(season, "BBBBBB").add(tmp_path / "trial")
     assert (again.is_new, again.entry.athlete) == (False, "AAAAAA")
-    stored = support.copied(season, f"recordings/{first.entry.recording}", tmp_path / "copy")
+    stored = support.copied(season, first.entry.folder, tmp_path / "copy")
     from oarlock import load_recording
 
     np.testing.assert_array_equal(
@@ -100,7 +104,7 @@ def test_names_of_people_are_refused_unless_a_mapping_replaces_them(season: Seas
     mapped = Admission(season, names={"Anna Muster": "BBBBBB"})
     with pytest.raises(DataError, match=r"recording\.toml contains the name"):
         mapped.add_recording(Recording(one.streams, {"by": "anna muster"}), {"athlete": "Anna Muster"})
-    assert season.recordings() == []
+    assert season.recordings() == {}
     found = mapped.add_recording(Recording(one.streams, {**one.meta, "athlete": "Anna Muster"}), {})
     assert found.entry.athlete == "BBBBBB"
     assert not any(b"Anna" in season.place.read(name) for name, _ in season.place.files())
@@ -120,24 +124,44 @@ def test_an_export_keeps_no_name_of_its_own_or_of_people(season: Season, tmp_pat
     assert len(season.recordings()) == 1
 
 
-def test_tables_follow_what_is_stored_month_by_month(season: Season, tmp_path: Path) -> None:
+def test_tables_follow_what_is_stored(season: Season, tmp_path: Path) -> None:
     march, april = (support.add_noise(season, "AAAAAA", k, f"2026-0{k + 3}-04") for k in range(2))
     support.add_strokes(season, march, tmp_path, 1)
-    before = compact(season)
-    rows = table(season, "strokes/month=2026-03")
-    assert [row["stroke"] for row in rows] == [1, 2, 3, 4, 5]
-    assert rows[4]["rate_per_min"] is None
-    assert rows[2]["catch_angle_rad"] == pytest.approx(-1.012, abs=1e-7)  # float32
-    assert rows[2]["catch_angle_rad_std"] == pytest.approx(0.01, abs=1e-8)
-    assert {row["recording"]: row["status"] for row in table(season, "recordings")} == {
-        march: "done",
-        april: "waiting",
+    update_tables(season)
+    strokes = rows(season, "strokes")
+    assert [row["stroke"] for row in strokes] == [1, 2, 3, 4, 5]
+    assert {row["athlete"] for row in strokes} == {"AAAAAA"}
+    assert strokes[4]["rate_per_min"] is None
+    assert strokes[2]["catch_angle_rad"] == pytest.approx(-1.012, abs=1e-7)  # float32
+    assert strokes[2]["catch_angle_rad_std"] == pytest.approx(0.01, abs=1e-8)
+    assert {row["recording"]: (row["status"], row["month"]) for row in rows(season, "recordings")} == {
+        march: ("done", "2026-03"),
+        april: ("waiting", "2026-04"),
     }
-    assert compact(season) == before
+    before = {name: season.place.read(name) for name in tables_of(season)}
+    assert update_tables(season) == catalogue(season)
+    assert {name: season.place.read(name) for name in tables_of(season)} == before
     support.add_strokes(season, april, tmp_path, 2)
-    after = compact(season)
-    assert after.files["strokes/month=2026-03"] == before.files["strokes/month=2026-03"]
-    assert len(table(season, "strokes/month=2026-04")) == 5
+    assert len(rows(season, "strokes")) == 10
+    changed = {name for name in before if season.place.read(name) != before[name]}
+    assert changed == {"athlete=AAAAAA/strokes.parquet"}
+
+
+def tables_of(season: Season) -> list[str]:
+    """Names of the tables of strokes."""
+    return [f"athlete={name}/strokes.parquet" for name in season.athletes()]
+
+
+def test_any_program_reads_the_tables_by_their_folders(disk_season: Season, tmp_path: Path) -> None:
+    import duckdb
+
+    for seed, athlete in enumerate(("AAAAAA", "BBBBBB")):
+        support.add_strokes(disk_season, support.add_noise(disk_season, athlete, seed), tmp_path, seed)
+    update_tables(disk_season)
+    files = f"{tmp_path}/season/athlete=*/strokes.parquet"
+    query = f"SELECT athlete, min(catch_angle_rad) FROM read_parquet('{files}', hive_partitioning = true) GROUP BY 1"
+    found = dict(duckdb.sql(query).fetchall())
+    assert found == {"AAAAAA": pytest.approx(-1.004), "BBBBBB": pytest.approx(-1.014)}
 
 
 def test_the_current_run_is_of_the_newest_engine_or_of_the_seasons_setup(
@@ -147,97 +171,122 @@ def test_the_current_run_is_of_the_newest_engine_or_of_the_seasons_setup(
     old = support.add_strokes(season, one, tmp_path, 1, "0.9.0")
     new = support.add_strokes(season, one, tmp_path, 2, "0.10.0")
     other = support.add_strokes(season, one, tmp_path, 3, "0.1.0", Setup(model=b"another"))
-    compact(season)
-    assert {row["run"] for row in table(season, "strokes/month=2026-03")} == {new}
-    pinned = Season(**{**vars(season), "setup": {"": Setup(model=b"another").name}})
-    compact(pinned)
-    assert {row["run"] for row in table(season, "strokes/month=2026-03")} == {other}
+    assert current_runs(season) == {new}
+    pinned = Season(**{**vars(season), "setup": Setup(model=b"another").name})
+    assert current_runs(pinned) == {other}
     would = prune(pinned, datetime.date(2026, 4, 1))
     assert sorted(name.folder.rpartition(".")[2] for name in would) == sorted([old, new])
-    assert len(season.results()) == 3
+    assert len(season.results_of("AAAAAA")) == 3
     prune(pinned, datetime.date(2026, 4, 1), dry_run=False)
-    assert season.results() == [(one, other)]
+    assert season.results_of("AAAAAA") == [(one, other)]
+
+
+def test_a_result_takes_the_place_of_a_failure_in_the_tables(season: Season, tmp_path: Path) -> None:
+    one = support.add_noise(season, "AAAAAA", 1)
+    failed = RunRecord(
+        one, support.SETUP.run("0.1.0"), "0.1.0", support.SETUP.name, "c", "failed", "no strokes"
+    )
+    season.put_result("AAAAAA", failed, {}, support.SETUP)
+    assert [row["fault"] for row in rows(season, "failed")] == ["no strokes"]
+    season.place.remove_folder(f"athlete=AAAAAA/results/{one}.{failed.run}")
+    support.add_strokes(season, one, tmp_path, 1)
+    assert rows(season, "failed") == []
+    assert len(rows(season, "strokes")) == 5
+
+
+def test_what_stopped_writers_left_is_pruned_after_an_hour(
+    season: Season, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    support.add_strokes(season, support.add_noise(season, "AAAAAA", 1), tmp_path, 1)
+    update_tables(season)
+    stays = sorted(name for name, _ in season.place.files())
+    top = "athlete=AAAAAA"
+    left = [f"{top}/.new/abc/run.toml", f"{top}/{TEMPORARY}x", f"{top}/recordings/{'0' * 20}/a.parquet"]
+    for name in left:
+        season.place.write(name, b"half")
+    day = datetime.date(2026, 4, 1)
+    assert prune(season, day) == []
+    monkeypatch.setattr("oarlock.season.upkeep._LEFT_S", -1.0)
+    assert [one.bytes for one in prune(season, day, dry_run=False)] == [4, 4, 4]
+    assert sorted(name for name, _ in season.place.files()) == stays
 
 
 def test_retention_removes_raw_data_and_keeps_strokes(season: Season, tmp_path: Path) -> None:
     old = support.add_noise(season, "AAAAAA", 1, "2025-01-31")
-    kept = support.add_noise(season, "AAAAAA", 2, "2026-03-01")
+    new = support.add_noise(season, "AAAAAA", 2, "2026-03-01")
     support.add_strokes(season, old, tmp_path, 1)
     short = Season(**{**vars(season), "retention": {"raw": 12}})
     prune(short, datetime.date(2026, 3, 4), dry_run=False)
     assert [one.what for one in check(short)] == []
-    assert len(table(short, "strokes/month=2025-01")) == 5
-    files = {name.split("/")[1] for name, _ in season.place.files("recordings") if name.endswith(".parquet")}
-    assert files == {kept}
+    assert len(rows(short, "strokes")) == 5
+    folder = "athlete=AAAAAA/recordings"
+    assert {name.split("/")[2] for name, _ in season.place.files(folder) if name.endswith(".parquet")} == {
+        new
+    }
     assert prune(short, datetime.date(2026, 3, 4)) == []
 
 
 def test_a_damaged_result_is_a_row_and_check_names_every_damage(season: Season, tmp_path: Path) -> None:
     one, two = (support.add_noise(season, "AAAAAA", k) for k in range(2))
     runs = [support.add_strokes(season, name, tmp_path, k) for k, name in enumerate((one, two))]
-    damaged = f"results/{one}.{runs[0]}/strokes.parquet"
+    top = "athlete=AAAAAA"
+    damaged = f"{top}/results/{one}.{runs[0]}/strokes.parquet"
     season.place.write(damaged, season.place.read(damaged)[:-9])
-    season.place.write(f"recordings/{two}/trunk.parquet", b"PAR1")
-    compact(season)
-    compact(season)
-    rows = {row["recording"]: row for row in table(season, "recordings")}
-    assert rows[one]["status"] == "failed"
-    assert "strokes.parquet: cannot be read as Parquet" in str(rows[one]["fault"])
-    assert rows[two]["status"] == "done"
+    season.place.write(f"{top}/recordings/{two}/trunk.parquet", b"PAR1")
+    update_tables(season)
+    known = {row["recording"]: row for row in rows(season, "recordings")}
+    assert known[one]["status"] == "failed"
+    assert "strokes.parquet: cannot be read as Parquet" in str(known[one]["fault"])
+    assert known[two]["status"] == "done"
     found = check(season)
     assert {(one.what, one.name) for one in found} == {
-        ("damaged", f"results/{one}.{runs[0]}/strokes.parquet"),
-        ("damaged", f"recordings/{two}/trunk.parquet"),
+        ("damaged", damaged),
+        ("damaged", f"{top}/recordings/{two}/trunk.parquet"),
     }
-    assert repair(season, found) == [f"results/{one}.{runs[0]}"]
-    assert [one.name for one in check(season)] == [f"recordings/{two}/trunk.parquet"]
+    assert repair(season, found) == [f"{top}/results/{one}.{runs[0]}"]
+    assert [one.name for one in check(season)] == [f"{top}/recordings/{two}/trunk.parquet"]
     assert season_summary(season).counts["waiting for `oarlock season run`"] == 1
 
 
-@pytest.mark.parametrize("name", ["recordings", "runs", "athletes", "strokes/month=2026-03"])
-def test_a_damaged_table_is_named_and_made_again(season: Season, tmp_path: Path, name: str) -> None:
+def test_a_damaged_table_is_named_and_made_again(season: Season, tmp_path: Path) -> None:
     support.add_strokes(season, support.add_noise(season, "AAAAAA", 1), tmp_path, 1)
-    compact(season)
-    before = table(season, name)
-    file = Current.read(season).files[name]
-    season.place.write(file, season.place.read(file)[:-9])
-    season.place.forget_copies()
-    with pytest.raises(DataError, match=r"season check .* --repair"):
-        Database(season)
+    before = rows(season, "strokes")
+    file = "athlete=AAAAAA/strokes.parquet"
+    whole = season.place.read(file)
+    season.place.write(file, whole[:-9])  # without its end it is made from the results again
+    assert [(one.what, one.name) for one in check(season)] == [("damaged", file)]
+    assert rows(season, "strokes") == before
+    assert check(season) == []
+    season.place.write(file, whole[:200] + bytes(200) + whole[400:])
+    with pytest.raises(DataError, match=r"cannot be answered: .*season check .* --repair"):
+        rows(season, "strokes")
     found = check(season)
     assert [(one.what, one.name) for one in found] == [("damaged", file)]
-    assert file in repair(season, found)
-    compact(season)
+    assert repair(season, found) == [file]
+    assert rows(season, "strokes") == before
     assert check(season) == []
-    assert table(season, name) == before
 
 
 def test_tables_of_another_schema_are_made_anew(
     season: Season, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from oarlock.season import compact as module
-
-    one = support.add_noise(season, "AAAAAA", 1)
-    support.add_strokes(season, one, tmp_path, 1)
-    before = compact(season)
-    monkeypatch.setattr(module, "SCHEMA", 2)
-    after = compact(season)
-    month = "strokes/month=2026-03"
-    assert after.schema == 2 and after.files[month] != before.files[month]
-    assert table(season, month)[0]["catch_angle_rad"] == pytest.approx(-1.01)
+    support.add_strokes(season, support.add_noise(season, "AAAAAA", 1), tmp_path, 1)
+    update_tables(season)
+    file = "athlete=AAAAAA/strokes.parquet"
+    before = season.place.read(file)
+    monkeypatch.setattr("oarlock.season.tables.SCHEMA", 99)
+    assert rows(season, "strokes")[0]["catch_angle_rad"] == pytest.approx(-1.01)
+    assert season.place.read(file) != before
 
 
-def test_lost_tables_are_made_again(season: Season, tmp_path: Path) -> None:
-    one = support.add_noise(season, "AAAAAA", 1)
-    support.add_strokes(season, one, tmp_path, 1)
-    before = compact(season)
-    for name in before.files.values():
-        season.place.remove([name])
-    assert {found.what for found in check(season)} == {"missing"}
-    assert compact(season) == before
-    season.place.remove([CURRENT_FILE])
-    assert compact(season) == before
-    assert check(season) == []
+def test_a_recording_of_two_athletes_is_named(season: Season) -> None:
+    """Two people add the same file for different athletes at the same moment."""
+    one, other = Admission(season, "AAAAAA"), Admission(season, "BBBBBB")
+    name = one.add_recording(support.noise(1), {}).entry.recording
+    assert other.add_recording(support.noise(1), {}).is_new
+    assert [(found.what, found.name) for found in check(season)] == [
+        ("unknown", f"athlete=BBBBBB/recordings/{name}")
+    ]
 
 
 def test_a_season_begins_only_in_an_empty_place(tmp_path: Path) -> None:
@@ -267,7 +316,9 @@ def test_a_writer_killed_at_any_moment_leaves_a_season_in_order(disk_season: Sea
             time.sleep(rng.uniform(0.0, 0.02))
         assert {one.what for one in check(disk_season)} <= {"unfinished"}
     assert len(disk_season.recordings()) >= 4
-    assert compact(disk_season).files["recordings"]
+    assert len(update_tables(disk_season).entries) == sum(
+        1 for _ in disk_season.entries("AAAAAA", disk_season.recordings())
+    )
 
 
 def test_two_writers_of_the_same_recordings_store_each_once(disk_season: Season, tmp_path: Path) -> None:
@@ -281,7 +332,7 @@ def test_two_writers_of_the_same_recordings_store_each_once(disk_season: Season,
     expected = [content_name(support.noise(k, support.day(k % 300))) for k in range(len(names))]
     assert len(names) >= 20
     assert sorted(names) == sorted(expected)
-    assert sum(1 for _ in disk_season.entries(names)) == len(names)
+    assert sum(1 for _ in disk_season.entries("AAAAAA", names)) == len(names)
 
 
 def test_the_verbs_answer(tmp_path: Path) -> None:
@@ -302,7 +353,7 @@ def test_the_verbs_answer(tmp_path: Path) -> None:
     assert (listed["counts"]["recordings"], listed["athletes"][0]["athlete"]) == (1, pseudonym)
     assert "In order." in run("season", "check", at).stdout
     assert "Would remove 0 folders" in run("season", "prune", at, "--dry-run").stdout
-    trunk = next((at / "recordings").glob("*/trunk.parquet"))
+    trunk = next(at.glob("athlete=*/recordings/*/trunk.parquet"))
     trunk.write_bytes(trunk.read_bytes()[:-1])
     assert f"damaged: {trunk.relative_to(at).as_posix()}" in run("season", "check", at, status=1).stdout
     assert (

@@ -8,8 +8,9 @@ import pytest
 
 from oarlock import DataError, load_recording
 from oarlock.season import open_season
-from oarlock.season.check import check
-from oarlock.season.compact import compact
+from oarlock.season.records import recording_folder, result_folder
+from oarlock.season.tables import update_tables
+from oarlock.season.upkeep import check
 from oarlock_lab.synthetic_season import Synthetic, make_synthetic, plan, strokes, synthetic_squad
 
 SMALL = Synthetic(recordings=7, athletes=3, seed=2, strokes=30)
@@ -27,20 +28,21 @@ def test_one_seed_gives_one_season_also_after_a_stop(tmp_path: Path) -> None:
     make_synthetic(str(tmp_path / "whole"), SMALL, jobs=1, told=shares.append)
     assert shares[-1] == 1.0
     season = make_synthetic(str(tmp_path / "stopped"), SMALL, jobs=1)
-    for recording, run in season.results()[2:5]:
-        season.place.remove_folder(f"results/{recording}.{run}")
-    season.place.remove_folder(f"recordings/{recording}")
+    who, *_ = season.athletes()
+    for recording, run in season.results_of(who)[:2]:
+        season.place.remove_folder(result_folder(who, recording, run))
+    season.place.remove_folder(recording_folder(who, recording))
     make_synthetic(str(tmp_path / "stopped"), SMALL, jobs=1)
-    assert len(season.results()) == 7
+    assert sum(len(season.results_of(name)) for name in season.athletes()) == 7
     (tmp_path / "other").mkdir()
     make_synthetic(str(tmp_path / "other"), Synthetic(**{**vars(SMALL), "seed": 3}), jobs=1)
     for name in ("whole", "stopped"):
-        compact(open_season(str(tmp_path / name)))
+        update_tables(open_season(str(tmp_path / name)))
     whole, stopped = files(tmp_path / "whole"), files(tmp_path / "stopped")
     assert whole == stopped
-    assert not set(files(tmp_path / "other")) & {name for name in whole if name.startswith("recordings/")}
+    assert not set(files(tmp_path / "other")) & {name for name in whole if "/recordings/" in name}
     assert check(season) == []
-    recording = load_recording(tmp_path / "whole/recordings" / season.recordings()[0])
+    recording = load_recording(tmp_path / "whole" / recording_folder(who, season.recordings_of(who)[0]))
     assert recording.duration_s == pytest.approx(1.98)
     with pytest.raises(DataError, match="is a season of real recordings, or a synthetic one"):
         make_synthetic(str(tmp_path / "other"), SMALL, jobs=1)

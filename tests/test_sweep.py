@@ -182,9 +182,9 @@ def test_unreachable_rig_says_which_hand():
 def test_command_line_rows_a_sweep_and_a_boat_that_turns(tmp_path):
     done = run("simulate", "--model", "sweep", "--duration-s", 3, "--out", tmp_path / "pair", "--json")
     assert json.loads(done.stdout)["streams"][-2:] == ["oar_phi", "oar_alpha"]
-    rough = ("--boat", "rotating", "--hull-roll-rad", 0.05, "--duration-s", 3)
+    rough = ("--hull", "rotating", "--hull-roll-rad", 0.05, "--duration-s", 3)
     run("simulate", "--model", "sculler_boat", *rough, "--out", tmp_path / "rough")
-    run("simulate", "--boat", "pitch", "--duration-s", 3, "--out", tmp_path / "p")
+    run("simulate", "--hull", "pitch", "--duration-s", 3, "--out", tmp_path / "p")
     run("track", tmp_path / "pair", "--model", "sweep", "--out", tmp_path / "out")
     run("evaluate", tmp_path / "out", tmp_path / "pair/truth", "--json")
 
@@ -192,10 +192,10 @@ def test_command_line_rows_a_sweep_and_a_boat_that_turns(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--boat", "still", "--condition", "B-B"), "stationary"),
-        (("--boat", "surge", "--condition", "S-NB"), "stationary"),
-        (("--boat", "surge", "--hull-roll-rad", 0.1), "only with --boat rotating"),
-        (("--hull-yaw-rad", 0.1), "only with --boat rotating"),
+        (("--hull", "still", "--condition", "B-B"), "stationary"),
+        (("--hull", "surge", "--condition", "S-NB"), "stationary"),
+        (("--hull", "surge", "--hull-roll-rad", 0.1), "only with --hull rotating"),
+        (("--hull-yaw-rad", 0.1), "only with --hull rotating"),
     ],
 )
 def test_flags_that_contradict_are_a_wrong_usage(arguments, words, tmp_path):

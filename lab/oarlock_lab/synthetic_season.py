@@ -24,11 +24,10 @@ from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
 from oarlock.rowing import StrokeTable
 from oarlock.rowing.strokes.files import strokes_parquet
-from oarlock.season.add import Admission, content_name, done_record
+from oarlock.season.add import Admission, content_name
 from oarlock.season.athletes import PSEUDONYM_LENGTH, PSEUDONYM_LETTERS, Athlete
-from oarlock.season.layout import SEASON_FILE, STROKES_FILE
-from oarlock.season.open_place import open_place
-from oarlock.season.run_record import RunRecord, Setup
+from oarlock.season.object_storage import open_storage
+from oarlock.season.records import SEASON_FILE, STROKES_FILE, RunRecord, Setup
 from oarlock.season.store import Season, open_season
 from oarlock.storage.errors import DataError
 
@@ -420,7 +419,7 @@ def make_synthetic(
 
 
 def _begun(address: str, what: Synthetic) -> Season:
-    place = open_place(address)
+    place = open_storage(address)
     if not place.exists(SEASON_FILE):
         if place.children(""):
             raise DataError(f"{address}: holds other files; choose an empty place")
@@ -468,7 +467,7 @@ class _Writer:
         self.what, self.season = what, open_season(address)
         self._admission, self._squad = Admission(self.season), what.squad()
         self._plan = plan(what.seed, self._squad, what.recordings, what.classes)
-        self._done = set(self.season.results())
+        self._done = {one for who in self._squad for one in self.season.results_of(who.athlete.pseudonym)}
 
     def write(self, batch: range) -> int:
         """Write these recordings; returns how many."""
@@ -491,11 +490,12 @@ class _Writer:
         self._admission.add_recording(recording, session)
         if one.failed:
             plain = (name, setup.run(ENGINE), ENGINE, setup.name, setup.comparable(ENGINE))
-            self.season.put_result(RunRecord(*plain, "failed", _FAULT, health=health(seed, one)), {}, setup)
+            failed = RunRecord(*plain, "failed", _FAULT, health=health(seed, one))
+            self.season.put_result(who.athlete.pseudonym, failed, {}, setup)
             return
         contents = strokes_parquet(strokes(seed, one, who, self.what.strokes))
-        record = done_record(name, setup, ENGINE, contents, self.what.strokes, health(seed, one))
-        self.season.put_result(record, {STROKES_FILE: contents}, setup)
+        record = RunRecord.done(name, setup, ENGINE, contents, self.what.strokes, health(seed, one))
+        self.season.put_result(who.athlete.pseudonym, record, {STROKES_FILE: contents}, setup)
 
 
 _OWN: _Writer | None = None

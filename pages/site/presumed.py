@@ -36,7 +36,6 @@ NOT_RUN: Mapping[str, str] = {
     "oarlock report out --with evening/erg": "needs an ergometer that sends by Bluetooth",
     "dask ": "needs other machines; tests/test_season_cluster.py starts workers on this one",
     "oarlock season run /share/season": "needs other machines",
-    "from dask_jobqueue": "needs SLURM",
 }
 """Beginning of a command or program, and the reason why it is not run."""
 
@@ -125,7 +124,6 @@ PRESUMED: Mapping[str, tuple[str, ...]] = {
         "rp3.csv",
         "rowsandall.csv",
         "watch.fit",
-        "strokes.parquet",
         "k7.toml",
     ),
     "season-privacy": ("season",),

@@ -207,7 +207,7 @@ class Reader:
 
     def pseudonym(self) -> str:
         """The first athlete of the page's season, in place of the one that the page names."""
-        return min(path.stem for path in (self.folder / "season/athletes").iterdir())
+        return min(path.name.partition("=")[2] for path in self.folder.glob("season/athlete=*"))
 
 
 def _stop(process: subprocess.Popen[bytes]) -> int:

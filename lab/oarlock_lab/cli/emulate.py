@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from oarlock.cli.options import ModelName, Replace, example
-from oarlock.cli.terminal import UsageError, say, steps, table, verb
+from oarlock.cli.options import Json, ModelName, Replace, example
+from oarlock.cli.terminal import QUIET, UsageError, print_json, say, set_verbosity, steps, table, verb
 
 if TYPE_CHECKING:
     from oarlock_lab.emulators.emulated import Emulated
@@ -25,7 +25,7 @@ def add_to(app: typer.Typer) -> None:
         "emulate",
         epilog=example(
             "oarlock lab emulate --list",
-            "oarlock lab emulate lines --model arm --rig rig.toml",
+            "oarlock lab emulate lines --model arm --rig-file rig.toml",
             "oarlock lab emulate lines --model arm --drift-ppm 50 --jitter-ms 10 --burst 3 --loss 0.03",
             "oarlock lab emulate lines --transport serial --path unit --model pendulum3",
             "oarlock lab emulate lines --replay trial --dropout back:20:25",
@@ -77,12 +77,13 @@ def emulate(
         typer.Option("--dropout", metavar="NAME:FROM:TO", help="A sensor is silent, s. Repeatable."),
     ] = None,
     rig: Annotated[
-        Path | None, typer.Option("--rig", metavar="FILE", help="Write the rig file that receives it.")
+        Path | None, typer.Option("--rig-file", metavar="FILE", help="Write the rig file that receives it.")
     ] = None,
     force: Replace = False,
     seconds: Annotated[
         float | None, typer.Option("--duration-s", metavar="S", help="End after so long; default: Ctrl-C.")
     ] = None,
+    json_output: Json = False,
 ) -> None:
     """Send what a device would send, without the device.
 
@@ -92,8 +93,12 @@ def emulate(
     from oarlock.live.simulated_devices import Faults
     from oarlock_lab.emulators.emulated import Destination
 
+    if json_output:
+        set_verbosity(QUIET)
     if show or not kind:
-        _list()
+        kinds = _list()
+        if json_output:
+            print_json({"kinds": kinds})
         return
     chosen = _kind(kind)
     faults = Faults(drift_ppm, least_ms, jitter_ms, burst, loss, tuple(map(_dropout, dropout or ())))
@@ -103,15 +108,20 @@ def emulate(
     if rig is not None:
         _write_rig(chosen, emulated, model, rig, force)
     asyncio.run(_until_stopped(chosen, emulated, seconds))
+    if json_output:
+        print_json({"kind": chosen.name, "rig": rig})
 
 
-def _list() -> None:
+def _list() -> list[dict[str, object]]:
+    """Prints and returns the kinds of devices."""
     from oarlock_lab.emulators.kinds import KINDS
 
     rows = [
         (k.name, ", ".join(k.transports), f"{k.rate_hz:g}", k.port or "", k.about) for k in KINDS.values()
     ]
-    table(("kind", "transports", ">Hz", ">port", "sends"), rows)
+    columns = ("kind", "transports", ">Hz", ">port", "sends")
+    table(columns, rows)
+    return [dict(zip((name.removeprefix(">").lower() for name in columns), row, strict=True)) for row in rows]
 
 
 def _kind(name: str) -> EmulatorKind:

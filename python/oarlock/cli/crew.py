@@ -50,7 +50,7 @@ def crew(
     ] = None,
     source: Annotated[
         str | None,
-        typer.Option("--source", metavar="NAME", help="Movement to compare: oars, handle, seat, trunk."),
+        typer.Option("--movement", metavar="NAME", help="Movement to compare: oars, handle, seat, trunk."),
     ] = None,
     recording: Annotated[
         list[Path] | None,

@@ -19,9 +19,20 @@ import typer
 
 from oarlock.cli.body import Mass, Sensors, Stature, chosen_body
 from oarlock.cli.made_verb import made_verb
-from oarlock.cli.options import Json, ModelName, OutFile, Replace, Settings, assignments, example, names
+from oarlock.cli.options import (
+    Json,
+    ModelName,
+    OutFile,
+    Replace,
+    Settings,
+    assignments,
+    example,
+    metavar_of,
+    names,
+)
 from oarlock.cli.terminal import free_file, print_json, progress, say, steps
 from oarlock.cli.unit_options import assignment
+from oarlock.storage.regular_file import read_text
 
 if TYPE_CHECKING:
     from oarlock import Calibration
@@ -55,7 +66,7 @@ class FunctionText:
             LookupError: the module defines no such function.
         """
         module, _, name = place.partition(":")
-        source = PACKAGE.joinpath(*module.split(".")[1:]).with_suffix(".py").read_text("utf-8")
+        source = read_text(PACKAGE.joinpath(*module.split(".")[1:]).with_suffix(".py"))
         for node in ast.parse(source).body:
             if isinstance(node, ast.FunctionDef) and node.name == name:
                 return cls(place, _parameters(node.args), ast.get_docstring(node) or "")
@@ -148,8 +159,6 @@ KINDS: Mapping[str, Kind] = {
     "AnyPath": Kind(Path, "FOLDER"),
     "str": Kind(str, "NAME"),
 }
-UNITS = {"_s": "S", "_hz": "HZ", "_m": "M", "_kg": "KG", "_rad": "RAD", "_deg": "DEG", "_spm": "SPM"}
-"""What stands for a number, by the unit at the end of its name."""
 
 
 def option_of(function: FunctionText, name: str) -> tuple[str, Any, Any] | None:
@@ -162,9 +171,12 @@ def option_of(function: FunctionText, name: str) -> tuple[str, Any, Any] | None:
     kind = KINDS[annotation.removesuffix(" | None")]
     if kind.type is None:
         return None
-    metavar = kind.metavar or next((unit for end, unit in UNITS.items() if name.endswith(end)), None)
+    metavar = kind.metavar or metavar_of(name, kind.type)
+    flag = flag_of(name)
+    if kind.type is bool and default is not False:
+        flag = f"{flag}/--no-{flag.removeprefix('--')}"
     option = typer.Option(
-        flag_of(name),
+        flag,
         *SHORT.get(name, ()),
         metavar=metavar,
         help=function.about(name),

@@ -12,7 +12,7 @@ from typer.core import TyperGroup
 from oarlock.cli.import_path import PATH_OPTIONS, PATH_VERB, import_path, say_next, written
 from oarlock.cli.import_summary import document, write_summary
 from oarlock.cli.made_verb import made_verb
-from oarlock.cli.options import Force, Json, OutFolder, example
+from oarlock.cli.options import Force, Json, OutFolder, example, metavar_of
 from oarlock.cli.session_options import SESSION_OPTIONS, taken_session
 from oarlock.cli.terminal import print_json
 from oarlock.formats.importers import FORMATS, ImportFormat
@@ -57,7 +57,10 @@ def _reader(one: ImportFormat) -> Callable[..., None]:
 
     place = typer.Argument(metavar=one.place, help=one.contents)
     wanted: list[tuple[str, Any, Any]] = [("path", Annotated[Path, place], ...), ("out", OutFolder, ...)]
-    wanted += [(o.name, Annotated[o.kind, typer.Option(help=o.about)], o.default) for o in one.options]
+    wanted += [
+        (o.name, Annotated[o.kind, typer.Option(metavar=metavar_of(o.name, o.kind), help=o.about)], o.default)
+        for o in one.options
+    ]
     wanted += [(name, kind, None) for name, kind in SESSION_OPTIONS]
     wanted += [("force", Force, False), ("json_output", Json, False)]
     return made_verb(run, wanted)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -29,6 +29,24 @@ Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="NAME=VALUE", help="A model parameter, e.g. l_ua_r=0.31 (SI). Repeatable."),
 ]
+
+
+UNITS = {
+    "_s": "S",
+    "_hz": "HZ",
+    "_m": "M",
+    "_kg": "KG",
+    "_rad": "RAD",
+    "_deg": "DEG",
+    "_spm": "SPM",
+    "_ut": "UT",
+}
+
+
+def metavar_of(name: str, kind: Any) -> str | None:
+    """What stands for a value: the unit at the end of the name, else by its type; None for a flag."""
+    unit = next((unit for end, unit in UNITS.items() if name.endswith(end)), None)
+    return unit or {float: "X", int: "N", str: "NAME", Path: "FILE"}.get(kind)
 
 
 def example(*commands: str) -> str:

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from oarlock.cli.options import metavar_of
 from oarlock.cli.terminal import UsageError
 from oarlock.formats.importers import FORMATS
 
@@ -17,7 +18,9 @@ def reader_options() -> list[tuple[str, Any, Any]]:
     for one in (option for format in FORMATS for option in format.options if option.default is not ...):
         owners = ", ".join(_owners(one.name))
         kind: Any = bool if one.kind is bool else one.kind | None  # type: ignore[operator]
-        option = typer.Option(help=f"{one.about.rstrip('.')} ({owners}).")
+        option = typer.Option(
+            metavar=metavar_of(one.name, one.kind), help=f"{one.about.rstrip('.')} ({owners})."
+        )
         found.setdefault(one.name, (one.name, Annotated[kind, option], False if kind is bool else None))
     return list(found.values())
 

@@ -174,11 +174,8 @@ def list_(at: SeasonAt, json_output: Json = False) -> None:
     if found.athletes:
         heading("Athletes")
         table(
-            ("athlete", "recordings", "hours", "strokes", "first", "last"),
-            [
-                (one.athlete, one.recordings, f"{one.hours:.1f}", one.strokes, one.first, one.last)
-                for one in found.athletes
-            ],
+            tuple(found.athletes[0]),
+            [tuple({**row, "hours": f"{row['hours']:.1f}"}.values()) for row in found.athletes],
         )
     failed = [f"{recording}: {fault}" for recording, fault in found.faults.items()]
     show_list("Failed", failed, rest=f"oarlock season questions {at} failed")
@@ -193,26 +190,24 @@ def check(
     ] = False,
     json_output: Json = False,
 ) -> None:
-    """Compare every file with its hash; list damaged and unfinished files, and erased athletes who came back."""
-    from oarlock.season.check import check as findings_of
-    from oarlock.season.check import is_repairable
-    from oarlock.season.check import repair as repaired
+    """Compare every file with its hash; list damaged and unfinished files."""
+    from oarlock.season import upkeep
 
     season = opened(at)
     with progress("checking") as share:
-        findings = findings_of(season, share)
-    removed = repaired(season, findings) if repair else []
+        faults = upkeep.check(season, share)
+    removed = upkeep.repair(season, faults) if repair else []
     if json_output:
-        print_json({"findings": findings, "removed": removed})
+        print_json({"findings": faults, "removed": removed})
     else:
-        for one in findings:
+        for one in faults:
             say(f"{one.what}: {one.name}: {one.words}")
         for name in removed:
             say(f"Removed {name}")
-        say(f"{len(findings)} {'finding' if len(findings) == 1 else 'findings'}" if findings else "In order.")
-        if not repair and any(is_repairable(one) for one in findings):
+        say(f"{len(faults)} {'finding' if len(faults) == 1 else 'findings'}" if faults else "In order.")
+        if not repair and any(one.is_repairable for one in faults):
             steps(f"oarlock season check {at} --repair")
-    if any(one.is_damage for one in findings):
+    if any(one.is_damage for one in faults):
         raise typer.Exit(EXIT_DATA)
 
 
@@ -228,7 +223,7 @@ def prune(
     """Remove replaced results, data older than the retention time, and files of commands that were stopped."""
     import datetime
 
-    from oarlock.season.prune import prune as pruned
+    from oarlock.season.upkeep import prune as pruned
     from oarlock.storage.regular_file import shown_bytes
 
     found = pruned(opened(at), datetime.datetime.now(datetime.UTC).date(), dry_run)
@@ -282,7 +277,7 @@ def athlete(
     A pseudonym is random. Names of people stay in a file of their own, outside the season.
     """
     from oarlock.season import changed_athlete
-    from oarlock.season.squad import keep_name
+    from oarlock.season.add import keep_name
 
     season = opened(at)
     known = {

@@ -51,7 +51,9 @@ def add_to(group: typer.Typer) -> None:
 @verb
 def export(
     at: SeasonAt,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder outside the season; a new one.")],
+    out: Annotated[
+        Path, typer.Option("--out", metavar="FOLDER", help="Folder outside the season; a new one.")
+    ],
     athlete: Annotated[
         str | None, typer.Option("--athlete", metavar="PSEUDONYM", help="Everything of this athlete.")
     ] = None,
@@ -88,7 +90,7 @@ def export(
                     one,
                     out,
                     cut_gps_m=cut_gps_m,
-                    told=lambda part, number=number: share((number + part) / len(chosen)),  # type: ignore[misc]
+                    progress=lambda part, number=number: share((number + part) / len(chosen)),  # type: ignore[misc]
                 )
             )
     left_out = [] if athlete is not None else others
@@ -114,9 +116,9 @@ def erase(
     yes: Annotated[bool, typer.Option("--yes", help="Remove it; it cannot be undone.")] = False,
     json_output: Json = False,
 ) -> None:
-    """Remove all data of an athlete for good; then list all files and query all tables for what is left.
+    """Remove the folder of an athlete for good, and its former versions on S3; then list what is left.
 
-    A hash of the pseudonym and the date stay. Backups, and texts of other athletes, are not searched.
+    Backups, and texts of other athletes, are not searched.
     """
     from oarlock.season.athletes import NamesFile
     from oarlock.season.erase import erase as erased
@@ -148,13 +150,10 @@ def _say_erased(one: Erasure, at: str, names: Path | None) -> None:
     again = f"oarlock season erase {at} --athlete {one.athlete}{option} --yes"
     heading(f"{'Would erase' if one.is_dry_run else 'Erased'} {one.athlete}")
     pairs([(words, count) for words, count in one.removed.items()])
-    left = [f"{trace.file}: {trace.what}" for trace in one.left]
-    show_list(f"Not erased: {len(left)}", left)
+    show_list(f"Not erased: {len(one.left)}", one.left)
     show_list(f"Copies that could not be removed: {len(one.elsewhere)}", one.elsewhere)
     if one.is_proven:
-        say(
-            f"Listed {one.files} files and queried {one.tables} files of tables: nothing of {one.athlete} is left."
-        )
+        say(f"Listed the folder again: nothing of {one.athlete} is left.")
     elif one.is_dry_run:
         steps(again)
     else:

@@ -22,7 +22,8 @@ _MetricName = Annotated[
     str | None, typer.Option("--metric", metavar="NAME", help="Number of a stroke, such as catch_angle.")
 ]
 _Rate = Annotated[
-    str | None, typer.Option("--rate", metavar="LOW-HIGH", help="Only strokes at these rates, such as 20-24.")
+    str | None,
+    typer.Option("--rate-spm", metavar="LOW-HIGH", help="Only strokes at these rates, such as 20-24."),
 ]
 _AthleteName = Annotated[
     str | None, typer.Option("--athlete", metavar="PSEUDONYM", help="Only this athlete.")
@@ -51,14 +52,14 @@ def add_to(group: typer.Typer) -> None:
         "questions",
         epilog=example(
             "oarlock season questions season",
-            "oarlock season questions season drift --metric catch_angle --rate 20-24",
+            "oarlock season questions season drift --metric catch_angle --rate-spm 20-24",
             "oarlock season questions season crew --boat '2x Heron' --csv crew.csv",
         ),
     )(questions)
     group.command(
         "trend",
         epilog=example(
-            "oarlock season trend season --athlete K7QMVA --metric catch_angle --rate 20-24",
+            "oarlock season trend season --athlete K7QMVA --metric catch_angle --rate-spm 20-24",
             "oarlock season trend season --metric catch_factor --since 2026-03-01",
         ),
     )(trend)
@@ -96,7 +97,7 @@ def questions(
     Means have 95 % bands. Results of different engines, models or calibrations are never compared.
     """
     from oarlock.season import QUESTIONS, Database
-    from oarlock.season.questions.ask import answer, question_named
+    from oarlock.season.questions import answer, question_named
 
     if question is None:
         if json_output:
@@ -152,7 +153,7 @@ def trend(
 
 
 def _say_trend(found: Trend) -> None:
-    from oarlock.season.questions.shown import shown_metric
+    from oarlock.season.questions import shown_metric
 
     metric = shown_metric(found.metric)
     label = f"{metric.label}, {metric.unit}" if metric.unit else metric.label

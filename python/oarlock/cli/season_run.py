@@ -26,9 +26,7 @@ from oarlock.cli.terminal import (
 )
 
 if TYPE_CHECKING:
-    from oarlock.season.run.job import Executor
-    from oarlock.season.run.plan import Plan
-    from oarlock.season.run.runner import RunCounts
+    from oarlock.season.run import Executor, Plan, RunCounts
 
 
 def add_to(group: typer.Typer) -> None:
@@ -44,7 +42,7 @@ def add_to(group: typer.Typer) -> None:
         "run",
         epilog=example(
             "oarlock season run season --dry-run",
-            "oarlock season run season --workers 2",
+            "oarlock season run season --jobs 2",
             "oarlock season run season --again-failed --task-limit-s 1800",
             "oarlock season run /share/season --scheduler tcp://10.0.0.7:8786",
         ),
@@ -70,7 +68,7 @@ def setup(
     """Store the model, calibration and settings with which `season run` computes from now on."""
     from oarlock import load_calibration, load_model
     from oarlock.cli.settings import configuration, settings_of_file
-    from oarlock.season.run.setups import choose_setup, make_setup
+    from oarlock.season.compute import choose_setup, make_setup
 
     body = load_model(model)
     config = configuration(body, settings_of_file(settings) if settings is not None else {})
@@ -90,7 +88,7 @@ def run(
     workers: Annotated[
         int | None,
         typer.Option(
-            "--workers", metavar="N", min=1, help="Processes of this machine; default: one for each core."
+            "--jobs", metavar="N", min=1, help="Processes of this machine; default: one for each core."
         ),
     ] = None,
     scheduler: Annotated[
@@ -116,11 +114,10 @@ def run(
 
     Stop it with Ctrl-C; the same command continues. Recordings that fail are listed with the reason.
     """
-    from oarlock.season.run.plan import make_plan
-    from oarlock.season.run.runner import run_season
+    from oarlock.season.run import make_plan, run_season
 
     if workers is not None and scheduler is not None:
-        raise UsageError("--workers and --scheduler contradict each other: the cluster has its own workers")
+        raise UsageError("--jobs and --scheduler contradict each other: the cluster has its own workers")
     season = opened(at)
     plan = make_plan(season, again, limit_s)
     if plan.without_setup and not plan.jobs and not plan.there and not plan.failed:
@@ -140,12 +137,12 @@ def run(
 
 
 def _executor(workers: int | None, scheduler: str | None, jobs: int) -> Executor:
-    from oarlock.season.run.compute import run_job
-    from oarlock.season.run.processes import Processes
+    from oarlock.season.compute import run_job
+    from oarlock.season.processes import Processes
 
     if scheduler is None:
         return Processes(run_job, min(workers or os.cpu_count() or 1, jobs))
-    from oarlock.season.run.cluster import DaskCluster
+    from oarlock.season.cluster import DaskCluster
 
     return DaskCluster(run_job, scheduler, lambda words: page(stderr=True).print(words, soft_wrap=True))
 

@@ -37,7 +37,7 @@ def show_rows(rows: pa.Table) -> None:
 
 def show_answer(rows: pa.Table, metric: str | None) -> None:
     """Print the rows of a ready question, of a metric in the unit in which it is shown, with bands in one column."""
-    from oarlock.season.questions.shown import is_scaled, shown_metric
+    from oarlock.season.questions import is_scaled, shown_metric
 
     shown = shown_metric(metric) if metric is not None else None
     if shown is not None:

@@ -43,7 +43,7 @@ def add_to(app: typer.Typer) -> None:
             "oarlock simulate --model my.toml --set l_ua_r=0.31 --seed 7 --out trial",
             "oarlock simulate --out trial --field careful --rate-spm 20,34",
             "oarlock simulate --out trial --field off --effect mount_error_rad=0.09 --effect packet_loss=0.05",
-            "oarlock simulate --model sculler_boat --boat rotating --hull-roll-rad 0.05 --out rough",
+            "oarlock simulate --model sculler_boat --hull rotating --hull-roll-rad 0.05 --out rough",
             "oarlock simulate --model sweep --out pair",
             "oarlock simulate --calibration-session --out session",
             "oarlock simulate --calibration-session --model arm7 --seed 3 --out session",
@@ -71,7 +71,7 @@ def simulate(
     boat: Annotated[
         BoatMotion | None,
         typer.Option(
-            "--boat",
+            "--hull",
             help="still; surge; pitch: surge, and pitch under the rower; rotating: surge, and rotations as given. "
             "Default: as the condition says.",
         ),
@@ -122,7 +122,7 @@ def simulate(
     effects = asked_effects(field, effect, strength, rate_hz)
     if effects is not None and boat in (BoatMotion.pitch, BoatMotion.rotating):
         raise UsageError(
-            f"--boat {boat.value} with --field: there the hull turns by --effect hull_pitch_rad=0.01"
+            f"--hull {boat.value} with --field: there the hull turns by --effect hull_pitch_rad=0.01"
         )
     if effects is not None:
         simulate_in_the_field(
@@ -172,7 +172,7 @@ def _condition(condition: str | None, boat: BoatMotion | None) -> str:
         raise UsageError(f"--condition {name}: choose one of {', '.join(CONDITIONS)}")
     if boat is not None and CONDITIONS[name].boat_surge is still:
         raise UsageError(
-            f"--condition {name} with --boat {boat.value}: S- is a stationary boat, B- a surging one. "
+            f"--condition {name} with --hull {boat.value}: S- is a stationary boat, B- a surging one. "
             "Give only one of the two"
         )
     return name
@@ -185,7 +185,7 @@ def _rotation(boat: BoatMotion | None, amplitudes: dict[str, float]) -> HullRota
         return HullRotation(**amplitudes)
     if amplitudes:
         flags = ", ".join(f"--hull-{name.replace('_', '-')}" for name in amplitudes)
-        raise UsageError(f"{flags}: only with --boat rotating")
+        raise UsageError(f"{flags}: only with --hull rotating")
     return None
 
 

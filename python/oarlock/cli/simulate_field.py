@@ -41,7 +41,7 @@ Effect = Annotated[
 ]
 Strength = Annotated[
     float,
-    typer.Option("--strength", metavar="S", help="Factor on all effects of --field: 0 none, 1 unchanged."),
+    typer.Option("--strength", metavar="X", help="Factor on all effects of --field: 0 none, 1 unchanged."),
 ]
 RateHz = Annotated[float, typer.Option("--rate-hz", metavar="HZ", help="Rate of all sensors; needs --field.")]
 Course = tuple[str, float, float | tuple[float, ...], float, int]

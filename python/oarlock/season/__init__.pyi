@@ -1,18 +1,14 @@
 """The public names of `oarlock.season` and the modules that define them."""
 
-from .add import Added, Admission
+from .add import Added, Admission, changed_athlete
 from .athletes import Athlete, NamesFile
+from .database import Database, Selection
 from .earlier import EarlierPieces, earlier_pieces
-from .entry import Entry
-from .page.write import write_season_page
-from .questions.ask import Change, Trend, ask, trend
-from .questions.catalogue import QUESTIONS, Question
-from .questions.database import Database
-from .questions.selection import Selection
-from .run_record import RunRecord, Setup
-from .squad import changed_athlete
+from .page import write_season_page
+from .questions import QUESTIONS, Change, Question, Trend, ask, trend
+from .records import Entry, RunRecord, Setup
 from .store import Season, create_season, open_season
-from .summary import SeasonSummary, season_summary
+from .tables import SeasonSummary, season_summary
 
 __all__ = [
     "QUESTIONS",

@@ -1,10 +1,9 @@
-"""`add`: brings recordings and devices' exports into a season, under pseudonyms and named by their contents."""
+"""Brings athletes, recordings and devices' exports into a season, under pseudonyms and named by their contents."""
 
 from __future__ import annotations
 
 import datetime
-import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import gettempdir
@@ -13,11 +12,10 @@ import numpy as np
 
 from oarlock.recording.recording import Recording, load_recording
 from oarlock.recording.session_info import SESSION_KEY, checked_session, read_session, session_info
-from oarlock.season.entry import Entry
+from oarlock.season.athletes import Athlete, NamesFile, check_scope, checked_day, new_pseudonym
 from oarlock.season.gps import GpsCut
-from oarlock.season.layout import ENTRY_FILE, STROKES_FILE, named_by, recording_folder
-from oarlock.season.run_record import RunRecord, Setup
-from oarlock.season.store import Season
+from oarlock.season.records import Entry, named_by
+from oarlock.season.store import Season, not_in_season
 from oarlock.storage.epoch import moment_of
 from oarlock.storage.errors import DataError
 from oarlock.storage.folder_writer import scratch_folder
@@ -29,6 +27,7 @@ EXPORT_STEM = "export"
 _UTC = datetime.UTC
 _TEXTS = (".csv", ".txt", ".tsv", ".tcx", ".json", ".toml", ".xml")
 """Exports that are text, in which a name can be replaced."""
+_RANGES = {"stature_m": (0.5, 2.5), "mass_kg": (10.0, 250.0)}
 
 
 @dataclass(frozen=True)
@@ -43,7 +42,6 @@ class Admission:
     """Brings recordings into a season, one after the other.
 
     Args:
-        season: where.
         athlete: the pseudonym of all of them; None takes each one's session.
         names: pseudonym by name: the explicit mapping by which names are replaced.
         cut_gps_m: positions of exports that are so near to the start or the end of a track are not stored, m.
@@ -59,7 +57,7 @@ class Admission:
         self.season = season
         self._athlete, self._names = athlete, dict(names or {})
         self._cut_gps_m = cut_gps_m
-        self._known, self._erased = season.athletes(), season.erased()
+        self._known, self._owners = season.athletes(), season.recordings()
 
     def add(self, path: Path, session: Mapping[str, str] | None = None) -> Added:
         """Store a recording's folder or a device's export.
@@ -69,8 +67,7 @@ class Admission:
             session: further texts, such as ``date``, ``boat``, ``seat`` and ``rig``; they replace those of the source.
 
         Raises:
-            DataError: it cannot be read, is nobody's, names a person without a mapping, or belongs to an athlete who
-                was erased.
+            DataError: it cannot be read, is nobody's, or names a person without a mapping.
         """
         told = checked_session(session or {}, "session")
         if path.is_dir() or path.name == "recording.toml":
@@ -98,22 +95,18 @@ class Admission:
             files = _saved(Recording(recording.streams, {**meta, SESSION_KEY: info}))
         except OSError as error:  # the disk of temporary files is full
             raise unwritable(Path(gettempdir()), error) from error
-        return put_entry(self.season, entry, files)
+        return self._put(entry, files)
 
     def pseudonym(self, given: str | None, where: str) -> str:
         """The pseudonym under which something is stored.
 
         Raises:
-            DataError: nobody is named, the name is no pseudonym and has no mapping, or the athlete was erased.
+            DataError: nobody is named, or the name is no pseudonym and has no mapping.
         """
         asked = self._athlete if self._athlete is not None else given
         if asked is None:
             raise DataError(f"{where}: does not say who was recorded; give --athlete PSEUDONYM")
         found = asked if asked in self._known else self._names.get(asked, asked)
-        if self.season.is_erased(found, self._erased):
-            raise DataError(
-                f"{where}: {found} was erased from this season; nothing of this athlete is stored again"
-            )
         if found in self._known:
             return found
         if found != asked:
@@ -139,7 +132,19 @@ class Admission:
             contents = cut.file(contents, str(file))
         start = start_of(self.season, found.epoch or None, 0.0, info)
         entry = Entry(named_by(contents), info["athlete"], "export", start, found.duration_s, info)
-        return put_entry(self.season, entry, {f"{EXPORT_STEM}{file.suffix.lower()}": contents})
+        return self._put(entry, {f"{EXPORT_STEM}{file.suffix.lower()}": contents})
+
+    def _put(self, entry: Entry, files: Mapping[str, bytes]) -> Added:
+        """Store it, unless it is there, perhaps of another athlete."""
+        owner = self._owners.get(entry.recording, entry.athlete)
+        before = self.season.entry(owner, entry.recording)
+        if before is not None:
+            return Added(before, False)
+        whole = self.season.put_recording(entry, files)
+        self._owners[entry.recording] = entry.athlete
+        if whole is None:  # another writer was first
+            return Added(self.season.entry(entry.athlete, entry.recording) or entry, False)
+        return Added(whole, True)
 
     def _refuse_names(self, meta: Mapping[str, object], where: str) -> None:
         text = repr(meta).casefold()
@@ -163,49 +168,70 @@ class Admission:
         return contents
 
 
-def put_entry(season: Season, entry: Entry, files: Mapping[str, bytes]) -> Added:
-    """Store the files of a recording with their commit record.
-
-    Raises:
-        DataError: the athlete was erased meanwhile.
-    """
-    hashes = {name: hashlib.sha256(contents).hexdigest() for name, contents in files.items()}
-    whole = replace(entry, files=hashes)
-    folder = recording_folder(entry.recording)
-    is_new = season.place.put_folder(folder, {**files, ENTRY_FILE: whole.toml()}, ENTRY_FILE)
-    # An erasure writes its tombstone before it looks for recordings: one of the two sees the other.
-    if is_new and season.is_erased_now(entry.athlete):
-        season.place.remove_folder(folder, ENTRY_FILE)
-        raise DataError(
-            f"{entry.athlete} was erased from this season while {entry.recording} was added; it was not stored"
-        )
-    return Added(whole if is_new else season.entry(entry.recording) or whole, is_new)
-
-
-def done_record(
-    recording: str, setup: Setup, engine: str, strokes: bytes, count: int, health: Mapping[str, float]
-) -> RunRecord:
-    """The record of a run that found strokes.
+def changed_athlete(
+    season: Season,
+    pseudonym: str | None,
+    attributes: Mapping[str, float],
+    consent: Sequence[str] = (),
+    *,
+    withdrawn: bool = False,
+    guardian: bool = False,
+    on: str | None = None,
+) -> Athlete:
+    """Store a new athlete, or what changed about one.
 
     Args:
-        recording: name of the recording.
-        setup: what made them.
-        engine: version of Oarlock that made them.
-        strokes: the file of strokes, as `save_strokes` writes it.
-        count: how many strokes.
-        health: numbers about the sensors, by name.
+        season: where.
+        pseudonym: of the athlete who changes; None makes one.
+        attributes: ``stature_m`` and ``mass_kg``.
+        consent: scopes to which the athlete consents now.
+        withdrawn: whether all consent is withdrawn.
+        guardian: whether a guardian consents.
+        on: day of the consent or of its withdrawal, such as 2026-05-01; None is today.
+
+    Raises:
+        DataError: the pseudonym or a scope is unknown, a number is no person's, or the day is none.
     """
-    return RunRecord(
-        recording,
-        setup.run(engine),
-        engine,
-        setup.name,
-        setup.comparable(engine),
-        "done",
-        strokes=count,
-        files={STROKES_FILE: hashlib.sha256(strokes).hexdigest()},
-        health=health,
+    known = season.athletes()
+    if pseudonym is not None and pseudonym not in known:
+        raise not_in_season("athlete", pseudonym, known)
+    day = datetime.date.today().isoformat() if on is None else checked_day(on, "--on")
+    one = Athlete(new_pseudonym(known)) if pseudonym is None else known[pseudonym]
+    for scope in consent:
+        check_scope(scope)
+    for key, value in attributes.items():
+        low, high = _RANGES[key]
+        if not low <= value <= high:
+            raise DataError(f"{key} is {value:g}; expected {low:g} to {high:g}. Is the unit right?")
+    changed = replace(
+        one,
+        attributes={**one.attributes, **attributes},
+        consent={**one.consent, **dict.fromkeys(consent, day)},
+        withdrawn=day if withdrawn else "" if consent else one.withdrawn,
+        guardian=one.guardian or guardian,
     )
+    season.put_athlete(changed)
+    return changed
+
+
+def keep_name(season: Season, pseudonym: str, name: str | None, file: Path | None) -> None:
+    """Write who stands behind a pseudonym into the file of names."""
+    if name is None or file is None:
+        raise DataError(
+            "give --name and --names together: the name, and the file outside the season that keeps it"
+        )
+    inside = Path(season.place.address).resolve() if "://" not in season.place.address else None
+    if inside is not None and (inside == file.resolve() or inside in file.resolve().parents):
+        raise DataError(
+            f"{file}: lies inside the season; names of people stay outside. Choose another place."
+        )
+    names = NamesFile.read(file)
+    if names.pseudonyms.get(name, pseudonym) != pseudonym:
+        raise DataError(
+            f"{file}: {name} has the pseudonym {names.pseudonyms[name]} already. "
+            f"To change that athlete: --athlete {names.pseudonyms[name]}"
+        )
+    names.with_name(name, pseudonym).write()
 
 
 def content_name(recording: Recording) -> str:

@@ -1,4 +1,4 @@
-"""`Athlete`: a pseudonym with attributes and consent. Names stay in a file outside the season.
+"""`Athlete`: a pseudonym with attributes and consent; `NamesFile`: the names of people, outside the season.
 
 A pseudonym is random. Movements can identify a person, so data under a pseudonym are still personal data.
 """
@@ -6,15 +6,13 @@ A pseudonym is random. Movements can identify a person, so data under a pseudony
 from __future__ import annotations
 
 import datetime
-import functools
-import hashlib
 import secrets
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 
-from oarlock.season.entry import parsed_toml
+from oarlock.season.records import parsed_toml
 from oarlock.storage.errors import DataError
 from oarlock.storage.names import check_name
 from oarlock.storage.toml import TomlTable, toml_text, write_toml
@@ -38,6 +36,7 @@ class Athlete:
         consent: for each scope of `SCOPES` the day on which it was given, as ISO text.
         withdrawn: the day on which all consent was withdrawn; empty if it was not.
         guardian: whether a guardian gave the consent.
+        setup: name of the athlete's own setup; empty for that of the season.
     """
 
     pseudonym: str
@@ -45,6 +44,7 @@ class Athlete:
     consent: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     withdrawn: str = ""
     guardian: bool = False
+    setup: str = ""
 
     def allows(self, scope: str) -> bool:
         """Whether the athlete consents to a use."""
@@ -53,17 +53,13 @@ class Athlete:
     def toml(self) -> bytes:
         """The contents of the athlete's file."""
         consent = {**self.consent, "withdrawn": self.withdrawn, "guardian": self.guardian}
-        return toml_text({**self.attributes, "consent": consent}).encode()
+        return toml_text({**self.attributes, "setup": self.setup, "consent": consent}).encode()
 
     @classmethod
     def parsed(cls, contents: bytes, pseudonym: str, where: str) -> Athlete:
-        """The athlete of a file.
-
-        Raises:
-            DataError: it is damaged.
-        """
+        """The athlete of a file."""
         table = parsed_toml(contents, where)
-        table.check_keys((*_ATTRIBUTES, "consent"))
+        table.check_keys((*_ATTRIBUTES, "setup", "consent"))
         consent = table.table("consent", {})
         consent.check_keys((*SCOPES, "withdrawn", "guardian"))
         return cls(
@@ -72,6 +68,7 @@ class Athlete:
             {key: checked_day(consent.string(key), where) for key in SCOPES if key in consent.values},
             consent.string("withdrawn", ""),
             consent.boolean("guardian", False),
+            table.string("setup", ""),
         )
 
 
@@ -83,15 +80,6 @@ def new_pseudonym(taken: Mapping[str, object]) -> str:
             return found
 
 
-@functools.cache
-def pseudonym_hash(season: str, pseudonym: str) -> str:
-    """Hash of a pseudonym, as a tombstone contains it; the same in every copy of the season.
-
-    A pseudonym has only 30 random bits, so it can be found from its hash by trial: the hash is no secret.
-    """
-    return hashlib.scrypt(pseudonym.encode(), salt=season.encode(), n=2**12, r=8, p=1, dklen=16).hex()
-
-
 def check_scope(scope: str) -> None:
     """Raises a DataError if `scope` is not one of `SCOPES`."""
     if scope not in SCOPES:
@@ -101,11 +89,7 @@ def check_scope(scope: str) -> None:
 
 
 def checked_day(text: str, where: str) -> str:
-    """A day as ISO text.
-
-    Raises:
-        DataError: it is none.
-    """
+    """A day as ISO text."""
     try:
         return datetime.date.fromisoformat(text).isoformat()
     except ValueError:
@@ -114,23 +98,14 @@ def checked_day(text: str, where: str) -> str:
 
 @dataclass(frozen=True)
 class NamesFile:
-    """The file of names: the pseudonym of each person, in a file outside the season.
-
-    Args:
-        path: of the file.
-        pseudonyms: by name.
-    """
+    """The file of names: the pseudonym of each person, in a file outside the season."""
 
     path: Path
     pseudonyms: Mapping[str, str]
 
     @classmethod
     def read(cls, path: Path) -> NamesFile:
-        """The file; empty if it is not there.
-
-        Raises:
-            DataError: it is damaged.
-        """
+        """The file; empty if it is not there."""
         if not path.exists():
             return cls(path, {})
         table = TomlTable.read(path)

@@ -1,6 +1,6 @@
 """`export_athlete`: everything of an athlete as CSV and as stored, in a folder outside the season.
 
-The season keeps a note of where, so that `erase` finds the folder, or names it if it is out of reach.
+A note in the athlete's folder says where, so that `erase` finds the export, or names it if it is out of reach.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 import datetime
 import secrets
 import socket
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,11 +17,11 @@ import pyarrow as pa
 from pyarrow import csv
 
 from oarlock.season.athletes import check_scope
-from oarlock.season.belongings import belongings, folders
 from oarlock.season.gps import CUT_FILES, GpsCut
-from oarlock.season.layout import ATHLETES, EXPORTS, STROKES_FILE
-from oarlock.season.schema import joined, recording_rows, run_rows, stroke_rows
+from oarlock.season.records import athlete_folder
+from oarlock.season.storage import OWN_WORK
 from oarlock.season.store import Season, not_in_season
+from oarlock.season.tables import recording_rows, run_rows, update_tables
 from oarlock.storage.errors import DataError
 from oarlock.storage.parquet_table import read_table, with_plain_texts
 from oarlock.storage.toml import TomlTable, toml_text, write_toml
@@ -29,6 +29,7 @@ from oarlock.storage.write_file import write_file
 
 EXPORT_FILE = "export.toml"
 """Written into the folder of each athlete: of whom it is, and its files."""
+_NOTES = "exports"
 _FORMAT = 1
 
 
@@ -43,17 +44,11 @@ class Exported:
 
 
 def may_share(season: Season, scope: str) -> tuple[list[str], list[str]]:
-    """Who consents to a use, and who does not, or not any more.
-
-    Raises:
-        DataError: the scope is unknown.
-    """
+    """Who consents to a use, and who does not, or not any more."""
     check_scope(scope)
-    athletes, erased = season.athletes(), season.erased()
-    here = [name for name in sorted(athletes) if not season.is_erased(name, erased)]
-    return [name for name in here if athletes[name].allows(scope)], [
-        name for name in here if not athletes[name].allows(scope)
-    ]
+    athletes = season.athletes()
+    willing = [name for name, one in sorted(athletes.items()) if one.allows(scope)]
+    return willing, sorted(athletes.keys() - set(willing))
 
 
 def export_athlete(
@@ -62,73 +57,58 @@ def export_athlete(
     out: Path,
     *,
     cut_gps_m: float | None = None,
-    told: Callable[[float], None] = lambda share: None,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> Exported:
-    """Write everything of an athlete into `out/PSEUDONYM`.
-
-    Args:
-        season: which.
-        athlete: the pseudonym.
-        out: a folder outside the season.
-        cut_gps_m: remove positions that are so near to the start or the end of a track, m; None removes none.
-        told: called with the share done, 0 to 1.
-
-    Raises:
-        DataError: the athlete is unknown or was erased, the folder lies in the season or is there, or positions cannot
-            be cut.
-    """
-    if season.is_erased_now(athlete):
-        raise DataError(f"{athlete} was erased from this season; there is nothing to export")
-    own = belongings(season, athlete)
-    if own.is_empty:
+    """Write everything of an athlete into `out/PSEUDONYM`; positions so near to the ends of a track are removed, m."""
+    found = update_tables(season, athlete)
+    if not found.of:
         raise not_in_season("athlete", athlete, season.athletes())
     target = _free(season, out / athlete)
-    note = f"{EXPORTS}/{athlete}/{secrets.token_hex(8)}.toml"
     # The note comes first: an export that is interrupted is known.
-    season.place.write(note, _note(target))
-    cut = None if cut_gps_m is None else GpsCut(cut_gps_m, f"{season.id} {athlete}".encode())
+    note = f"{_NOTES}/{secrets.token_hex(8)}.toml"
+    place = {"folder": str(target), "host": socket.gethostname(), "exported": _now()}
     written: dict[str, int] = {}
-    sources = [folder for folder, _ in folders(own)]
-    for done, folder in enumerate(sources, start=1):
-        for name, contents in _folder_files(season, folder, cut):
-            write_file(target / name, contents)
-            written[name] = len(contents)
-        told(done / max(1, len(sources)))
-    for name, contents in _tables(season, athlete, own.results, own.recordings):
-        write_file(target / name, contents)
-        written[name] = len(contents)
-    about = {
-        "format": _FORMAT,
-        "season": season.id,
-        "athlete": athlete,
-        "exported": _now(),
-        "files": sorted(written),
-    }
-    write_toml(target / EXPORT_FILE, about)
-    if season.is_erased_now(athlete):
+    is_here = season.write(athlete, note, toml_text(place).encode())
+    cut = None if cut_gps_m is None else GpsCut(cut_gps_m, f"{season.id} {athlete}".encode())
+    top = athlete_folder(athlete)
+    names = [name for name, _ in season.place.files(top)]
+    for done, name in enumerate(names, start=1):
+        short = name.removeprefix(f"{top}/")
+        if not short.startswith((f"{_NOTES}/", f"{OWN_WORK}/")):
+            for file, contents in _file(season, name, short, cut):
+                write_file(target / file, contents)
+                written[file] = len(contents)
+        progress(done / len(names))
+    runs = run_rows(found).drop_columns(["health"])
+    for file, table in (("csv/recordings.csv", recording_rows(found)), ("csv/runs.csv", runs)):
+        write_file(target / file, contents := _csv(table))
+        written[file] = len(contents)
+    about = {"format": _FORMAT, "season": season.id, "athlete": athlete, "exported": _now()}
+    write_toml(target / EXPORT_FILE, {**about, "files": sorted(written)})
+    if not (is_here and season.is_here(athlete)):
         _remove_files(target, [*written, EXPORT_FILE])
-        season.place.remove([note])
+        season.place.remove_empty(top)
         raise DataError(
             f"{athlete} was erased from this season during the export; the exported files were removed"
         )
     return Exported(athlete, str(target), len(written) + 1, sum(written.values()))
 
 
-def remove_export(season: Season, athlete: str, note: str) -> list[str]:
-    """Remove the export of a note, then the note.
+def export_notes(season: Season, athlete: str) -> list[str]:
+    """Names of the notes of where exports of an athlete lie."""
+    folder = f"{athlete_folder(athlete)}/{_NOTES}"
+    return [f"{folder}/{name}" for name in season.place.children(folder)]
 
-    Returns:
-        What is out of reach, with what to do.
-    """
+
+def remove_export(season: Season, athlete: str, note: str) -> list[str]:
+    """Remove the export of a note; returns what is out of reach, with what to do."""
     try:
         table = TomlTable.parsed(season.place.read(note).decode(), Path(note))
         where, host = Path(table.string("folder")), table.string("host")
     except (FileNotFoundError, UnicodeDecodeError, DataError):
-        season.place.remove([note])
         return [
             f"{note}: the note of an export could not be read; ask who exports, and remove the folder by hand"
         ]
-    season.place.remove([note])
     if host != socket.gethostname():
         return [f"{where} on {host}: an export; remove it there"]
     if not where.exists():
@@ -145,48 +125,19 @@ def remove_export(season: Season, athlete: str, note: str) -> list[str]:
     return [f"{where}: contains files that were not exported; look at them"] if where.exists() else []
 
 
-def _folder_files(season: Season, folder: str, cut: GpsCut | None) -> Iterator[tuple[str, bytes]]:
-    """Files of a recording or a result as they are stored, and what is Parquet as CSV too."""
-    for full, _ in season.place.files(folder):
-        try:
-            contents = season.place.read(full)
-        except FileNotFoundError:
-            continue  # gone meanwhile
-        if cut is not None and full.lower().endswith(CUT_FILES):
-            contents = cut.file(contents, season.where(full))
-        yield f"stored/{full}", contents
-        if full.endswith(".parquet"):
-            try:
-                table = with_plain_texts(read_table(contents, where=full, without_lists=True), full)
-            except DataError:
-                continue  # damaged; it is there as stored
-            yield f"csv/{full.removesuffix('.parquet')}.csv", _csv(table)
-
-
-def _tables(
-    season: Season, athlete: str, results: Sequence[tuple[str, str]], recordings: Iterable[str]
-) -> Iterator[tuple[str, bytes]]:
-    entries = {entry.recording: entry for entry in season.entries(list(recordings))}
-    records = list(season.run_records(list(results)))
-    with suppress(FileNotFoundError):
-        yield f"{athlete}.toml", season.place.read(f"{ATHLETES}/{athlete}.toml")
-    yield (
-        "recordings.csv",
-        _csv(recording_rows(list(entries.values()), {one.recording: one for one in records})),
-    )
-    runs = run_rows(records)
-    yield "runs.csv", _csv(runs.drop_columns(["health"]))
-    strokes = []
-    for one in records:
-        name = f"results/{one.recording}.{one.run}/{STROKES_FILE}"
-        if one.recording in entries and season.place.exists(name):
-            try:
-                strokes.append(
-                    stroke_rows(season.place.read(name), entries[one.recording], one, season.where(name))
-                )
-            except DataError:
-                continue  # damaged; `check` names it
-    yield "strokes.csv", _csv(joined(strokes))
+def _file(season: Season, full: str, name: str, cut: GpsCut | None) -> Iterator[tuple[str, bytes]]:
+    """A file as it is stored, and what is Parquet as CSV too."""
+    try:
+        contents = season.place.read(full)
+    except FileNotFoundError:
+        return  # gone meanwhile
+    if cut is not None and name.lower().endswith(CUT_FILES):
+        contents = cut.file(contents, season.where(full))
+    yield f"stored/{name}", contents
+    if name.endswith(".parquet"):
+        with suppress(DataError):  # damaged; it is there as stored
+            table = with_plain_texts(read_table(contents, where=full, without_lists=True), full)
+            yield f"csv/{name.removesuffix('.parquet')}.csv", _csv(table)
 
 
 def _csv(table: pa.Table) -> bytes:
@@ -204,10 +155,6 @@ def _free(season: Season, target: Path) -> Path:
     if whole.exists() and (not whole.is_dir() or any(whole.iterdir())):
         raise DataError(f"{target}: is there already; choose another folder")
     return whole
-
-
-def _note(target: Path) -> bytes:
-    return toml_text({"folder": str(target), "host": socket.gethostname(), "exported": _now()}).encode()
 
 
 def _now() -> str:

@@ -39,16 +39,13 @@ _WIDER = 1.5
 def kept_positions(
     latitude_deg: NDArray[np.float64], longitude_deg: NDArray[np.float64], cut_m: float, secret: bytes = b""
 ) -> NDArray[np.bool_]:
-    """Which positions of a track may be shown.
+    """Which positions of a track may be shown, (T,); False where there is none.
 
     Args:
         latitude_deg: (T,), NaN where there is none.
         longitude_deg: (T,), NaN where there is none.
         cut_m: positions nearer than this to the first or the last one are cut; so are some up to twice as far.
         secret: from which the centres of the circles are moved; the same for all tracks of an athlete.
-
-    Returns:
-        (T,): True for positions outside both circles; False where there is none.
     """
     latitude_deg, longitude_deg = np.asarray(latitude_deg, float), np.asarray(longitude_deg, float)
     known = np.isfinite(latitude_deg) & np.isfinite(longitude_deg)
@@ -66,15 +63,7 @@ def kept_positions(
 
 @dataclass(frozen=True)
 class GpsCut:
-    """Cuts the positions of files.
-
-    Args:
-        cut_m: as in `kept_positions`, m.
-        secret: as in `kept_positions`.
-
-    Raises:
-        DataError: the distance is not positive.
-    """
+    """Cuts the positions of files."""
 
     cut_m: float
     secret: bytes = b""
@@ -86,11 +75,7 @@ class GpsCut:
             )
 
     def file(self, contents: bytes, where: str) -> bytes:
-        """The file without the positions near start and end.
-
-        Raises:
-            DataError: it has positions in a way that cannot be cut here.
-        """
+        """The file without the positions near start and end."""
         name = where.lower()
         if name.endswith(".fit"):
             raise DataError(f"{where}: positions in FIT files are not cut; export it as TCX or CSV first")

@@ -1,40 +1,47 @@
-"""`Season`: the entries, results, athletes and tombstones of one place."""
+"""`Season`: athletes, recordings, results and setups of one place; `create_season` and `open_season`.
+
+An athlete is in the season while the athlete's file is there. An erasure removes that file first and lists the folder
+last; whoever stores something looks for the file afterwards. So one of the two removes what is stored meanwhile.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import secrets
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TypeVar
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
-from oarlock.season.athletes import Athlete, pseudonym_hash
-from oarlock.season.entry import Entry, entry_place, parsed_toml
-from oarlock.season.layout import (
-    ATHLETES,
-    ERASED,
-    RECORDINGS,
-    RESULTS,
+from oarlock.season.athletes import Athlete
+from oarlock.season.object_storage import open_storage
+from oarlock.season.records import (
+    ATHLETE_FILE,
+    ENTRY_FILE,
     RUN_FILE,
     SEASON_FILE,
-    SEASON_FORMAT,
-    SETUPS,
+    Entry,
+    RunRecord,
+    Setup,
+    athlete_folder,
+    parsed_toml,
     recording_folder,
     result_folder,
 )
-from oarlock.season.open_place import open_place
-from oarlock.season.place import SeasonStorage
-from oarlock.season.run_record import RunRecord, Setup
+from oarlock.season.storage import OWN_WORK, SeasonStorage
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
 from oarlock.storage.toml import TomlTable, toml_text
 
-_READERS = 16
+READERS = 16
 """Threads that read small files: on an object store each waits for its answer."""
-Found = TypeVar("Found")
-_KEYS = ("format", "name", "id", "time_zone", "retention", "setup")
+_FORMAT = 1
+_PREFIX = athlete_folder("")
+Item = TypeVar("Item")
+Answer = TypeVar("Answer")
 
 
 @dataclass(frozen=True)
@@ -42,12 +49,10 @@ class Season:
     """One season.
 
     Args:
-        place: where it lies.
-        name: for people.
         id: random; the same in every copy of the season.
         time_zone: of local times without a zone, such as Europe/Berlin.
         retention: months after which `prune` removes something, by what: ``raw`` or ``results``.
-        setup: names of the setups that are current, by athlete; "" is for everybody else.
+        setup: name of the setup of all athletes without one of their own; empty if none was chosen.
     """
 
     place: SeasonStorage
@@ -55,148 +60,164 @@ class Season:
     id: str
     time_zone: str = "UTC"
     retention: Mapping[str, int] = field(default_factory=dict)
-    setup: Mapping[str, str] = field(default_factory=dict)
+    setup: str = ""
 
-    # ---- entries and results
+    # ---- athletes
 
-    def recordings(self) -> list[str]:
-        """Names of what lies under `recordings/`, finished or not."""
-        return self.place.children(RECORDINGS)
+    def folders(self) -> list[str]:
+        """Pseudonyms of which there is a folder, of an interrupted erasure too."""
+        names = self.place.children("")
+        return [name.removeprefix(_PREFIX) for name in names if name.startswith(_PREFIX)]
 
-    def results(self) -> list[tuple[str, str]]:
-        """Recording and run of what lies under `results/`, finished or not."""
-        named = (name.partition(".") for name in self.place.children(RESULTS))
+    def athletes(self) -> dict[str, Athlete]:
+        """All athletes by pseudonym."""
+        found = in_threads(self.athlete, self.folders())
+        return {one.pseudonym: one for one in found if one is not None}
+
+    def athlete(self, pseudonym: str) -> Athlete | None:
+        """One athlete; None if nobody has this pseudonym, or the athlete was erased."""
+        file = f"{athlete_folder(pseudonym)}/{ATHLETE_FILE}"
+        try:
+            return Athlete.parsed(self.place.read(file), pseudonym, self.where(file))
+        except FileNotFoundError:
+            return None
+
+    def put_athlete(self, athlete: Athlete) -> None:
+        """Store an athlete, or what changed about one."""
+        self.place.write(f"{athlete_folder(athlete.pseudonym)}/{ATHLETE_FILE}", athlete.toml())
+
+    def is_here(self, athlete: str) -> bool:
+        """Whether this athlete is in the season; to be asked after something was stored."""
+        return self.place.exists(f"{athlete_folder(athlete)}/{ATHLETE_FILE}")
+
+    def write(self, athlete: str, name: str, contents: bytes) -> bool:
+        """Write or replace a file in an athlete's folder; False if the athlete was erased meanwhile."""
+        file = f"{athlete_folder(athlete)}/{name}"
+        fault = None
+        try:
+            self.place.write(file, contents)
+        except DataError as error:  # perhaps because an erasure removes the folder
+            fault = error
+        if self.is_here(athlete):
+            if fault is not None:
+                raise fault
+            return True
+        self.place.remove([file])
+        self.place.remove_empty(athlete_folder(athlete))
+        return False
+
+    def _put(self, athlete: str, folder: str, files: Mapping[str, bytes], record: str) -> bool:
+        """As `SeasonStorage.put_folder`, in an athlete's folder."""
+        try:
+            is_new, fault = self.place.put_folder(folder, files, record), None
+        except DataError as error:  # perhaps because the erasure removed what was half written
+            is_new, fault = True, error
+        if self.is_here(athlete):
+            if fault is not None:
+                raise fault
+            return is_new
+        if is_new:
+            self.place.remove_folder(folder, record)
+        self.place.remove_folder(f"{athlete_folder(athlete)}/{OWN_WORK}")
+        self.place.remove_empty(athlete_folder(athlete))
+        raise ErasedError(f"{athlete} was erased from this season meanwhile; {folder} was not stored")
+
+    # ---- recordings and results
+
+    def recordings(self) -> dict[str, str]:
+        """The athlete of each recording, finished or not, by its name."""
+        here = self.folders()
+        found = in_threads(lambda name: self.recordings_of(name) if self.is_here(name) else [], here)
+        return {recording: athlete for athlete, own in zip(here, found, strict=True) for recording in own}
+
+    def recordings_of(self, athlete: str) -> list[str]:
+        """Names of an athlete's recordings, finished or not."""
+        return self.place.children(f"{athlete_folder(athlete)}/recordings")
+
+    def results_of(self, athlete: str) -> list[tuple[str, str]]:
+        """Recording and run of an athlete's results, finished or not."""
+        named = (name.partition(".") for name in self.place.children(f"{athlete_folder(athlete)}/results"))
         return [(recording, run) for recording, dot, run in named if dot]
 
-    def entry(self, recording: str) -> Entry | None:
-        """What is known of a recording; None if it is not there, or not yet as a whole.
-
-        Raises:
-            DataError: its commit record is damaged.
-        """
-        file = entry_place(recording_folder(recording))
+    def entry(self, athlete: str, recording: str) -> Entry | None:
+        """What is known of a recording; None if it is not there, or not yet as a whole."""
+        file = f"{recording_folder(athlete, recording)}/{ENTRY_FILE}"
         try:
             return Entry.parsed(self.place.read(file), self.where(file))
         except FileNotFoundError:
             return None
 
-    def run_record(self, recording: str, run: str) -> RunRecord | None:
-        """How a run ended; None if it has not.
-
-        Raises:
-            DataError: its commit record is damaged.
-        """
-        file = f"{result_folder(recording, run)}/{RUN_FILE}"
+    def run_record(self, athlete: str, recording: str, run: str) -> RunRecord | None:
+        """How a run ended; None if it has not."""
+        file = f"{result_folder(athlete, recording, run)}/{RUN_FILE}"
         try:
             return RunRecord.parsed(self.place.read(file), self.where(file))
         except FileNotFoundError:
             return None
 
-    def entries(self, recordings: list[str]) -> Iterator[Entry]:
+    def entries(self, athlete: str, recordings: Iterable[str]) -> Iterator[Entry]:
         """The entries of these, without those that are unfinished or damaged; `check` names the damaged."""
-        yield from self._readable(self.entry, [(name,) for name in recordings])
+        return _readable(lambda name: self.entry(athlete, name), list(recordings))
 
-    def run_records(self, results: list[tuple[str, str]]) -> Iterator[RunRecord]:
+    def run_records(self, athlete: str, results: Iterable[tuple[str, str]]) -> Iterator[RunRecord]:
         """The records of these, without those that are unfinished or damaged; `check` names the damaged."""
-        yield from self._readable(self.run_record, results)
+        return _readable(lambda name: self.run_record(athlete, *name), list(results))
 
-    def _readable(
-        self, read: Callable[..., Found | None], names: Sequence[tuple[str, ...]]
-    ) -> Iterator[Found]:
-        def found(name: tuple[str, ...]) -> Found | None:
-            try:
-                return read(*name)
-            except DataError:
-                return None
+    def put_recording(self, entry: Entry, files: Mapping[str, bytes]) -> Entry | None:
+        """Store the files of a recording; returns the entry with their hashes, None if it was there."""
+        hashes = {name: hashlib.sha256(contents).hexdigest() for name, contents in files.items()}
+        whole = replace(entry, files=hashes)
+        is_new = self._put(entry.athlete, entry.folder, {**files, ENTRY_FILE: whole.toml()}, ENTRY_FILE)
+        return whole if is_new else None
 
-        with ThreadPoolExecutor(_READERS) as pool:
-            yield from (one for one in pool.map(found, names) if one is not None)
+    def put_result(
+        self,
+        athlete: str,
+        record: RunRecord,
+        files: Mapping[str, bytes],
+        setup: Setup,
+        *,
+        replaces: bool = False,
+    ) -> bool:
+        """Store a result with its setup; False if it was there, or the athlete was erased meanwhile.
 
-    def put_result(self, record: RunRecord, files: Mapping[str, bytes], setup: Setup) -> bool:
-        """Store a result with its setup; False if it was there, or its recording was erased meanwhile."""
-        self.put_setup(setup)
-        folder = result_folder(record.recording, record.run)
-        is_new = self.place.put_folder(folder, {**files, RUN_FILE: record.toml()}, RUN_FILE)
-        # An erasure removes the entry before it looks for results: one of the two sees the other.
-        if is_new and not self.place.exists(entry_place(recording_folder(record.recording))):
+        `replaces` removes the one that is there.
+        """
+        folder = result_folder(athlete, record.recording, record.run)
+        if replaces:
             self.place.remove_folder(folder, RUN_FILE)
+        try:
+            self.put_setup(setup, athlete)
+            return self._put(athlete, folder, {**files, RUN_FILE: record.toml()}, RUN_FILE)
+        except ErasedError:
             return False
-        return is_new
 
     # ---- setups
 
-    def put_setup(self, setup: Setup) -> str:
-        """Store the files of a setup; returns its name."""
+    def put_setup(self, setup: Setup, athlete: str = "") -> str:
+        """Store the files of a setup, of everybody or of an athlete; returns its name."""
         for name, contents in setup.files.items():
-            if not self.place.exists(file := f"{SETUPS}/{setup.name}/{name}"):
+            file = f"setups/{setup.name}/{name}"
+            if not athlete and not self.place.exists(file):
                 self.place.write(file, contents)
+            elif athlete and not self.place.exists(f"{athlete_folder(athlete)}/{file}"):
+                self.write(athlete, file, contents)
         return setup.name
 
-    def load_setup(self, name: str) -> Setup:
-        """A setup that was stored.
-
-        Raises:
-            DataError: it is not there, or its files are others than its name says.
-        """
-        found = {}
-        for file in self.place.children(f"{SETUPS}/{name}"):
-            key = file.removesuffix(".toml")
-            if key in ("model", "calibration", "settings"):
-                found[key] = self.place.read(f"{SETUPS}/{name}/{file}")
-        setup = Setup(**found)
-        if setup.name != name:
-            raise DataError(
-                f"{self.where(f'{SETUPS}/{name}')}: is damaged or missing. Store it again with the same model, "
-                "calibration and settings: `oarlock season setup`"
-            )
-        return setup
-
-    # ---- athletes
-
-    def athletes(self) -> dict[str, Athlete]:
-        """All athletes by pseudonym."""
-        names = [name for name in self.place.children(ATHLETES) if name.endswith(".toml")]
-        with ThreadPoolExecutor(_READERS) as pool:
-            found = pool.map(self._athlete, names)
-            return {one.pseudonym: one for one in found if one is not None}
-
-    def put_athlete(self, athlete: Athlete) -> None:
-        """Store an athlete, or what changed about one.
-
-        Raises:
-            DataError: the athlete was erased.
-        """
-        file = f"{ATHLETES}/{athlete.pseudonym}.toml"
-        self.place.write(file, athlete.toml())
-        if self.is_erased_now(athlete.pseudonym):
-            self.place.remove([file])
-            raise DataError(
-                f"{athlete.pseudonym} was erased from this season; nothing of this athlete is stored again"
-            )
-
-    def athlete(self, pseudonym: str) -> Athlete | None:
-        """One athlete; None if nobody has this pseudonym."""
-        return self._athlete(f"{pseudonym}.toml")
-
-    def _athlete(self, file: str) -> Athlete | None:
-        name = f"{ATHLETES}/{file}"
-        try:
-            return Athlete.parsed(self.place.read(name), file.removesuffix(".toml"), self.where(name))
-        except FileNotFoundError:
-            return None
-
-    def erased(self) -> frozenset[str]:
-        """Hashes of the pseudonyms that were erased."""
-        names = self.place.children(ERASED)
-        return frozenset(name.removesuffix(".toml") for name in names if name.endswith(".toml"))
-
-    def is_erased(self, pseudonym: str, erased: frozenset[str]) -> bool:
-        """Whether this athlete is among the erased."""
-        return pseudonym_hash(self.id, pseudonym) in erased
-
-    def is_erased_now(self, pseudonym: str) -> bool:
-        """Whether this athlete was erased until this moment; to be asked after something was stored."""
-        return self.place.exists(f"{ERASED}/{pseudonym_hash(self.id, pseudonym)}.toml")
+    def load_setup(self, name: str, athlete: str = "") -> Setup:
+        """A setup that was stored, of an athlete or else of everybody."""
+        for top in (f"{athlete_folder(athlete)}/", "") if athlete else ("",):
+            folder, found = f"{top}setups/{name}", {}
+            for file in self.place.children(folder):
+                key = file.removesuffix(".toml")
+                if key in ("model", "calibration", "settings"):
+                    found[key] = self.place.read(f"{folder}/{file}")
+            if (setup := Setup(**found)).name == name:
+                return setup
+        raise DataError(
+            f"{self.where(folder)}: is damaged or missing. Store it again with the same model, calibration and "
+            "settings: `oarlock season setup`"
+        )
 
     # ---- its own file
 
@@ -206,14 +227,17 @@ class Season:
 
     def toml(self) -> bytes:
         """The contents of `season.toml`."""
-        tables = {"retention": {f"{what}_months": n for what, n in self.retention.items()}}
-        setup = {name or "everybody": of for name, of in self.setup.items()}
-        head = {"format": SEASON_FORMAT, "name": self.name, "id": self.id, "time_zone": self.time_zone}
-        return toml_text({**head, **tables, "setup": setup}).encode()
+        head = {"format": _FORMAT, "name": self.name, "id": self.id, "time_zone": self.time_zone}
+        retention = {f"{what}_months": n for what, n in self.retention.items()}
+        return toml_text({**head, "setup": self.setup, "retention": retention}).encode()
 
     def zone(self) -> ZoneInfo:
         """The zone of local times."""
         return checked_zone(self.time_zone, self.where(SEASON_FILE))
+
+
+class ErasedError(DataError):
+    """An athlete was erased while something of the athlete was stored."""
 
 
 def create_season(address: str, name: str, time_zone: str = "UTC") -> Season:
@@ -223,12 +247,12 @@ def create_season(address: str, name: str, time_zone: str = "UTC") -> Season:
         DataError: there is a season already, other files are there, or the zone is unknown.
     """
     checked_zone(time_zone, address)
-    place = open_place(address)
+    place = open_storage(address)
     if place.exists(SEASON_FILE):
         raise DataError(f"{address}: is a season already; `oarlock season list {address}` shows it")
     if (others := place.children(""))[:1] and others != [".oarlock"]:
         raise DataError(f"{address}: holds other files, such as {others[0]}; choose an empty place")
-    season = Season(place, name, secrets.token_hex(8), time_zone, {}, {})
+    season = Season(place, name, secrets.token_hex(8), time_zone)
     place.write(SEASON_FILE, season.toml())
     return season
 
@@ -239,7 +263,7 @@ def open_season(address: str) -> Season:
     Raises:
         DataError: there is none, or its season.toml is damaged.
     """
-    place = open_place(address)
+    place = open_storage(address)
     where = f"{place.address}/{SEASON_FILE}"
     try:
         table = parsed_toml(place.read(SEASON_FILE), where)
@@ -247,16 +271,15 @@ def open_season(address: str) -> Season:
         raise DataError(
             f"{address}: is not a season. To begin one: `oarlock season init {address}`"
         ) from None
-    table.check_keys(_KEYS)
-    table.check_format(SEASON_FORMAT)
-    setup = table.table("setup", {})
+    table.check_keys(("format", "name", "id", "time_zone", "retention", "setup"))
+    table.check_format(_FORMAT)
     return Season(
         place,
         table.string("name"),
         table.string("id"),
         table.string("time_zone", "UTC"),
         _retention(table.table("retention", {})),
-        {("" if name == "everybody" else name): setup.string(name) for name in setup.values},
+        table.string("setup", ""),
     )
 
 
@@ -266,17 +289,30 @@ def not_in_season(what: str, name: str, known: Iterable[str]) -> DataError:
 
 
 def checked_zone(name: str, where: str) -> ZoneInfo:
-    """The zone of a name.
-
-    Raises:
-        DataError: it is not known.
-    """
+    """The zone of a name."""
     try:
         return ZoneInfo(name)
     except (ZoneInfoNotFoundError, ValueError, OSError):
         raise DataError(
             f'{where}: "{name}" is no time zone; expected one such as Europe/Berlin or UTC'
         ) from None
+
+
+def in_threads(read: Callable[[Item], Answer], items: Sequence[Item]) -> list[Answer]:
+    """The answers to all items, in their order, by `READERS` threads."""
+    if len(items) < 2:
+        return [read(one) for one in items]
+    with ThreadPoolExecutor(READERS) as pool:
+        return list(pool.map(read, items))
+
+
+def _readable(read: Callable[[Item], Answer | None], items: Sequence[Item]) -> Iterator[Answer]:
+    def found(item: Item) -> Answer | None:
+        with suppress(DataError):
+            return read(item)
+        return None
+
+    return (one for one in in_threads(found, items) if one is not None)
 
 
 def _retention(table: TomlTable) -> dict[str, int]:

@@ -9,38 +9,45 @@ from __future__ import annotations
 import datetime
 import hashlib
 import os
+import shutil
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
-from oarlock.season.place import SeasonStorage, checked_name
+from oarlock.season.storage import FolderStorage, SeasonStorage, checked_name
 from oarlock.storage.errors import DataError
-from oarlock.storage.regular_file import read_bytes
-from oarlock.storage.write_file import TEMPORARY, write_file
+from oarlock.storage.write_file import write_file
 
 if TYPE_CHECKING:
     from obstore.store import ObjectStore
 
 Result = TypeVar("Result")
-_AT_ONCE = 500
+_AT_ONCE, _VERSIONS_AT_ONCE = 500, 1000
 _CONNECT_S, _ANSWER_S, _RETRY_S = 5, 60, 20
 """An endpoint that cannot be reached is an error within seconds; a large file may take the longer time."""
 _RETRIES = 4
 _OTHER_WRITER_S = 30.0
 """Files without a commit record that are older are of a writer that was stopped, and are written over."""
 _POLL_S = 0.2
-_ATTEMPTS = 20
+_COPY_S = 600.0
+"""Former copies in the cache are removed when they are older: another process may be reading them."""
 _IN_MEMORY: dict[str, ObjectStore] = {}
 """Stores of this process by address."""
 
 
-def open_objects(address: str) -> SeasonStorage:
-    """The season at an address such as `s3://bucket/season`.
+def open_storage(address: str) -> SeasonStorage:
+    """The storage at an address: a path, or an object store such as `s3://bucket/season`."""
+    if "://" not in address:
+        return FolderStorage(Path(address))
+    if address.startswith("file://"):
+        return open_storage(address.removeprefix("file://"))
+    return _open_objects(address)
 
-    Raises:
-        DataError: obstore is not installed, or cannot open the address.
-    """
+
+def _open_objects(address: str) -> SeasonStorage:
+    """The season at an address such as `s3://bucket/season`."""
     try:
         from obstore.store import from_url
     except ImportError:
@@ -114,7 +121,7 @@ class ObjectStorage:
         now = datetime.datetime.now(datetime.UTC)
         return max(0.0, float((now - head["last_modified"]).total_seconds()))
 
-    def put_folder(self, folder: str, files: Mapping[str, bytes | Path], record: str) -> bool:
+    def put_folder(self, folder: str, files: Mapping[str, bytes], record: str) -> bool:
         """As `SeasonStorage.put_folder`: each object is created only if it is not there, the commit record last.
 
         Writers of one folder begin with the same file, so of two whose contents differ one creates the first file
@@ -124,9 +131,7 @@ class ObjectStorage:
         if self.exists(f"{folder}/{record}"):
             return False
         names = sorted(files, key=lambda name: (name == record, name))
-        wholes = ((f"{folder}/{name}", files[name]) for name in names)
-        for name, contents in wholes:
-            whole = read_bytes(contents) if isinstance(contents, Path) else contents
+        for name, whole in ((f"{folder}/{name}", files[name]) for name in names):
             if self._create(name, whole):
                 continue
             if name.endswith(f"/{record}"):
@@ -184,37 +189,42 @@ class ObjectStorage:
             self.remove([f"{folder}/{record}"])
         self.remove([name for name, _ in self.files(f"{folder}/")])
 
-    def on_disk(self, names: Sequence[str]) -> list[Path]:
-        """As `SeasonStorage.on_disk`: copies in the user cache. Table names contain their hash: no copy is ever old."""
-        return [self._copy(name) for name in names]
+    def remove_empty(self, folder: str) -> None:
+        """As `SeasonStorage.remove_empty`: there are no folders."""
+
+    def on_disk(self, name: str) -> Path:
+        """As `SeasonStorage.on_disk`: a copy in the user cache, named by the object's ETag, so that no copy is old."""
+        import obstore
+
+        head = self._head(name)
+        if head is None:
+            raise FileNotFoundError(name)
+        copy = self._copy(name, head)
+        if not copy.is_file():
+            found = self._asked(lambda: obstore.get(self.store, checked_name(name)), name)
+            copy = self._copy(name, found.meta)
+            write_file(copy, bytes(found.bytes()))
+            for former in copy.parent.glob(f"{copy.stem.partition('-')[0]}-*{copy.suffix}"):
+                with suppress(FileNotFoundError):
+                    if former != copy and time.time() - former.stat().st_mtime > _COPY_S:
+                        former.unlink()
+            if not self.exists(name):  # removed meanwhile: its copy must not stay
+                copy.unlink(missing_ok=True)
+                raise FileNotFoundError(name)
+        return copy
 
     def forget_copies(self, but: Collection[str] = ()) -> int:
         """As `SeasonStorage.forget_copies`."""
-        found, kept = 0, {self._cache() / name for name in but}
-        for file in list(self._cache().rglob("*")):
-            if (
-                file.is_file() and file not in kept
-            ):  # folders stay, because another process may write into them
-                file.unlink(missing_ok=True)
-                found += not file.name.startswith(TEMPORARY)
-        return found
+        gone = [one for one in self._cache().glob("*") if one.name not in but]
+        count = sum(file.is_file() for one in gone for file in one.rglob("*"))
+        for one in gone:
+            shutil.rmtree(one, ignore_errors=True)
+        return count
 
-    def _copy(self, name: str) -> Path:
-        copy = self._cache() / checked_name(name)
-        if copy.is_file():
-            return copy
-        for attempt in range(_ATTEMPTS):
-            try:
-                write_file(copy, self.read(name))
-                break
-            except DataError as error:
-                # Another process has removed the copies of tables, this one too.
-                if not isinstance(error.__cause__, FileNotFoundError) or attempt == _ATTEMPTS - 1:
-                    raise
-        if not self.exists(name):  # removed meanwhile: its copy must not stay
-            copy.unlink(missing_ok=True)
-            raise FileNotFoundError(name)
-        return copy
+    def _copy(self, name: str, head: Any) -> Path:
+        mark = hashlib.sha256(f"{head['e_tag']} {head['last_modified']}".encode()).hexdigest()[:12]
+        file = self._cache() / checked_name(name)
+        return file.with_name(f"{file.stem}-{mark}{file.suffix}")
 
     def _cache(self) -> Path:
         base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
@@ -255,3 +265,74 @@ class ObjectStorage:
 
 def _first_line(error: Exception) -> str:
     return str(error).strip().split("\n", 1)[0]
+
+
+class FormerVersions:
+    """Versions of the objects below a folder. A bucket with versions keeps what was removed until they are removed too.
+
+    Attributes:
+        unseen: why they cannot be seen; empty if they can, or if the place keeps none.
+    """
+
+    def __init__(self, place: SeasonStorage, folder: str) -> None:
+        self._client: Any = None
+        self.unseen = ""
+        address = place.address
+        if "://" not in address or address.startswith("memory:"):
+            return
+        if not address.startswith(("s3://", "s3a://")):
+            self.unseen = (
+                "cannot be seen in this kind of store; look with its own tools whether it keeps versions"
+            )
+            return
+        try:
+            import boto3  # type: ignore[import-untyped]
+        except ImportError:
+            self.unseen = 'cannot be seen without boto3: pip install "oarlock[s3]", then erase again'
+            return
+        self._bucket, _, prefix = address.partition("://")[2].partition("/")
+        self._prefix = "/".join(filter(None, (prefix.strip("/"), folder))) + "/"
+        region = os.environ.get("AWS_REGION") or os.environ.get("AWS_DEFAULT_REGION")
+        self._client = boto3.client("s3", region_name=region)
+
+    def names(self) -> list[tuple[str, str]]:
+        """Key and version of each, delete markers too; none if they cannot be seen."""
+        found: list[tuple[str, str]] = []
+        if self._client is None:
+            return found
+        try:
+            pages = self._client.get_paginator("list_object_versions")
+            for page in pages.paginate(Bucket=self._bucket, Prefix=self._prefix):
+                listed = (*page.get("Versions", ()), *page.get("DeleteMarkers", ()))
+                found += [(one["Key"], one["VersionId"]) for one in listed]
+        except _store_errors() as error:
+            self.unseen = f"cannot be seen ({error}); erase again with rights to list and remove versions"
+            return []
+        return found
+
+    def remove(self) -> int:
+        """Remove them, and the parts of uploads that a stopped writer left; returns how many versions."""
+        gone = [{"Key": key, "VersionId": version} for key, version in self.names()]
+        if self._client is None or self.unseen:
+            return 0
+        try:
+            for first in range(0, len(gone), _VERSIONS_AT_ONCE):
+                part = {"Objects": gone[first : first + _VERSIONS_AT_ONCE], "Quiet": True}
+                self._client.delete_objects(Bucket=self._bucket, Delete=part)
+            uploads = self._client.list_multipart_uploads(Bucket=self._bucket, Prefix=self._prefix)
+            for one in uploads.get("Uploads", ()):
+                self._client.abort_multipart_upload(
+                    Bucket=self._bucket, Key=one["Key"], UploadId=one["UploadId"]
+                )
+        except _store_errors() as error:
+            self.unseen = f"could not be removed ({error}); erase again with rights to remove versions"
+        return len(gone)
+
+
+def _store_errors() -> tuple[type[Exception], ...]:
+    from botocore.exceptions import (  # type: ignore[import-untyped]
+        BotoCoreError,
+        ClientError,
+    )
+
+    return BotoCoreError, ClientError

@@ -1,4 +1,4 @@
-"""`ask` and `trend`: the ready questions from Python, with a check that all runs asked are comparable."""
+"""`ask` and `trend`: the ready questions to a season from Python, and how their metrics are shown."""
 
 from __future__ import annotations
 
@@ -6,9 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from oarlock.season.questions.catalogue import QUESTIONS, Question
-from oarlock.season.questions.database import Database
-from oarlock.season.questions.selection import Rates, Selection
+from oarlock.season.database import Database, Rates, Selection
 from oarlock.season.store import Season
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
@@ -16,7 +14,87 @@ from oarlock.storage.suggest import did_you_mean
 if TYPE_CHECKING:
     import pyarrow as pa
 
+
+@dataclass(frozen=True)
+class Question:
+    """A ready question.
+
+    Args:
+        name: of the macro or view.
+        of_metric: whether it is asked of one metric, and of a range of stroke rates.
+        compares: whether it brings numbers of several recordings together, so that they must be comparable.
+        is_macro: whether it is called with parentheses.
+    """
+
+    name: str
+    line: str
+    of_metric: bool = True
+    compares: bool = True
+    is_macro: bool = True
+
+    def sql(self, metric: str | None = None, low: float | None = None, high: float | None = None) -> str:
+        """The statement that asks it; the metric is the name of a column."""
+        if not self.is_macro:
+            return f"FROM {self.name}"
+        if not self.of_metric:
+            return f"FROM {self.name}()"
+        assert metric is not None
+        given = {"rate_from": low, "rate_to": high}
+        rates = "".join(f", {name} := {value!r}" for name, value in given.items() if value is not None)
+        return f"FROM {self.name}('{metric}'{rates})"
+
+
+QUESTIONS = (
+    Question("trend", "Mean of each month, with its band; one row an athlete and month."),
+    Question("changes", "Change a month over the time asked for, with its band; one row an athlete."),
+    Question("drift", "Last third of a session against its first, at equal rate; one row an athlete."),
+    Question("consistency", "Standard deviation within a piece against the rate, in classes of 2/min."),
+    Question("same_rate", "Athletes compared at the same rate, in classes of 2/min."),
+    Question("sides", "Right against left; one row an athlete."),
+    Question("rig", "After a change of rig against before, 60 days each; one row an athlete and change."),
+    Question("crew", "Catch relative to the stroke seat; one row a seat and month.", of_metric=False),
+    Question("sensor_health", "Numbers about the sensors by athlete and month.", False, False, False),
+    Question("failed", "Recordings without a result, and why.", False, False, False),
+    Question("classes", "Classes of runs: numbers are compared only within one.", False, False, False),
+    Question("sessions", "Mean, standard error and scatter; one row a recording."),
+    Question("session_drifts", "Last third against first; one row a recording."),
+    Question("outings", "Catch relative to the stroke seat; one row a recording.", of_metric=False),
+)
+"""All ready questions that a season answers, with one line each."""
+
+
 MONTHS_FOR_CHANGE = 4
+_SCALED = (
+    *("mean", "low", "high", "per_month", "change", "sd"),
+    *("noise", "first", "last", "drift", "difference", "se"),
+)
+"""Columns of the ready questions that are in the unit of the metric."""
+
+
+@dataclass(frozen=True)
+class ShownMetric:
+    """How a metric is shown: a label, a unit such as "deg", and the factor from the column's unit to it."""
+
+    label: str
+    unit: str
+    scale: float
+
+
+def shown_metric(column: str) -> ShownMetric:
+    """How a column is shown; one that Oarlock does not define is shown as it is."""
+    from oarlock.rowing import FEATURES
+
+    feature = FEATURES.get(column)
+    if feature is None:
+        return ShownMetric(column, "", 1.0)
+    return ShownMetric(
+        feature.label, "" if feature.shown_unit == "1" else feature.shown_unit, feature.shown_scale
+    )
+
+
+def is_scaled(column: str) -> bool:
+    """Whether a column of a ready question is in the unit of the metric."""
+    return column.removesuffix("_before").removesuffix("_after") in _SCALED
 
 
 @dataclass(frozen=True)
@@ -26,7 +104,6 @@ class Change:
     Args:
         per_month: change a month of 30.4 days.
         low: lower end of its 95 % band.
-        high: upper end.
         change: from the first month to the last.
         changed: whether the 99.9 % band is beside zero. Of 1,000 athletes without a change about one is said to have
             changed.
@@ -44,7 +121,6 @@ class Trend:
     """A metric of one athlete over the months.
 
     Args:
-        athlete: the pseudonym.
         metric: the column; `oarlock.rowing.FEATURES` explains it.
         comparable: class of all runs that were used.
         months: one row a month: `month`, `sessions`, `strokes`, `rate`, `mean`, `low` and `high` (95 % band), `se`.
@@ -133,11 +209,7 @@ def trend(
 
 
 def question_named(name: str) -> Question:
-    """A ready question.
-
-    Raises:
-        DataError: there is none of this name.
-    """
+    """A ready question."""
     for one in QUESTIONS:
         if one.name == name.replace("-", "_"):
             return one
@@ -145,11 +217,7 @@ def question_named(name: str) -> Question:
 
 
 def one_class(database: Database) -> str:
-    """The class of all runs asked.
-
-    Raises:
-        DataError: there is no run, or there are several classes.
-    """
+    """The class of all runs asked."""
     found = database.classes()
     if not found:
         raise DataError(f"{database.selection}: has no results; compute them: `oarlock season run`")

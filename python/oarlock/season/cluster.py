@@ -8,10 +8,8 @@ that dies become suspicious, so each job runs in a process beside the worker, wh
 from __future__ import annotations
 
 import logging
-import os
 import queue
 import secrets
-import socket
 import threading
 import time
 from collections import deque
@@ -20,8 +18,8 @@ from contextlib import suppress
 from functools import partial
 from typing import Any
 
-from oarlock.season.run.child import Child
-from oarlock.season.run.job import Ended, Job, Loss, Reply, Task
+from oarlock.season.processes import Child
+from oarlock.season.run import Ended, Job, Loss, Reply, Task
 from oarlock.storage.errors import DataError
 
 IN_FLIGHT = 2
@@ -33,16 +31,7 @@ _LOCAL = threading.local()
 
 
 class DaskCluster:
-    """An `Executor` on an existing cluster.
-
-    Args:
-        task: a function of a module that the workers can import.
-        scheduler: its address, such as ``tcp://10.0.0.7:8786``.
-        notice: is told, once each time, that there is no worker.
-
-    Raises:
-        DataError: Dask is not installed, or no scheduler answers there.
-    """
+    """An `Executor` on an existing cluster, by the scheduler's address; `notice` is called when there is no worker."""
 
     def __init__(
         self, task: Task, scheduler: str, notice: Callable[[str], None] = lambda words: None
@@ -123,11 +112,7 @@ class DaskCluster:
         return Ended(job, Reply("refused", f"a worker of {self._scheduler}: {type(error).__name__}: {error}"))
 
     def _asked(self, ask: Callable[[], Any]) -> Any:
-        """What the cluster answers.
-
-        Raises:
-            DataError: it does not any more.
-        """
+        """What the cluster answers."""
         from distributed.client import FutureCancelledError
 
         try:
@@ -145,18 +130,13 @@ class DaskCluster:
 
 
 def on_worker(task: Task, job: Job) -> Ended:
-    """Do a job in a process beside the worker; each of its threads keeps one."""
-    held: Child | None = getattr(_LOCAL, "child", None)
-    if held is None or held.task is not task:
-        if held is not None:
-            held.close()
-        held = _LOCAL.child = Child(task)
-    began = time.monotonic()
-    try:
-        reply = held.ask(job)
-    except (DataError, OSError) as error:
-        reply = Reply("refused", str(error))
-    return Ended(job, reply, socket.gethostname(), held.process_id or os.getpid(), time.monotonic() - began)
+    """Do a job in a process beside the worker; each of its threads has one."""
+    child: Child | None = getattr(_LOCAL, "child", None)
+    if child is None or child.task is not task:
+        if child is not None:
+            child.close()
+        child = _LOCAL.child = Child(task)
+    return child.ended(job)
 
 
 def _connected(scheduler: str) -> Any:

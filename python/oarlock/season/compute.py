@@ -1,34 +1,75 @@
-"""`run_job`: from a stored recording to a stored result; what a process is given to do."""
+"""`run_job`: from a stored recording to a stored result; `make_setup`, `choose_setup`: with which model."""
 
 from __future__ import annotations
 
 import hashlib
 import time
+import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 
 from oarlock import Calibration, Config, DivergedError, Model, Track, load_recording, smooth, track
 from oarlock.evaluation.consistency import sensor_scores
 from oarlock.evaluation.interval import Interval
-from oarlock.rowing import StrokeTable, load_export, save_strokes, technique
-from oarlock.season.add import done_record
-from oarlock.season.entry import Entry, entry_place
-from oarlock.season.layout import RUN_FILE, STROKES_FILE, recording_folder, result_folder
-from oarlock.season.run.job import Job, Reply, versions
-from oarlock.season.run.setups import opened_setup
-from oarlock.season.run_record import RunRecord, Setup
-from oarlock.season.store import Season, open_season
+from oarlock.recording.calibration import calibration_text, parsed_calibration
+from oarlock.rowing import StrokeTable, load_export, technique
+from oarlock.rowing.analysis.rower_places import RowerFrames
+from oarlock.rowing.strokes.files import strokes_parquet
+from oarlock.season.records import SEASON_FILE, STROKES_FILE, Entry, RunRecord, Setup
+from oarlock.season.run import Job, Reply, commit, failed_record, versions
+from oarlock.season.store import Season, not_in_season, open_season
 from oarlock.storage.errors import DataError
-from oarlock.storage.regular_file import read_bytes
+from oarlock.storage.toml import toml_text
 
-_LONGEST_FAULT = 600
+_NONE = "none"
 _NOT_ITS_FAULT = (OSError, KeyboardInterrupt, SystemExit)
 """Of the machine, not of the recording."""
+
+
+def make_setup(model: Model, calibration: Calibration | None = None, config: Config | None = None) -> Setup:
+    """The setup of a model with everything that it extends.
+
+    Equal values give equal files, however they were written. What a calibration notes about its origin is left out.
+    """
+    RowerFrames(model)
+    if dict(Model.from_toml(model.text, "model.toml", {}).parameters) != dict(model.parameters):
+        raise DataError("setup: the model has lengths other than its file; give them in a calibration")
+    text = "" if calibration is None else calibration_text(replace(calibration, noted={}))
+    defaults: dict[str, Any] = Config().to_dict()
+    own = {key: value for key, value in (config or Config()).to_dict().items() if value != defaults[key]}
+    settings = toml_text({key: _NONE if own[key] is None else own[key] for key in sorted(own)})
+    return Setup(model.text.encode(), text.encode(), settings.encode())
+
+
+def choose_setup(season: Season, setup: Setup, athlete: str | None = None) -> Season:
+    """Store a setup and make it the current one of an athlete, or of everybody without one of their own."""
+    if athlete is None:
+        season.put_setup(setup)
+        now = open_season(season.place.address)  # it may have changed meanwhile
+        changed = replace(now, place=season.place, setup=setup.name)
+        season.place.write(SEASON_FILE, changed.toml())
+        return changed
+    known = season.athletes()
+    if athlete not in known:
+        raise not_in_season("athlete", athlete, known)
+    season.put_setup(setup, athlete)
+    season.put_athlete(replace(known[athlete], setup=setup.name))
+    return season
+
+
+def opened_setup(setup: Setup) -> tuple[Model, Calibration | None, Config]:
+    """What the files of a setup contain."""
+    model = Model.from_toml(setup.model.decode(), "model.toml", {})
+    calibration = parsed_calibration(setup.calibration.decode()) if setup.calibration else None
+    values = tomllib.loads(setup.settings.decode())
+    settings: dict[str, Any] = {key: None if value == _NONE else value for key, value in values.items()}
+    return model, calibration, Config(**settings)
 
 
 @dataclass(frozen=True)
@@ -54,19 +95,14 @@ Compute = Callable[[Entry, Tools], StrokesAndHealth]
 
 
 def run_job(job: Job, compute: Compute | None = None) -> Reply:
-    """Compute a recording and store its result, or the reason why there is none.
-
-    Args:
-        job: which.
-        compute: from an entry to strokes; None is `computed`.
-    """
+    """Compute a recording and store its result, or the reason why there is none; tests compute otherwise."""
     if (other := _other_versions(job)) is not None:
         return Reply("refused", other)
     try:
-        tools = _tools(job.season, job.setup)
-        if _ended(tools.season, job):
+        tools = _tools(job.season, job.setup, job.athlete)
+        if _has_ended(tools.season, job):
             return Reply("there")
-        entry = tools.season.entry(job.recording)
+        entry = tools.season.entry(job.athlete, job.recording)
     except (ValueError, TypeError, OSError) as error:
         return Reply("refused", str(error))
     if entry is None or not entry.files:
@@ -75,7 +111,7 @@ def run_job(job: Job, compute: Compute | None = None) -> Reply:
     try:
         record, files = _recorded(job, entry, tools, compute or computed)
         computed_s = time.perf_counter() - began
-        is_new = commit(tools.season, record, files, tools.setup, job.again)
+        is_new = commit(tools.season, job, record, files, tools.setup)
     except (DataError, OSError) as error:
         return Reply("refused", str(error))
     return Reply(record.status, record.fault, computed_s) if is_new else Reply("there", "", computed_s)
@@ -84,9 +120,7 @@ def run_job(job: Job, compute: Compute | None = None) -> Reply:
 def computed(entry: Entry, tools: Tools) -> StrokesAndHealth:
     """Strokes of a recording or an export.
 
-    Raises:
-        DataError: a file is damaged, or there is nothing to find strokes in.
-        DivergedError: the filter diverged.
+    Curves of strokes are left out: they are 9 of 10 bytes.
     """
     with TemporaryDirectory() as scratch:
         folder = Path(scratch, "recording")
@@ -95,17 +129,13 @@ def computed(entry: Entry, tools: Tools) -> StrokesAndHealth:
             if entry.kind == "export":
                 found = load_export(folder / next(iter(entry.files)))
                 return StrokesAndHealth(found if isinstance(found, StrokeTable) else None, {})
-            return tracked(folder, tools)
+            assert tools.model is not None
+            smoothed = smooth(track(tools.model, load_recording(folder), tools.calibration, tools.config))
+            table = technique(smoothed, calibration=tools.calibration).strokes
+            return StrokesAndHealth(replace(table, curves={}), sensor_health(smoothed))
         except (DataError, DivergedError) as error:
-            raise DataError(_named(error, str(folder), recording_folder(entry.recording))) from error
-
-
-def tracked(folder: Path, tools: Tools) -> StrokesAndHealth:
-    """Strokes of a recording's folder, from a smoothed track. Curves are left out: they are 9 of 10 bytes."""
-    assert tools.model is not None
-    found = smooth(track(tools.model, load_recording(folder), tools.calibration, tools.config))
-    table = technique(found, calibration=tools.calibration).strokes
-    return StrokesAndHealth(replace(table, curves={}), sensor_health(found))
+            words = str(error) if isinstance(error, DataError) else f"the filter diverged: {error}"
+            raise DataError(words.replace(str(folder), entry.folder)) from error
 
 
 def sensor_health(found: Track) -> dict[str, float]:
@@ -124,13 +154,9 @@ def sensor_health(found: Track) -> dict[str, float]:
 
 
 def fetch(season: Season, entry: Entry, folder: Path) -> None:
-    """Copy the files of a recording into a new folder and compare them with their hashes.
-
-    Raises:
-        DataError: one is missing, damaged or cannot be read.
-    """
+    """Copy the files of a recording into a new folder and compare them with their hashes."""
     for name, expected in entry.files.items():
-        full = f"{recording_folder(entry.recording)}/{name}"
+        full = f"{entry.folder}/{name}"
         advice = "restore it from a backup, then run with --again-failed"
         try:
             contents = season.place.read(full)
@@ -144,35 +170,6 @@ def fetch(season: Season, entry: Entry, folder: Path) -> None:
         (folder / name).write_bytes(contents)
 
 
-def commit(season: Season, record: RunRecord, files: dict[str, bytes], setup: Setup, again: bool) -> bool:
-    """Store a result; False if another writer was first, or the recording was erased meanwhile.
-
-    A record of a failure gives way to a result, and to another failure if it is computed again.
-    """
-    folder = result_folder(record.recording, record.run)
-    try:
-        before = season.run_record(record.recording, record.run)
-        gives_way = before is not None and before.status == "failed" and (again or record.status == "done")
-    except DataError:  # damaged
-        gives_way = True
-    if gives_way:
-        season.place.remove_folder(folder, RUN_FILE)
-    is_new = season.put_result(record, files, setup)
-    # Looked at afterwards: an erasure that began before finds the result, or this finds that it began.
-    if season.place.exists(entry_place(recording_folder(record.recording))):
-        return is_new
-    season.place.remove_folder(folder, RUN_FILE)
-    return False
-
-
-def failed_record(job: Job, setup: Setup, fault: str) -> RunRecord:
-    """The record of a run that found nothing, and why."""
-    engine = dict(job.versions)["oarlock"]
-    return RunRecord(
-        job.recording, job.run, engine, job.setup, setup.comparable(engine), "failed", fault[:_LONGEST_FAULT]
-    )
-
-
 def _recorded(job: Job, entry: Entry, tools: Tools, compute: Compute) -> tuple[RunRecord, dict[str, bytes]]:
     try:
         found = compute(entry, tools)
@@ -183,31 +180,25 @@ def _recorded(job: Job, entry: Entry, tools: Tools, compute: Compute) -> tuple[R
     except BaseException as error:  # a panic of the engine is no Exception
         words = str(error) if isinstance(error, DataError) else f"{type(error).__name__}: {error}"
         return failed_record(job, tools.setup, words), {}
-    engine = dict(job.versions)["oarlock"]
     count = 0 if found.strokes is None else len(found.strokes)
-    strokes = b"" if found.strokes is None else stroke_bytes(found.strokes)
-    record = done_record(job.recording, tools.setup, engine, strokes, count, found.health)
-    return (record, {STROKES_FILE: strokes}) if count else (replace(record, files={}), {})
-
-
-def stroke_bytes(table: StrokeTable) -> bytes:
-    """The file of a table of strokes: the same bytes for the same numbers."""
-    with TemporaryDirectory() as scratch:
-        return read_bytes(save_strokes(table, Path(scratch, "strokes"))[1])
+    strokes = b"" if found.strokes is None else strokes_parquet(found.strokes)
+    engine = dict(job.versions)["oarlock"]
+    record = RunRecord.done(job.recording, tools.setup, engine, strokes, count, found.health)
+    return record, {STROKES_FILE: strokes} if count else {}
 
 
 @lru_cache(maxsize=64)
-def _tools(address: str, setup: str) -> Tools:
+def _tools(address: str, setup: str, athlete: str) -> Tools:
     season = open_season(address)
     if setup == Setup().name:
         return Tools(season, Setup(), None, None, Config())
-    files = season.load_setup(setup)
+    files = season.load_setup(setup, athlete)
     return Tools(season, files, *opened_setup(files))
 
 
-def _ended(season: Season, job: Job) -> bool:
+def _has_ended(season: Season, job: Job) -> bool:
     try:
-        record = season.run_record(job.recording, job.run)
+        record = season.run_record(job.athlete, job.recording, job.run)
     except DataError:  # damaged: it is computed again
         return False
     return record is not None and not (job.again and record.status == "failed")
@@ -222,8 +213,3 @@ def _other_versions(job: Job) -> str | None:
                 "differ. Install the same versions everywhere and start the workers again"
             )
     return None
-
-
-def _named(error: Exception, place: str, name: str) -> str:
-    words = str(error) if isinstance(error, DataError) else f"the filter diverged: {error}"
-    return words.replace(place, name)

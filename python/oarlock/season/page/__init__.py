@@ -1,1 +1,0 @@
-"""The page of a season: one HTML file that says who rowed how much, what changed, and how far to trust it."""
