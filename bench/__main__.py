@@ -17,7 +17,6 @@ from pages.sections import into_page
 from oarlock_lab.bench.measure import measure
 
 from .apart import costs
-from .counted import NotCounted, counts
 from .recordings import whole_recordings
 from .startup import startups
 from .table import write
@@ -49,17 +48,7 @@ def collect(seconds: float, recording_s: float) -> dict[str, Any]:
     figures["apart"] = costs()
     figures["recordings"] = whole_recordings(recording_s)
     figures["startup"] = startups()
-    figures["instructions"] = instructions()
     return figures
-
-
-def instructions() -> dict[str, dict[str, float]]:
-    """Of a step, by body; empty where they cannot be counted, which is told."""
-    try:
-        return counts()
-    except NotCounted as e:
-        print(f"instructions are not counted: {e}")
-        return {}
 
 
 def main() -> None:
@@ -79,7 +68,7 @@ def main() -> None:
             into_page(page, (OUT / "table.md").read_text(encoding="utf-8")), encoding="utf-8"
         )
         return
-    figures = collect(asked.seconds, asked.recording_s)
+    figures = collect(asked.duration_s, asked.recording_s)
     tables = write(figures)
     (OUT / "figures.json").write_text(json.dumps(figures, indent=2), encoding="utf-8")
     (OUT / "table.md").write_text(tables, encoding="utf-8")

@@ -17,11 +17,10 @@ def write(figures: dict[str, Any]) -> str:
     processor = f"{here['processor']}, {user['cores']} cores, {here['system']}"
     parts = [
         f"{made_text(figures)}, on {processor}, Python {here['python']};\nthe machine's load was "
-        f"{figures['load']:.1f}. Times in µs, medians unless a column says otherwise.",
+        f"{figures['load']:.1f}. Times in µs, medians; in brackets: how many times faster than the textbook.",
         f"The textbook's filter takes about {user['usual_textbook_us']:.0f} µs at 41 states on one core of a 3.7 GHz\n"
         "Zen 4; where it is slower here, look at times and not at ratios.",
         _ratios(figures["ratios"]),
-        _parts(figures["criterion"]),
         _latency(figures["latency"], user),
         _rest(figures),
         _others(user),
@@ -33,36 +32,18 @@ def _us(value: float) -> str:
     return f"{value:.0f}" if value >= 100 else f"{value:.1f}"
 
 
+FILTERS = ("ukf", "ekf", "factorised", "ukf, portable instructions")
+
+
 def _ratios(rows: list[Row]) -> str:
-    def line(row: Row) -> list[object]:
-        return [
-            row["body"],
-            row["n"],
-            row["m"],
-            row["filter"],
-            f"{_us(row['us'])} ({_us(row['us_p10'])})",
-            f"{_us(row['textbook_us'])} ({_us(row['textbook_us_p10'])})",
-            f"{row['ratio']:.1f} ({row['ratio_p10']:.1f})",
-        ]
-
-    columns = ["body", "n", "m", "filter", "step (10 % quantile)", "textbook's UKF", "ratio"]
-    return table(columns, [line(row) for row in rows])
-
-
-def _parts(criterion: dict[str, dict[str, float]]) -> str:
-    names = {
-        "kinematics": "kinematics and readings of 8 sigma points",
-        "update": "update",
-        "step": "step",
-        "track": "whole recording, a sample",
-        "smooth": "smoothing, a sample: filtered again, and the way back",
-    }
-    sizes = sorted(criterion["step"], key=int)
-    rows: list[list[object]] = [
-        [text, *(_us(criterion[name][n]) if n in criterion[name] else "" for n in sizes)]
-        for name, text in names.items()
-    ]
-    return table(["what, µs", *(f"n = {n}" for n in sizes)], rows)
+    """A line for each body: times, and how many times faster than the textbook's filter."""
+    found = {(row["body"], row["filter"]): row for row in rows}
+    lines = []
+    for body in dict.fromkeys(row["body"] for row in rows):
+        cells = [found[body, name] for name in FILTERS]
+        times = [f"{_us(row['us'])} ({row['ratio']:.1f})" for row in cells]
+        lines.append([body, cells[0]["n"], cells[0]["m"], *times, _us(cells[0]["textbook_us"])])
+    return table(["body", "n", "m", *FILTERS, "textbook's UKF"], lines)
 
 
 def _latency(rows: list[Row], user: Row) -> str:
@@ -89,18 +70,22 @@ def _rest(figures: dict[str, Any]) -> str:
     rows.append(
         ["sensors at 125 Hz, n = 41, ukf", f"{user['times_real_time']:.0f} times faster than real time"]
     )
-    rows += _whole(user, figures["instructions"])
+    rows += _whole(user)
     apart = figures["apart"]
     text = f"{apart['apart_ms']:.1f} ms ({apart['ratio']:.2f} times that of sensors that do)"
     rows.append(["tracking a second of sensors that do not tick together", text])
+    started = figures["startup"]
+    rows.append(
+        [
+            f"processor time of {', '.join(f'`{what}`' for what in started)}",
+            f"{', '.join(f'{time_s:.2f}' for time_s in started.values())} s",
+        ]
+    )
     rows += _recordings(figures["recordings"])
-    rows += [
-        [f"processor time of `{what}`", f"{time_s:.2f} s"] for what, time_s in figures["startup"].items()
-    ]
     return table(["what", "figure"], rows)
 
 
-def _whole(user: Row, instructions: Row) -> list[list[object]]:
+def _whole(user: Row) -> list[list[object]]:
     rows = list[list[object]]()
     for part in (user, user["with_biases"]):
         steps, passes = part["track_us"] / part["ukf_us_p10"], part["smooth_us"] / part["track_us"]
@@ -120,39 +105,28 @@ def _whole(user: Row, instructions: Row) -> list[list[object]]:
     rows.append(
         [
             f"a person with {body['units']} units at 100 Hz, n = {body['n']}, one hypothesis",
-            f"{body['times_real_time']:.1f} times faster than real time",
+            f"{body['times_real_time']:.1f} times faster than real time; mean of the first 30 s "
+            f"{body['start_times_real_time']:.1f}",
         ]
     )
-    rows.append(
-        [
-            "the same, mean of the first 30 s",
-            f"{body['start_times_real_time']:.1f} times faster than real time",
-        ]
-    )
-    rows += [
-        [f"instructions of a step (callgrind), {name}", f"{each['median']:.0f}, p99 {each['p99']:.0f}"]
-        for name, each in instructions.items()
-    ]
     return rows
 
 
 def _recordings(found: Row) -> list[list[object]]:
+    verb = "`oarlock track --smooth` with its report"
+    smoothed_s = found["smooth"]["hour"]["spent_s"] - found["recording"]["hour"]["spent_s"]
+    peaks = ", ".join(f"{found[what]['hour']['peak_mib']:.0f}" for what in ("recording", "track", "smooth"))
+    read = ", ".join(f"{found[what]['hour']['spent_s']:.1f}" for what in ("recording", "csv"))
+    spent_s = [found["verb"][length]["spent_s"] for length in ("hour", "short")]
+    rows: list[list[object]] = [
+        ["peak memory, n = 72: recording, track, smooth", f"{peaks} MiB"],
+        ["processor time: reading a folder, Parquet, CSV", f"{read} s"],
+        ["processor time, n = 72: `track` and one pass of `smooth`", f"{smoothed_s:.0f} s"],
+        [f"processor time: {verb}", f"{spent_s[0]:.0f} s; of {found['short_s']:.0f} s {spent_s[1]:.1f} s"],
+    ]
     minutes = found["duration_s"] / 60
     hour = "an hour" if minutes == 60 else f"an hour (extrapolated from {minutes:.0f} min)"
-    time, verb = f"processor time, {hour}", "`oarlock track --smooth` with its report"
-    smoothed_s = found["smooth"]["hour"]["spent_s"] - found["recording"]["hour"]["spent_s"]
-    rows: list[list[object]] = [
-        [f"peak memory, {hour}, n = 72: {what}", f"{found[what]['hour']['peak_mib']:.0f} MiB"]
-        for what in ("recording", "track", "smooth")
-    ]
-    rows += [
-        [f"{time}: reading a folder, Parquet", f"{found['recording']['hour']['spent_s']:.1f} s"],
-        [f"{time}: reading a folder, CSV", f"{found['csv']['hour']['spent_s']:.1f} s"],
-        [f"{time}, n = 72: `track` and one pass of `smooth`", f"{smoothed_s:.0f} s"],
-        [f"{time}: {verb}", f"{found['verb']['hour']['spent_s']:.0f} s"],
-        [f"the same for {found['short_s']:.0f} s", f"{found['verb']['short']['spent_s']:.1f} s"],
-    ]
-    return rows
+    return [["of " + hour, ""], *rows]
 
 
 def _others(user: Row) -> str:

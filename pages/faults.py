@@ -284,22 +284,14 @@ def _pooled(runs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 def sections(record: Record) -> Mapping[str, Mapping[str, str]]:
     """The section of docs/sensor-faults.md."""
-    rows = [
-        [name, f"{k['named']} of {k['runs']}", k["certain"], _short(k["example"])]
-        for name, k in record["kinds"].items()
-    ]
+    rows = [[name, k["named"], k["certain"]] for name, k in record["kinds"].items()]
     every = record["all"]
-    columns = ("fault", "named", "certain but wrong", "what is said")
+    columns = ("fault", "named", "certain but wrong")
     made = f"{made_text(record)}; `make pages PAGES=faults` measures it anew."
     text = (
         f"Of {every['runs']} runs {every['named']} name the right kind and stream; {every['refused']} are refused, "
-        f"{every['diverged']} diverge. In "
-        f"{every['certain']} a hinge is off by more than three standard deviations in a fifth of the rows, in "
-        f"{every['silent']} of these without a note on the stream. The longest search took {every['search_s']:.1f} s."
+        f"{every['diverged']} diverge. {every['certain']} are certain but wrong: a hinge is off by more than three "
+        f"standard deviations in a fifth of the rows, in {every['silent']} of these without a note on the stream. "
+        f"The longest search took {every['search_s']:.1f} s."
     )
     return {"docs/sensor-faults.md": {"faults": f"{text}\n\n{table(columns, rows)}\n\n{made}"}}
-
-
-def _short(note: str) -> str:
-    text = note.removeprefix("Suspect: ") if note.startswith("Suspect") else note.split(": ", 1)[-1]
-    return re.split(r"[:;.] ", text)[0].replace("|", "\\|")

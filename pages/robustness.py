@@ -40,8 +40,10 @@ USUAL = (
     "wrists add, mm",
     "wrists in band",
 )
-IN_RECORD_ONLY = ("hands in band", "wrists in band", "no gate", "no learning", "no closed loops")
-"""Columns that the page leaves out, as it does the largest errors: its table is sorted by them."""
+ON_PAGE = (*HEAD, USUAL[0], "in band")
+"""Columns of the page; the record has all."""
+FINDINGS_ON_PAGE = ("Without a fault", "No gate:", "No learning:", "No closed loops:")
+"""The table shows the others: it is sorted by the error."""
 
 
 def measured(seeds: Sequence[int] | None = None, jobs: int | None = None) -> dict[str, Any]:
@@ -84,16 +86,21 @@ def cells(result: StudyResult) -> dict[str, Any]:
 
 def sections(record: Record) -> Mapping[str, Mapping[str, str]]:
     """The section of the page."""
-    words = "\n".join(f"- **{head}** {text}" for head, text in record["findings"] if "Largest" not in head)
+    words = "\n".join(f"- **{head}** {text}" for head, text in record["findings"] if head in FINDINGS_ON_PAGE)
     how = (
         f"{made_text(record)}. Study `{record['study']}`: {record['runs']} runs, seeds "
         f"{', '.join(map(str, record['seeds']))}; the last go took {record['minutes']:.0f} minutes on "
         f"{record['cores']} cores."
     )
-    shown = [i for i, column in enumerate(record["columns"]) if column not in IN_RECORD_ONLY]
-    rows = [[row[i] for i in shown] for row in record["rows"]]
-    text = table([record["columns"][i] for i in shown], rows)
+    shown = [record["columns"].index(column) for column in ON_PAGE]
+    rows = [[_short(row[i]) for i in shown] for row in record["rows"] if row[0] != NO_FAULT]
+    text = table(ON_PAGE, rows)
     return {PAGE: {"figures": f"{how}\n\n{words}\n\n{text}"}}
+
+
+def _short(cell: str) -> str:
+    """Strengths separated by commas; those of the field simulator as multiples of its preset."""
+    return cell.replace(" · ", ", ").replace(" x careful:", "x:")
 
 
 def _hands(result: StudyResult, dose: Dose) -> tuple[float, float]:

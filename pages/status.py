@@ -1,4 +1,4 @@
-"""The table of README.md and that of docs/bands.md: errors and bands where the model is right and where it is wrong.
+"""The table of README.md: errors and bands where the model is right and where it is wrong.
 
 Each recording is tracked with what a user would know: the model's or the file's nominal lengths, and nominal mounts.
 """
@@ -147,15 +147,11 @@ def field_trial(effects: FieldEffects, seed: int) -> Trial:
 
 
 def sections(record: Record) -> Mapping[str, Mapping[str, str]]:
-    """The sections of README.md and docs/bands.md."""
+    """The section of README.md."""
     made = f"{made_text(record)}; `make pages PAGES=status` measures it anew."
     found = record["rows"]
-    short = [_line(found[key]) for key in README_ROWS if key in found]
-    full = [[*_line(row), _number(max(row["worst_deg"]))] for row in found.values()]
-    return {
-        "README.md": {"status": f"{table(COLUMNS, short)}\n\n{made}"},
-        "docs/bands.md": {"figures": f"{table((*COLUMNS, WORST), full)}\n\n{made}"},
-    }
+    lines = [_line(found[key]) for key in README_ROWS if key in found]
+    return {"README.md": {"status": f"{table(COLUMNS, lines)}\n\n{made}"}}
 
 
 COLUMNS = (
@@ -167,23 +163,16 @@ COLUMNS = (
     "positions, mm",
     "in band",
 )
-WORST = "worst angle, deg"
 
 
 def _line(row: Mapping[str, Any]) -> list[str]:
     pairs = (("mean_deg", "coverage"), ("hands_deg", "hands_coverage"), ("places_mm", "places_coverage"))
-    cells = [cell for error, share in pairs for cell in (_values(row[error]), _shares(row[share]))]
+    cells = [
+        cell
+        for error, share in pairs
+        for cell in (_number(float(np.mean(row[error]))), percent(float(np.mean(row[share]))))
+    ]
     return [row["label"], *cells]
-
-
-def _values(values: Sequence[float]) -> str:
-    mean = _number(float(np.mean(values)))
-    return mean if len(values) == 1 else f"{mean} ({_number(min(values))} to {_number(max(values))})"
-
-
-def _shares(values: Sequence[float]) -> str:
-    mean = percent(float(np.mean(values)))
-    return mean if len(values) == 1 else f"{mean} ({percent(min(values))} to {percent(max(values))})"
 
 
 def _number(value: float) -> str:

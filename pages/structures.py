@@ -12,7 +12,6 @@ import numpy as np
 
 import oarlock
 from oarlock import Config
-from oarlock.report.text import percent
 from oarlock.rowing import FieldEffects
 
 from .record import Record, made_text
@@ -77,36 +76,27 @@ def _e2_over_var(track: oarlock.Track, truth: oarlock.Track) -> float:
     return float(np.mean(ratios))
 
 
-COLUMNS = (
-    "recording",
-    "structure",
-    "11 angles, deg",
-    "hands, deg",
-    "in band",
-    "least joint",
-    "hands in band",
-    "e²/var",
-)
+FIGURES = {"11 angles, deg": "deg", "in band, %": "coverage", "least joint, %": "least_coverage"}
+COLUMNS = ("recording", *(f"{title}: {structure}" for title in FIGURES for structure in STRUCTURES))
 
 
 def sections(record: Record) -> Mapping[str, Mapping[str, str]]:
     """The section of docs/bands.md; each cell is live / smoothed."""
-    lines = [_line(row) for row in record["rows"].values()]
+    found = record["rows"]
+    lines = [_line(label, found) for label in dict.fromkeys(row["label"] for row in found.values())]
     made = f"{made_text(record)}; `make pages PAGES=structures` measures it anew."
     return {"docs/bands.md": {"structures": f"{table(COLUMNS, lines)}\n\n{made}"}}
 
 
-def _line(row: Mapping[str, Any]) -> list[str]:
-    def pair(key: str, write: Any, of: Any = np.mean) -> str:
-        return " / ".join(write(float(of(row[f"{when}_{key}"]))) for when in ("live", "smoothed"))
-
-    return [
-        row["label"],
-        row["structure"],
-        pair("deg", "{:.2f}".format),
-        pair("hands_deg", "{:.1f}".format),
-        pair("coverage", percent),
-        pair("least_coverage", percent, min),
-        pair("hands_coverage", percent),
-        pair("e2_over_var", "{:.2f}".format),
+def _line(label: str, rows: Mapping[str, Any]) -> list[str]:
+    pairs = [
+        _pair(rows[f"{label}: {structure}"], key) for key in FIGURES.values() for structure in STRUCTURES
     ]
+    return [label, *pairs]
+
+
+def _pair(row: Mapping[str, Any], key: str) -> str:
+    values = [row[f"{when}_{key}"] for when in ("live", "smoothed")]
+    if key == "deg":
+        return " / ".join(f"{np.mean(one):.2f}" for one in values)
+    return " / ".join(f"{100.0 * (min if 'least' in key else np.mean)(one):.1f}" for one in values)

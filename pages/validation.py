@@ -24,13 +24,20 @@ SCORED = (
     ("diodem_arm", f"Rigid units, RMSE after 5 s, {diodem.PLAIN}"),
     ("diodem_arm", f"Foam units, RMSE after 5 s, {diodem.PLAIN}"),
     ("openaxes_ur5", f"Relative orientation, median after 5 s, {openaxes.PLAIN}"),
-    ("openaxes_ur5", f"Orientations only, median after 5 s, {openaxes.PLAIN}"),
     ("broad", "Inclination, RMSE over the movement"),
     ("broad", "Heading, RMSE over the movement"),
     ("qmt_full_body", None),
     ("singular", "Upper arm in the world, RMSE after 2 s"),
 )
 """The set and the title of each table that the page shows; None is the set's first."""
+COLUMNS_IN_RECORD_ONLY = (
+    *("VQF + 0.3 deg", "worst as tracked", "e2/var"),
+    *("circle-100", "circle-250", "triangle-150", "triangle-250"),
+    *("slow rotation A", "fast translation A", "tapping A", "phone vibration A"),
+)
+"""The means contain them."""
+ROWS_IN_RECORD_ONLY = ("calibration found", "inverse kinematics", "9D, smoothed", "hinges 6D, smoothed")
+"""Words in the names of rows that say what others say."""
 
 Rows = Mapping[str, Mapping[str, Any]]
 
@@ -48,9 +55,9 @@ def sections(record: Record) -> Mapping[str, Mapping[str, str]]:
     """The section of the page: a table for each set, with the date and commit of its figures."""
     versions = ", ".join(f"{name} {version}" for name, version in record["versions"].items())
     parts = [f"Beside {versions}. `make pages PAGES=validation` measures all anew, `SETS=broad` one set."]
-    for name, title in SCORED:
+    for name in dict(SCORED):
         if name in record["sets"]:
-            parts += _set(record["sets"][name], title)
+            parts += _set(record["sets"][name], [title for key, title in SCORED if key == name])
     people_text = _people(record["sets"]["people"]) if "people" in record["sets"] else ""
     return {PAGE: {"figures": "\n\n".join(parts)}, "README.md": {"people": people_text}}
 
@@ -67,14 +74,21 @@ def _people(one: Mapping[str, Any]) -> str:
     return f"{table(['', *heads], lines)}\n\n{made_text(one)}."
 
 
-def _set(one: Mapping[str, Any], title: str | None) -> list[str]:
+def _set(one: Mapping[str, Any], titles: Sequence[str | None]) -> list[str]:
     if one["absent"]:
         return [f"**{one['title']}**: not run, {one['absent']}."]
-    found = next(t for t in one["tables"] if title in (None, t["title"]))
-    unit = f", {found['unit']}" if found["unit"] else ""
-    rows = found["rows"]
-    text = _whole(rows) if one["title"] == people.TITLE else _compared(rows)
-    return [f"**{one['title']}: {found['title']}{unit}.** {made_text(one)}.", text]
+    parts = [f"**{one['title']}.** {made_text(one)}."]
+    for title in titles:
+        found = next(t for t in one["tables"] if title in (None, t["title"]))
+        unit = f", {found['unit']}" if found["unit"] else ""
+        rows = {
+            name: row
+            for name, row in found["rows"].items()
+            if not any(words in name for words in ROWS_IN_RECORD_ONLY)
+        }
+        text = _whole(rows) if one["title"] == people.TITLE else _compared(rows)
+        parts += [f"{found['title']}{unit}:", text]
+    return parts
 
 
 def _whole(rows: Rows) -> str:
@@ -95,17 +109,14 @@ def _compared(rows: Rows) -> str:
 
 
 def _columns(rows: Rows) -> list[str]:
-    return [c for c in next(iter(rows.values())) if c not in FACTS]
+    return [c for c in next(iter(rows.values())) if c not in (*FACTS, *COLUMNS_IN_RECORD_ONLY)]
 
 
 def _line_of_best(rows: Rows, best: Mapping[str, str | None], when: str) -> list[str]:
-    """The name stands once if it is the same in all columns, else in each cell."""
-    names = set(best.values())
-    if len(names) == 1:
-        name = str(*names)
-        return [f"best of the others, {when}: {name}", *(_cell(rows[name][column]) for column in best)]
-    cells = [f"{_cell(rows[name][column])} ({name})" if name else "–" for column, name in best.items()]
-    return [f"best of the others, {when}", *cells]
+    """The best figure of each column, after the names of all that have one."""
+    names = sorted({name for name in best.values() if name})
+    cells = [_cell(rows[name][column]) if name else "–" for column, name in best.items()]
+    return [f"best other, {when}: {' or '.join(names)}", *cells]
 
 
 def best_other(rows: Rows, column: str, live: bool, helped: bool) -> str | None:
