@@ -96,7 +96,7 @@ FORMATS = (
         "CSV export or HDF5 file of an APDM (Opal) recording.",
         "Import an APDM export: gyroscope, accelerometer, magnetometer of every sensor.",
         "imuData01.csv",
-        'CSV and HDF5 files of APDM (Opal) units',
+        "CSV and HDF5 files of APDM (Opal) units",
         suffixes=(".csv", ".h5", ".hdf5"),
     ),
     ImportFormat(
