@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from itertools import groupby
 from typing import Any
 
 from bench.live.real_time import measured as rows
@@ -12,13 +13,11 @@ from .record import Record, made_text
 from .sections import table
 
 COLUMNS = (
-    "kind",
-    "transport",
-    "rate, Hz",
+    "kind, transports",
+    "Hz",
     "perfect clocks: largest difference, deg",
-    "faults: error live, deg",
-    "offline, deg",
-    "ratio",
+    "faults: error, deg",
+    "over offline",
 )
 
 
@@ -33,19 +32,21 @@ def sections(record: Record) -> Mapping[str, Mapping[str, str]]:
     busy = f"on two cores that {record['load']:.0f} programs wanted"
     busy += ", at a raised priority" if record["nice"] < 0 else ""
     made = f"{made_text(record)}, {busy}; `make pages PAGES=emulated` measures it anew."
-    found = table(COLUMNS, [_line(row) for row in record["rows"]])
+    kinds = groupby(record["rows"], key=lambda row: (row["kind"], row["rate_hz"]))
+    found = table(COLUMNS, [_line(kind, rate_hz, list(rows)) for (kind, rate_hz), rows in kinds])
     return {"docs/live.md": {"emulated": f"{found}\n\n{made}"}}
 
 
-def _line(row: Mapping[str, Any]) -> list[str]:
-    perfect, faulty = row["perfect"], row["faulty"]
-    ratio = faulty["live_deg"] / faulty["offline_deg"]
+def _line(kind: str, rate_hz: float, rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """All transports of a kind, in their order."""
+
+    def figures(of: Callable[[Mapping[str, Any]], float]) -> str:
+        return ", ".join(f"{of(row):.3f}" for row in rows)
+
     return [
-        f"`{row['kind']}`",
-        f"`{row['transport']}`",
-        f"{row['rate_hz']:g}",
-        f"{perfect['difference_deg']:.3f}",
-        f"{faulty['live_deg']:.3f}",
-        f"{faulty['offline_deg']:.3f}",
-        f"{ratio:.3f}",
+        f"`{kind}`: {', '.join(row['transport'] for row in rows)}",
+        f"{rate_hz:g}",
+        figures(lambda row: row["perfect"]["difference_deg"]),
+        figures(lambda row: row["faulty"]["live_deg"]),
+        figures(lambda row: row["faulty"]["live_deg"] / row["faulty"]["offline_deg"]),
     ]

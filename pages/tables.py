@@ -30,6 +30,7 @@ KEYS: Mapping[str, Mapping[str, Sequence[str]]] = tomllib.loads(
 )
 """Keys of each table of a model file: what they take, default, meaning."""
 _BLOCK = re.compile(r"(<!-- generated: (.+?) -->\n).*?(<!-- end -->)", re.S)
+_MOMENT = re.compile("catch|finish|drive|recovery", re.I)
 _LONGEST = 300
 """Characters of a verb's line of help; typer cuts a longer one."""
 
@@ -59,8 +60,8 @@ def devices() -> str:
 
 
 def metrics() -> str:
-    """Numbers and curves of technique; both sides share a row."""
-    rows = []
+    """Numbers and curves of technique; both sides share a row, and moments that differ in their word alone."""
+    rows: dict[tuple[str, ...], list[tuple[str, str]]] = {}
     for name in (*NUMBERS, *CURVES):
         feature, other = FEATURES[name], f"l_{name[2:]}"
         if name.startswith("l_") or (name.startswith("r_") and name[2:] in FEATURES):
@@ -71,10 +72,16 @@ def metrics() -> str:
         elif f"r_{name}" in FEATURES:
             columns += ", `r_`, `l_`"
         unit = "" if feature.shown_unit == "1" else feature.shown_unit
-        sign = f" Positive: {feature.sign}." if feature.sign else ""
         source = "" if feature.source == "own" else feature.source
-        rows.append([columns, unit, f"{feature.definition}{sign}", source])
-    return _table(("column", "shown in", "definition", "source"), rows)
+        text = feature.definition.replace(" Mean of two oars.", "").replace(" Mean of two hands.", "")
+        moments = _MOMENT.findall(text)
+        text = _MOMENT.sub("{}", text) if len(moments) == 1 else text
+        rows.setdefault((unit, text, feature.sign, source), []).append((columns, "".join(moments)))
+    cells = []
+    for (unit, text, sign, source), found in rows.items():
+        names, moments = (", ".join(dict.fromkeys(parts)) for parts in zip(*found, strict=True))
+        cells.append([names, unit, text.format(moments), sign, source])
+    return _table(("column", "shown in", "definition", "positive", "source"), cells)
 
 
 def settings() -> str:

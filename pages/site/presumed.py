@@ -24,7 +24,6 @@ NOT_RUN: Mapping[str, str] = {
     "make ": "builds the checkout, as every run of the tests does before it begins",
     'export PATH="$PWD': "of a clone's own environment",
     "curl ": "needs a network place; the file is taken from OARLOCK_DATA",
-    "cd viewer && npm": "needs npm's registry; the built viewer is in the package",
     "oarlock live init": "needs sensors that send",
     "oarlock live doctor": "needs sensors that send",
     "oarlock live run rig.toml --out today": "needs sensors that send; the page runs it with emulated ones",

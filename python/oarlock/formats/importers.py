@@ -96,7 +96,7 @@ FORMATS = (
         "CSV export or HDF5 file of an APDM (Opal) recording.",
         "Import an APDM export: gyroscope, accelerometer, magnetometer of every sensor.",
         "imuData01.csv",
-        'CSV exports of APDM (Opal) units: the "Test Name" layout and "Format=7"; HDF5 files',
+        "CSV and HDF5 files of APDM (Opal) units",
         suffixes=(".csv", ".h5", ".hdf5"),
     ),
     ImportFormat(
@@ -135,7 +135,7 @@ FORMATS = (
         "Text export of Xsens MT Manager, or the folder with a file for each unit.",
         "Import exports of Xsens MT Manager (MTw, MTi): gyroscope, accelerometer, magnetometer, orientation.",
         "MT_01200454_000-000_00B40DE4.txt --rate-hz 100",
-        "text exports of Xsens MT Manager: one file, or all units of a trial",
+        "text exports of Xsens MT Manager",
         (
             _TRIAL,
             ReaderOption(
@@ -154,7 +154,7 @@ FORMATS = (
         "CSV file of a Movella DOT, or the folder with a file for each unit.",
         "Import CSV files of Movella DOT (Xsens DOT): gyroscope, accelerometer, magnetometer, orientation.",
         "1_20250711_200600_086.csv",
-        "CSV files of Movella DOT (Xsens DOT): one file, or all synchronised units of a trial",
+        "CSV files of Movella DOT (Xsens DOT)",
         (_TRIAL, _ORIENTATIONS),
         suffixes=(".csv", ".txt"),
     ),
@@ -165,7 +165,7 @@ FORMATS = (
         "Calibrated CSV export of Shimmer Consensys, or the folder of a session.",
         "Import exports of Shimmer Consensys: gyroscope, accelerometer, magnetometer.",
         "Session1_Shimmer_40AC_Calibrated_SD.csv --accel WR",
-        "calibrated exports of Shimmer Consensys: one file, or the files of a session",
+        "calibrated exports of Shimmer Consensys",
         (
             _TRIAL,
             ReaderOption(
