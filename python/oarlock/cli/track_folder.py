@@ -64,7 +64,7 @@ def write_folder(
             from oarlock.storage.parquet_table import read_table
 
             for name in ("track", *(n for n in beside(result) if n == "sensors")):
-                write_csv(read_table(place / f"{name}.parquet"), place / f"{name}.csv")
+                write_csv(read_table(place / f"{name}.parquet").columns, place / f"{name}.csv")
 
 
 def beside(result: Track) -> list[str]:

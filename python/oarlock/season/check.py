@@ -23,7 +23,7 @@ from oarlock.season.layout import (
 from oarlock.season.place import OWN_WORK
 from oarlock.season.store import Season
 from oarlock.storage.errors import DataError
-from oarlock.storage.parquet_table import read_table
+from oarlock.season.arrow_table import read_table
 
 What: TypeAlias = Literal["damaged", "missing", "unfinished", "erased", "unknown"]
 Told: TypeAlias = Callable[[float], None]

@@ -38,7 +38,7 @@ from oarlock.season.schema import (
 )
 from oarlock.season.store import Season
 from oarlock.storage.errors import DataError
-from oarlock.storage.parquet_table import read_table, with_plain_texts
+from oarlock.season.arrow_table import read_table, with_plain_texts
 from oarlock.storage.toml import toml_text
 
 _READERS = 8

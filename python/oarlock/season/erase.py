@@ -24,7 +24,7 @@ from oarlock.season.place import OWN_WORK
 from oarlock.season.store import Season, not_in_season
 from oarlock.season.versions import Trace, Versions, versions_of
 from oarlock.storage.errors import DataError
-from oarlock.storage.parquet_table import read_table
+from oarlock.season.arrow_table import read_table
 from oarlock.storage.toml import toml_text
 
 _FORMAT = 1

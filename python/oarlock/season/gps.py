@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pyarrow import parquet
 
 from oarlock.storage.errors import DataError
-from oarlock.storage.parquet_table import read_table
+from oarlock.season.arrow_table import read_table
 
 EARTH_RADIUS_M = 6_371_008.8
 """Mean radius (IUGG)."""
