@@ -8,14 +8,13 @@ here per state and per measurement, so that 1 is expected.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from statistics import NormalDist
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
+from oarlock.evaluation.distributions import chi2_quantile
 from oarlock.evaluation.interval import Floats, Interval, beliefs_of, info_of
 from oarlock.evaluation.resample import resample, resample_rotation
 from oarlock.evaluation.scores import SensorScore, StateScore
@@ -25,58 +24,12 @@ from oarlock.tracking.counts import StreamCount
 from oarlock.tracking.records import Beliefs
 from oarlock.tracking.track import Track
 
-# Newton's steps from below take 8 for one degree of freedom and 60 for a thousand.
-_MOST_NEWTON_STEPS = 200
-
 
 def interval_95(degrees: float) -> tuple[float, float]:
     """The 95 % interval of a chi-square variable divided by its degrees of freedom; NaN for zero degrees."""
     if degrees <= 0:
         return float("nan"), float("nan")
     return float(chi2_quantile(0.025, degrees)) / degrees, float(chi2_quantile(0.975, degrees)) / degrees
-
-
-def chi2_quantile(probability: float, degrees: ArrayLike) -> Floats:
-    """Quantile of the chi-square distribution, to 1e-8 of it.
-
-    Source: Goldberg and Levine 1946, "Approximate formulas for the percentage points and normalization of t and chi
-    squared" (expansion for many degrees of freedom); below 1000 the distribution's series (Abramowitz and Stegun 1964,
-    6.5.29) is solved by Newton's method, in logarithms of both, where it converges from any start.
-    """
-    count = np.atleast_1d(np.asarray(degrees, dtype=np.float64))
-    z, root = NormalDist().inv_cdf(probability), np.sqrt(2.0 * count)
-    quantile = (
-        count
-        + z * root
-        + 2.0 / 3.0 * (z**2 - 1.0)
-        + (z**3 - 7.0 * z) / (9.0 * root)
-        - (6.0 * z**4 + 14.0 * z**2 - 32.0) / (405.0 * count)
-        + (9.0 * z**5 + 256.0 * z**3 - 433.0 * z) / (2430.0 * count * root)
-    )
-    few = count < 1000.0
-    if few.any():
-        quantile[few] = 2.0 * _gamma_quantile(probability, count[few] / 2.0)
-    return quantile.reshape(np.shape(degrees))
-
-
-def _gamma_quantile(probability: float, shape: Floats) -> Floats:
-    log_factorial = np.array([math.lgamma(a + 1.0) for a in shape])
-    log_x = (
-        math.log(probability) + log_factorial
-    ) / shape  # below the quantile: the series' first term alone
-    for _ in range(_MOST_NEWTON_STEPS):
-        x = np.exp(log_x)
-        term, total, n = np.ones_like(x), np.ones_like(x), 0
-        while (term > np.finfo(float).eps * total).any():
-            n += 1
-            term = term * x / (shape + n)
-            total += term
-        step = (math.log(probability) - (shape * log_x - x - log_factorial + np.log(total))) * total / shape
-        log_x = log_x + step
-        if (np.abs(step) < 1e-13).all():
-            break
-    x: Floats = np.exp(log_x)
-    return x
 
 
 def sensor_scores(track: Track, window: Interval) -> tuple[SensorScore, ...]:

@@ -1,4 +1,4 @@
-"""Reads the Parquet files of a season as Arrow tables, with a readable error for damaged files and for those too large."""
+"""Reads Parquet files of a season as Arrow tables, with a readable error for damaged files and those too large."""
 
 from __future__ import annotations
 

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 import pyarrow.compute as pc
 
+from oarlock.season.arrow_table import read_table
 from oarlock.season.compact import Current
 from oarlock.season.layout import ATHLETES, ENTRY_FILE, EXPORTS, RUN_FILE, recording_folder, result_folder
 from oarlock.season.store import Season
 from oarlock.storage.errors import DataError
-from oarlock.season.arrow_table import read_table
 
 _READERS = 16
 _SOURCES = (ENTRY_FILE, "session.toml", "recording.toml")

@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
+from oarlock.season.arrow_table import read_table
 from oarlock.season.compact import Current
 from oarlock.season.layout import (
     ATHLETES,
@@ -23,7 +24,6 @@ from oarlock.season.layout import (
 from oarlock.season.place import OWN_WORK
 from oarlock.season.store import Season
 from oarlock.storage.errors import DataError
-from oarlock.season.arrow_table import read_table
 
 What: TypeAlias = Literal["damaged", "missing", "unfinished", "erased", "unknown"]
 Told: TypeAlias = Callable[[float], None]

@@ -15,6 +15,7 @@ from functools import partial
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from oarlock.season.arrow_table import read_table, with_plain_texts
 from oarlock.season.athletes import Athlete
 from oarlock.season.entry import Entry, parsed_toml, texts
 from oarlock.season.layout import (
@@ -38,7 +39,6 @@ from oarlock.season.schema import (
 )
 from oarlock.season.store import Season
 from oarlock.storage.errors import DataError
-from oarlock.season.arrow_table import read_table, with_plain_texts
 from oarlock.storage.toml import toml_text
 
 _READERS = 8

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from oarlock.season.arrow_table import read_table
 from oarlock.season.athletes import pseudonym_hash
 from oarlock.season.belongings import Belongings, belongings, folders
 from oarlock.season.compact import compact, known_now, remove_unused
@@ -24,7 +25,6 @@ from oarlock.season.place import OWN_WORK
 from oarlock.season.store import Season, not_in_season
 from oarlock.season.versions import Trace, Versions, versions_of
 from oarlock.storage.errors import DataError
-from oarlock.season.arrow_table import read_table
 from oarlock.storage.toml import toml_text
 
 _FORMAT = 1

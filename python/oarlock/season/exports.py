@@ -16,6 +16,7 @@ from pathlib import Path
 import pyarrow as pa
 from pyarrow import csv
 
+from oarlock.season.arrow_table import read_table, with_plain_texts
 from oarlock.season.athletes import check_scope
 from oarlock.season.belongings import belongings, folders
 from oarlock.season.gps import CUT_FILES, GpsCut
@@ -23,7 +24,6 @@ from oarlock.season.layout import ATHLETES, EXPORTS, STROKES_FILE
 from oarlock.season.schema import joined, recording_rows, run_rows, stroke_rows
 from oarlock.season.store import Season, not_in_season
 from oarlock.storage.errors import DataError
-from oarlock.season.arrow_table import read_table, with_plain_texts
 from oarlock.storage.toml import TomlTable, toml_text, write_toml
 from oarlock.storage.write_file import write_file
 

@@ -11,9 +11,9 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from pyarrow import parquet
 
+from oarlock.season.arrow_table import read_table
 from oarlock.season.entry import Entry
 from oarlock.season.run_record import RunRecord
-from oarlock.season.arrow_table import read_table
 
 SCHEMA: Final = 1
 """Version of the columns below. Tables of another version are made anew from the results at the next compaction."""

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from oarlock.evaluation.distributions import student_tail
 from oarlock.season.questions.ask import MONTHS_FOR_CHANGE
 
 FALSE_SHARE = 0.05
@@ -100,6 +101,4 @@ def beyond_chance(
 
 
 def _chance(ratio: float, freedom: int) -> float:
-    from scipy.special import stdtr
-
-    return 2.0 * float(stdtr(max(freedom, 1), -abs(ratio)))
+    return 2.0 * student_tail(ratio, max(freedom, 1))

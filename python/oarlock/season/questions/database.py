@@ -8,8 +8,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
+from oarlock.evaluation.distributions import student_quantile
 from oarlock.season.athletes import check_scope
 from oarlock.season.compact import Current, compact
 from oarlock.season.questions.crew_functions import add_crew_functions
@@ -241,9 +240,7 @@ def _choice(by_name: dict[str, str]) -> str:
 
 def _quantiles(share: float) -> list[float]:
     """Quantiles of Student's t for 1, 2, 3 ... degrees of freedom."""
-    from scipy.special import stdtrit
-
-    return [round(float(one), 6) for one in stdtrit(np.arange(1, _MOST_DF + 1), share)]
+    return [round(student_quantile(share, count), 6) for count in range(1, _MOST_DF + 1)]
 
 
 def _read(paths: Sequence[Path]) -> str:
