@@ -25,6 +25,7 @@ from rich.table import Table
 from rich.text import Text
 
 from oarlock.cli.stopped import EXIT_STOPPED, end_by_status
+from oarlock.storage.extras import missing
 
 WIDTH: Final = 100
 EXIT_DATA: Final = 1
@@ -226,6 +227,9 @@ def _wrapped(function: Callable[Parameters, Result], kept: str) -> Callable[Para
             # The reader of the pipe (such as `head`) has closed it. Without this Python prints a second error at exit.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             raise typer.Exit(EXIT_PIPE) from None
+        except ModuleNotFoundError as error:
+            text = missing(error, "this command")
+            fail("fault" if text is None else "data", text or _fault(error), EXIT_DATA, as_json)
         except OSError as error:
             fail("file", _sentence(error), EXIT_DATA, as_json)
         except Exception as error:

@@ -50,7 +50,7 @@ def student_tail(t: float, degrees: float) -> float:
 
 @lru_cache(maxsize=1024)
 def student_quantile(probability: float, degrees: float) -> float:
-    """Quantile of Student's t, to 1e-12 of it."""
+    """Quantile of Student's t, to 1e-8 of it."""
     tail = min(probability, 1.0 - probability)
     size = _root(lambda t: tail - student_tail(t, degrees))
     return math.copysign(size, probability - 0.5)

@@ -34,7 +34,7 @@ def passed_twice(values: FloatArray, rate_hz: float, cutoff_hz: float, order: in
 
 def _passed(rows: FloatArray, response: FloatArray) -> FloatArray:
     """One pass; before the first row the input was constant."""
-    size = len(rows) + len(response)
+    size = 1 << (len(rows) + len(response)).bit_length()  # powers of two are the fastest
     spectrum = np.fft.rfft(rows - rows[0], size, axis=0)
     spectrum *= np.fft.rfft(response, size).reshape(-1, *[1] * (rows.ndim - 1))
     return np.asarray(rows[0] + np.fft.irfft(spectrum, size, axis=0)[: len(rows)])

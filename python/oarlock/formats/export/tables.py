@@ -13,6 +13,7 @@ import numpy as np
 from oarlock._core import __version__
 from oarlock.storage import csv_cells
 from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.extras import FULL, optional
 from oarlock.tracking.columns import unit_of
 
 if TYPE_CHECKING:
@@ -56,9 +57,8 @@ def write_parquet(columns: Columns, file: Path, about: Mapping[str, str | Sequen
 
     Each column's metadata has its `unit`, the table's has `about` (lists as JSON).
     """
-    import pyarrow as pa
-    from pyarrow import parquet
-
+    pa = optional("pyarrow", FULL, "export: the format parquet")
+    parquet = optional("pyarrow.parquet", FULL, "export: the format parquet")
     fields = [pa.field(name, pa.float64(), metadata={"unit": unit_of(name)}) for name in columns]
     said = {key: text if isinstance(text, str) else json.dumps(list(text)) for key, text in about.items()}
     schema = pa.schema(fields, metadata={"oarlock": __version__, **said})

@@ -12,6 +12,7 @@ import numpy as np
 
 from oarlock.rowing.analysis.features import FEATURES
 from oarlock.rowing.strokes.table import StrokeTable
+from oarlock.storage.extras import FULL, optional
 from oarlock.storage.folder_writer import replaced_folder
 from oarlock.storage.parquet_table import Texts, read_table
 from oarlock.storage.regular_file import read_bytes
@@ -44,8 +45,7 @@ def save_strokes(table: StrokeTable, folder: str | PathLike[str], force: bool = 
 
 def strokes_parquet(table: StrokeTable) -> bytes:
     """The contents of `strokes.parquet`."""
-    from pyarrow import parquet
-
+    parquet = optional("pyarrow.parquet", FULL, PARQUET_NAME)
     out = io.BytesIO()
     parquet.write_table(_arrow(table), out)
     return out.getvalue()
