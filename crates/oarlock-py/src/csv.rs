@@ -13,11 +13,7 @@ use std::path::PathBuf;
 /// Columns of numbers under this header; NaN where a cell is empty, `nan` or `NaN`. None where anything else is in the
 /// contents.
 #[pyfunction]
-pub fn read_csv<'py>(
-    py: Python<'py>,
-    contents: &[u8],
-    names: Vec<String>,
-) -> Option<Vec<Bound<'py, PyArray1<f64>>>> {
+pub fn read_csv<'py>(py: Python<'py>, contents: &[u8], names: Vec<String>) -> Option<Vec<Bound<'py, PyArray1<f64>>>> {
     let columns = py.detach(|| read(contents, &names))?;
     Some(columns.into_iter().map(|column| PyArray1::from_vec(py, column)).collect())
 }

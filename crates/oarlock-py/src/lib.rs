@@ -12,6 +12,7 @@ mod lent;
 mod model;
 mod motion;
 mod parquet;
+mod parquet_bounds;
 mod race;
 mod run;
 mod score;

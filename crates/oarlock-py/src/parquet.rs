@@ -1,6 +1,7 @@
 //! Functions `read_parquet` and `write_parquet` of the module: tables of recordings and tracks.
 
 use crate::errors::DataError;
+use crate::parquet_bounds::BoundedFile;
 use crate::table::{columns_of, Column, Words};
 use bytes::Bytes;
 use parquet::basic::{Compression, ConvertedType, LogicalType, Repetition, Type as Physical};
@@ -45,7 +46,7 @@ pub fn read_parquet<'py>(
     without_lists: bool,
 ) -> PyResult<(Bound<'py, PyDict>, BTreeMap<String, String>)> {
     let contents = Bytes::from_owner(contents);
-    // Damaged lengths end as panics in a few places of the library.
+    // In a few places the library takes what a file states for true and panics where it is not.
     let read = py.detach(|| catch_unwind(AssertUnwindSafe(|| read(contents, most_values, without_lists))));
     let (table, about) = match read {
         Ok(Ok(found)) => found,
@@ -72,7 +73,7 @@ fn general(text: impl Into<String>) -> ParquetError {
 }
 
 fn read(contents: Bytes, most_values: usize, without_lists: bool) -> Result<Found, ParquetError> {
-    let file = SerializedFileReader::new(contents)?;
+    let file = SerializedFileReader::new(BoundedFile::new(contents)?)?;
     let about = file.metadata().file_metadata();
     let schema = about.schema_descr();
     let mut left = most_values;
@@ -94,7 +95,7 @@ fn read(contents: Bytes, most_values: usize, without_lists: bool) -> Result<Foun
 }
 
 fn read_column(
-    file: &SerializedFileReader<Bytes>,
+    file: &SerializedFileReader<BoundedFile>,
     schema: &SchemaDescriptor,
     leaves: &[usize],
     left: &mut usize,
@@ -109,8 +110,10 @@ fn read_column(
     let mut parts = Parts::of(&descriptor)?;
     for group in 0..file.num_row_groups() {
         let group = file.get_row_group(group)?;
-        if leaf >= group.num_columns() {
-            return Err(general("a part of the rows lacks a column"));
+        let chunk = group.metadata().columns().get(leaf).ok_or_else(|| general("a part of the rows lacks a column"))?;
+        let begin = chunk.dictionary_page_offset().unwrap_or(0).min(chunk.data_page_offset());
+        if begin < 0 || chunk.compressed_size() < 0 {
+            return Err(general("the place of a column is negative"));
         }
         parts.read(group.get_column_reader(leaf)?, &descriptor, left)?;
     }
@@ -134,9 +137,10 @@ impl Parts {
             (None, ConvertedType::INT_8 | ConvertedType::INT_16 | ConvertedType::INT_32 | ConvertedType::INT_64) => {
                 Some(false)
             }
-            (None, ConvertedType::UINT_8 | ConvertedType::UINT_16 | ConvertedType::UINT_32 | ConvertedType::UINT_64) => {
-                Some(true)
-            }
+            (
+                None,
+                ConvertedType::UINT_8 | ConvertedType::UINT_16 | ConvertedType::UINT_32 | ConvertedType::UINT_64,
+            ) => Some(true),
             _ => None,
         };
         Ok(match (descriptor.physical_type(), unsigned) {

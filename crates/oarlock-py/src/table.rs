@@ -39,9 +39,7 @@ impl Column {
                 let rows = values.len() / width;
                 PyArray1::from_vec(py, values).reshape([rows, width])?.into_any()
             }
-            Column::Text { places, words } => {
-                (PyArray1::from_vec(py, places), words).into_pyobject(py)?.into_any()
-            }
+            Column::Text { places, words } => (PyArray1::from_vec(py, places), words).into_pyobject(py)?.into_any(),
         })
     }
 

@@ -57,8 +57,8 @@ def write_parquet(columns: Columns, file: Path, about: Mapping[str, str | Sequen
 
     Each column's metadata has its `unit`, the table's has `about` (lists as JSON).
     """
-    pa = optional("pyarrow", FULL, "export: the format parquet")
-    parquet = optional("pyarrow.parquet", FULL, "export: the format parquet")
+    pa = optional("pyarrow", FULL, "export: metadata of columns")
+    parquet = optional("pyarrow.parquet", FULL, "export: metadata of columns")
     fields = [pa.field(name, pa.float64(), metadata={"unit": unit_of(name)}) for name in columns]
     said = {key: text if isinstance(text, str) else json.dumps(list(text)) for key, text in about.items()}
     schema = pa.schema(fields, metadata={"oarlock": __version__, **said})
