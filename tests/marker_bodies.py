@@ -1,10 +1,10 @@
 """Bodies that move as told, with markers on them; places of points by the model's forward kinematics alone."""
 
 import numpy as np
-from oarlock.markers import Attachment, Markers
 
 import oarlock
 from oarlock import Motion
+from oarlock.markers import Attachment, Markers
 
 ARM_LIMIT_SHARE = 0.2
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from oarlock.markers import Attachment, Markers
 from scipy.spatial.transform import Rotation
 
 from local_data import local_folder
 from oarlock import Model
+from oarlock.markers import Attachment, Markers
 
 RATE_HZ = 100.0
 MIRROR = np.diag([1.0, -1.0, 1.0])

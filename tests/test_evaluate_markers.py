@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from oarlock.markers import Attachment, Markers, evaluate_markers
 
 import oarlock
 from marker_bodies import arm_motion
 from oarlock import DataError
+from oarlock.markers import Attachment, Markers, evaluate_markers
 
 LAB_FROM_ROOT = np.array([[0.8, 0.6, 0.0], [0.0, 0.0, 1.0], [0.6, -0.8, 0.0]])
 LAB_M = np.array([1.0, -2.0, 3.0])

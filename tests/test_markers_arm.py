@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from oarlock.markers import Arm, Attachment, inverse_kinematics
 
 import oarlock
 from marker_bodies import clusters, markers_on
 from oarlock import DataError
+from oarlock.markers import Arm, Attachment, inverse_kinematics
 
 EXACT_RAD = 1e-9
 ARMS = [

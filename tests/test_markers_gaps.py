@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from oarlock.markers import Markers, fill_gaps, low_pass
 
 from oarlock import DataError
+from oarlock.markers import Markers, fill_gaps, low_pass
 
 RATE_HZ = 100.0
 EXACT_FILL_M = 1e-3  # a hand's path through 200 ms: what a spline does not know of it

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from oarlock.markers import Markers, load_markers
 
 from local_data import local_folder
 from oarlock import DataError
+from oarlock.markers import Markers, load_markers
 from oarlock.storage.array_gate import LEAST_INTERVAL_S
 from refusals import assert_refused
 

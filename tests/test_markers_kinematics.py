@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from oarlock.markers import Attachment, Markers, fill_gaps, inverse_kinematics, low_pass
 from scipy.optimize import least_squares
 
 import oarlock
 from marker_bodies import arm_motion, clusters, markers_on, postures, with_gaps
 from oarlock import DataError
 from oarlock.evaluation.markers.point_tree import PointTree
+from oarlock.markers import Attachment, Markers, fill_gaps, inverse_kinematics, low_pass
 from oarlock.model.rotation import quat_from_rotvec, rotvec_between
 from oarlock.model.shipped_files import model_names
 from refusals import assert_refused

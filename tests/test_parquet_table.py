@@ -1,4 +1,4 @@
-"""Parquet files of recordings and tracks: what pyarrow and DuckDB read and write, and damaged ones, which are refused."""
+"""Parquet files of recordings and tracks: read and written as pyarrow and DuckDB do; damaged ones are refused."""
 
 import io
 import subprocess
@@ -122,7 +122,9 @@ def test_pyarrow_and_duckdb_read_what_is_written(tmp_path):
         np.testing.assert_array_equal(table[name].to_numpy(), COLUMNS[name], name)
     assert table["fault"].to_pylist() == COLUMNS["fault"].rows()
     np.testing.assert_array_equal(np.array(table["mean"].to_pylist()), COLUMNS["mean"])
-    row = duckdb.sql(f"SELECT count(fault), sum(time_s), max(count), mean[3] FROM '{file}' GROUP BY 4").fetchall()
+    row = duckdb.sql(
+        f"SELECT count(fault), sum(time_s), max(count), mean[3] FROM '{file}' GROUP BY 4"
+    ).fetchall()
     assert len(row) == ROWS
     (whole,) = duckdb.sql(f"SELECT count(*), count(fault), max(count), sum(time_s) FROM '{file}'").fetchall()
     assert whole[:3] == (ROWS, ROWS * 3 // 4, 6 - 2**60)
@@ -141,12 +143,16 @@ def test_columns_that_are_no_table_are_refused(tmp_path, size):
     columns = {"time_s": np.zeros(ROWS), **size}
     if size:
         assert_refused(lambda: write_table(columns, tmp_path / "a.parquet"), next(iter(size)))
-    assert_refused(lambda: write_table(columns, tmp_path / "absent/a.parquet"), *(() if size else ("absent",)))
+    assert_refused(
+        lambda: write_table(columns, tmp_path / "absent/a.parquet"), *(() if size else ("absent",))
+    )
 
 
 def test_numbers_and_texts_are_asked_for_by_name():
     table = read_table(contents_of(arrow_of(COLUMNS)), "; track again", "a.parquet")
-    assert_refused(lambda: table.numbers("y"), "a.parquet: column 'y' is missing; the file is damaged; track again")
+    assert_refused(
+        lambda: table.numbers("y"), "a.parquet: column 'y' is missing; the file is damaged; track again"
+    )
     assert_refused(lambda: table.numbers("fault"), "a.parquet: a column has the wrong type ('fault'")
     assert_refused(lambda: table.numbers("mean"), "wrong type ('mean'")
     assert_refused(lambda: table.texts("x"), "wrong type ('x': float64)")
@@ -173,7 +179,9 @@ def test_columns_of_lists_are_left_out_or_named():
     contents = contents_of(pa.table({"a": [1.0, 2.0], "curve": [[1.0], [2.0, 3.0]]}))
     assert list(read_table(contents, without_lists=True).columns) == ["a"]
     assert arrow_table.read_table(contents, without_lists=True).column_names == ["a"]
-    assert_refused(lambda: arrow_table.read_table(contents, where="x"), "x: cannot be read", "a column of lists")
+    assert_refused(
+        lambda: arrow_table.read_table(contents, where="x"), "x: cannot be read", "a column of lists"
+    )
     named = arrow_table.read_table(contents, columns=["curve", "gone"])
     assert named.to_pydict() == {"curve": [[1.0], [2.0, 3.0]]}
 
@@ -187,7 +195,9 @@ def test_a_long_text_of_many_rows_is_one_object(monkeypatch):
     plain = arrow_table.with_plain_texts(table, "x")
     assert plain.schema.field("reason").type == pa.string() and plain["reason"].to_pylist()[2] == reason
     monkeypatch.setattr(arrow_table, "_MOST_TEXT_BYTES", 20_000)
-    assert_refused(lambda: arrow_table.with_plain_texts(table, "x"), "x: its texts unpack to more than 20.0 kB")
+    assert_refused(
+        lambda: arrow_table.with_plain_texts(table, "x"), "x: its texts unpack to more than 20.0 kB"
+    )
 
 
 def test_more_than_any_signal_unpacks_to_is_refused():
@@ -222,7 +232,9 @@ def test_damaged_files_are_read_or_refused(tmp_path, capfd):
 
 
 def test_strokes_whose_columns_have_damaged_names_are_refused():
-    contents = contents_of(pa.table({"time_s": [1.0], "rate_per_min": [30.0]})).replace(b"rate_per", b"rate_\xffer")
+    contents = contents_of(pa.table({"time_s": [1.0], "rate_per_min": [30.0]})).replace(
+        b"rate_per", b"rate_\xffer"
+    )
     assert_refused(lambda: parsed_strokes(contents, "strokes.parquet"), "cannot be read as Parquet")
 
 

@@ -10,6 +10,9 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::PathBuf;
 
+/// Numbers of this size are written without an exponent.
+const PLAIN: std::ops::Range<f64> = 1e-5..1e16;
+
 /// Columns of numbers under this header; NaN where a cell is empty, `nan` or `NaN`. None where anything else is in the
 /// contents.
 #[pyfunction]
@@ -70,7 +73,8 @@ fn write(file: &PathBuf, table: &[(String, Column)]) -> std::io::Result<()> {
             }
             match column {
                 Column::Real(v) if v[row].is_nan() => {}
-                Column::Real(v) => write!(out, "{:?}", v[row])?,
+                Column::Real(v) if v[row] == 0.0 || PLAIN.contains(&v[row].abs()) => write!(out, "{}", v[row])?,
+                Column::Real(v) => write!(out, "{:e}", v[row])?,
                 Column::Whole(v) => write!(out, "{}", v[row])?,
                 Column::Flag(v) => write!(out, "{}", v[row])?,
                 Column::Text { places, words } => {

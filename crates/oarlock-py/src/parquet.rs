@@ -17,12 +17,13 @@ use parquet::schema::types::{ColumnDescriptor, ColumnPath, SchemaDescriptor, Typ
 use pyo3::prelude::*;
 use pyo3::pybacked::PyBackedBytes;
 use pyo3::types::PyDict;
+use std::cell::Cell;
 use std::collections::{BTreeMap, HashMap};
 use std::fs::File;
 use std::io::BufWriter;
-use std::panic::{catch_unwind, AssertUnwindSafe};
+use std::panic::{catch_unwind, set_hook, take_hook, AssertUnwindSafe};
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, Once};
 
 /// Records that are decoded before the bound on the number of values is checked again.
 const BATCH: usize = 1 << 16;
@@ -46,8 +47,7 @@ pub fn read_parquet<'py>(
     without_lists: bool,
 ) -> PyResult<(Bound<'py, PyDict>, BTreeMap<String, String>)> {
     let contents = Bytes::from_owner(contents);
-    // In a few places the library takes what a file states for true and panics where it is not.
-    let read = py.detach(|| catch_unwind(AssertUnwindSafe(|| read(contents, most_values, without_lists))));
+    let read = py.detach(|| without_a_word(|| read(contents, most_values, without_lists)));
     let (table, about) = match read {
         Ok(Ok(found)) => found,
         Ok(Err(error)) => return Err(refusal(&error)),
@@ -60,7 +60,31 @@ pub fn read_parquet<'py>(
     Ok((columns, about))
 }
 
+thread_local! {
+    static QUIET: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Runs what panics on damaged files: in a few places the library takes what a file states for true.
+fn without_a_word<T>(run: impl FnOnce() -> T) -> std::thread::Result<T> {
+    static HOOK: Once = Once::new();
+    HOOK.call_once(|| {
+        let usual = take_hook();
+        set_hook(Box::new(move |panic| {
+            if !QUIET.get() {
+                usual(panic);
+            }
+        }));
+    });
+    QUIET.set(true);
+    let done = catch_unwind(AssertUnwindSafe(run));
+    QUIET.set(false);
+    done
+}
+
 fn refusal(error: &ParquetError) -> PyErr {
+    if matches!(error, ParquetError::General(text) if text == TOO_MANY) {
+        return pyo3::exceptions::PyOverflowError::new_err(TOO_MANY);
+    }
     let text = match error {
         ParquetError::General(text) | ParquetError::NYI(text) | ParquetError::EOF(text) => text.clone(),
         other => other.to_string(),

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from oarlock.cli.terminal import progress
-from oarlock.evaluation.comparison.estimators import LIMB_FILTER
-from oarlock.evaluation.comparison.orientation_track import ORIENTATION_FILTERS
+from oarlock.evaluation.comparison.filter_names import LIMB_FILTER, ORIENTATION_FILTERS
 
 if TYPE_CHECKING:
     from oarlock import Calibration, Config, Evaluation, Model, Recording, Track

@@ -243,7 +243,7 @@ def _read_parquet(file: Path, names: list[str]) -> dict[str, FloatArray]:
     for name in names:
         column = table.columns[name]
         if isinstance(column, Texts) or column.dtype.kind not in "if" or column.ndim > 1:
-            kind = "text" if isinstance(column, Texts) else "list" if column.ndim > 1 else column.dtype
+            kind = "string" if isinstance(column, Texts) else "list" if column.ndim > 1 else column.dtype
             raise DataError(f'{file}: column "{name}" is of type {kind}; expected numbers')
     return {name: table.numbers(name) for name in names}
 

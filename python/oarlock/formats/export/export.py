@@ -168,7 +168,9 @@ def _written(
     return found
 
 
-def _write_tables(track: Track, place: Path, formats: Sequence[str], skip: bool) -> tuple[list[str], list[str]]:
+def _write_tables(
+    track: Track, place: Path, formats: Sequence[str], skip: bool
+) -> tuple[list[str], list[str]]:
     from oarlock.formats.export.frames import frame_places
     from oarlock.formats.export.tables import (
         angle_columns,
