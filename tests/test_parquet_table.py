@@ -58,6 +58,7 @@ WRITTEN_AS = (
     {"compression": "none"},
     {"row_group_size": 70, "data_page_size": 64},
     {"store_schema": False},
+    {"data_page_size": 64, "use_dictionary": False, "data_page_version": "2.0"},
 )
 
 

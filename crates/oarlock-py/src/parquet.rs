@@ -1,7 +1,7 @@
 //! Functions `read_parquet` and `write_parquet` of the module: tables of recordings and tracks.
 
 use crate::errors::DataError;
-use crate::parquet_bounds::BoundedFile;
+use crate::parquet_bounds::{check_footer, check_pages};
 use crate::table::{columns_of, Column, Words};
 use bytes::Bytes;
 use parquet::basic::{Compression, ConvertedType, LogicalType, Repetition, Type as Physical};
@@ -97,18 +97,22 @@ fn general(text: impl Into<String>) -> ParquetError {
 }
 
 fn read(contents: Bytes, most_values: usize, without_lists: bool) -> Result<Found, ParquetError> {
-    let file = SerializedFileReader::new(BoundedFile::new(contents)?)?;
+    check_footer(&contents)?;
+    let file = SerializedFileReader::new(contents.clone())?;
     let about = file.metadata().file_metadata();
     let schema = about.schema_descr();
     let mut left = most_values;
     let mut table = Vec::new();
-    for (root, field) in schema.root_schema().get_fields().iter().enumerate() {
-        let leaves: Vec<usize> =
-            (0..schema.num_columns()).filter(|&leaf| schema.get_column_root_idx(leaf) == root).collect();
+    let fields = schema.root_schema().get_fields();
+    let mut leaves = vec![Vec::new(); fields.len()];
+    for leaf in 0..schema.num_columns() {
+        leaves[schema.get_column_root_idx(leaf)].push(leaf);
+    }
+    for (field, leaves) in fields.iter().zip(leaves) {
         if without_lists && !field.is_primitive() {
             continue;
         }
-        table.push((field.name().to_owned(), read_column(&file, schema, &leaves, &mut left)?));
+        table.push((field.name().to_owned(), read_column(&file, &contents, schema, &leaves, &mut left)?));
     }
     let rows = table.first().map(|(_, column): &(String, Column)| column.rows());
     if table.iter().any(|(_, column)| Some(column.rows()) != rows) {
@@ -119,7 +123,8 @@ fn read(contents: Bytes, most_values: usize, without_lists: bool) -> Result<Foun
 }
 
 fn read_column(
-    file: &SerializedFileReader<BoundedFile>,
+    file: &SerializedFileReader<Bytes>,
+    contents: &[u8],
     schema: &SchemaDescriptor,
     leaves: &[usize],
     left: &mut usize,
@@ -135,10 +140,8 @@ fn read_column(
     for group in 0..file.num_row_groups() {
         let group = file.get_row_group(group)?;
         let chunk = group.metadata().columns().get(leaf).ok_or_else(|| general("a part of the rows lacks a column"))?;
-        let begin = chunk.dictionary_page_offset().unwrap_or(0).min(chunk.data_page_offset());
-        if begin < 0 || chunk.compressed_size() < 0 {
-            return Err(general("the place of a column is negative"));
-        }
+        let begin = chunk.dictionary_page_offset().unwrap_or_else(|| chunk.data_page_offset());
+        check_pages(contents, begin, chunk.compressed_size())?;
         parts.read(group.get_column_reader(leaf)?, &descriptor, left)?;
     }
     parts.into_column()

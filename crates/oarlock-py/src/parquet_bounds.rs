@@ -1,9 +1,7 @@
 //! Bounds on the lengths that a Parquet file states: the library reserves memory by them before it reads. Used by
 //! `parquet`.
 
-use bytes::{buf::Reader, Buf, Bytes};
 use parquet::errors::{ParquetError, Result};
-use parquet::file::reader::{ChunkReader, Length};
 
 /// Bytes behind the footer: its length, and the mark of the format.
 const TAIL: usize = 8;
@@ -13,68 +11,51 @@ const MOST_EXPANSION: i64 = 64;
 const ALWAYS_BYTES: i64 = 1 << 16;
 const DEEPEST: usize = 16;
 
-/// The contents of a file, whose page headers are checked before they are read.
-pub struct BoundedFile {
-    contents: Bytes,
-    /// Where the pages end and the footer begins.
-    footer: usize,
+/// Checks the footer of a file.
+///
+/// # Errors
+///
+/// It is longer than the file, or states a length that is.
+pub fn check_footer(contents: &[u8]) -> Result<()> {
+    let Some((rest, tail)) = contents.split_last_chunk::<TAIL>() else {
+        return Err(damaged("it is too short"));
+    };
+    let length = u32::from_le_bytes([tail[0], tail[1], tail[2], tail[3]]);
+    let begin = rest.len().checked_sub(length as usize);
+    let begin = begin.ok_or_else(|| damaged("its footer is longer than the file"))?;
+    // The children of an element of the schema.
+    Thrift(&rest[begin..]).fields(&mut Vec::new(), &mut |path, value| match path {
+        [2, 5] if value > i64::from(length) => Err(damaged("its schema has more columns than its footer has bytes")),
+        _ => Ok(()),
+    })
 }
 
-impl BoundedFile {
-    /// Checks the footer.
-    ///
-    /// # Errors
-    ///
-    /// It is longer than the file, or states a length that is.
-    pub fn new(contents: Bytes) -> Result<Self> {
-        let end = contents.len().checked_sub(TAIL).ok_or_else(|| damaged("it is too short"))?;
-        let length = contents.slice(end..).get_u32_le() as usize;
-        let footer = end.checked_sub(length).ok_or_else(|| damaged("its footer is longer than the file"))?;
-        let most = i64::try_from(length).unwrap_or(i64::MAX);
-        // The children of an element of the schema.
-        Thrift(&contents[footer..end]).fields(&mut Vec::new(), &mut |path, value| match path {
-            [2, 5] if value > most => Err(damaged("its schema has more columns than its footer has bytes")),
-            _ => Ok(()),
+/// Checks the headers of all pages of a part of a column.
+///
+/// # Errors
+///
+/// One is damaged, or states a size that it cannot have.
+pub fn check_pages(contents: &[u8], begin: i64, length: i64) -> Result<()> {
+    let pages = usize::try_from(begin).ok().zip(usize::try_from(length).ok());
+    let pages = pages.and_then(|(begin, length)| contents.get(begin..)?.get(..length));
+    let mut rest = pages.ok_or_else(|| damaged("a column lies outside of the file"))?;
+    while !rest.is_empty() {
+        let (mut whole, mut packed, mut words) = (0, 0, 0);
+        let mut header = Thrift(rest);
+        header.fields(&mut Vec::new(), &mut |path, value| {
+            match path {
+                [2] => whole = value,
+                [3] => packed = value,
+                [7, 1] => words = value,
+                _ => {}
+            }
+            Ok(())
         })?;
-        Ok(BoundedFile { contents, footer })
-    }
-}
-
-impl Length for BoundedFile {
-    fn len(&self) -> u64 {
-        self.contents.len() as u64
-    }
-}
-
-impl ChunkReader for BoundedFile {
-    type T = Reader<Bytes>;
-
-    fn get_read(&self, start: u64) -> Result<Self::T> {
-        let start = usize::try_from(start)?;
-        if start < self.footer {
-            check_page(&self.contents[start..self.footer])?;
+        let size = usize::try_from(packed).ok();
+        rest = size.and_then(|size| header.0.get(size..)).ok_or_else(|| damaged("a page is cut off"))?;
+        if whole > ALWAYS_BYTES + MOST_EXPANSION * packed || words > whole {
+            return Err(damaged("a page states a size that it cannot have"));
         }
-        self.contents.get_read(start as u64)
-    }
-
-    fn get_bytes(&self, start: u64, length: usize) -> Result<Bytes> {
-        self.contents.get_bytes(start, length)
-    }
-}
-
-fn check_page(header: &[u8]) -> Result<()> {
-    let (mut whole, mut packed, mut words) = (0, 0, 0);
-    Thrift(header).fields(&mut Vec::new(), &mut |path, value| {
-        match path {
-            [2] => whole = value,
-            [3] => packed = value,
-            [7, 1] => words = value,
-            _ => {}
-        }
-        Ok(())
-    })?;
-    if packed < 0 || whole > ALWAYS_BYTES + MOST_EXPANSION * packed || words > whole {
-        return Err(damaged("a page states a size that it cannot have"));
     }
     Ok(())
 }

@@ -16,7 +16,6 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import Any, Final, NoReturn, ParamSpec, TypeVar
 
-import numpy as np
 import typer
 from rich import box
 from rich.console import Console, RenderableType
@@ -165,7 +164,7 @@ def print_json(document: object) -> None:
 
 def json_ready(value: object) -> Any:
     """Convert a value to dictionaries, lists, texts, finite numbers and None."""
-    if isinstance(value, np.ndarray | np.generic):
+    if hasattr(value, "tolist"):  # of numpy, which help does not import
         return json_ready(value.tolist())
     if isinstance(value, float):
         return value if math.isfinite(value) else None

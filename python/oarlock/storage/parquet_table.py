@@ -1,4 +1,4 @@
-"""Reads and writes the Parquet files of recordings, tracks, strokes and channels, with the engine.
+"""Reads and writes the Parquet files of recordings, tracks and live channels, with the engine.
 
 Tables of a season, which are of any type, are read with pyarrow (`season.arrow_table`).
 """
