@@ -18,7 +18,7 @@ use pyo3::prelude::*;
 use pyo3::pybacked::PyBackedBytes;
 use pyo3::types::PyDict;
 use std::cell::Cell;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::fs::File;
 use std::io::BufWriter;
 use std::panic::{catch_unwind, set_hook, take_hook, AssertUnwindSafe};
@@ -29,6 +29,8 @@ use std::sync::{Arc, Once};
 const BATCH: usize = 1 << 16;
 /// Rows of a row group, as of pyarrow.
 const GROUP_ROWS: usize = 1 << 20;
+/// Values of a column that decide whether it gets a dictionary.
+const SAMPLE: usize = 4096;
 
 type Found = (Vec<(String, Column)>, BTreeMap<String, String>);
 
@@ -419,7 +421,7 @@ fn write(file: &PathBuf, table: &[(String, Column)], about: BTreeMap<String, Str
         .set_dictionary_enabled(false)
         .set_key_value_metadata(Some(about.into_iter().map(|(key, text)| KeyValue::new(key, text)).collect()));
     for (name, column) in table {
-        if matches!(column, Column::Text { .. } | Column::Whole(_)) {
+        if repeats(column) {
             properties = properties.set_column_dictionary_enabled(ColumnPath::new(vec![name.clone()]), true);
         }
     }
@@ -438,6 +440,19 @@ fn write(file: &PathBuf, table: &[(String, Column)], about: BTreeMap<String, Str
     }
     writer.close()?;
     Ok(())
+}
+
+/// Whether values recur, as those of converters do, so that a dictionary makes the file smaller.
+fn repeats(column: &Column) -> bool {
+    match column {
+        Column::Real(values) => {
+            let sample = values.iter().step_by(values.len() / SAMPLE + 1);
+            let count = sample.len();
+            sample.map(|value| value.to_bits()).collect::<HashSet<_>>().len() * 10 < count * 9
+        }
+        Column::Whole(_) | Column::Text { .. } => true,
+        Column::Flag(_) | Column::Wide { .. } => false,
+    }
 }
 
 fn field(name: &str, column: &Column) -> Result<Type, ParquetError> {
