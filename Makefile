@@ -144,14 +144,14 @@ COMPILE := UV_CUSTOM_COMPILE_COMMAND="make lock" $(VENV)/lock/bin/uv pip compile
 lock: $(VENV)/.created ## compute the pinned versions in requirements/ again
 	$(BIN)/python -m venv $(VENV)/lock
 	$(VENV)/lock/bin/python -m pip install --quiet --disable-pip-version-check uv
-	$(COMPILE) --extra test --extra lint --extra dataframe --extra xarray --extra c3d --extra hdf5 --extra mcap --extra compare \
+	$(COMPILE) --extra full --extra test --extra lint --extra dataframe --extra xarray --extra c3d --extra hdf5 --extra mcap --extra compare \
 		--extra ble --extra serial --extra mqtt --extra season --extra s3 --extra dask --extra fit \
 		--extra polars --extra plot --extra notebooks --extra video --extra site \
 		--output-file requirements/dev.txt pyproject.toml requirements/build.in
-	$(COMPILE) --constraint requirements/dev.txt --output-file requirements/run.txt pyproject.toml requirements/build.in
+	$(COMPILE) --constraint requirements/dev.txt --extra full --output-file requirements/run.txt pyproject.toml requirements/build.in
 	$(COMPILE) --constraint requirements/dev.txt --output-file requirements/validation.txt requirements/validation.in
 	$(COMPILE) --output-file requirements/release.txt requirements/release.in
-	$(COMPILE) --constraint requirements/dev.txt --excludes <(echo oarlock) --extra bench \
+	$(COMPILE) --constraint requirements/dev.txt --excludes <(echo oarlock) --extra full --extra bench \
 		--output-file requirements/bench.txt pyproject.toml lab/pyproject.toml
 
 clean: ## remove everything that was built or installed

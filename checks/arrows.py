@@ -58,6 +58,7 @@ ROWING_OWN = (
     "oarlock.rowing",
     "oarlock.storage",
     "oarlock.live",
+    "oarlock.evaluation.distributions",
     "oarlock.simulation.motion",
     "oarlock.model.edit",
     "oarlock.model.jacobians",

@@ -17,7 +17,8 @@ import oarlock
 from command_line import run
 from oarlock import Config, DataError, Recording
 from oarlock.evaluation.comparison.comparison import Comparison
-from oarlock.evaluation.comparison.estimators import estimator, estimators, tree_filters, usual_estimators
+from oarlock.evaluation.comparison.estimators import estimator, estimators, usual_estimators
+from oarlock.evaluation.comparison.filter_names import TREE_FILTERS
 from oarlock.evaluation.comparison.scores import best
 from oarlock.rowing.simulation.experiment import simulate_sculling
 from refusals import assert_refused
@@ -100,8 +101,8 @@ def test_a_calibration_reaches_all_of_them(sculler, rowed):
 
 
 def test_the_engine_says_which_trees_there_are():
-    assert {"ukf", "ekf"} <= set(tree_filters())
-    for name in tree_filters():
+    assert {"ukf", "ekf"} <= set(TREE_FILTERS)
+    for name in TREE_FILTERS:
         assert Config(filter=name).filter == name
         assert estimator(name + "_open").config.closures is False
         assert estimator(name + "_open").config.structure == "tree"

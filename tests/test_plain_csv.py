@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from oarlock.storage.csv_cells import plain_columns
 from oarlock.storage.delimited import ColumnLayout, Dialect, numbers
-from oarlock.storage.plain_csv import plain_columns
 
 NAMES = ("time_s", "value")
 EXTREMES = (5e-324, 2.2250738585072011e-308, 1.7976931348623157e308, -0.0, 0.1 + 0.2, 9007199254740993.0)

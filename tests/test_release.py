@@ -172,6 +172,9 @@ def test_the_recipe_of_conda_has_the_requirements_of_the_package():
     run = recipe.split("  run:\n")[1].split("\n\n")[0]
     asked = [line.strip("- ").replace(" >=", ">=") for line in run.splitlines() if line.startswith("    - ")]
     assert asked == ["python", *about["dependencies"]]
+    constrained = recipe.split("  run_constraints:\n")[1].split("\n\n")[0]
+    asked = [line.strip("- ").replace(" >=", ">=") for line in constrained.splitlines()]
+    assert asked == about["optional-dependencies"]["full"]
 
 
 def test_workflows_may_do_nothing_by_default_and_pin_their_actions():

@@ -6,10 +6,10 @@ sessions with sensors that send.
 
 import importlib
 
-import lazy_loader
+from oarlock.storage.extras import public_names
 
 # A name loads its module when it is first used: most programs need few of them.
-_public_name, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_public_name, __dir__, __all__ = public_names(__name__, __file__)
 
 
 ROOMS = {"oarlock.live", "oarlock.movement", "oarlock.rowing", "oarlock.season"}

@@ -1,6 +1,7 @@
 """Types of the compiled engine, for type checkers. Arrays are float64; time in s, angles in rad, lengths in m."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any, ClassVar, Protocol, Self, Unpack, final
 
 import numpy as np
@@ -297,3 +298,15 @@ def find_pose_mounts(
     posture_std_rad: float,
 ) -> list[dict[str, Any]]: ...
 def find_local_field(sensors: list[dict[str, Any]]) -> dict[str, Any]: ...
+def read_parquet(
+    contents: bytes, most_values: int, without_lists: bool = False
+) -> tuple[dict[str, NDArray[Any] | tuple[NDArray[np.int32], list[str]]], dict[str, str]]: ...
+def write_parquet(
+    file: Path,
+    columns: Mapping[str, NDArray[Any] | tuple[NDArray[np.int32], Sequence[str]]],
+    about: Mapping[str, str] = ...,
+) -> None: ...
+def read_csv(contents: bytes, names: list[str]) -> list[_Floats] | None: ...
+def write_csv(
+    file: Path, columns: Mapping[str, NDArray[Any] | tuple[NDArray[np.int32], Sequence[str]]]
+) -> None: ...

@@ -10,8 +10,6 @@ from typing import Any, Unpack
 
 from oarlock._core import Config, Model
 from oarlock.calibration.session.plan import default_plan
-from oarlock.calibration.session.search import calibrate_session
-from oarlock.calibration.static.sagittal import calibrate_sagittal
 from oarlock.evaluation.scores import Evaluation
 from oarlock.evaluation.suspects.suspect import Suspect
 from oarlock.evaluation.suspects.suspects import find_suspects
@@ -96,12 +94,16 @@ def run(
     if session is not None:
         guided = _imported(session, out / "session", body, units, None, False, force)
         plan = default_plan(body, pose)
+        from oarlock.calibration.session.search import calibrate_session
+
         known = calibrate_session(body, guided, plan)
         file = _saved(known, out / "calibration.toml", force)
         still = next((dict(step.pose) for step in plan.steps if step.kind == "pose"), None)
         write_session_page(known, file.with_suffix(".html"), body, still)
         LOG.log(*_session_outcome(known))
     elif calibration is None:
+        from oarlock.calibration.static.sagittal import calibrate_sagittal
+
         known = calibrate_sagittal(body, measured)
         _saved(known, out / "calibration.toml", force)
     else:

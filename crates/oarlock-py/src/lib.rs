@@ -1,20 +1,24 @@
-//! Python extension module `oarlock._core`: converts names, arrays and errors, and computes nothing itself.
+//! Python extension module `oarlock._core`: converts names, arrays, tables and errors, and computes nothing itself.
 
 mod array;
 mod belief;
 mod calibrate;
 mod config;
 mod corrections;
+mod csv;
 mod errors;
 mod jacobian;
 mod lent;
 mod model;
 mod motion;
+mod parquet;
+mod parquet_bounds;
 mod race;
 mod run;
 mod score;
 mod simulate;
 mod streams;
+mod table;
 mod tracker;
 
 use pyo3::prelude::*;
@@ -42,5 +46,9 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(calibrate::find_hinge_axis, m)?)?;
     m.add_function(wrap_pyfunction!(calibrate::find_pose_mounts, m)?)?;
     m.add_function(wrap_pyfunction!(calibrate::find_local_field, m)?)?;
+    m.add_function(wrap_pyfunction!(parquet::read_parquet, m)?)?;
+    m.add_function(wrap_pyfunction!(parquet::write_parquet, m)?)?;
+    m.add_function(wrap_pyfunction!(csv::read_csv, m)?)?;
+    m.add_function(wrap_pyfunction!(csv::write_csv, m)?)?;
     Ok(())
 }

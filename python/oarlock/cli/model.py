@@ -7,7 +7,6 @@ from typing import Annotated, Any
 
 import typer
 
-from oarlock.cli import model_sheet
 from oarlock.cli.body import Mass, Sensors, Stature, chosen_body
 from oarlock.cli.options import Json, Replace, Settings, assignments, example
 from oarlock.cli.terminal import EXIT_DATA, UsageError, free_file, page, print_json, say, steps, table, verb
@@ -84,6 +83,7 @@ def show(
     json_output: Json = False,
 ) -> None:
     """Frames, joints, sensors, parameters, layout of state and measurement, and where the frames are in a pose."""
+    from oarlock.cli import model_sheet
     from oarlock.report.pose_picture.skeleton import skeleton
     from oarlock.report.pose_picture.svg import draw_svg
     from oarlock.storage.write_file import write_file
@@ -145,6 +145,8 @@ def check(model: Named, json_output: Json = False) -> None:
         for mistake in mistakes:
             console.print(f"  {mistake}", markup=False, soft_wrap=True)
         raise typer.Exit(EXIT_DATA) from None
+    from oarlock.cli import model_sheet
+
     checked = model_sheet.checked(description)
     if json_output:
         print_json({"model": model, "ok": True, "mistakes": [], "checked": checked})

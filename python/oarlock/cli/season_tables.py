@@ -114,7 +114,7 @@ def write_table(rows: pa.Table, file: Path, kind: Literal["csv", "parquet"]) -> 
     import pyarrow as pa
     from pyarrow import parquet
 
-    from oarlock.storage.csv_cells import write_csv
+    from oarlock.storage.arrow_csv import write_arrow_csv
     from oarlock.storage.folder_writer import scratch_folder
     from oarlock.storage.write_file import write_file
 
@@ -129,7 +129,7 @@ def write_table(rows: pa.Table, file: Path, kind: Literal["csv", "parquet"]) -> 
         for column in rows.columns
     ]
     with scratch_folder() as scratch:
-        write_csv(pa.table(columns, rows.column_names), scratch / "rows.csv")
+        write_arrow_csv(pa.table(columns, rows.column_names), scratch / "rows.csv")
         write_file(file, read_bytes(scratch / "rows.csv"))
 
 

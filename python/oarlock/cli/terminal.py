@@ -16,7 +16,6 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import Any, Final, NoReturn, ParamSpec, TypeVar
 
-import numpy as np
 import typer
 from rich import box
 from rich.console import Console, RenderableType
@@ -25,6 +24,7 @@ from rich.table import Table
 from rich.text import Text
 
 from oarlock.cli.stopped import EXIT_STOPPED, end_by_status
+from oarlock.storage.extras import missing
 
 WIDTH: Final = 100
 EXIT_DATA: Final = 1
@@ -164,7 +164,7 @@ def print_json(document: object) -> None:
 
 def json_ready(value: object) -> Any:
     """Convert a value to dictionaries, lists, texts, finite numbers and None."""
-    if isinstance(value, np.ndarray | np.generic):
+    if hasattr(value, "tolist"):  # of numpy, which help does not import
         return json_ready(value.tolist())
     if isinstance(value, float):
         return value if math.isfinite(value) else None
@@ -226,6 +226,9 @@ def _wrapped(function: Callable[Parameters, Result], kept: str) -> Callable[Para
             # The reader of the pipe (such as `head`) has closed it. Without this Python prints a second error at exit.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             raise typer.Exit(EXIT_PIPE) from None
+        except ModuleNotFoundError as error:
+            text = missing(error, "this command")
+            fail("fault" if text is None else "data", text or _fault(error), EXIT_DATA, as_json)
         except OSError as error:
             fail("file", _sentence(error), EXIT_DATA, as_json)
         except Exception as error:

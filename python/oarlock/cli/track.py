@@ -17,19 +17,17 @@ from oarlock.cli.settings import (
     split,
 )
 from oarlock.cli.suspects import explained, write_suspects
-from oarlock.cli.tables import write_summary
 from oarlock.cli.terminal import UsageError, details, output_folder, print_json, say, steps, verb
 from oarlock.cli.track_folder import RECORDING_FILE, TRACK, beside, document, run_filter, write_folder
 from oarlock.cli.track_several import folders_for, track_several
-from oarlock.evaluation.comparison.estimators import LIMB_FILTER, tree_filters
-from oarlock.evaluation.comparison.orientation_track import ORIENTATION_FILTERS
+from oarlock.evaluation.comparison.filter_names import LIMB_FILTER, ORIENTATION_FILTERS, TREE_FILTERS
 
 if TYPE_CHECKING:
     from oarlock import Recording
 
 OTHER_FILTERS = (LIMB_FILTER, *ORIENTATION_FILTERS)
 # the engine's filters, then those that process a whole recording at once
-_FILTERS = (*tree_filters(), *OTHER_FILTERS)
+_FILTERS = (*TREE_FILTERS, *OTHER_FILTERS)
 
 
 def add_to(app: typer.Typer) -> None:
@@ -156,7 +154,7 @@ def track(
 
     if asked in OTHER_FILTERS and (smooth or len(recordings) > 1):
         lacks = "--smooth" if smooth else "several recordings at once"
-        raise UsageError(f"--filter {asked} has no {lacks}; {', '.join(tree_filters())} have")
+        raise UsageError(f"--filter {asked} has no {lacks}; {', '.join(TREE_FILTERS)} have")
     wearing = load_calibration(calibration) if calibration is not None else None
     if len(recordings) > 1:
         folders = folders_for(recordings, out, force)
@@ -188,6 +186,8 @@ def track(
     report = out / "report.html"
     write_suspects(found)
     with details():
+        from oarlock.cli.tables import write_summary
+
         write_summary(result)
         say()
     write_result(result, report if report.exists() else None)

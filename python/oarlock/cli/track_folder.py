@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from oarlock.cli.terminal import progress
-from oarlock.evaluation.comparison.estimators import LIMB_FILTER
-from oarlock.evaluation.comparison.orientation_track import ORIENTATION_FILTERS
+from oarlock.evaluation.comparison.filter_names import LIMB_FILTER, ORIENTATION_FILTERS
 
 if TYPE_CHECKING:
     from oarlock import Calibration, Config, Evaluation, Model, Recording, Track
@@ -64,7 +63,7 @@ def write_folder(
             from oarlock.storage.parquet_table import read_table
 
             for name in ("track", *(n for n in beside(result) if n == "sensors")):
-                write_csv(read_table(place / f"{name}.parquet"), place / f"{name}.csv")
+                write_csv(read_table(place / f"{name}.parquet").columns, place / f"{name}.csv")
 
 
 def beside(result: Track) -> list[str]:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, NoReturn
 import typer
 from rich.text import Text
 
-from oarlock.cli.tables import speed, write_contradiction
 from oarlock.cli.terminal import (
     EXIT_DATA,
     Told,
@@ -102,6 +101,8 @@ def track_several(
     if json_output:
         print_json({"recordings": documents})
     elif rows:
+        from oarlock.cli.tables import write_contradiction
+
         for name, sentences in notes.items():
             write_contradiction(sentences, name)
         _write(rows, out.parent)
@@ -162,6 +163,7 @@ def _loaded(
 
 
 def _row(out: Path, result: Track) -> tuple[object, ...]:
+    from oarlock.cli.tables import speed
     from oarlock.evaluation.summary import summarize
 
     summary = summarize(result)

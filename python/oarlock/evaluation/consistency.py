@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from scipy.special import gammaincinv
+from numpy.typing import NDArray
 
+from oarlock.evaluation.distributions import chi2_quantile
 from oarlock.evaluation.interval import Floats, Interval, beliefs_of, info_of
 from oarlock.evaluation.resample import resample, resample_rotation
 from oarlock.evaluation.scores import SensorScore, StateScore
@@ -30,12 +30,6 @@ def interval_95(degrees: float) -> tuple[float, float]:
     if degrees <= 0:
         return float("nan"), float("nan")
     return float(chi2_quantile(0.025, degrees)) / degrees, float(chi2_quantile(0.975, degrees)) / degrees
-
-
-def chi2_quantile(probability: float, degrees: ArrayLike) -> Floats:
-    """Quantile of the chi-square distribution, as `scipy.stats.chi2.ppf`, which takes half a second to import."""
-    quantile: Floats = 2.0 * gammaincinv(np.asarray(degrees) / 2.0, probability)
-    return quantile
 
 
 def sensor_scores(track: Track, window: Interval) -> tuple[SensorScore, ...]:
@@ -133,19 +127,13 @@ def _minus(mean: Floats, at_s: Floats, time_s: Floats, true: Floats, kind: Kind)
 
 def _nees(error: Floats, covariance: Floats) -> float:
     """The quadratic form e' P^-1 e; NaN if P is not positive definite. Scaled to unit variance: units differ."""
-    from scipy.linalg import (  # takes 0.1 s to import, and reports without a truth do not need it
-        LinAlgError,
-        cho_factor,
-        cho_solve,
-    )
-
     variance = np.diag(covariance)
     if not np.all(np.isfinite(covariance)) or np.any(variance <= 0):
         return float("nan")
     scale = 1 / np.sqrt(variance)
     unit_error = error * scale
     try:
-        factor = cho_factor(covariance * np.outer(scale, scale), lower=True)
-    except LinAlgError:
+        factor = np.linalg.cholesky(covariance * np.outer(scale, scale))
+    except np.linalg.LinAlgError:
         return float("nan")
-    return float(unit_error @ cho_solve(factor, unit_error))
+    return float(np.sum(np.linalg.solve(factor, unit_error) ** 2))

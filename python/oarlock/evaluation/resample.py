@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from oarlock.evaluation.interval import STAMP_TOLERANCE_S, Bools, Floats
 from oarlock.model.rotation import continuous_quat
 from oarlock.storage.errors import DataError
+from oarlock.storage.extras import FULL, optional
 
 
 def resample(time_s: Floats, value: Floats, at_s: Floats, circular: bool = False) -> Floats:
@@ -43,14 +44,11 @@ def resample_rotation(time_s: Floats, quat_wxyz: Floats, at_s: Floats) -> Floats
 
 
 def _fill(result: Floats, time_s: Floats, value: Floats, at_s: Floats, circular: bool) -> None:
-    from scipy.interpolate import (
-        CubicSpline,
-    )  # takes 0.2 s to import, and a report without a truth does not need it
-
     inside = (at_s >= time_s[0]) & (at_s <= time_s[-1])
     if len(time_s) > 1 and inside.any():
         smooth = np.unwrap(value) if circular else value
-        result[inside] = CubicSpline(time_s, smooth)(at_s[inside])
+        interpolate = optional("scipy.interpolate", FULL, "a comparison at other time stamps")
+        result[inside] = interpolate.CubicSpline(time_s, smooth)(at_s[inside])
 
 
 def _coincident(time_s: Floats, at_s: Floats) -> tuple[NDArray[np.intp], Bools]:

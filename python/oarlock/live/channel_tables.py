@@ -14,8 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from oarlock.live.intake import Spare
@@ -23,7 +21,7 @@ from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
 from oarlock.storage.folder_writer import read_manifest, replaced_folder
 from oarlock.storage.names import file_names
-from oarlock.storage.parquet_table import columns_of, read_table, texts_of
+from oarlock.storage.parquet_table import Column, ParquetTable, Texts, read_table, write_table
 from oarlock.storage.paths import place_of
 
 FOLDER, KIND = "channels", "channels"
@@ -32,7 +30,7 @@ MOST_TABLES, MOST_QUANTITIES, MOST_NUMBERS = 200, 100, 512
 """Tables, quantities of a table, numbers of a value: what is beyond is in the packets only."""
 _STAMPS = ("time_s", "arrival_s", "clock_s")
 _OWN = (*_STAMPS, "address")
-_TITLE = b"oarlock"
+_TITLE = "oarlock"
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +118,7 @@ class Channels:
         names = list(self._tables)
         with replaced_folder(folder, KIND) as root:
             for name, file in zip(names, file_names([_plain(n) for n in names], "parquet"), strict=True):
-                pq.write_table(self._tables[name].arrow(name), root / file)
+                write_table(self._tables[name].columns_by_name(), root / file, {_TITLE: _plain(name)})
 
 
 @dataclass
@@ -131,20 +129,21 @@ class _Column:
     rows: array[int] = field(default_factory=lambda: array("q"))
     values: list[Any] = field(default_factory=list)
 
-    def arrow(self, count: int) -> pa.Array:
+    def column(self, count: int) -> Column:
         if self.kind is str:
-            texts = np.full(count, "", dtype=object)
-            texts[self.rows] = self.values
-            return pa.array(texts, pa.string())
+            texts = [""] * count
+            for row, text in zip(self.rows, self.values, strict=True):
+                texts[row] = text
+            return Texts.of(texts)
         if self.kind is float:
             numbers = np.full(count, np.nan)
             numbers[self.rows] = self.values
-            return pa.array(numbers)
+            return numbers
         width = max(map(len, self.values))
         wide = np.full((count, width), np.nan)
         for row, value in zip(self.rows, self.values, strict=True):
             wide[row, : len(value)] = value
-        return pa.FixedSizeListArray.from_arrays(pa.array(wide.ravel()), width)
+        return wide
 
 
 @dataclass
@@ -170,12 +169,15 @@ class _ChannelRows:
                 of_name.rows.append(row)
                 of_name.values.append(_plain(value) if isinstance(value, str) else value)
 
-    def arrow(self, name: str) -> pa.Table:
+    def columns_by_name(self) -> dict[str, Column]:
         count = len(self.addresses)
-        own = dict(zip(_STAMPS, (pa.array(np.array(column)) for column in self.stamps), strict=True))
-        own["address"] = pa.array([_plain(a) for a in self.addresses], pa.string())
-        others = {_column_name(n): column.arrow(count) for n, column in self.columns.items() if column.rows}
-        return pa.table({**own, **others}).replace_schema_metadata({_TITLE: _plain(name).encode()})
+        own: dict[str, Column] = {
+            name: np.array(column) for name, column in zip(_STAMPS, self.stamps, strict=True)
+        }
+        own["address"] = Texts.of([_plain(address) for address in self.addresses])
+        return own | {
+            _column_name(n): column.column(count) for n, column in self.columns.items() if column.rows
+        }
 
 
 def _plain(text: str) -> str:
@@ -190,23 +192,24 @@ def _column_name(quantity: str) -> str:
 
 def _read(file: Path) -> Channel:
     table = read_table(file)
-    title = (table.schema.metadata or {}).get(_TITLE)
-    if title is None:
+    if _TITLE not in table.about:
         raise DataError(f"{file}: was not written by a live session")
-    with columns_of(file):
-        time_s, arrival_s, clock_s = (table[name].to_numpy() for name in _STAMPS)
-        address, values = np.array(texts_of(table["address"]), dtype=object), dict(_values(table))
-        return Channel(title.decode(), time_s, arrival_s, clock_s, address, values)
+    time_s, arrival_s, clock_s = (table.numbers(name) for name in _STAMPS)
+    return Channel(
+        table.about[_TITLE],
+        time_s,
+        arrival_s,
+        clock_s,
+        _objects(table.texts("address")),
+        dict(_values(table)),
+    )
 
 
-def _values(table: pa.Table) -> Iterator[tuple[str, NDArray[Any]]]:
-    for name in table.column_names:
-        kind = table.schema.field(name).type
-        if name in _OWN:
-            continue
-        if pa.types.is_fixed_size_list(kind):
-            yield name, table[name].combine_chunks().flatten().to_numpy().reshape(-1, kind.list_size)
-        elif pa.types.is_floating(kind):
-            yield name, table[name].to_numpy()
-        else:
-            yield name, np.array(texts_of(table[name]), dtype=object)
+def _values(table: ParquetTable) -> Iterator[tuple[str, NDArray[Any]]]:
+    for name, column in table.columns.items():
+        if name not in _OWN:
+            yield name, _objects(column) if isinstance(column, Texts) else column
+
+
+def _objects(texts: Texts) -> NDArray[Any]:
+    return np.array(texts.rows(), dtype=object)

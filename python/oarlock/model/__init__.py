@@ -1,5 +1,5 @@
 """Models of bodies: model files and their loading, coordinates, rotations, shapes of the figure."""
 
-import lazy_loader
+from oarlock.storage.extras import public_names
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = public_names(__name__, __file__)

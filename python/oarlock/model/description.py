@@ -9,10 +9,11 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
@@ -421,6 +422,8 @@ class ModelDescription:
 
 def pose_of(transform: TransformDescription | None) -> NDArray[np.float64]:
     """The transform as a pose (4, 4); None is the identity."""
+    import numpy as np  # not at the top: help of verbs imports this module
+
     pose = np.eye(4)
     if transform is not None:
         pose[:3, :3], pose[:3, 3] = transform.rotation, transform.translation

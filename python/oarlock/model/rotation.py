@@ -83,16 +83,25 @@ def right_jacobian(rotvec_rad: ArrayLike) -> Floats:
 
 
 def quat_from_matrix(matrix: ArrayLike) -> Floats:
-    """Unit quaternions (..., 4) of rotation matrices (..., 3, 3)."""
-    from scipy.spatial.transform import Rotation  # takes 0.15 s to import, and tracking does not need it
+    """Unit quaternions (..., 4) of rotation matrices (..., 3, 3).
 
+    Source: S. W. Shepperd 1978, "Quaternion from rotation matrix", J. Guidance and Control 1(3).
+    """
     m = np.asarray(matrix, dtype=np.float64)
-    flat = m.reshape(-1, 3, 3)
-    there = np.isfinite(flat).all(axis=(1, 2))
-    found = np.full((len(flat), 4), np.nan)
-    if there.any():
-        found[there] = Rotation.from_matrix(flat[there]).as_quat()[:, [3, 0, 1, 2]]
-    return found.reshape(*m.shape[:-2], 4)
+    diagonal = m[..., [0, 1, 2], [0, 1, 2]]
+    trace = diagonal.sum(axis=-1)
+    odd = m[..., [2, 0, 1], [1, 2, 0]] - m[..., [1, 2, 0], [2, 0, 1]]
+    even = m[..., [2, 0, 1], [1, 2, 0]] + m[..., [1, 2, 0], [2, 0, 1]]
+    # Rows are the quaternion times 4 w, 4 x, 4 y, 4 z; that of the largest component is the most exact.
+    rows = np.empty((*m.shape[:-2], 4, 4))
+    rows[..., 0, 0], rows[..., 0, 1:], rows[..., 1:, 0] = 1.0 + trace, odd, odd
+    for k in range(3):
+        rows[..., 1 + k, 1 + k] = 1.0 + 2.0 * diagonal[..., k] - trace
+        i, j = (k + 1) % 3, (k + 2) % 3
+        rows[..., 1 + i, 1 + j] = rows[..., 1 + j, 1 + i] = even[..., k]
+    best = np.argmax(rows[..., range(4), range(4)], axis=-1)
+    largest = np.take_along_axis(rows, best[..., None, None], axis=-2)[..., 0, :]
+    return np.asarray(largest / np.linalg.norm(largest, axis=-1, keepdims=True))
 
 
 def matrix_from_quat(quat_wxyz: ArrayLike) -> Floats:

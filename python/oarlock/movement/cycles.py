@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import find_peaks
+from numpy.typing import NDArray
 
 from oarlock.movement.angles import Floats, MovementAngle
 from oarlock.storage.even_times import even_times_of_stretches
@@ -124,6 +124,34 @@ def cycle_courses(time_s: Floats, value: Floats, begins_s: Floats) -> Floats:
     return np.asarray(np.interp(places, time_s, value))
 
 
+def peaks_of(values: Floats, prominence: float, distance: float = 1.0) -> NDArray[np.intp]:
+    """Places of the local maxima of (N,) numbers, as `scipy.signal.find_peaks`: the middle of each flat top.
+
+    Args:
+        values: without a gap.
+        prominence: least height above the higher of the lowest values on both sides up to a higher value or the end.
+        distance: of maxima that are closer, the higher one stays.
+    """
+    begins = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
+    ends, heights = np.append(begins[1:], len(values)) - 1, values[begins]
+    tops = np.flatnonzero((heights[1:-1] > heights[:-2]) & (heights[1:-1] > heights[2:])) + 1
+    peaks = (begins[tops] + ends[tops]) // 2
+    stays = np.ones(len(peaks), dtype=bool)
+    for k in np.argsort(values[peaks])[::-1]:
+        if stays[k]:
+            stays &= (np.abs(peaks - peaks[k]) >= distance) | (np.arange(len(peaks)) == k)
+    found = [peak for peak in peaks[stays] if _prominence(values, int(peak)) >= prominence]
+    return np.array(found, dtype=np.intp)
+
+
+def _prominence(values: Floats, peak: int) -> float:
+    higher = np.flatnonzero(values > values[peak])
+    before, after = higher[higher < peak], higher[higher > peak]
+    left = values[before[-1] + 1 if len(before) else 0 : peak + 1].min()
+    right = values[peak : after[0] if len(after) else len(values)].min()
+    return float(values[peak] - max(left, right))
+
+
 def _evenly(even_s: Floats, time_s: Floats, value: Floats) -> Floats:
     known = np.isfinite(value)
     return np.asarray(np.interp(even_s, time_s[known], value[known]))
@@ -136,8 +164,8 @@ def _period(rows: Floats) -> tuple[float, float]:
         return 0.0, 0.0
     lags = np.arange(1, len(rows) // 2 + 1)
     correlation = np.array([_correlation(moved, int(lag)) for lag in lags])
-    peaks, _ = find_peaks(correlation, height=CLEAR, prominence=0.1)
-    peaks = peaks[lags[peaks] >= SHORTEST_S * RATE_HZ]
+    peaks = peaks_of(correlation, prominence=0.1)
+    peaks = peaks[(correlation[peaks] >= CLEAR) & (lags[peaks] >= SHORTEST_S * RATE_HZ)]
     if not len(peaks):
         return 0.0, 0.0
     best = correlation[peaks].max()
@@ -181,7 +209,7 @@ def _repetition(
     lead = int(np.argmax(strength))
     # A window must lie in the movement as a whole, so the first and the last cycles stand outside of all windows.
     course = rows[:, lead]
-    peaks, _ = find_peaks(course, distance=max(1, 0.6 * period), prominence=0.4 * np.ptp(part[:, lead]))
+    peaks = peaks_of(course, 0.4 * np.ptp(part[:, lead]), distance=0.6 * period)
     run = _regular(peaks[(peaks >= start) & (peaks < stop)].astype(np.float64), period)
     if len(run) <= LEAST_CYCLES:
         return None

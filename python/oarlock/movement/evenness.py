@@ -8,8 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import studentized_range, t
 
+from oarlock.evaluation.distributions import range_quantile, student_quantile
 from oarlock.movement.angles import Floats
 from oarlock.movement.blocks import MovementAnalysis, MovementBlock
 from oarlock.movement.cycles import RATE_HZ, cycle_courses
@@ -117,7 +117,7 @@ def wanderings(movement: MovementAnalysis, block: MovementBlock) -> tuple[Wander
     if count < LEAST_CYCLES or not angles:
         return ()
     compared = len(angles) * _compared(movement)
-    factor = float(studentized_range.ppf(1.0 - CHANCE / compared, count, np.inf))
+    factor = range_quantile(1.0 - CHANCE / compared, count)
     found = []
     for angle in angles:
         middles = _courses(movement, block, angle.value_deg).mean(axis=1)
@@ -152,7 +152,7 @@ def _change(name: str, values: Floats, compared: int) -> CycleChange:
     thirds = (values[:part], values[part:-part], values[-part:])
     freedom = len(values) - len(thirds)
     pooled = sum(float(((one - one.mean()) ** 2).sum()) for one in thirds) / freedom
-    quantile = float(t.ppf(1.0 - 0.5 * CHANCE / compared, freedom))
+    quantile = student_quantile(1.0 - 0.5 * CHANCE / compared, freedom)
     limit = quantile * float(np.sqrt(2.0 * pooled / part))
     return CycleChange(name, float(thirds[0].mean()), float(thirds[2].mean()), limit)
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
-import pyarrow as pa
+from numpy.typing import NDArray
 
 from oarlock import Track
 from oarlock.movement.angles import CONTRADICTED, Floats, MovementAngle, movement_angles, room_angles
@@ -54,14 +55,15 @@ def _doubted(movement: MovementAnalysis, block: MovementBlock) -> dict[str, Moti
     }
 
 
-def cycles_table(movement: MovementAnalysis) -> pa.Table:
+def cycles_table(movement: MovementAnalysis) -> dict[str, NDArray[Any]]:
     """One row per cycle: block, start, duration, and smallest, largest value and range of each angle, deg."""
-    return pa.concat_tables([_cycles(movement, block) for block in movement.blocks])
+    tables = [_cycles(movement, block) for block in movement.blocks]
+    return {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
 
 
-def _cycles(movement: MovementAnalysis, block: MovementBlock) -> pa.Table:
+def _cycles(movement: MovementAnalysis, block: MovementBlock) -> dict[str, NDArray[Any]]:
     begins_s, count = block.repetition.begins_s, block.repetition.count
-    columns: dict[str, object] = {
+    columns: dict[str, NDArray[Any]] = {
         "block": np.full(count, block.number),
         "cycle": np.arange(1, count + 1),
         "start_s": begins_s[:-1],
@@ -72,7 +74,7 @@ def _cycles(movement: MovementAnalysis, block: MovementBlock) -> pa.Table:
         low, high = courses.min(axis=1), courses.max(axis=1)
         name = angle.name.replace(" ", "_")
         columns |= {f"{name}_min_deg": low, f"{name}_max_deg": high, f"{name}_range_deg": high - low}
-    return pa.table({name: pa.array(values, from_pandas=True) for name, values in columns.items()})
+    return columns
 
 
 def _late(time_s: Floats, angles: Sequence[MovementAngle], start_s: float) -> list[MovementAngle]:

@@ -7,8 +7,6 @@ from types import MappingProxyType
 from typing import Literal, cast
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from oarlock.recording.session_info import SESSION_KEY, read_session, without_session, write_session
 from oarlock.recording.streams import (
@@ -20,13 +18,13 @@ from oarlock.recording.streams import (
     VectorStream,
 )
 from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.csv_cells import plain_columns, write_csv
 from oarlock.storage.delimited import ColumnLayout, Dialect, numbers
 from oarlock.storage.errors import DataError
 from oarlock.storage.folder_writer import read_manifest, replaced_folder
 from oarlock.storage.names import file_names
-from oarlock.storage.parquet_table import arrow_numbers, numbers_of, read_table
+from oarlock.storage.parquet_table import Texts, read_table, write_table
 from oarlock.storage.paths import place_of
-from oarlock.storage.plain_csv import plain_columns
 from oarlock.storage.suggest import did_you_mean
 from oarlock.storage.toml import TomlTable, toml_text
 from oarlock.storage.write_file import write_file
@@ -80,7 +78,7 @@ def write_folder(
     text = toml_text(document)
     with replaced_folder(folder, KIND, force) as root:
         for stream, file in zip(streams, files, strict=True):
-            _write_columns(root / file, _columns_of(stream))
+            (write_table if file_format == "parquet" else write_csv)(_columns_of(stream), root / file)
         write_file(root / INDEX_FILE, text)
         write_session(root, session)
 
@@ -100,8 +98,6 @@ def read_folder(path: str | PathLike[str]) -> tuple[list[Stream], Mapping[str, o
     tables = top.tables("stream")
     streams = [_read_stream(table, index.parent) for table in tables]
     manifest.check([index.name, *(table.string("file") for table in tables)])
-    # pyarrow keeps its buffers for the next file; for an hour of data they are a third of the recording's size.
-    pa.default_memory_pool().release_unused()
     meta = top.table("meta", default={}).values
     session = read_session(index.parent)
     return streams, {**meta, SESSION_KEY: dict(session)} if session else meta
@@ -156,17 +152,6 @@ def _columns_of(stream: Stream) -> dict[str, FloatArray]:
             names = _VECTOR_COLUMNS if isinstance(stream, VectorStream) else _QUATERNION_COLUMNS
         columns.update({name: rows[:, i] for i, name in enumerate(names)})
     return columns
-
-
-def _write_columns(file: Path, columns: Mapping[str, FloatArray]) -> None:
-    if file.suffix == ".parquet":
-        table = pa.table({name: arrow_numbers(v) for name, v in columns.items()})
-        pq.write_table(table, file)
-        return
-    with file.open("w", encoding="utf-8", newline="\n") as out:
-        out.write(",".join(columns) + "\n")
-        for row in zip(*(v.tolist() for v in columns.values()), strict=True):
-            out.write(",".join("" if x != x else repr(x) for x in row) + "\n")
 
 
 def _read_stream(table: TomlTable, root: Path) -> Stream:
@@ -254,15 +239,13 @@ def _check_columns(file: Path, found: list[str], names: list[str]) -> None:
 
 def _read_parquet(file: Path, names: list[str]) -> dict[str, FloatArray]:
     table = read_table(file)
-    _check_columns(file, table.column_names, names)
-    columns = {}
+    _check_columns(file, list(table.columns), names)
     for name in names:
-        column = table.column(name)
-        kind = column.type.value_type if pa.types.is_dictionary(column.type) else column.type
-        if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
+        column = table.columns[name]
+        if isinstance(column, Texts) or column.dtype.kind not in "if" or column.ndim > 1:
+            kind = "string" if isinstance(column, Texts) else "list" if column.ndim > 1 else column.dtype
             raise DataError(f'{file}: column "{name}" is of type {kind}; expected numbers')
-        columns[name] = numbers_of(column)
-    return columns
+    return {name: table.numbers(name) for name in names}
 
 
 def _read_csv(file: Path, names: list[str]) -> dict[str, FloatArray]:

@@ -8,7 +8,6 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from oarlock.recording.frozen_signals import STUCK_ROWS, clipped_texts, moves, stuck_texts
 from oarlock.recording.gyro_scale import gyro_per_gravity_turn, row_norms
@@ -168,7 +167,8 @@ def _gyro_findings(stream: ImuStream) -> list[SignalFinding]:
     if norms.size == 0:
         return []
     top, most, middle = float(norms.max()), float(np.quantile(norms, 0.99)), float(np.median(norms))
-    jumps = norms - median_filter(norms, JUMP_ROWS, mode="nearest")
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(norms, JUMP_ROWS // 2, "edge"), JUMP_ROWS)
+    jumps = norms - np.median(around, axis=1)
     if (lasting := norms[jumps <= GYRO_JUMP_RAD_S]).size and lasting.max() <= GYRO_P99_RAD_S < top:
         text = (
             f"|gyro| jumps to {top:.4g} rad/s for single readings ({norms.size - lasting.size} of {norms.size}); "

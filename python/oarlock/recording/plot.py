@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
-from oarlock.storage.dataframes import optional
+from oarlock.storage.extras import optional
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from oarlock.evaluation.consistency import ALL_INERTIAL, chi2_quantile
+from oarlock.evaluation.consistency import ALL_INERTIAL
+from oarlock.evaluation.distributions import chi2_quantile
 from oarlock.evaluation.interval import Floats, info_of
 from oarlock.evaluation.scores import SensorScore
 from oarlock.evaluation.summary import rate_text, shares_text

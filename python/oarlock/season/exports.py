@@ -16,6 +16,7 @@ from pathlib import Path
 import pyarrow as pa
 from pyarrow import csv
 
+from oarlock.season.arrow_table import read_table, with_plain_texts
 from oarlock.season.athletes import check_scope
 from oarlock.season.gps import CUT_FILES, GpsCut
 from oarlock.season.records import athlete_folder
@@ -23,7 +24,6 @@ from oarlock.season.storage import OWN_WORK
 from oarlock.season.store import Season, not_in_season
 from oarlock.season.tables import recording_rows, run_rows, update_tables
 from oarlock.storage.errors import DataError
-from oarlock.storage.parquet_table import read_table, with_plain_texts
 from oarlock.storage.toml import TomlTable, toml_text, write_toml
 from oarlock.storage.write_file import write_file
 

@@ -19,8 +19,8 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 from pyarrow import parquet
 
+from oarlock.season.arrow_table import read_table
 from oarlock.storage.errors import DataError
-from oarlock.storage.parquet_table import read_table
 
 EARTH_RADIUS_M = 6_371_008.8
 """Mean radius (IUGG)."""

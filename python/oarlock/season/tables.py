@@ -20,11 +20,11 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from pyarrow import parquet
 
+from oarlock.season.arrow_table import read_table, with_plain_texts
 from oarlock.season.athletes import Athlete
 from oarlock.season.records import STROKES_FILE, Entry, RunRecord, athlete_folder, result_folder
 from oarlock.season.store import Season, in_threads
 from oarlock.storage.errors import DataError
-from oarlock.storage.parquet_table import read_table, with_plain_texts
 
 SCHEMA: Final = 2
 """Version of the columns below. Tables of another version are made anew from the results."""

@@ -8,6 +8,7 @@ from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias, TypeVar
 
+from oarlock.season.arrow_table import read_table
 from oarlock.season.records import (
     ENTRY_FILE,
     RUN_FILE,
@@ -20,7 +21,6 @@ from oarlock.season.storage import OWN_WORK
 from oarlock.season.store import Season, in_threads
 from oarlock.season.tables import AthleteData, catalogue, update_tables
 from oarlock.storage.errors import DataError
-from oarlock.storage.parquet_table import read_table
 from oarlock.storage.write_file import TEMPORARY
 
 What: TypeAlias = Literal["damaged", "missing", "unfinished", "unknown"]

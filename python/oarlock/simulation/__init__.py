@@ -1,5 +1,5 @@
 """Simulates recordings: joint trajectories, sensor signals along them, and guided calibration sessions."""
 
-import lazy_loader
+from oarlock.storage.extras import public_names
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = public_names(__name__, __file__)

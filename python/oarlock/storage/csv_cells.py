@@ -1,12 +1,18 @@
-"""Cells of CSV files that a spreadsheet takes for text, whatever a name contains; all writers of CSV use it."""
+"""CSV files of plain columns, read and written by the engine, and cells that a spreadsheet takes for text.
+
+`delimited` reads tables of any other layout.
+"""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import pyarrow as pa
-from pyarrow import csv
+from oarlock import _core
+from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.parquet_table import Column, Texts
+from oarlock.storage.regular_file import UnreadableFileError, read_bytes
 
 _STARTS_FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
@@ -17,14 +23,31 @@ def inert(text: str) -> str:
     return f"'{text}" if text.startswith(_STARTS_FORMULA) and not _NUMBER.fullmatch(text) else text
 
 
-def write_csv(table: pa.Table, file: Path) -> None:
-    """Write an Arrow table; names of columns and texts that would run as formulas become inert."""
-    columns = [_inert_column(column) for column in table.columns]
-    csv.write_csv(pa.table(columns, names=[inert(name) for name in table.column_names]), file)
+def write_csv(columns: Mapping[str, Column], file: Path) -> None:
+    """Write columns; names and texts that would run as formulas become inert.
+
+    Numbers have all their digits; a cell is empty where a number or a text is missing.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    _core.write_csv(file, {inert(name): _inert(column) for name, column in columns.items()})
 
 
-def _inert_column(column: pa.ChunkedArray) -> pa.ChunkedArray | pa.Array:
-    kind = column.type.value_type if pa.types.is_dictionary(column.type) else column.type
-    if not (pa.types.is_string(kind) or pa.types.is_large_string(kind)):
-        return column
-    return pa.array([None if text is None else inert(text) for text in column.to_pylist()], type=pa.string())
+def _inert(column: Column) -> Column:
+    if isinstance(column, Texts):
+        return Texts(column.places, [inert(word) for word in column.words])
+    return column
+
+
+def plain_columns(file: Path, names: Sequence[str]) -> dict[str, FloatArray] | None:
+    """The columns of a comma-separated file with this header, (T,) each; NaN where a cell is empty or NaN.
+
+    None where anything else is in the file: `delimited` then reads it, or says which line is wrong. Numbers are the
+    nearest doubles, as `float` reads them.
+    """
+    try:
+        columns = _core.read_csv(read_bytes(file), list(names))
+    except UnreadableFileError:
+        return None
+    return None if columns is None else dict(zip(names, columns, strict=True))

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from oarlock.storage.errors import DataError
+from oarlock.storage.extras import optional
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -52,16 +51,3 @@ def columns_of_rows(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
     """Rows as columns, in the order of the first row's keys; None where a row lacks a key."""
     names = dict.fromkeys(name for row in rows for name in row)
     return {name: [row.get(name) for row in rows] for name in names}
-
-
-def optional(module: str, extra: str, asked: str) -> Any:
-    """A module that only some users have.
-
-    Raises:
-        DataError: it is not installed. The text has the command that installs it.
-    """
-    try:
-        return importlib.import_module(module)
-    except ImportError:
-        package = module.partition(".")[0]
-        raise DataError(f"{asked} needs {package}: pip install 'oarlock[{extra}]'") from None

@@ -9,8 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
-import numpy as np
-
 from oarlock.storage.errors import DataError
 from oarlock.storage.regular_file import read_text
 from oarlock.storage.suggest import did_you_mean
@@ -190,7 +188,7 @@ def toml_text(document: Mapping[str, object]) -> str:
 
 def _plain(value: Any, path: tuple[str, ...]) -> Any:
     """The value with NumPy's numbers and arrays as Python's, which TOML can hold; numbers keep every bit."""
-    if isinstance(value, np.generic | np.ndarray):
+    if hasattr(value, "tolist"):  # of numpy, which help does not import
         value = value.tolist()
     if isinstance(value, Mapping):
         return {_key(key, path): _plain(inner, (*path, str(key))) for key, inner in value.items()}

@@ -1,5 +1,5 @@
 """Tracks recordings and smooths tracks. Contains `track`, `smooth`, `track_many`, the class `Track` and its files."""
 
-import lazy_loader
+from oarlock.storage.extras import public_names
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = public_names(__name__, __file__)

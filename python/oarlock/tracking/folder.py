@@ -8,22 +8,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 from numpy.typing import NDArray
-from pyarrow import parquet
 
 from oarlock._core import Model
 from oarlock.recording.calibration import load_calibration
 from oarlock.recording.session_info import SESSION_KEY, read_session, without_session, write_session
 from oarlock.storage.errors import DataError
 from oarlock.storage.folder_writer import read_manifest, replaced_folder
-from oarlock.storage.parquet_table import arrow_numbers, arrow_words, columns_of, numbers_of, read_table
+from oarlock.storage.parquet_table import Column, ParquetTable, Texts, read_table, write_table
 from oarlock.storage.paths import place_of
 from oarlock.storage.regular_file import read_text
 from oarlock.storage.toml import TomlTable, write_toml
 from oarlock.storage.write_file import write_file
-from oarlock.tracking.columns import FIELDS, column_name, observed_name
-from oarlock.tracking.columns import columns_of as track_columns
+from oarlock.tracking.columns import FIELDS, column_name, columns_of, observed_name
 from oarlock.tracking.counts import StreamCount
 from oarlock.tracking.estimates import Estimates
 from oarlock.tracking.notes import Note
@@ -46,12 +43,11 @@ def write_track(track: Estimates, folder: str | PathLike[str], force: bool = Fal
             the folder, or it cannot be written.
     """
     with replaced_folder(folder, KIND, force) as place:
-        columns = {name: arrow_numbers(values) for name, values in track_columns(track).items()}
-        parquet.write_table(pa.table(columns), place / "track.parquet")
+        write_table(columns_of(track), place / "track.parquet")
         if track.info is not None:
-            parquet.write_table(_sensor_table(track.time_s, track.info), place / "sensors.parquet")
+            write_table(_sensor_table(track.time_s, track.info), place / "sensors.parquet")
         if track.beliefs is not None:
-            parquet.write_table(_belief_table(track.beliefs), place / "beliefs.parquet")
+            write_table(_belief_table(track.beliefs), place / "beliefs.parquet")
         if track.model is not None:
             write_file(place / "model.toml", track.model.text)
         if track.calibration is not None:
@@ -78,20 +74,18 @@ def read_track(folder: str | PathLike[str]) -> dict[str, Any]:
     table = read_table(place / "track.parquet", _AGAIN)
     coordinates = top["coordinates"]
     names, units = tuple(coordinates["names"]), tuple(coordinates["units"])
-    with columns_of(place / "track.parquet", _AGAIN):
-        arrays: dict[str, Any] = {
-            field: _stack(table, [column_name(n, u, field) for n, u in zip(names, units, strict=True)])
-            for field in FIELDS
-        }
-        observed = _stack(table, [observed_name(n) for n in names]) > 0.5
-        slow = {
-            name: SlowSeries(_one(table, f"{name} [{unit}]"), _one(table, f"{name} std [{unit}]"), unit)
-            for name, unit in top["slow"].items()
-        }
-        time_s = _one(table, "time_s")
+    arrays: dict[str, Any] = {
+        field: _stack(table, [column_name(n, u, field) for n, u in zip(names, units, strict=True)])
+        for field in FIELDS
+    }
+    observed = _stack(table, [observed_name(n) for n in names]) > 0.5
+    slow = {
+        name: SlowSeries(table.numbers(f"{name} [{unit}]"), table.numbers(f"{name} std [{unit}]"), unit)
+        for name, unit in top["slow"].items()
+    }
     found = arrays | {
         "model": _model(place, top["provenance"]),
-        "time_s": time_s,
+        "time_s": table.numbers("time_s"),
         "joint_names": tuple(top["joints"]["names"]),
         "joint_units": tuple(top["joints"]["units"]),
         "coordinate_names": names,
@@ -180,59 +174,60 @@ def _with_none_read(value: Any) -> Any:
     return None if isinstance(value, str) and value == _NONE else value
 
 
-def _sensor_table(time_s: NDArray[np.float64], info: SensorInfo) -> pa.Table:
-    columns = {"time_s": arrow_numbers(time_s)}
+def _sensor_table(time_s: NDArray[np.float64], info: SensorInfo) -> dict[str, Column]:
+    columns: dict[str, Column] = {"time_s": time_s}
     for i, name in enumerate(info.sensor_names):
-        columns |= {f"{name}.{kind}": arrow_numbers(getattr(info, kind)[:, i]) for kind in ("nis", *_COUNTS)}
-        columns[f"{name}.field"] = arrow_words(info.field[:, i], FIELD)
-        columns[f"{name}.fault"] = arrow_words(info.fault[:, i], FAULT)
-    columns["inertial.nis"] = arrow_numbers(info.inertial_nis)
-    columns["inertial.used"] = arrow_numbers(info.inertial_used)
-    return pa.table(columns)
+        columns |= {f"{name}.{kind}": getattr(info, kind)[:, i] for kind in ("nis", *_COUNTS)}
+        columns[f"{name}.field"] = Texts(info.field[:, i].astype(np.int32), FIELD)
+        columns[f"{name}.fault"] = Texts(info.fault[:, i].astype(np.int32), FAULT)
+    return columns | {"inertial.nis": info.inertial_nis, "inertial.used": info.inertial_used}
 
 
-def _belief_table(beliefs: Beliefs) -> pa.Table:
-    n = len(beliefs.state_names)
-    mean = pa.FixedSizeListArray.from_arrays(arrow_numbers(beliefs.mean.ravel()), max(n, 1))
-    covariance = pa.FixedSizeListArray.from_arrays(arrow_numbers(beliefs.covariance.ravel()), max(n * n, 1))
-    return pa.table({"time_s": arrow_numbers(beliefs.time_s), "mean": mean, "covariance": covariance})
+def _belief_table(beliefs: Beliefs) -> dict[str, Column]:
+    count, n = beliefs.mean.shape
+    covariance = beliefs.covariance.reshape(count, n * n)
+    return {"time_s": beliefs.time_s, "mean": beliefs.mean, "covariance": covariance}
 
 
 def _info(file: Path, names: tuple[str, ...]) -> SensorInfo | None:
     if not names:
         return None
     table = read_table(file, _AGAIN)
-    with columns_of(file, _AGAIN):
-        counts: dict[str, Any] = {
-            kind: _stack(table, [f"{n}.{kind}" for n in names]).astype(np.int64) for kind in _COUNTS
-        }
-        return SensorInfo(
-            sensor_names=names,
-            nis=_stack(table, [f"{n}.nis" for n in names]),
-            inertial_nis=_one(table, "inertial.nis"),
-            inertial_used=_one(table, "inertial.used").astype(np.int64),
-            field=np.stack([_words(table, f"{n}.field", FIELD) for n in names], axis=1),
-            fault=np.stack([_words(table, f"{n}.fault", FAULT) for n in names], axis=1),
-            **counts,
+    counts: dict[str, Any] = {
+        kind: _stack(table, [f"{n}.{kind}" for n in names]).astype(np.int64) for kind in _COUNTS
+    }
+    return SensorInfo(
+        sensor_names=names,
+        nis=_stack(table, [f"{n}.nis" for n in names]),
+        inertial_nis=table.numbers("inertial.nis"),
+        inertial_used=table.numbers("inertial.used").astype(np.int64),
+        field=np.stack([_words(table, f"{n}.field", FIELD) for n in names], axis=1),
+        fault=np.stack([_words(table, f"{n}.fault", FAULT) for n in names], axis=1),
+        **counts,
+    )
+
+
+def _words(table: ParquetTable, name: str, known: tuple[str, ...]) -> NDArray[np.int64]:
+    places, words = table.texts(name)
+    if not set(words) <= set(known) or (places < 0).any():
+        raise DataError(
+            f"{table.where}: column '{name}' has other words than {', '.join(filter(None, known))}; "
+            f"the file is damaged{_AGAIN}"
         )
-
-
-def _words(table: pa.Table, name: str, known: tuple[str, ...]) -> NDArray[np.int64]:
-    words = table[name].combine_chunks()
-    places = np.array([known.index(word) for word in words.dictionary.to_pylist()], dtype=np.int64)
-    return np.asarray(places[words.indices.to_numpy(zero_copy_only=False)])
+    return np.array([known.index(word) for word in words], dtype=np.int64)[places]
 
 
 def _beliefs(file: Path, states: tuple[str, ...]) -> Beliefs | None:
     if not states:
         return None
     table, n = read_table(file, _AGAIN), len(states)
-    with columns_of(file, _AGAIN):
-        mean, covariance = (
-            table[name].combine_chunks().flatten().to_numpy(zero_copy_only=False)
-            for name in ("mean", "covariance")
+    mean, covariance = table.numbers("mean", 2), table.numbers("covariance", 2)
+    if mean.shape[1] != n or covariance.shape[1] != n * n:
+        raise DataError(
+            f"{file}: has means of {mean.shape[1]} and covariances of {covariance.shape[1]} numbers; run.toml lists "
+            f"{n} states; the file is damaged{_AGAIN}"
         )
-        return Beliefs(_one(table, "time_s"), mean.reshape(-1, n), covariance.reshape(-1, n, n), states)
+    return Beliefs(table.numbers("time_s"), mean, covariance.reshape(-1, n, n), states)
 
 
 def _model(place: Path, provenance: Mapping[str, Any]) -> Model | None:
@@ -242,9 +237,5 @@ def _model(place: Path, provenance: Mapping[str, Any]) -> Model | None:
     return Model.from_toml(read_text(file), str(file), dict(provenance.get("parameters", {})))
 
 
-def _one(table: pa.Table, name: str) -> NDArray[np.float64]:
-    return np.array(numbers_of(table[name]), dtype=np.float64)
-
-
-def _stack(table: pa.Table, names: list[str]) -> NDArray[np.float64]:
-    return np.stack([_one(table, name) for name in names], axis=1)
+def _stack(table: ParquetTable, names: list[str]) -> NDArray[np.float64]:
+    return np.stack([table.numbers(name) for name in names], axis=1)

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.model.angle_sequence import angle_labels
-from oarlock.storage.dataframes import optional
 from oarlock.storage.errors import DataError
+from oarlock.storage.extras import optional
 from oarlock.tracking.estimates import Estimates
 from oarlock.tracking.joint_series import BallSeries, FreeSeries, JointSeries
 

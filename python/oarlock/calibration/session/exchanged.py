@@ -11,7 +11,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from oarlock.calibration.session.body import BodyKinematics
 from oarlock.calibration.session.mounts import LEAST_SWEPT_RAD, MountSearch
@@ -51,6 +50,8 @@ def exchanged_units(model: Model, recording: Recording, plan: SessionPlan) -> tu
     spans = {step.name: span for step in plan.steps if (span := step.span_s) is not None}
     search = MountSearch(BodyKinematics.of(model, names), plan, spans, units, nominal)
     costs = _contradictions(search) + _wrong_turns(search) + STAYS * (1.0 - np.eye(len(names)))
+    from scipy.optimize import linear_sum_assignment  # the live page imports this module, and needs no scipy
+
     rows, columns = linear_sum_assignment(costs)
     if np.trace(costs) - costs[rows, columns].sum() < CLEAR:
         return ()

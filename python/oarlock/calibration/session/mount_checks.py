@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from oarlock.calibration.session.body import BodyKinematics
 from oarlock.calibration.session.checks import KEPT, PASSED, REDO, Check, within
@@ -13,6 +12,7 @@ from oarlock.calibration.session.mounts import LEAST_PURITY, LEAST_SWEPT_RAD, MO
 from oarlock.calibration.session.plan import SessionPlan
 from oarlock.calibration.session.timing import EDGE_S
 from oarlock.calibration.session.unit_rows import Span, UnitRows
+from oarlock.model.rotation import quat_from_matrix, rotvec_from_quat
 from oarlock.storage.array_gate import FloatArray
 
 REST_LIMIT_RAD_S = 0.25
@@ -110,7 +110,7 @@ def _postures(found: Mounts, plan: SessionPlan) -> list[Check]:
 def _mount(name: str, found: Mounts, nominal: FloatArray) -> Check:
     solved = found.solved[name]
     std, limit = float(np.degrees(solved.worst_std_rad)), float(np.degrees(MOUNT_LIMIT_RAD))
-    turned = Rotation.from_matrix(solved.link_from_sensor @ nominal.T).magnitude()
+    turned = np.linalg.norm(rotvec_from_quat(quat_from_matrix(solved.link_from_sensor @ nominal.T)))
     text = f"turned by {np.degrees(turned):.0f} deg from the model's"
     kinds = [s.kind for s in found.sights[name]]
     seen = f"{kinds.count('up')} postures and {kinds.count('axis')} axes"

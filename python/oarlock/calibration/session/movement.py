@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from oarlock.calibration.session.unit_rows import Span, UnitRows
+from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec
 from oarlock.storage.array_gate import FloatArray
 
 BLOCK_S = 0.1
@@ -96,7 +96,7 @@ def _pairs(values: FloatArray) -> FloatArray:
 
 def _attitudes(time_s: FloatArray, gyro: FloatArray, start: FloatArray) -> FloatArray:
     """(T, 3, 3) by integrating (T, 3) angular velocity in the body's axes."""
-    turns = Rotation.from_rotvec(0.5 * _pairs(gyro) * np.diff(time_s)[:, None]).as_matrix()
+    turns = matrix_from_quat(quat_from_rotvec(0.5 * _pairs(gyro) * np.diff(time_s)[:, None]))
     found = np.empty((len(time_s), 3, 3))
     found[0] = start
     for k, turn in enumerate(turns):

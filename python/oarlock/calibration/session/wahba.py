@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from oarlock.calibration.robust_fit import huber, robust_fit
+from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec
 from oarlock.storage.array_gate import FloatArray
 
 PRIOR_STD_RAD = float(np.radians(60.0))
@@ -87,7 +87,7 @@ def solved_mount(sights: Sequence[DirectionPair], nominal: FloatArray) -> Solved
         linearised,
         _start(sights, nominal),
         huber(HUBER, rows=3),
-        moved=lambda before, step: Rotation.from_rotvec(step).as_matrix() @ before,
+        moved=lambda before, step: matrix_from_quat(quat_from_rotvec(step)) @ before,
         damping=PRIOR_STD_RAD**-2,
         converged=1e-10,
     )
@@ -100,12 +100,18 @@ def solved_mount(sights: Sequence[DirectionPair], nominal: FloatArray) -> Solved
 
 
 def _start(sights: Sequence[DirectionPair], nominal: FloatArray) -> FloatArray:
-    """Wahba's problem with one variance for each sight, and the nominal mount as three more sights."""
+    """Wahba's problem with one variance for each sight, and the nominal mount as three more sights.
+
+    Source: F. L. Markley 1988, "Attitude determination using vector observations and the singular value
+    decomposition", J. Astronautical Sciences 36(3).
+    """
     weights = [2.0 / float(np.trace(s.own + s.posture)) for s in sights]
     in_link = [*nominal.T, *(s.in_link for s in sights)]
     in_sensor = [*np.eye(3), *(s.in_sensor for s in sights)]
-    solved, _ = Rotation.align_vectors(in_link, in_sensor, [PRIOR_STD_RAD**-2] * 3 + weights)
-    return np.asarray(solved.as_matrix())
+    each = np.array([PRIOR_STD_RAD**-2] * 3 + weights)
+    left, _, right = np.linalg.svd((np.array(in_link).T * each) @ np.array(in_sensor))
+    left[:, 2] *= np.linalg.det(left) * np.linalg.det(right)  # a rotation, no reflection
+    return np.asarray(left @ right)
 
 
 def _covariances(sights: Sequence[DirectionPair]) -> list[FloatArray]:

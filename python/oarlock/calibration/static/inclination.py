@@ -5,11 +5,12 @@ A complementary filter: the gyroscope is integrated, and turned slowly so that t
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec
 from oarlock.storage.array_gate import FloatArray
 
 if TYPE_CHECKING:
@@ -33,9 +34,12 @@ def world_from_sensor(stream: ImuStream, still_s: tuple[float, float], time_s: F
     rest = (at_s >= still_s[0]) & (at_s <= still_s[1])
     gyro = gyro - gyro[rest].mean(axis=0)
     steps_s = np.diff(at_s)
-    turns = Rotation.from_rotvec(0.5 * (gyro[1:] + gyro[:-1]) * steps_s[:, None]).as_matrix()
+    turns = matrix_from_quat(quat_from_rotvec(0.5 * (gyro[1:] + gyro[:-1]) * steps_s[:, None]))
     up = accel[rest].mean(axis=0)
-    now = np.asarray(Rotation.align_vectors([[0.0, 0.0, 1.0]], [up / np.linalg.norm(up)])[0].as_matrix())
+    x, y, z = up / np.linalg.norm(up)
+    across = math.hypot(x, y)
+    angle = math.atan2(across, z)
+    now = _turn(angle * y / across, -angle * x / across) if across else _turn(angle, 0.0)
     found = np.empty((len(at_s), 3, 3))
     found[0] = now
     for k, (turn, step_s) in enumerate(zip(turns, steps_s, strict=True), start=1):
@@ -43,7 +47,21 @@ def world_from_sensor(stream: ImuStream, still_s: tuple[float, float], time_s: F
         x, y, z = now @ accel[k] / np.linalg.norm(accel[k])
         gain = min(1.0, step_s / TIME_CONSTANT_S)
         # The small turn that takes the measured vertical towards z.
-        now = Rotation.from_rotvec([gain * y, -gain * x, 0.0]).as_matrix() @ now if z > 0 else now
+        now = _turn(gain * y, -gain * x) @ now if z > 0 else now
         found[k] = now
     nearest = np.clip(np.searchsorted(at_s, time_s), 0, len(at_s) - 1)
     return found[nearest]
+
+
+def _turn(x: float, y: float) -> FloatArray:
+    """(3, 3) of a rotation vector in the plane; a row at a time, `quat_from_rotvec` takes ten times as long."""
+    angle = math.hypot(x, y)
+    sine, cosine = (math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle**2) if angle else (1.0, 0.5)
+    across = cosine * x * y
+    return np.array(
+        [
+            [1.0 - cosine * y * y, across, sine * y],
+            [across, 1.0 - cosine * x * x, -sine * x],
+            [-sine * y, sine * x, 1.0 - cosine * angle**2],
+        ]
+    )

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 from oarlock._core import Config, Tracker
+from oarlock.evaluation.comparison.filter_names import LIMB_FILTER, ORIENTATION_FILTERS, TREE_FILTERS
 from oarlock.evaluation.comparison.limb_track import track_independent_chains
-from oarlock.evaluation.comparison.orientation_track import ORIENTATION_FILTERS, track_orientations
+from oarlock.evaluation.comparison.orientation_track import track_orientations
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.recording import Recording
 from oarlock.storage.errors import DataError
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 
 TREE, LIMBS, UNITS = "tree", "limbs", "single units"
 OPEN, PLAIN = "_open", "_plain"
-LIMB_FILTER: Final = "limbs"
 
 
 @dataclass(frozen=True)
@@ -119,11 +119,6 @@ _UNIT_TITLES = {
 }
 
 
-def tree_filters() -> tuple[str, ...]:
-    """The engine's own filters."""
-    return tuple(_TREE_TITLES)
-
-
 def estimators() -> tuple[Estimator, ...]:
     """All estimators of this version, including those whose packages are not installed.
 
@@ -131,7 +126,7 @@ def estimators() -> tuple[Estimator, ...]:
     without biases and base acceleration; `_open_plain` without both.
     """
     found: list[Estimator] = []
-    for name in tree_filters():
+    for name in TREE_FILTERS:
         title, source = _TREE_TITLES[name]
         settings: dict[str, Any] = {"structure": TREE, "filter": name}
         found += _four(Estimator(name, TREE, title, "", source, config=Config(**settings)))
@@ -161,7 +156,7 @@ def estimator(name: str) -> Estimator:
 
 def usual_estimators() -> tuple[Estimator, ...]:
     """The default selection of `compare`: one filter of each family, and all variants of the default filter."""
-    left_out = {name + suffix for name in tree_filters() if name != "ukf" for suffix in _SUFFIXES}
+    left_out = {name + suffix for name in TREE_FILTERS if name != "ukf" for suffix in _SUFFIXES}
     left_out |= {LIMB_FILTER + suffix for suffix in (PLAIN, OPEN + PLAIN)}
     return tuple(e for e in estimators() if e.name not in left_out)
 

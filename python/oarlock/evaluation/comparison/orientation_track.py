@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from oarlock import _core
 from oarlock.calibration.static.worn_model import Worn
 from oarlock.evaluation.comparison.direct_readings import direct_readings
+from oarlock.evaluation.comparison.filter_names import ORIENTATION_FILTERS
 from oarlock.evaluation.comparison.inverse_kinematics import Measured, solve
 from oarlock.evaluation.comparison.orientation_filters import madgwick, quaternion_ekf, vqf
 from oarlock.evaluation.comparison.quest_filter import quest_ekf
@@ -37,14 +38,9 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-ORIENTATION_FILTERS: Mapping[str, OrientationFilter] = {
-    "vqf": vqf,
-    "madgwick": madgwick,
-    "quaternion_ekf": quaternion_ekf,
-    "quest_ekf": quest_ekf,
-    "vector_kf": vector_kf,
-}
-"""Filters on a single unit, by name."""
+FILTERS: Mapping[str, OrientationFilter] = dict(
+    zip(ORIENTATION_FILTERS, (vqf, madgwick, quaternion_ekf, quest_ekf, vector_kf), strict=True)
+)
 
 
 def track_orientations(
@@ -65,7 +61,7 @@ def track_orientations(
     Args:
         model: the body and its sensors.
         recording: measured streams; all three quantities of a unit are required.
-        filter: a name in `ORIENTATION_FILTERS`: vqf, madgwick, quaternion_ekf, quest_ekf or vector_kf.
+        filter: vqf, madgwick, quaternion_ekf, quest_ekf or vector_kf.
         calibration: lengths, mounts and magnetometer offsets of this session.
         progress: True shows a bar or lines; a function is called regularly with the share done, 0 to 1.
 
@@ -77,8 +73,8 @@ def track_orientations(
         DataError: no such filter, its package is not installed, or no unit has gyroscope, accelerometer and
         magnetometer.
     """
-    if filter not in ORIENTATION_FILTERS:
-        known = list(ORIENTATION_FILTERS)
+    if filter not in FILTERS:
+        known = list(FILTERS)
         raise DataError(f"track_orientations: no filter '{filter}'. {did_you_mean(filter, known)}")
     recording, others = known_streams(model, recording)
     corrections = (*others, *correction_notes(recording, calibration))
@@ -91,7 +87,7 @@ def track_orientations(
     spent_s = np.zeros(2)
     with shown(progress, "filtering units") as told:
         for i, (name, unit) in enumerate(units.items()):
-            found[name], took_s = _filtered(unit, ORIENTATION_FILTERS[filter], worn.model)
+            found[name], took_s = _filtered(unit, FILTERS[filter], worn.model)
             spent_s += took_s
             if told is not None:
                 told((i + 1) / len(units))

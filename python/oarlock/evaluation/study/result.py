@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 from oarlock import _core
+from oarlock.evaluation.distributions import student_quantile
 from oarlock.evaluation.study.costs import save_costs
 from oarlock.evaluation.study.pool import identity
 from oarlock.evaluation.study.rows import scores_of, write_rows
@@ -153,7 +153,7 @@ def mean_and_interval(values: Floats) -> tuple[float, float, float]:
     if count == 1:
         return mean, math.nan, math.nan
     sd = float(finite.std(ddof=1))
-    return mean, sd, float(stdtrit(count - 1, 0.5 + 0.5 * CONFIDENCE)) * sd / math.sqrt(count)
+    return mean, sd, student_quantile(0.5 + 0.5 * CONFIDENCE, count - 1) * sd / math.sqrt(count)
 
 
 def _cell(value: Any) -> Any:

@@ -14,7 +14,7 @@ from pyarrow import parquet
 
 from oarlock.evaluation.study.run import MEAN, Row
 from oarlock.evaluation.study.spec import Study, shown
-from oarlock.storage.csv_cells import write_csv
+from oarlock.storage.arrow_csv import write_arrow_csv
 
 Floats = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ def write_rows(rows: Sequence[Row], stem: Path) -> None:
     columns = {name: _column([null_if_nan(row.get(name)) for row in rows]) for name in names}
     table = pa.table(columns)
     parquet.write_table(table, stem.with_name(f"{stem.name}.parquet"))
-    write_csv(table, stem.with_name(f"{stem.name}.csv"))
+    write_arrow_csv(table, stem.with_name(f"{stem.name}.csv"))
 
 
 def _column(values: Sequence[Any]) -> pa.Array:

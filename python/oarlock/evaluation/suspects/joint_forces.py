@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from oarlock.calibration.static.link_pairs import ROOT, link_pairs
 from oarlock.calibration.static.worn_model import Worn
@@ -31,6 +30,7 @@ from oarlock.evaluation.suspects.changes import (
     unit_signs,
 )
 from oarlock.evaluation.suspects.suspect import Suspect, of_units
+from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec
 from oarlock.recording.butterworth import passed_twice
 from oarlock.recording.streams import ImuStream
 from oarlock.storage.array_gate import FloatArray
@@ -305,7 +305,7 @@ def _mounted(forces: JointForces, name: str) -> _Cause:
     """A mount that is off by any rotation, as far as forces tell it."""
 
     def turn(x: FloatArray) -> Readings:
-        matrix = Rotation.from_rotvec(x).as_matrix()
+        matrix = matrix_from_quat(quat_from_rotvec(x))
         return lambda units: {name: units[name].changed(matrix)}
 
     best = _fit(forces, name, turn, 3, 0.3)

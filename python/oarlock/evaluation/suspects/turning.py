@@ -13,11 +13,11 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from oarlock.evaluation.suspects.changes import MIRRORS, PROPER, gyro_units
 from oarlock.evaluation.suspects.joint_forces import LEAST_M_S2, RATE_HZ, on_grid_of
 from oarlock.evaluation.suspects.suspect import Suspect, axes_text, of_units
+from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec
 from oarlock.recording.streams import ImuStream
 from oarlock.storage.array_gate import FloatArray
 
@@ -169,8 +169,8 @@ class _MeanForces:
 
 def _orientations(rates: FloatArray) -> FloatArray:
     """(T, 3, 3) axes of the first row from those of each row, by products of twice as many rotations at a time."""
-    steps = Rotation.from_rotvec(np.vstack([np.zeros((1, 3)), 0.5 * (rates[1:] + rates[:-1])]) / RATE_HZ)
-    turned, apart = steps.as_matrix(), 1
+    steps = np.vstack([np.zeros((1, 3)), 0.5 * (rates[1:] + rates[:-1])]) / RATE_HZ
+    turned, apart = matrix_from_quat(quat_from_rotvec(steps)), 1
     while apart < len(turned):
         turned = np.concatenate([turned[:apart], turned[:-apart] @ turned[apart:]])
         apart *= 2

@@ -14,13 +14,13 @@ import re
 from os import PathLike
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from oarlock.formats.counters import Lost, lost_packets
 from oarlock.formats.devices.exported_table import single_file
 from oarlock.formats.devices.mvnx_parser import MvnxContents, parsed_mvnx
 from oarlock.formats.devices.unit_readings import UnitReadings, check_quaternions, recording_of, stream_name
 from oarlock.formats.listing import FileMatch, Listing
+from oarlock.model.rotation import matrix_from_quat
 from oarlock.recording.recording import Recording
 from oarlock.storage.array_gate import FloatArray, disorder_text
 from oarlock.storage.epoch import epoch_text
@@ -127,13 +127,7 @@ def _sensors(found: MvnxContents, time_s: FloatArray, lost: Lost | None) -> list
 def _specific_force(quat_wxyz: FloatArray, free_m_s2: FloatArray) -> FloatArray:
     """What an accelerometer reads, in its axes, from free acceleration in global axes; their z points up."""
     lifted = free_m_s2 + np.array([0.0, 0.0, STANDARD_GRAVITY_M_S2])
-    there = np.isfinite(quat_wxyz).all(axis=1)
-    force: FloatArray = np.full_like(lifted, np.nan)
-    if there.any():
-        force[there] = Rotation.from_quat(quat_wxyz[there], scalar_first=True).apply(
-            lifted[there], inverse=True
-        )
-    return force
+    return np.asarray(np.einsum("tji,tj->ti", matrix_from_quat(quat_wxyz), lifted))
 
 
 def _labels(found: MvnxContents, labels: list[str], count: int, what: str) -> list[str]:

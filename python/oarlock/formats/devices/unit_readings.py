@@ -7,12 +7,11 @@ from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from oarlock.formats.arbitrary_units import scale_meta, scaled_mag
 from oarlock.formats.counters import Lost
 from oarlock.formats.devices.exported_table import ExportedTable
+from oarlock.model.rotation import quat_from_matrix, quat_from_rotvec, quat_product
 from oarlock.recording.epoch import CLOCK_KEY
 from oarlock.recording.packets import META_KEY
 from oarlock.recording.recording import Recording
@@ -158,7 +157,9 @@ def quat_from_matrices(matrices: FloatArray, places: Sequence[str]) -> FloatArra
         raise DataError(
             f"{places[int(bad[0])]}: the matrix of this row is no rotation ({bad.size} of {len(matrices)} rows)"
         )
-    return _filled(there, Rotation.from_matrix(matrices[there]))
+    # Matrices of a few digits are not quite rotations: the nearest ones.
+    left, _, right = np.linalg.svd(np.where(there[:, None, None], matrices, np.eye(3)))
+    return np.where(there[:, None], quat_from_matrix(left @ right), np.nan)
 
 
 def check_quaternions(quat_wxyz: FloatArray, places: Sequence[str]) -> FloatArray:
@@ -177,13 +178,7 @@ def check_quaternions(quat_wxyz: FloatArray, places: Sequence[str]) -> FloatArra
 
 def quat_from_roll_pitch_yaw(angles_deg: FloatArray) -> FloatArray:
     """(T, 4) quaternions of (T, 3) roll, pitch, yaw in deg, R = Rz(yaw) Ry(pitch) Rx(roll); NaN where any is."""
-    there = np.asarray(np.isfinite(angles_deg).all(axis=1))
-    if not there.any():
-        return np.full((len(angles_deg), 4), np.nan)
-    return _filled(there, Rotation.from_euler("ZYX", angles_deg[there][:, ::-1], degrees=True))
-
-
-def _filled(there: NDArray[np.bool_], rotations: Rotation) -> FloatArray:
-    quat = np.full((len(there), 4), np.nan)
-    quat[there] = rotations.as_quat()[:, [3, 0, 1, 2]]
-    return quat
+    roll, pitch, yaw = (
+        quat_from_rotvec(np.radians(angles_deg[:, k, None]) * axis) for k, axis in enumerate(np.eye(3))
+    )
+    return quat_product(quat_product(yaw, pitch), roll)

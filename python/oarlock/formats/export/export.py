@@ -104,8 +104,8 @@ def export(
     unit in its metadata. `mot`: coordinates.mot. `sto`: velocities.sto and std.sto. `trc`: frames.trc, positions of
     frames as virtual markers, mm. `osim`: model.osim, in which each frame is a body and a marker. `bvh`, `glb`:
     animation.bvh and animation.glb, the skeleton and its movement. `c3d`: frames.c3d, positions of frames as points; it
-    needs ezc3d. `opensense`: orientations.sto, orientations of the bodies with units. If no formats are given, c3d is
-    left out with a note where it cannot be written.
+    needs ezc3d. `opensense`: orientations.sto, orientations of the bodies with units. If no formats are given, c3d and
+    parquet are left out with a note where they cannot be written.
 
     In OpenSim's files a ball or free joint has three angles `NAME_XYZ_x`, `NAME_XYZ_y`, `NAME_XYZ_z`: body-fixed
     rotations about x, y and z of the joint, R = Rx Ry Rz, continuous over time. A free joint also has `NAME_tx`,
@@ -141,18 +141,18 @@ def _written(
     degrees: bool,
     axes: Axes,
     missing: Missing,
-    skip_c3d: bool,
+    skip: bool,
 ) -> Export:
     from oarlock.formats.export.animation import write_animations
     from oarlock.formats.export.notes import empty_notes, reading_notes
     from oarlock.formats.export.write_opensim import write_opensim
     from oarlock.storage.toml import write_toml
 
-    done = _write_tables(track, place, formats)
-    notes, names = (*reading_notes(track), *empty_notes(track, done)), {}
+    done, left_out = _write_tables(track, place, formats, skip)
+    notes, names = (*reading_notes(track), *empty_notes(track, done), *left_out), {}
     if set(formats) & {*OPENSIM, *ANIMATIONS}:
         opensim = write_opensim(track, place, formats, degrees, axes, missing)
-        animated, remarks = write_animations(track, place, formats, axes, opensim.body_names, skip_c3d)
+        animated, remarks = write_animations(track, place, formats, axes, opensim.body_names, skip)
         done += [*opensim.files, *animated]
         notes, names = (*notes, *opensim.notes, *remarks), dict(opensim.body_names)
     texts = files_of("deg" if degrees else "rad", "ground with Y up" if axes == "y-up" else "root axes")
@@ -168,7 +168,9 @@ def _written(
     return found
 
 
-def _write_tables(track: Track, place: Path, formats: Sequence[str]) -> list[str]:
+def _write_tables(
+    track: Track, place: Path, formats: Sequence[str], skip: bool
+) -> tuple[list[str], list[str]]:
     from oarlock.formats.export.frames import frame_places
     from oarlock.formats.export.tables import (
         angle_columns,
@@ -179,21 +181,27 @@ def _write_tables(track: Track, place: Path, formats: Sequence[str]) -> list[str
     )
 
     if not {"csv", "parquet"} & set(formats):
-        return []
+        return [], []
     columns = told_columns(track)
     tables = {"coordinates": columns, "angles": angle_columns(columns)}
     if track.model is not None:
         tables["frames"] = frame_columns(frame_places(track))
-    done = []
+    done, notes = [], []
     for name, columns in tables.items():
         if "csv" in formats:
             write_csv(columns, place / f"{name}.csv")
             done.append(f"{name}.csv")
         if "parquet" in formats:
             about = {"model": "" if track.model is None else track.model.name, "axes": "root"}
-            write_parquet(columns, place / f"{name}.parquet", {**about, "notes": track.notes})
-            done.append(f"{name}.parquet")
-    return done
+            try:
+                write_parquet(columns, place / f"{name}.parquet", {**about, "notes": track.notes})
+            except DataError as error:
+                if not skip:
+                    raise
+                notes = [str(error).replace("export: ", "tables are not written as Parquet: ", 1)]
+            else:
+                done.append(f"{name}.parquet")
+    return done, notes
 
 
 def _checked(track: Track, formats: Sequence[str], axes: str, missing: str) -> tuple[str, ...]:

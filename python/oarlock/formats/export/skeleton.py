@@ -15,11 +15,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation, Slerp
 
 from oarlock.formats.export.plain_names import PlainNames
 from oarlock.model.coordinates import with_untold_at_zero
 from oarlock.model.description import pose_of
+from oarlock.model.rotation import (
+    matrix_from_quat,
+    quat_from_matrix,
+    quat_from_rotvec,
+    quat_product,
+    rotvec_between,
+)
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.even_times import even_times
 from oarlock.tracking.places import poses_of
@@ -178,10 +184,9 @@ def evenly(skeleton: Skeleton) -> tuple[Skeleton, tuple[str, ...]]:
     behind = np.clip(np.searchsorted(time_s, even_s, side="right"), 1, len(time_s) - 1)
     share = ((even_s - time_s[behind - 1]) / steps[behind - 1])[:, None, None]
     position_m = (1.0 - share) * skeleton.position_m[behind - 1] + share * skeleton.position_m[behind]
-    turns = [
-        Slerp(time_s, Rotation.from_matrix(skeleton.turn[:, k]))(even_s) for k in range(len(skeleton.names))
-    ]
-    turn = np.stack([one.as_matrix() for one in turns], axis=1)
+    quat = quat_from_matrix(skeleton.turn)
+    turned = rotvec_between(quat[behind - 1], quat[behind])
+    turn = matrix_from_quat(quat_product(quat[behind - 1], quat_from_rotvec(share * turned)))
     note = (
         f"animation.bvh has even steps of {1000.0 * step_s:.4g} ms: the {len(time_s)} rows of the track, whose steps "
         f"vary from {1000.0 * steps.min():.4g} to {1000.0 * steps.max():.4g} ms, were interpolated to {len(even_s)}."

@@ -9,12 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pyarrow as pa
-from pyarrow import parquet
 
 from oarlock._core import __version__
 from oarlock.storage import csv_cells
 from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.extras import FULL, optional
 from oarlock.tracking.columns import unit_of
 
 if TYPE_CHECKING:
@@ -50,8 +49,7 @@ def angle_columns(columns: Columns) -> dict[str, FloatArray]:
 
 def write_csv(columns: Columns, file: Path) -> None:
     """One header line with units in the names; every number with all its digits, an empty cell where there is none."""
-    empty = {name: pa.array(values, from_pandas=True) for name, values in columns.items()}
-    csv_cells.write_csv(pa.table(empty), file)
+    csv_cells.write_csv(columns, file)
 
 
 def write_parquet(columns: Columns, file: Path, about: Mapping[str, str | Sequence[str]]) -> None:
@@ -59,6 +57,8 @@ def write_parquet(columns: Columns, file: Path, about: Mapping[str, str | Sequen
 
     Each column's metadata has its `unit`, the table's has `about` (lists as JSON).
     """
+    pa = optional("pyarrow", FULL, "export: metadata of columns")
+    parquet = optional("pyarrow.parquet", FULL, "export: metadata of columns")
     fields = [pa.field(name, pa.float64(), metadata={"unit": unit_of(name)}) for name in columns]
     said = {key: text if isinstance(text, str) else json.dumps(list(text)) for key, text in about.items()}
     schema = pa.schema(fields, metadata={"oarlock": __version__, **said})

@@ -6,8 +6,14 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from oarlock.model.rotation import (
+    matrix_from_quat,
+    quat_from_rotvec,
+    quat_inverse,
+    quat_product,
+    rotvec_from_quat,
+)
 from oarlock.storage.array_gate import FloatArray
 
 if TYPE_CHECKING:
@@ -112,9 +118,9 @@ class Moves:
         found = posture + step
         for first in self._balls:
             own = slice(first, first + 3)
-            found[:, own] = (
-                Rotation.from_rotvec(posture[:, own]) * Rotation.from_rotvec(step[:, own])
-            ).as_rotvec()
+            found[:, own] = rotvec_from_quat(
+                quat_product(quat_from_rotvec(posture[:, own]), quat_from_rotvec(step[:, own]))
+            )
         return found
 
     def _turned(self, q: FloatArray, posture: FloatArray) -> dict[int, FloatArray]:
@@ -122,10 +128,9 @@ class Moves:
         found = {}
         for first in self._balls:
             own = slice(first, first + 3)
-            since = Rotation.from_rotvec((q[..., own] - posture[:, None, own]).reshape(-1, 3))
-            middle = Rotation.from_rotvec(np.repeat(posture[:, own], len(self.time_s), axis=0))
-            q[..., own] = (middle * since).as_rotvec().reshape(*q.shape[:2], 3)
-            found[first] = since.inv().as_matrix().reshape(*q.shape[:2], 3, 3)
+            since = quat_from_rotvec(q[..., own] - posture[:, None, own])
+            q[..., own] = rotvec_from_quat(quat_product(quat_from_rotvec(posture[:, None, own]), since))
+            found[first] = matrix_from_quat(quat_inverse(since))
         return found
 
     def _by_base(

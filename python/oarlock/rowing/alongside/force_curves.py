@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
 
 from oarlock.rowing.alongside.align import Alignment
 from oarlock.rowing.alongside.clock_match import Places
@@ -164,7 +163,7 @@ def _time_share(travelled: Floats, begin: float, drive: float, speed: Floats) ->
         return travelled
     percent = np.linspace(0.0, 100.0, len(speed))
     forward = np.interp(percent, percent[np.isfinite(speed)], np.maximum(speed[np.isfinite(speed)], 0.0))
-    way = cumulative_trapezoid(forward, percent, initial=0.0)
+    way = np.append(0.0, np.cumsum(0.5 * (forward[1:] + forward[:-1]) * np.diff(percent)))
     shares = np.linspace(0.0, 1.0, _FINE)
     own = np.interp(begin + drive * shares, percent, way)
     if not own[-1] > own[0]:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import correlate
 
 from oarlock import ImuStream, Recording
 from oarlock.storage.even_times import even_times
@@ -83,7 +82,8 @@ def _coarse(
 ) -> float:
     """The lag of the whole pieces; of either sign of the axis."""
     begin = own_time_s[0] - time_s[0]
-    both = np.abs(correlate(ours, theirs, "full", "fft"))
+    size = len(ours) + len(theirs) - 1
+    both = np.abs(np.fft.irfft(np.fft.rfft(ours, size) * np.fft.rfft(theirs[::-1], size), size))
     lags = begin + np.arange(-(len(theirs) - 1), len(ours)) / _RATE_HZ
     if search_s is not None:
         near = np.abs(lags - offset_s) <= search_s

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import fdtrc
 
+from oarlock.evaluation.distributions import f_tail
 from oarlock.rowing.crew.scatter import FEWEST, inflation
 from oarlock.rowing.crew.timing import CrewTiming, Delay
 
@@ -105,7 +105,7 @@ def _uneven(timing: CrewTiming, chance: float) -> list[CrewFinding]:
     found = []
     for k, seat in enumerate(timing.seats):
         rest = np.delete(np.arange(seats), k)
-        p = fdtrc(
+        p = f_tail(
             max(count[k] - 1.0, 1.0),
             max(float(count[rest].sum()) - len(rest), 1.0),
             float(seen[k] / seen[rest].mean()),

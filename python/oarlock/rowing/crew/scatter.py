@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri, stdtrit
+
+from oarlock.evaluation.distributions import student_quantile
 
 Floats = NDArray[np.float64]
 
@@ -44,7 +46,11 @@ class Mean(NamedTuple):
         tail = 0.5 + 0.5 * share
         if not np.isfinite(systematic) or self.strokes < FEWEST:
             return float("nan")
-        return float(np.hypot(stdtrit(self.df, tail) * self.standard_error, ndtri(tail) * systematic))
+        return float(
+            np.hypot(
+                student_quantile(tail, self.df) * self.standard_error, NormalDist().inv_cdf(tail) * systematic
+            )
+        )
 
 
 def mean_of(values: Floats, stds: Floats) -> Mean:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from oarlock.evaluation.distributions import student_quantile, student_tail
 from oarlock.rowing.findings.at_like_rate import FITTED, RateAdjustedChange, change, robust_sd
 from oarlock.rowing.findings.rowed import FEWEST_STROKES, Rowed
 from oarlock.rowing.findings.watched import WATCHED, Watched
@@ -67,10 +68,8 @@ class MetricComparison:
 
     def named_from(self, comparisons: int) -> float:
         """The smallest size that would be named among so many comparisons, in the shown unit."""
-        from scipy.special import stdtrit
-
         rare = FALSE_SHARE / (2.0 * self.tried * comparisons)
-        certain = -float(stdtrit(min(self.freedom, _MANY), rare)) * self.sd
+        certain = -student_quantile(rare, min(self.freedom, _MANY)) * self.sd
         return max(certain, self.watched.least * (_SINGLE_STROKE if self.stroke else 1.0))
 
 
@@ -166,11 +165,9 @@ def against_usual(rowed: Rowed) -> Iterator[MetricComparison]:
 
 def chance(size: float, sd: float, freedom: float) -> float:
     """Two-sided probability of a size of this standard deviation by chance; Student's distribution."""
-    from scipy.special import stdtr
-
     if not (np.isfinite(size) and np.isfinite(sd)):
         return 1.0
-    return float(2.0 * stdtr(min(freedom, _MANY), -abs(size) / max(sd, _NO_SCATTER)))
+    return 2.0 * student_tail(size / max(sd, _NO_SCATTER), min(freedom, _MANY))
 
 
 def beyond_chance(

@@ -6,16 +6,19 @@ import io
 import json
 from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from oarlock.rowing.analysis.features import FEATURES
 from oarlock.rowing.strokes.table import StrokeTable
+from oarlock.storage.extras import FULL, optional
 from oarlock.storage.folder_writer import replaced_folder
-from oarlock.storage.parquet_table import columns_of, numbers_of, read_table, texts_of
+from oarlock.storage.parquet_table import Texts, read_table
 from oarlock.storage.regular_file import read_bytes
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 CSV_NAME = "strokes.csv"
 PARQUET_NAME = "strokes.parquet"
@@ -42,12 +45,16 @@ def save_strokes(table: StrokeTable, folder: str | PathLike[str], force: bool = 
 
 def strokes_parquet(table: StrokeTable) -> bytes:
     """The contents of `strokes.parquet`."""
+    parquet = optional("pyarrow.parquet", FULL, PARQUET_NAME)
     out = io.BytesIO()
-    pq.write_table(_arrow(table), out)
+    parquet.write_table(_arrow(table), out)
     return out.getvalue()
 
 
 def _arrow(table: StrokeTable) -> pa.Table:
+    import pyarrow as pa
+
+    lists = pa.list_(pa.float64())
     columns: dict[str, pa.Array] = {}
     for name, values in table.columns.items():
         columns[name] = pa.array(values, mask=np.isnan(values))
@@ -57,10 +64,10 @@ def _arrow(table: StrokeTable) -> pa.Table:
             columns[f"{name}_reason"] = pa.array(list(table.reasons[name]), type=pa.string())
     for name, curves in table.curves.items():
         plain = [np.asarray(curve, dtype=np.float64) for curve in curves]
-        columns[f"{name}_curve"] = pa.array([c if c.ndim == 1 else c[:, 1] for c in plain], type=_LIST)
+        columns[f"{name}_curve"] = pa.array([c if c.ndim == 1 else c[:, 1] for c in plain], type=lists)
         if any(curve.ndim == 2 for curve in plain):
             columns[f"{name}_curve_at"] = pa.array(
-                [c[:, 0] if c.ndim == 2 else [] for c in plain], type=_LIST
+                [c[:, 0] if c.ndim == 2 else [] for c in plain], type=lists
             )
     fields = [pa.field(name, array.type, metadata=_meaning(name)) for name, array in columns.items()]
     about = {"source": table.source, "notes": json.dumps(list(table.notes), ensure_ascii=False)}
@@ -89,23 +96,19 @@ def parsed_strokes(contents: bytes, where: str) -> StrokeTable:
     Raises:
         DataError: they are no such file.
     """
-    found = read_table(contents, where=where, without_lists=True)
-    about = {
-        key.decode(errors="replace"): text.decode(errors="replace")
-        for key, text in (found.schema.metadata or {}).items()
+    table = read_table(contents, where=where, without_lists=True)
+    about = table.about
+    numbers = {
+        name: values
+        for name, values in table.columns.items()
+        if not isinstance(values, Texts) and values.dtype.kind == "f"
     }
-    with columns_of(Path(where)):
-        numbers = {
-            field.name: np.asarray(numbers_of(found[field.name]), dtype=np.float64)
-            for field in found.schema
-            if pa.types.is_floating(field.type)
-        }
     stds = {name: numbers.pop(f"{name}_std") for name in list(numbers) if f"{name}_std" in numbers}
-    words = {name: found[f"{name}_reason"] for name in numbers if f"{name}_reason" in found.column_names}
+    reasons = {name: table.texts(f"{name}_reason") for name in numbers if f"{name}_reason" in table.columns}
     return StrokeTable(
         numbers,
         stds,
-        {name: tuple(text or "" for text in texts_of(texts)) for name, texts in words.items()},
+        {name: tuple(text or "" for text in texts.rows()) for name, texts in reasons.items()},
         source=about.get("source", Path(where).name),
         notes=_notes(about.get("notes", "[]")),
         epoch=about.get("epoch", ""),
@@ -117,9 +120,6 @@ def _notes(text: str) -> tuple[str, ...]:
         return tuple(str(note) for note in json.loads(text))
     except (ValueError, TypeError):
         return ()
-
-
-_LIST = pa.list_(pa.float64())
 
 
 def _meaning(name: str) -> dict[str, str]:
