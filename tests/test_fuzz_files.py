@@ -261,8 +261,10 @@ def test_matlab_files(name, tmp_path, monkeypatch):
     feed(tmp_path / "wounded.mat", (tmp_path / name).read_bytes(), *MATLAB[name], count=12)
 
 
-OWN = ("load_model", "load_recording", "load_calibration", "load_track", "load_study", "load_markers")
-READERS = {name: getattr(oarlock, name) for name in (*OWN, "load_attachments")}
+OWN = ("load_model", "load_recording", "load_calibration", "load_track")
+READERS = {name: getattr(oarlock, name) for name in OWN}
+READERS |= {name: getattr(oarlock.markers, name) for name in ("load_markers", "load_attachments")}
+READERS["load_study"] = oarlock.studies.load_study
 READERS |= {
     read.__name__: read for read in (read_csv, read_apdm, read_broad, read_dfjimu, read_qmt, read_mtmanager)
 }

@@ -65,7 +65,7 @@ def test_track_of_the_command_line(tmp_path):
     [
         ["simulate", "--field", "careful", "--duration-s", "5", "--out", "piece"],
         ["season", "add", "club", "."],
-        ["study", "which_sensors", "--out", "sensors"],
+        ["lab", "study", "which_sensors", "--out", "sensors"],
     ],
 )
 def test_a_command_that_needs_them_says_so_in_one_line(tmp_path, command):
