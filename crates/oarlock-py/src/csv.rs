@@ -1,7 +1,7 @@
 //! Functions `read_csv` and `write_csv` of the module: comma-separated tables of plain numbers, for recording folders
 //! and exports.
 
-use crate::errors::DataError;
+use crate::errors::{unwritten, DataError};
 use crate::table::{columns_of, Column};
 use numpy::PyArray1;
 use pyo3::prelude::*;
@@ -59,7 +59,7 @@ pub fn write_csv(py: Python<'_>, file: PathBuf, columns: &Bound<'_, PyDict>) -> 
     if let Some((name, _)) = table.iter().find(|(_, column)| matches!(column, Column::Wide { .. })) {
         return Err(DataError::new_err(format!("{name}: has several values a row, which a CSV file does not hold")));
     }
-    Ok(py.detach(|| write(&file, &table))?)
+    py.detach(|| write(&file, &table)).map_err(|error| unwritten(&error, &file))
 }
 
 fn write(file: &PathBuf, table: &[(String, Column)]) -> std::io::Result<()> {

@@ -1,9 +1,11 @@
 //! Converts the engine's errors to Python exceptions.
 
 use oarlock::Error;
-use pyo3::exceptions::PyKeyboardInterrupt;
+use pyo3::exceptions::{PyKeyboardInterrupt, PyOSError};
 use pyo3::import_exception;
 use pyo3::prelude::*;
+use std::io;
+use std::path::Path;
 
 import_exception!(oarlock.storage.errors, ModelError);
 import_exception!(oarlock.storage.errors, DataError);
@@ -22,5 +24,15 @@ pub fn raise(py: Python<'_>, error: Error) -> PyErr {
             }
         }
         Error::Stopped => PyKeyboardInterrupt::new_err("stopped"),
+    }
+}
+
+/// An OSError with number, text and file, as Python's own functions raise it.
+pub fn unwritten(error: &io::Error, file: &Path) -> PyErr {
+    let text = error.to_string();
+    let text = text.split(" (os error").next().unwrap_or_default().to_owned();
+    match error.raw_os_error() {
+        Some(code) => PyOSError::new_err((code, text, file.to_path_buf())),
+        None => PyOSError::new_err(text),
     }
 }

@@ -1,6 +1,6 @@
 //! Functions `read_parquet` and `write_parquet` of the module: tables of recordings and tracks.
 
-use crate::errors::DataError;
+use crate::errors::{unwritten, DataError};
 use crate::parquet_bounds::{check_footer, check_pages};
 use crate::table::{columns_of, Column, Words};
 use bytes::Bytes;
@@ -398,7 +398,7 @@ fn text_places(batch: &Batch<'_, ByteArray>, words: &mut Words, places: &mut Vec
 ///
 /// # Errors
 ///
-/// The columns have different numbers of rows, or the file cannot be written.
+/// DataError: the columns have different numbers of rows. OSError: the file cannot be written.
 #[pyfunction]
 #[pyo3(signature = (file, columns, about = BTreeMap::new()))]
 pub fn write_parquet(
@@ -408,8 +408,16 @@ pub fn write_parquet(
     about: BTreeMap<String, String>,
 ) -> PyResult<()> {
     let table = columns_of(columns)?;
-    py.detach(|| write(&file, &table, about))
-        .map_err(|error| DataError::new_err(format!("{}: cannot be written ({error})", file.display())))
+    py.detach(|| write(&file, &table, about)).map_err(|error| {
+        let cause = match &error {
+            ParquetError::External(cause) => cause.downcast_ref::<std::io::Error>(),
+            _ => None,
+        };
+        match cause {
+            Some(cause) => unwritten(cause, &file),
+            None => DataError::new_err(format!("{}: cannot be written ({error})", file.display())),
+        }
+    })
 }
 
 fn write(file: &PathBuf, table: &[(String, Column)], about: BTreeMap<String, String>) -> Result<(), ParquetError> {

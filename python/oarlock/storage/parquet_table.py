@@ -128,6 +128,7 @@ def write_table(columns: Mapping[str, Column], file: Path, about: Mapping[str, s
     """Write columns, (T,) or (T, N), and texts as metadata of the file.
 
     Raises:
-        DataError: the columns have different lengths, or the file cannot be written.
+        DataError: the columns have different lengths.
+        OSError: the file cannot be written.
     """
     write_parquet(file, dict(columns), dict(about or {}))

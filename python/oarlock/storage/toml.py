@@ -188,7 +188,7 @@ def toml_text(document: Mapping[str, object]) -> str:
 
 def _plain(value: Any, path: tuple[str, ...]) -> Any:
     """The value with NumPy's numbers and arrays as Python's, which TOML can hold; numbers keep every bit."""
-    if hasattr(value, "tolist"):  # of numpy, which help does not import
+    if hasattr(value, "tolist") and not isinstance(value, type):  # of numpy, which help does not import
         value = value.tolist()
     if isinstance(value, Mapping):
         return {_key(key, path): _plain(inner, (*path, str(key))) for key, inner in value.items()}
