@@ -163,7 +163,7 @@ def test_units_of_any_name_get_their_sensors(legs, tmp_path):
 def test_a_terminal_leads_through_it(legs, tmp_path, monkeypatch):
     _, recording, units = legs
     recording.save(tmp_path / "rec")
-    monkeypatch.setattr("oarlock.cli.session_options.asks_questions", lambda no, json_output: True)
+    monkeypatch.setattr("oarlock.cli.import_path.asks_questions", lambda no, json_output: True)
 
     def typed(answers, out):
         words = ["calibrate", "units", tmp_path / "rec", "--model", "lower_body", "--out", tmp_path / out]

@@ -80,4 +80,4 @@ def test_the_terminal_begins_with_the_contradiction(exchanged_axes, tmp_path: Pa
     words = ["track", tmp_path / "recording", "--model", "arm", "--sensors", UNITS, "--no-suspects"]
     printed = run(*words, "--out", tmp_path / "out").stdout
     assert printed.startswith("Do not rely on it: joints contradict the readings of")
-    assert "forearm_r" in printed[: printed.index("Tracked")]
+    assert "forearm_r" in printed[: printed.index("open ")]

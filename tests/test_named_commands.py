@@ -51,5 +51,5 @@ def test_commands_that_are_named_exist() -> None:
     ("text", "why"), [("tracc rec", "no verb tracc"), ("evaluate out --markers m.c3d", "no option --markers")]
 )
 def test_what_does_not_exist_is_a_mistake(text: str, why: str) -> None:
-    assert len(commands()) > 300
+    assert len(commands()) > 250
     assert mistake(text.split()) == why

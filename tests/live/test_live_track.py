@@ -73,7 +73,7 @@ def test_a_session_becomes_a_track_that_other_verbs_read(sculler, sent, tmp_path
 
     run("report", out)
     run("export", out, "--out", tmp_path / "export")
-    summary = json.loads(run("live", "track", place.path, "--out", out, "--json").stdout)
+    summary = json.loads(run("live", "track", place.path, "--out", out, "--force", "--json").stdout)
     assert summary["samples"] == len(made) and summary["provenance"]["live"] is True
 
 

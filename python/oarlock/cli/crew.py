@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from oarlock.cli.options import Json, Replace, example, names
-from oarlock.cli.rowed_folder import track_or_recording
+from oarlock.cli.strokes import track_or_recording
 from oarlock.cli.terminal import UsageError, free_file, heading, print_json, say, table, verb
 
 if TYPE_CHECKING:

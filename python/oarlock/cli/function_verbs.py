@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from importlib import import_module
+from inspect import Parameter, Signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from oarlock.cli.body import Mass, Sensors, Stature, chosen_body
-from oarlock.cli.made_verb import made_verb
 from oarlock.cli.options import (
     Json,
     ModelName,
@@ -30,7 +30,7 @@ from oarlock.cli.options import (
     metavar_of,
     names,
 )
-from oarlock.cli.terminal import free_file, print_json, progress, say, steps
+from oarlock.cli.terminal import free_file, print_json, progress, say, steps, verb
 from oarlock.cli.unit_options import assignment
 from oarlock.storage.regular_file import read_text
 
@@ -188,6 +188,27 @@ def option_of(function: FunctionText, name: str) -> tuple[str, Any, Any] | None:
 def flag_of(name: str) -> str:
     """`--still-s` of `still_s`."""
     return f"--{name.replace('_', '-')}"
+
+
+def made_verb(function: Callable[..., None], wanted: Sequence[tuple[str, Any, Any]]) -> Callable[..., None]:
+    """The function as a verb.
+
+    Args:
+        function: takes every option as a keyword.
+        wanted: name, annotation and default of each argument and option; `...` for no default.
+    """
+    function.__signature__ = Signature(  # type: ignore[attr-defined]
+        [
+            Parameter(
+                name,
+                Parameter.KEYWORD_ONLY,
+                annotation=kind,
+                default=Parameter.empty if default is ... else default,
+            )
+            for name, kind, default in wanted
+        ]
+    )
+    return verb(function)
 
 
 def options_of(

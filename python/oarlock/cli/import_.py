@@ -9,11 +9,19 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from oarlock.cli.import_path import PATH_OPTIONS, PATH_VERB, import_path, say_next, written
-from oarlock.cli.import_summary import document, write_summary
-from oarlock.cli.made_verb import made_verb
+from oarlock.cli.function_verbs import made_verb
+from oarlock.cli.import_path import (
+    PATH_OPTIONS,
+    PATH_VERB,
+    SESSION_OPTIONS,
+    document,
+    import_path,
+    say_next,
+    taken_session,
+    write_summary,
+    written,
+)
 from oarlock.cli.options import Force, Json, OutFolder, example, metavar_of
-from oarlock.cli.session_options import SESSION_OPTIONS, taken_session
 from oarlock.cli.terminal import print_json
 from oarlock.formats.importers import FORMATS, ImportFormat
 

@@ -2,38 +2,144 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from oarlock.cli.import_summary import document, write_summary
-from oarlock.cli.options import Force, Json
-from oarlock.cli.reader_options import of_format, reader_options, refuse_others, taken_reading
-from oarlock.cli.session_options import (
-    SESSION_OPTIONS,
-    NoQuestions,
-    asked_session,
-    asks_questions,
-    taken_session,
-)
+from oarlock.cli.options import Force, Json, metavar_of
 from oarlock.cli.terminal import (
     EXIT_DATA,
     UsageError,
     check_folder,
+    number,
     output_folder,
+    pairs,
     print_json,
     say,
     steps,
     table,
 )
 from oarlock.cli.unit_options import UNIT_OPTIONS, Naming, taken_naming
+from oarlock.formats.importers import FORMATS
 
 if TYPE_CHECKING:
     from oarlock import Recording
     from oarlock.formats.contents import Contents
     from oarlock.formats.listing import FileMatch
+    from oarlock.recording.streams import Stream
+
+
+_MEANINGS = {
+    "athlete": "Name or pseudonym of the person.",
+    "date": "Date of the recording, such as 2026-05-01.",
+    "place": "Place or water.",
+    "boat": "Boat or boat class.",
+    "rig": "Rig or setting.",
+    "seat": "Seat in the boat.",
+    "note": "Anything else.",
+}
+_METAVARS = {"athlete": "NAME", "date": "DATE"}
+SESSION_OPTIONS: list[tuple[str, Any]] = [
+    (name, Annotated[str | None, typer.Option(f"--{name}", metavar=_METAVARS.get(name, "TEXT"), help=about)])
+    for name, about in _MEANINGS.items()
+]
+"""Name and annotation of each option, for session.toml."""
+NoQuestions = Annotated[bool, typer.Option("--no-questions", help="Ask nothing, on a terminal too.")]
+
+
+def taken_session(options: dict[str, Any]) -> dict[str, str]:
+    """The session among the options of a verb, which are removed from them.
+
+    Raises:
+        UsageError: a date is none, or a text cannot be stored.
+    """
+    from oarlock.recording.session_info import checked_session
+    from oarlock.storage.errors import DataError
+
+    given = {name: text for name in _MEANINGS if (text := options.pop(name, None)) is not None}
+    try:
+        return dict(checked_session(given, "option"))
+    except DataError as error:
+        raise UsageError(str(error)) from None
+
+
+def asks_questions(no_questions: bool, json_output: bool) -> bool:
+    """Whether a person sits at the terminal."""
+    return not (no_questions or json_output) and sys.stdin.isatty() and sys.stdout.isatty()
+
+
+def asked_session(known: Mapping[str, str], date: str) -> dict[str, str]:
+    """Answers to one question for each part of the session; Enter leaves it out.
+
+    Args:
+        known: what is known already.
+        date: of the recording, if its clock has one; the default of that question.
+    """
+    from oarlock.recording.session_info import checked_session
+    from oarlock.storage.errors import DataError
+
+    say("Who and when, for reports (Enter leaves it out):")
+    found = dict(known)
+    for name, about in _MEANINGS.items():
+        while name not in known:
+            default = date if name == "date" else ""
+            words = f"  {name} ({about.rstrip('.').lower()})"
+            answer = typer.prompt(words, default=default, show_default=bool(default))
+            try:
+                found |= checked_session({name: answer}, "answer")
+                break
+            except DataError as error:
+                say(str(error), indent=2)
+    return {name: found[name] for name in _MEANINGS if name in found}
+
+
+def reader_options() -> list[tuple[str, Any, Any]]:
+    """Name, annotation and default of each option that a reader has and that need not be given."""
+    found: dict[str, tuple[str, Any, Any]] = {}
+    for one in (option for format in FORMATS for option in format.options if option.default is not ...):
+        owners = ", ".join(_owners(one.name))
+        kind: Any = bool if one.kind is bool else one.kind | None  # type: ignore[operator]
+        option = typer.Option(
+            metavar=metavar_of(one.name, one.kind), help=f"{one.about.rstrip('.')} ({owners})."
+        )
+        found.setdefault(one.name, (one.name, Annotated[kind, option], False if kind is bool else None))
+    return list(found.values())
+
+
+def taken_reading(options: dict[str, Any]) -> dict[str, object]:
+    """The readers' options among those of the verb, which are removed from them; only those that were given."""
+    values = {name: options.pop(name) for name, _, _ in reader_options()}
+    return {name: value for name, value in values.items() if value is not None and value is not False}
+
+
+def of_format(reading: Mapping[str, object], format: str) -> dict[str, object]:
+    """Those that a format has."""
+    return {name: value for name, value in reading.items() if format in _owners(name)}
+
+
+def refuse_others(reading: Mapping[str, object], format: str) -> None:
+    """Refuse an option that the format does not have.
+
+    Raises:
+        UsageError: names the option and the formats that have it.
+    """
+    for name in reading:
+        if format not in _owners(name):
+            flag = f"--{name.replace('_', '-')}"
+            owners = _owners(name)
+            raise UsageError(
+                f"{flag}: the format {format} has no such option "
+                f"({', '.join(owners)} {'has' if len(owners) == 1 else 'have'} it)"
+            )
+
+
+def _owners(name: str) -> list[str]:
+    return [one.name for one in FORMATS if any(option.name == name for option in one.options)]
+
 
 PATH_VERB: Final = "PATH"
 """Name of the verb in the help; no format has capitals."""
@@ -352,3 +458,155 @@ def _safe(name: str) -> str:
     from oarlock.storage.names import file_names
 
     return file_names([name], "x")[0].removesuffix(".x")
+
+
+_FACTOR = re.compile(r" \(1 unit = [^()]*\)")
+_SHORT = {"gyro_rad_s": "gyro", "accel_m_s2": "accel", "mag_ut": "mag", "quat_wxyz": "orientation"}
+
+
+def document(recording: Recording, source: Path, out: Path, about: str) -> dict[str, object]:
+    """The summary for `--json`."""
+    from oarlock.recording.packets import missing_packets, missing_share, quantity_rates, stream_rate_hz
+    from oarlock.recording.reader_notes import reader_notes
+    from oarlock.recording.session_info import session_info
+    from oarlock.storage.epoch import moment_text
+
+    return {
+        "recording": out,
+        "source": source,
+        "about": about,
+        "session": dict(session_info(recording.meta)),
+        "start_s": recording.start_s,
+        "start": moment_text(recording.epoch, recording.start_s),
+        "epoch": recording.epoch,
+        "notes": reader_notes(recording.meta),
+        "end_s": recording.end_s,
+        "streams": [
+            {
+                "name": s.name,
+                "kind": s.kind,
+                "samples": len(s),
+                "rate_hz": stream_rate_hz(recording, s),
+                "quantities": quantity_rates(recording, s),
+                "missing_packets": missing_packets(recording, s),
+                "missing_share": missing_share(recording, s),
+            }
+            for s in recording.streams
+        ],
+    }
+
+
+def write_summary(recording: Recording, source: Path, out: Path, about: str) -> None:
+    """Prints the summary."""
+    from oarlock.recording.packets import lost_packets
+    from oarlock.recording.reader_notes import reader_notes
+    from oarlock.recording.session_info import session_info, session_text
+    from oarlock.storage.epoch import moment_text
+
+    say(f"Wrote {out} from {source}", style="bold")
+    units = [s for s in recording.streams if s.kind == "imu"]
+    start = moment_text(recording.epoch, recording.start_s)
+    pairs(
+        [
+            ("format", about),
+            ("session", session_text(session_info(recording.meta))),
+            ("duration", "" if start else f"{recording.duration_s:.1f} s"),
+            ("units", f"{len(units)} inertial" if units else "none inertial"),
+            ("clock", _clock(recording)),
+            ("counter", _counter(recording)),
+            ("absent", _absent(units)),
+        ]
+    )
+    if start:
+        say(f"start {start}, {recording.duration_s:.1f} s", indent=2)
+    _write_streams(recording)
+    for note in joined_notes(reader_notes(recording.meta)):
+        say(note, indent=2)
+    for stream in recording.streams:
+        if (lost := lost_packets(recording, stream)) is not None and lost.text():
+            say(f"{stream.name}: {lost.text()}", indent=2)
+
+
+def joined_notes(notes: Sequence[str]) -> list[str]:
+    """The notes; those that differ only in the unit and its factor become one that names all units."""
+    joined: dict[str, list[str]] = {}
+    for note in notes:
+        name, colon, rest = note.partition(": ")
+        joined.setdefault(_FACTOR.sub("", rest) if colon else note, []).append(name if colon else "")
+    single = {_FACTOR.sub("", note.partition(": ")[2]): note for note in notes}
+    return [
+        f"{', '.join(names)}: {text}" if len(names) > 1 and all(names) else single.get(text, text)
+        for text, names in joined.items()
+    ]
+
+
+def _write_streams(recording: Recording) -> None:
+    from oarlock.evaluation.summary import rate_text
+    from oarlock.recording.packets import missing_share, stream_rate_hz
+
+    table(
+        ["stream", "kind", ">samples", ">rate Hz", ">missing %", "measures"],
+        [
+            (
+                s.name,
+                s.kind,
+                len(s),
+                rate_text(stream_rate_hz(recording, s)),
+                number(100 * missing_share(recording, s), ".1f"),
+                _measures(recording, s),
+            )
+            for s in recording.streams
+        ],
+    )
+
+
+def _measures(recording: Recording, stream: Stream) -> str:
+    """The quantities of a stream, with the rate of those that are slower than its rows."""
+    from oarlock.evaluation.summary import rate_text
+    from oarlock.recording.packets import quantity_rates, stream_rate_hz
+
+    whole = stream_rate_hz(recording, stream)
+    rates = quantity_rates(recording, stream)
+    return ", ".join(
+        f"{_SHORT.get(name, name)} at {rate_text(rate)} Hz" if rate < 0.98 * whole else _SHORT.get(name, "")
+        for name, rate in rates.items()
+        if name in _SHORT
+    )
+
+
+def _clock(recording: Recording) -> str:
+    """The kind of the time stamps."""
+    from collections.abc import Mapping
+
+    kinds = {
+        "relative": "seconds from an unnamed start",
+        "samples": "counted samples",
+        "utc": "UTC",
+        "local": "local time without a zone",
+        "clock": "time of day without a date",
+    }
+    clock = recording.meta.get("clock")
+    kind = clock.get("kind") if isinstance(clock, Mapping) else None
+    return kinds.get(str(kind), "")
+
+
+def _counter(recording: Recording) -> str:
+    """The streams whose packets the device counted."""
+    from collections.abc import Mapping
+
+    counted = recording.meta.get("packets")
+    names = list(counted) if isinstance(counted, Mapping) else []
+    if not names:
+        return ""
+    return "all streams" if len(names) == len(recording.streams) else ", ".join(map(str, names))
+
+
+def _absent(units: Sequence[Stream]) -> str:
+    """The quantities that no unit, or only some units have."""
+    lines = []
+    for field in ("gyro_rad_s", "accel_m_s2", "mag_ut"):
+        lack = [unit.name for unit in units if field not in unit.values]
+        if lack:
+            whose = "" if len(lack) == len(units) else f" of {', '.join(lack)}"
+            lines.append(f"{_SHORT[field]}{whose}")
+    return ", ".join(lines)

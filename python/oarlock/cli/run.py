@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from oarlock.cli.function_verbs import FunctionText, arguments_of, options_of
-from oarlock.cli.made_verb import made_verb
+from oarlock.cli.function_verbs import FunctionText, arguments_of, made_verb, options_of
 from oarlock.cli.options import Json, example
 from oarlock.cli.terminal import UsageError, check_folder, details, free_file, print_json, say, steps
 

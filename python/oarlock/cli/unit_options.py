@@ -79,7 +79,7 @@ class Naming:
                 raise
             say(str(error))
         from oarlock import load_model
-        from oarlock.cli.asked_units import asked_units, save_units
+        from oarlock.cli.calibrate_units import asked_units, save_units
 
         self.by_hand = asked_units(recording, load_model(self.model))
         self.ids = {}

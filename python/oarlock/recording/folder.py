@@ -103,15 +103,6 @@ def read_folder(path: str | PathLike[str]) -> tuple[list[Stream], Mapping[str, o
     return streams, {**meta, SESSION_KEY: dict(session)} if session else meta
 
 
-def stream_names(path: str | PathLike[str]) -> tuple[str, ...]:
-    """Names of the streams of a recording folder, without their data.
-
-    Raises:
-        DataError: it is no recording.
-    """
-    return tuple(table.string("name") for table in _read_index(_index_of(path)).tables("stream"))
-
-
 def _index_of(path: str | PathLike[str]) -> Path:
     place = place_of(path)
     return place / INDEX_FILE if place.is_dir() else place

@@ -1,6 +1,6 @@
 """Video beside a track: its place in the track's time, from the picture's motion or a clap, and a calibrated camera.
 
-`oarlock video` and `oarlock view --video` use it. Reading videos needs the package `av`.
+`oarlock calibrate video` and `oarlock view --video` use it. Reading videos needs the package `av`.
 """
 
 from __future__ import annotations
