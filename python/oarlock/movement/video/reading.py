@@ -1,4 +1,4 @@
-"""Reads a video file: its facts, small grey pictures with their time stamps, and its sound. `oarlock video` uses it.
+"""Reads a video file: its facts, small grey pictures with their time stamps, and its sound..
 
 Video time is the presentation time stamp of a picture, s. A variable frame rate needs nothing else.
 """
