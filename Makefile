@@ -60,7 +60,7 @@ memcheck: ## run the tests of the engine's unsafe lines under valgrind, which re
 	else echo "memcheck: NOT RUN, valgrind is missing"; fi
 
 bench: $(VENV)/.package ## time steps, parts, recordings, latency and memory, and print one table
-	OARLOCK_BENCH_OUT=$(CURDIR)/out/bench cargo bench --locked --package oarlock
+	OARLOCK_BENCH_OUT="$(CURDIR)/out/bench" cargo bench --locked --package oarlock
 	$(BIN)/python -m bench
 
 bench-others: $(VENV)/.package $(VENV)/.bench ## measure this machine beside filterpy, JAX and biorbd, which are installed for it
@@ -136,7 +136,7 @@ sdist: $(VENV)/.release ## build the source distribution into dist/ and check it
 release-checks: $(VENV)/.release $(VENV)/.deny ## check workflows and citation, and licences and sources of the Rust dependencies
 	$(VENV)/release/bin/zizmor --offline --no-progress --pedantic .github/workflows
 	$(VENV)/release/bin/cffconvert --validate
-	PATH=$(CURDIR)/$(VENV)/deny/bin:$$PATH cargo deny --locked --all-features check licenses bans sources
+	PATH="$(CURDIR)/$(VENV)/deny/bin:$$PATH" cargo deny --locked --all-features check licenses bans sources
 
 # `make lock UPGRADE=--upgrade` moves every pin to its newest version. Pins and hashes are those of every system and Python.
 COMPILE := UV_CUSTOM_COMPILE_COMMAND="make lock" $(VENV)/lock/bin/uv pip compile --quiet --no-config --universal --python-version 3.11 \
@@ -196,7 +196,7 @@ $(VENV)/.deny: | $(VENV)/.created
 	@touch $@
 
 $(VENV)/.package: $(RUST_SOURCES) pyproject.toml lab/pyproject.toml | $(VENV)/.run
-	env -u CONDA_PREFIX PIP_QUIET=1 VIRTUAL_ENV=$(CURDIR)/$(VENV) $(BIN)/maturin develop --release --locked --quiet
+	env -u CONDA_PREFIX PIP_QUIET=1 VIRTUAL_ENV="$(CURDIR)/$(VENV)" $(BIN)/maturin develop --release --locked --quiet
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-index --no-deps --no-build-isolation --editable lab
 	rm -rf python/oarlock/data # copies of examples/, which only wheels need
 	@touch $@
