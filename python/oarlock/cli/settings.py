@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Container, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +11,7 @@ from oarlock._core import Config
 from oarlock.cli.model import posture
 from oarlock.cli.options import assignments, names
 from oarlock.cli.terminal import UsageError
+from oarlock.storage.suggest import did_you_mean
 from oarlock.storage.toml import TomlTable
 from oarlock.tracking.settings import meanings
 
@@ -42,11 +43,11 @@ def _shown(key: str) -> str:
     return str(default).lower() if isinstance(default, bool) else str(default)
 
 
-def split(texts: Iterable[str] | None, parameters: Container[str]) -> tuple[dict[str, float], dict[str, Any]]:
+def split(texts: Iterable[str] | None, parameters: Collection[str]) -> tuple[dict[str, float], dict[str, Any]]:
     """Split texts of `--set` into model parameters and filter settings; a parameter takes precedence.
 
     Raises:
-        UsageError: a text is not KEY=VALUE, a key comes twice, or a parameter is no number.
+        UsageError: a text is not KEY=VALUE, a key is unknown or comes twice, or a parameter is no number.
     """
     of_model: list[str] = []
     settings: dict[str, Any] = {}
@@ -59,6 +60,11 @@ def split(texts: Iterable[str] | None, parameters: Container[str]) -> tuple[dict
             if key in settings:
                 raise UsageError(f"--set: {key} is given twice")
             settings[key] = names(value) if key in ("estimate", "inputs") else _value(value)
+        elif equals and key not in parameters:
+            raise UsageError(
+                f"--set {key}: is neither a parameter of the model nor a setting. "
+                f"{did_you_mean(key, [*parameters, *DEFAULTS])}"
+            )
         else:
             of_model.append(text)
     if start:
