@@ -73,7 +73,7 @@ def run(
         low_pass_hz: cut-off of the readings of inertial units, Hz.
         pick: name of the recording, if the place has several.
         together: all files of the place are units of one recording.
-        force: replace files of others in `out`.
+        force: replace what is in `out`.
         progress: True shows bars or lines.
         settings: of the filter, such as `filter="ekf"`.
 

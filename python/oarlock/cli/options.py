@@ -16,7 +16,7 @@ ModelName = Annotated[
 OutFile = Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="Calibration file to write.")]
 OutFolder = Annotated[Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write.")]
 Json = Annotated[bool, typer.Option("--json", help="Print only one JSON document, on stdout.")]
-Force = Annotated[bool, typer.Option("--force", help="Write into a folder that contains other files.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace what is there; other files stay.")]
 CalibrationFile = Annotated[
     Path | None,
     typer.Option("--calibration", metavar="FILE", help="Calibration file with mounts and lengths."),
