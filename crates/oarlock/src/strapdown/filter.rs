@@ -220,9 +220,9 @@ impl StrapdownFilter {
         Self::with_room(links, self.closures)
     }
 
-    /// Links whose hinges lock a direction.
+    /// Links whose hinges lock a direction, but for those that encoders alone place.
     pub fn locked(&self) -> impl Iterator<Item = &super::skeleton::Link> {
-        self.skeleton.links.iter().filter(|link| link.turns.locked() > 0)
+        self.skeleton.links.iter().filter(|link| link.turns.locked() > 0 && link.pose != Pose::Driven)
     }
 
     /// First state of a link without a unit.
