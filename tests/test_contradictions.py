@@ -12,7 +12,7 @@ from oarlock.movement.front import front_of
 from oarlock.movement.movement import movement_of
 from oarlock.movement.report import write_movement_report
 from oarlock.movement.words import heading
-from oarlock.tracking.contradictions import contradicted_units
+from oarlock.tracking.notes import contradicted_units
 
 UNITS = "thorax,upper_arm_r,forearm_r"
 

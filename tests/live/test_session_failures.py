@@ -22,7 +22,7 @@ from oarlock.live.folder import LiveFolder
 from oarlock.live.live import Live
 from oarlock.live.live_track import live_track
 from oarlock.storage.errors import DataError
-from oarlock.storage.state import state_folder
+from oarlock.storage.paths import state_folder
 
 SECONDS, RATE_HZ = 2.0, 25.0
 AT_ONCE = 30

@@ -14,13 +14,21 @@ if TYPE_CHECKING:
     from oarlock.movement.ranges import MotionRange
 
 MOST_LINES = 8
+SPOILING = {
+    "nominal_mounts",
+    "no_stream",
+    "filter_reset",
+    "rejected",
+    "stuck",
+    "time_order",
+    "sensor_suspect",
+}
 
 
 def result_of(track: Track) -> dict[str, Any]:
-    """The result as data: `strokes` and `figures` of a rower, else `angles` in deg, the largest range first.
+    """`strokes` and `figures` of a rower, else `angles`, the largest range first.
 
-    An angle has `name`, `low_deg`, `high_deg`, `band_deg` (half of the 95 % interval of both) and `doubt`, empty if it
-    can be used.
+    An angle: `name`, `low_deg`, `high_deg`, `band_deg` (half of the 95 % interval of both), `doubt`, empty if usable.
     """
     from oarlock.movement.movement import movement_of
     from oarlock.rowing.report.write import is_of_rower, rowing_front
@@ -51,8 +59,8 @@ def _angle(one: MotionRange) -> dict[str, Any]:
     }
 
 
-def write_result(track: Track, page: Path | None) -> None:
-    """Prints the result and the place of its report."""
+def write_result(track: Track, page: Path | None, suspects: bool = False) -> None:
+    """Prints the result, the notes without which it would be believed too much, and the place of its report."""
     write_contradiction(track.notes)
     result = result_of(track)
     if "strokes" in result:
@@ -60,6 +68,9 @@ def write_result(track: Track, page: Path | None) -> None:
         pairs([(one["name"], f"{one['value']}   {one['detail']}") for one in result["figures"]])
     else:
         _write_angles(result["angles"])
+    for note in track.notes:
+        if note.code in SPOILING and (suspects or not note.startswith("Suspect: ")):
+            say(note.text, style="yellow")
     if page is not None:
         say(f"\nopen {page}")
 

@@ -78,6 +78,6 @@ def run(
     with details():
         write_summary(track)
         say()
-    write_result(track, page)
+    write_result(track, page, suspects=True)
     with details():
         steps(f"oarlock view {out}/track", f"oarlock export {out}/track --out FOLDER")

@@ -43,7 +43,9 @@ def _shown(key: str) -> str:
     return str(default).lower() if isinstance(default, bool) else str(default)
 
 
-def split(texts: Iterable[str] | None, parameters: Collection[str]) -> tuple[dict[str, float], dict[str, Any]]:
+def split(
+    texts: Iterable[str] | None, parameters: Collection[str]
+) -> tuple[dict[str, float], dict[str, Any]]:
     """Split texts of `--set` into model parameters and filter settings; a parameter takes precedence.
 
     Raises:

@@ -328,15 +328,19 @@ def simulate_guided_session(
     with output_folder(out, "recording", force) as stage, progress("simulating"):
         trial = simulate_session(model, default_plan(model, pose), seed=seed)
         trial.save(stage)
+    names = trial.recording.names
+    absent = [one.name for one in model.describe().sensors if one.name not in names and one.kind != "closure"]
     if json_output:
-        names = trial.recording.names
-        print_json({"recording": out, "truth": out / "truth", "streams": names, "seed": seed})
+        print_json(
+            {"recording": out, "truth": out / "truth", "streams": names, "absent": absent, "seed": seed}
+        )
         return
     say(f"Wrote {out}", style="bold")
     pairs(
         [
             ("recording", f"{out}  ({trial.recording.start_s:.1f} to {trial.recording.end_s:.1f} s)"),
-            ("streams", ", ".join(trial.recording.names)),
+            ("streams", ", ".join(names)),
+            ("not simulated", ", ".join(absent)),
             ("plan", out / "plan.toml"),
             ("true mounts and biases", out / "true_calibration.toml"),
         ]

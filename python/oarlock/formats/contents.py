@@ -48,7 +48,10 @@ class Contents:
             if len(self.recordings) == 1:
                 return self.recordings[0]
             names = ", ".join(one.name for one in self.recordings)
-            raise DataError(f"{self.path}: contains {len(self.recordings)} recordings. Pick one: {names}.")
+            raise DataError(
+                f"{self.path}: contains {len(self.recordings)} recordings. If they are units of one recording, give "
+                f"--together; else pick one: {names}."
+            )
         for one in self.recordings:
             if one.name == name:
                 return one

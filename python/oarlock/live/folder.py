@@ -25,7 +25,7 @@ from oarlock.recording.calibration import calibration_text, load_calibration, pa
 from oarlock.storage.epoch import FIRST_S, LAST_S, epoch_text
 from oarlock.storage.errors import DataError
 from oarlock.storage.folder_writer import replaced_folder
-from oarlock.storage.state import state_folder
+from oarlock.storage.paths import state_folder
 from oarlock.storage.toml import TomlTable, toml_text
 
 if TYPE_CHECKING:

@@ -12,9 +12,9 @@ from oarlock import JointAngle, Track, joint_angles
 from oarlock.evaluation.errors import BAND_95
 from oarlock.model.angle_sequence import angle_labels, angles_from_quat, angles_per_turn
 from oarlock.movement.turns import SegmentTurns, Sensitivity
-from oarlock.tracking.contradictions import contradicted_units
 from oarlock.tracking.joint_angles import NamedRotation, named_rotation
 from oarlock.tracking.joint_series import BallSeries
+from oarlock.tracking.notes import contradicted_units
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]

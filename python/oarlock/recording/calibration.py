@@ -23,9 +23,9 @@ from oarlock.recording.calibration_values import (
     std_three,
 )
 from oarlock.recording.corrections import CORRECTING, corrected
+from oarlock.recording.reader_notes import copied_notes
 from oarlock.recording.stream_scales import Clock, EncoderScale
 from oarlock.storage.array_gate import FloatArray
-from oarlock.storage.copies import copied_notes
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
 from oarlock.storage.toml import TomlTable, toml_text

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from oarlock.recording.epoch import epoch_of, from_zero
 from oarlock.recording.folder import read_folder, write_folder
 from oarlock.recording.html import rate_and_missing, recording_html
+from oarlock.recording.reader_notes import copied_notes
 from oarlock.recording.streams import MOST_STREAMS, Stream, fields_of_columns, stream_of
-from oarlock.storage.copies import copied_notes
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
 

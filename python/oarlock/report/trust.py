@@ -12,7 +12,7 @@ from oarlock.evaluation.summary import readings
 from oarlock.evaluation.suspects.suspect import SUSPECT_NOTE
 from oarlock.report.text import capital, listing, percent
 from oarlock.report.verdict import MISLEADING_COVERAGE, NARROW_COVERAGE
-from oarlock.tracking.contradictions import contradicted_units
+from oarlock.tracking.notes import contradicted_units
 from oarlock.tracking.track import Track
 
 FEW_USED = 0.9

@@ -1,6 +1,7 @@
 """Converts paths that users give to `Path`, with checks."""
 
 import errno
+import os
 from os import PathLike
 from pathlib import Path
 
@@ -22,3 +23,9 @@ def place_of(path: str | PathLike[str]) -> Path:
         if error.errno == errno.ENAMETOOLONG:
             raise DataError(f"{place.name[:60]}...: is not a valid file name; it is too long") from None
     return place
+
+
+def state_folder() -> Path:
+    """`oarlock` in `XDG_STATE_HOME`, `LOCALAPPDATA`, or `~/.local/state`; it may not exist."""
+    base = os.environ.get("XDG_STATE_HOME") or os.environ.get("LOCALAPPDATA") or Path.home() / ".local/state"
+    return Path(base, "oarlock")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 CODES: Mapping[str, str] = MappingProxyType(
@@ -70,3 +70,12 @@ class Note(str):
     def text(self) -> str:
         """The sentence."""
         return str(self)
+
+
+_CONTRADICT = ": its joints contradict the unit's own readings"
+"""What follows the name of the unit in the engine's note."""
+
+
+def contradicted_units(notes: Sequence[str]) -> list[str]:
+    """Names of the units that the engine reports."""
+    return [note.partition(_CONTRADICT)[0] for note in notes if _CONTRADICT in note]
