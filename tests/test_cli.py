@@ -63,9 +63,10 @@ def test_help_says_what_it_does_and_gives_examples(verb):
 
 
 def test_verbs_of_oarlock_lab_say_how_to_install_it(monkeypatch):
-    verbs = load_verb("lab").commands
-    assert set(verbs) == {"compare", "study", *IN_OARLOCK_LAB}
-    monkeypatch.delitem(verbs, "bench")
+    lab = load_verb("lab")
+    assert set(lab.commands) == {"compare", "study", *IN_OARLOCK_LAB}
+    without = {name: verb for name, verb in lab.commands.items() if name != "bench"}
+    monkeypatch.setattr(lab, "commands", without)
     assert "pip install oarlock-lab" in " ".join(run("lab", "bench", status=2).stderr.split())
 
 

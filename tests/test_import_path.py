@@ -175,7 +175,7 @@ def test_all_and_pick(mixed, tmp_path):
 def test_in_python(mixed, arm):
     assert import_recording(arm).names == ("imu",)
     assert oarlock.import_recording(mixed, "club").names == ("back", "seat")
-    with pytest.raises(oarlock.DataError, match=r"contains 4 recordings\. Pick one: club"):
+    with pytest.raises(oarlock.DataError, match=r"contains 4 recordings\. .*--together; else pick one: club"):
         import_recording(mixed)
     assert import_recording(arm, options={"accel_unit": "g"})["imu"].accel_m_s2.max() > 50.0
 
