@@ -8,6 +8,7 @@ import oarlock
 from command_line import run
 from oarlock.calibration import SessionPlan, SessionStep
 from oarlock.recording.unit_names import renamed
+from refusals import assert_refused
 from walking_body import walk
 
 MEAN_MOUNT_DEG = 4.0
@@ -36,7 +37,7 @@ def test_from_files_to_a_report(recording, tmp_path):
     assert (out / "calibration.toml").is_file() and (out / "track/report.html").is_file()
     angle_rad = oarlock.load_track(out / "track")["knee_flexion_r"].angle_rad
     assert np.ptp(angle_rad) > np.radians(40.0)
-    assert "knee flexion" in said and "deg (+-" in said and f"open {out / 'track/report.html'}" in said
+    assert "knee flexion" in said and "deg (range +-" in said and f"open {out / 'track/report.html'}" in said
 
 
 def test_a_step_that_fails_ends_it(recording, tmp_path):
@@ -140,3 +141,8 @@ def written_as_text(recording, folder):
             columns += list(values.T)
     table = np.column_stack(columns)
     np.savetxt(folder / "units.csv", table, "%.6f", ",", header=",".join(header), comments="")
+
+
+def test_stature_is_for_the_name_of_a_model(recording, tmp_path):
+    body = oarlock.load_model("lower_body")
+    assert_refused(lambda: oarlock.run(recording, tmp_path / "out", model=body, stature_m=1.7), "load_model")

@@ -27,7 +27,7 @@ from oarlock.storage.folder_writer import check_empty, read_manifest, replaced_f
 from oarlock.storage.progress import Progress
 from oarlock.tracking.settings import Settings
 from oarlock.tracking.track import Track
-from oarlock.tracking.tracking import track
+from oarlock.tracking.tracking import checked_config, track
 
 AnyPath = str | PathLike[str]
 LOG = logging.getLogger("oarlock")
@@ -87,6 +87,8 @@ def run(
     """
     out = Path(out)
     check_empty(out / "track", force)
+    if isinstance(model, Model) and (stature_m, mass_kg) != (None, None):
+        raise DataError("run: stature_m and mass_kg are for a model's name or file; give them to load_model")
     body = model if isinstance(model, Model) else load_model(model, stature_m=stature_m, mass_kg=mass_kg)
     measured = _imported(recording, out / "recording", body, units, pick, together, force)
     body = body.with_units(sensors) if sensors is not None else recorded_part(body, measured)
@@ -113,9 +115,8 @@ def run(
     if low_pass_hz:
         measured = measured.low_passed(low_pass_hz)
     result = track(body, measured, known, smooth=True, progress=progress, **settings)
-    result = result.with_notes(
-        *(one.note for one in searched_suspects(body, measured, known)), *map(ball_note, balls_of(known))
-    )
+    suspects = searched_suspects(body, measured, known, checked_config(None, settings))
+    result = result.with_notes(*(one.note for one in suspects), *map(ball_note, balls_of(known)))
     with replaced_folder(out / "track", "track", force) as stage:
         write_track(result, stage, progress=progress)
     return result
@@ -206,12 +207,14 @@ def write_track(
     *,
     progress: Progress = None,
 ) -> None:
-    """Write a track's tables, run.toml and report.html. A report that fails is logged as an error; the track stays."""
-    with replaced_folder(folder, "track") as place:
-        result.save(place)
-        try:
-            write_report(result, place / "report.html", evaluation, truth, progress=progress)
-        except OSError:  # a full disk is no fault of the report; the folder stays as it was
-            raise
-        except Exception:
-            LOG.exception("the track is written, and has no report")
+    """Write a track's tables, run.toml and report.html into a folder of `replaced_folder`.
+
+    A report that fails is logged as an error; the track stays.
+    """
+    result.save(folder)
+    try:
+        write_report(result, folder / "report.html", evaluation, truth, progress=progress)
+    except OSError:  # a full disk is no fault of the report; the folder stays as it was
+        raise
+    except Exception:
+        LOG.exception("the track is written, and has no report")

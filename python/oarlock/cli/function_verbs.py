@@ -50,7 +50,7 @@ class FunctionText:
 
     Args:
         place: module and name, `oarlock.calibration.static.pose_mounts:calibrate_pose`.
-        parameters: name -> annotation and default; the default of an expression is `UNREAD`.
+        parameters: name -> annotation without `| None`, and default; that of an expression is None.
         doc: docstring.
     """
 
@@ -100,8 +100,9 @@ def _parameters(arguments: ast.arguments) -> dict[str, tuple[str, Any]]:
         *arguments.kw_defaults,
     ]
     return {
-        one.arg: (ast.unparse(one.annotation) if one.annotation else "", _default(default))
+        one.arg: (ast.unparse(one.annotation).removesuffix(" | None"), _default(default))
         for one, default in zip([*placed, *arguments.kwonlyargs], defaults, strict=True)
+        if one.annotation is not None
     }
 
 
@@ -138,8 +139,10 @@ def _calibration(option: str, file: Path) -> Any:
 
 KINDS: Mapping[str, Kind] = {
     "Calibration": Kind(Path, "FILE", _calibration),
-    "Iterable[str]": Kind(str, "NAMES", lambda option, text: names(text)),
-    "str | Iterable[str]": Kind(str, "NAMES", lambda option, text: names(text)),
+    **dict.fromkeys(
+        ("Iterable[str]", "Sequence[str]", "str | Iterable[str]"),
+        Kind(str, "NAMES", lambda option, text: names(text)),
+    ),
     "Mapping[str, float] | ArrayLike": Kind(
         list[str], "JOINT=VALUE", lambda option, texts: assignments(texts, option) or None
     ),
@@ -155,7 +158,6 @@ KINDS: Mapping[str, Kind] = {
     "Mapping[str, str] | AnyPath": Kind(
         list[str], "SENSOR=UNIT,...|FILE", lambda option, texts: assignment(texts)
     ),
-    "Sequence[str]": Kind(str, "NAMES", lambda option, text: names(text)),
     "AnyPath": Kind(Path, "FOLDER"),
     "str": Kind(str, "NAME"),
 }
@@ -168,7 +170,7 @@ def option_of(function: FunctionText, name: str) -> tuple[str, Any, Any] | None:
         LookupError: no `KINDS` has its annotation.
     """
     annotation, default = function.parameters[name]
-    kind = KINDS[annotation.removesuffix(" | None")]
+    kind = KINDS[annotation]
     if kind.type is None:
         return None
     metavar = kind.metavar or metavar_of(name, kind.type)
@@ -218,7 +220,7 @@ def options_of(
     options = []
     for name, (annotation, default) in function.parameters.items():
         if name in positional:
-            kind = KINDS[annotation.removesuffix(" | None")]
+            kind = KINDS[annotation]
             place = typer.Argument(metavar=kind.metavar, help=function.about(name))
             options.append((name, Annotated[kind.type, place], default))
         elif name not in without and (option := option_of(function, name)):
@@ -229,7 +231,7 @@ def options_of(
 def arguments_of(function: FunctionText, typed: Mapping[str, Any]) -> dict[str, Any]:
     """Arguments of a function from what was typed; what was not typed has the function's default."""
     return {
-        name: KINDS[function.parameters[name][0].removesuffix(" | None")].read(flag_of(name), value)
+        name: KINDS[function.parameters[name][0]].read(flag_of(name), value)
         for name, value in typed.items()
         if value is not None
     }
@@ -275,11 +277,7 @@ def calibration_verb(
     def run(recording: Path, model: str, out: Path, force: bool, json_output: bool, **typed: Any) -> None:
         import oarlock
 
-        of_body: dict[str, Any] = {
-            name: typed.pop(name) for name in ("stature_m", "mass_kg") if name in typed
-        }
-        if cuts:
-            of_body["sensors"] = typed.pop("sensors")
+        of_body = {name: typed.pop(name) for name in ("stature_m", "mass_kg", "sensors") if cuts}
         body = chosen_body(model, assignments(typed.pop("settings"), "--set"), **of_body)
         free_file(out, force)
         arguments = arguments_of(function, typed)

@@ -23,7 +23,7 @@ from oarlock.cli.terminal import (
     steps,
     table,
 )
-from oarlock.cli.unit_options import UNIT_OPTIONS, Naming, taken_naming
+from oarlock.cli.unit_options import UNIT_OPTIONS, Naming, naming_of, taken_naming
 from oarlock.formats.importers import FORMATS
 
 if TYPE_CHECKING:
@@ -251,10 +251,9 @@ def asked_recording(
     json_output: bool,
 ) -> Recording | Path:
     """A folder of Oarlock's as it is; else a recording with named units, of which a terminal asks what is not clear."""
-    from oarlock import Recording, load_model, load_recording
+    from oarlock import load_recording
     from oarlock.recording.folder import INDEX_FILE
-    from oarlock.recording.session_info import SESSION_KEY, checked_session, session_info
-    from oarlock.recording.unit_names import UNITS_FILE, units_of
+    from oarlock.recording.session_info import checked_session
 
     is_ours = (path / INDEX_FILE).is_file()
     if is_ours and units is None and athlete is None:
@@ -267,12 +266,10 @@ def asked_recording(
         recording, *_ = (
             _read_together(contents, path, asks, {}) if together else _read_only(contents, pick, asks, {})
         )
-    beside = (path if path.is_dir() else path.parent) / UNITS_FILE
-    sensors = [sensor.name for sensor in load_model(model).describe().inertial_units]
-    recording = Naming(model, sensors, *units_of(units, path), beside).named_or_asked(recording, asks)
-    session = {} if athlete is None else checked_session({"athlete": athlete}, "option")
-    known = {**session_info(recording.meta), **session}
-    return Recording(recording.streams, {**recording.meta, SESSION_KEY: known}) if known else recording
+    recording = naming_of(model, units, path).named_or_asked(recording, asks)
+    return _with_session(
+        recording, {} if athlete is None else checked_session({"athlete": athlete}, "option")
+    )
 
 
 def written(recording: Recording, session: Mapping[str, str], out: Path, force: bool) -> Recording:
@@ -288,12 +285,13 @@ def say_next(out: Path, model: str) -> None:
     steps(f"oarlock track {out} --model {model} --out {out}-track")
 
 
-def _with_session(recording: Recording, session: Mapping[str, str], out: Path) -> Recording:
+def _with_session(recording: Recording, session: Mapping[str, str], out: Path | None = None) -> Recording:
     """The recording with its session: as given, else as the file says, else that of the folder that is replaced."""
     from oarlock import Recording
     from oarlock.recording.session_info import SESSION_KEY, read_session, session_info
 
-    known = {**read_session(out), **session_info(recording.meta), **session}
+    before = {} if out is None else read_session(out)
+    known = {**before, **session_info(recording.meta), **session}
     return Recording(recording.streams, {**recording.meta, SESSION_KEY: known}) if known else recording
 
 

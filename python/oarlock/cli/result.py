@@ -11,7 +11,6 @@ from oarlock.cli.terminal import pairs, say
 
 if TYPE_CHECKING:
     from oarlock import Track
-    from oarlock.movement.ranges import MotionRange
 
 MOST_LINES = 8
 SPOILING = {
@@ -26,9 +25,10 @@ SPOILING = {
 
 
 def result_of(track: Track) -> dict[str, Any]:
-    """`strokes` and `figures` of a rower, else `angles`, the largest range first.
+    """`strokes` and `figures` of a rower, else `angles`, the largest range first, as the report has them.
 
-    An angle: `name`, `low_deg`, `high_deg`, `band_deg` (half of the 95 % interval of both), `doubt`, empty if usable.
+    An angle: `name`, `low_deg`, `high_deg`, `band_deg` (half of the 95 % interval of the range), `doubt`, empty if the
+    range is measured well.
     """
     from oarlock.movement.movement import movement_of
     from oarlock.rowing.report.write import is_of_rower, rowing_front
@@ -39,28 +39,27 @@ def result_of(track: Track) -> dict[str, Any]:
         return {"strokes": front.did, "figures": figures}
     if track.model is None or not len(track.time_s):
         return {"angles": []}
-    ranges = sorted(movement_of(track).ranges.values(), key=lambda one: -one.range_deg)
-    return {"angles": [_angle(one) for one in ranges if not one.hardly_moved]}
-
-
-def _angle(one: MotionRange) -> dict[str, Any]:
-    """A wide band alone does not make an angle useless: it is printed, unless it exceeds half of the range."""
-    from oarlock.evaluation.errors import BAND_95
-    from oarlock.movement.ranges import WIDE
-
-    band_deg = BAND_95 * max(one.lowest_std_deg, one.highest_std_deg)
-    is_usable = one.well_measured or (one.doubt in ("", WIDE) and band_deg <= 0.5 * one.range_deg)
+    movement = movement_of(track)
+    shown = movement.ranges.values() if movement.several else movement.shown
     return {
-        "name": one.name,
-        "low_deg": one.lowest_deg,
-        "high_deg": one.highest_deg,
-        "band_deg": band_deg,
-        "doubt": "" if is_usable else one.cause,
+        "angles": [
+            {
+                "name": one.name,
+                "low_deg": one.lowest_deg,
+                "high_deg": one.highest_deg,
+                "band_deg": one.half_deg,
+                "doubt": "" if one.well_measured else one.cause,
+            }
+            for one in sorted(shown, key=lambda one: -one.range_deg)
+            if not one.hardly_moved
+        ]
     }
 
 
 def write_result(track: Track, page: Path | None, suspects: bool = False) -> None:
     """Prints the result, the notes without which it would be believed too much, and the place of its report."""
+    from oarlock.evaluation.suspects.suspect import SUSPECT_NOTE
+
     write_contradiction(track.notes)
     result = result_of(track)
     if "strokes" in result:
@@ -69,33 +68,32 @@ def write_result(track: Track, page: Path | None, suspects: bool = False) -> Non
     else:
         _write_angles(result["angles"])
     for note in track.notes:
-        if note.code in SPOILING and (suspects or not note.startswith("Suspect: ")):
+        if note.code in SPOILING and (suspects or not note.startswith(SUSPECT_NOTE)):
             say(note.text, style="yellow")
     if page is not None:
         say(f"\nopen {page}")
 
 
 def _write_angles(angles: list[dict[str, Any]]) -> None:
-    """A line for each angle with both sides, then those that are not usable, by their reason."""
+    """A line for each angle with both sides, then those that are not measured well, by their reason."""
     from oarlock.report.viewer.sides import side_of
 
-    usable: dict[str, list[str]] = {}
-    unusable: dict[str, list[str]] = {}
+    well: dict[str, list[str]] = {}
+    badly: dict[str, list[str]] = {}
     for one in angles:
         side, stem = side_of(one["name"])
-        name, mark = stem.replace("_", " "), side[:1].upper()
+        name = stem.replace("_", " ")
+        band = f" (range +- {one['band_deg']:.0f})" if isfinite(one["band_deg"]) else ""
+        span = f"{side[:1].upper()} {one['low_deg']:.0f} to {one['high_deg']:.0f} deg{band}".strip()
         if one["doubt"]:
-            unusable.setdefault(one["doubt"], []).append(f"{name} {mark}".strip())
-            continue
-        band = f" (+- {one['band_deg']:.0f})" if isfinite(one["band_deg"]) else ""
-        span = f"{mark} {one['low_deg']:.0f} to {one['high_deg']:.0f} deg{band}".strip()
-        usable.setdefault(name, []).append(span)
-    pairs(
-        [(name, ", ".join(sorted(spans, reverse=True))) for name, spans in list(usable.items())[:MOST_LINES]]
-    )
-    if len(usable) > MOST_LINES:
-        say(f"and {len(usable) - MOST_LINES} more in the report")
-    for doubt, names in unusable.items():
-        say(f"not usable, {doubt}: {', '.join(names)}")
+            badly.setdefault(one["doubt"], []).append(f"{name} {span}")
+        else:
+            well.setdefault(name, []).append(span)
+    pairs([(name, ", ".join(sorted(spans, reverse=True))) for name, spans in list(well.items())[:MOST_LINES]])
+    if len(well) > MOST_LINES:
+        say(f"and {len(well) - MOST_LINES} more in the report")
+    for doubt, spans in badly.items():
+        more = f" and {len(spans) - MOST_LINES} more" if len(spans) > MOST_LINES else ""
+        say(f"not measured well, {doubt}: {', '.join(spans[:MOST_LINES])}{more}")
     if not angles:
         say("No angle moved by 5 deg or more.")

@@ -135,17 +135,20 @@ def taken_naming(options: dict[str, Any], path: Path) -> Naming:
         UsageError: `--units` cannot be understood.
         DataError: the model or the file cannot be read.
     """
+    model, texts = options.pop("model", None), options.pop("units", None)
+    return naming_of(model, assignment(texts), path)
+
+
+def naming_of(model: str | None, units: Mapping[str, str] | Path | None, path: Path) -> Naming:
+    """The naming by a model and an assignment, or by the units.toml beside the recordings of a place."""
+    from oarlock import load_model
     from oarlock.recording.unit_names import UNITS_FILE, units_of
 
-    model, texts = options.pop("model", None), options.pop("units", None)
-    by_hand, ids = units_of(assignment(texts), path)
     sensors = None
     if model is not None:
-        from oarlock import load_model
-
         sensors = [sensor.name for sensor in load_model(model).describe().inertial_units]
     beside = (path if path.is_dir() else path.parent) / UNITS_FILE
-    return Naming(model or "", sensors, by_hand, ids, beside)
+    return Naming(model or "", sensors, *units_of(units, path), beside)
 
 
 def asked_units(recording: Recording, body: Model) -> dict[str, str]:
