@@ -277,7 +277,7 @@ def write_clocks(calibration: Calibration) -> None:
 
 
 def write_motion(calibration: Calibration) -> None:
-    """Prints which result was kept and why, and every constant with its prior."""
+    """Prints which of the results applies and why, and every constant with its prior."""
     noted: dict[str, Any] = dict(calibration.noted)
     start, end = noted["held_out_s"]
     heading(

@@ -46,7 +46,7 @@ REQUIRED: Any = ...
 
 @dataclass(frozen=True)
 class FunctionText:
-    """A public function as its source says it: signature and docstring without the import, which may take a second.
+    """Signature and docstring of a public function, read from its source: an import may take a second.
 
     Args:
         place: module and name, `oarlock.calibration.static.pose_mounts:calibrate_pose`.

@@ -98,7 +98,7 @@ def asked_session(known: Mapping[str, str], date: str) -> dict[str, str]:
 
 
 def reader_options() -> list[tuple[str, Any, Any]]:
-    """Name, annotation and default of each option that a reader has and that need not be given."""
+    """Name, annotation and default of each optional parameter of a reader."""
     found: dict[str, tuple[str, Any, Any]] = {}
     for one in (option for format in FORMATS for option in format.options if option.default is not ...):
         owners = ", ".join(_owners(one.name))

@@ -44,7 +44,7 @@ UNITS = {
 
 
 def metavar_of(name: str, kind: Any) -> str | None:
-    """What stands for a value: the unit at the end of the name, else by its type; None for a flag."""
+    """Placeholder of a value in the help: the unit at the end of the name, else by type; None for a flag."""
     unit = next((unit for end, unit in UNITS.items() if name.endswith(end)), None)
     return unit or {float: "X", int: "N", str: "NAME", Path: "FILE"}.get(kind)
 

@@ -57,7 +57,7 @@ def result_of(track: Track) -> dict[str, Any]:
 
 
 def write_result(track: Track, page: Path | None, suspects: bool = False) -> None:
-    """Prints the result, the notes without which it would be believed too much, and the place of its report."""
+    """Prints the result, the notes that limit what it can be used for, and the place of its report."""
     from oarlock.evaluation.suspects.suspect import SUSPECT_NOTE
 
     write_contradiction(track.notes)

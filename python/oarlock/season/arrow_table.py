@@ -27,7 +27,7 @@ def read_table(
     columns: Sequence[str] | None = None,
     without_lists: bool = False,
 ) -> pa.Table:
-    """All columns, or those that are named. Texts stay indices into the different ones.
+    """All columns, or those that are named. Texts stay dictionary-encoded.
 
     Args:
         file: the file, or its contents.

@@ -33,7 +33,7 @@ _STOPPED = "its writer was stopped, or is still at work"
 
 @dataclass(frozen=True)
 class FileFault:
-    """A file or folder that is not as it should be; unfinished ones cost space only."""
+    """A fault of a file or folder; an unfinished one only takes space."""
 
     what: What
     name: str
