@@ -1,5 +1,7 @@
 """`oarlock run` and `oarlock calibrate sagittal`: from files to angles and a report."""
 
+import re
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -7,11 +9,14 @@ from scipy.spatial.transform import Rotation
 import oarlock
 from command_line import run
 from oarlock.calibration import SessionPlan, SessionStep
+from oarlock.cli.result import result_of
 from oarlock.recording.unit_names import renamed
+from oarlock.report import fixed
 from refusals import assert_refused
 from walking_body import walk
 
 MEAN_MOUNT_DEG = 4.0
+SIZE = ("--stature-m", 1.78, "--mass-kg", 75)
 LEG = ["pelvis", "thigh_r", "shank_r"]
 BODY = ("--model", "lower_body", "--sensors", ",".join(LEG))
 
@@ -37,7 +42,28 @@ def test_from_files_to_a_report(recording, tmp_path):
     assert (out / "calibration.toml").is_file() and (out / "track/report.html").is_file()
     angle_rad = oarlock.load_track(out / "track")["knee_flexion_r"].angle_rad
     assert np.ptp(angle_rad) > np.radians(40.0)
-    assert "knee flexion" in said and "deg (range +-" in said and f"open {out / 'track/report.html'}" in said
+    assert "knee flexion" in said and f"open {out / 'track/report.html'}" in said
+    assert re.search(r"deg \(range \d+ \+- \d+\)", said)
+
+
+@pytest.mark.parametrize("blocks", ["one", "several"])
+def test_terminal_and_page_give_one_number_for_an_angle(recording, tmp_path, blocks):
+    command, out = ("run", recording, "--model", "lower_body"), tmp_path / "out"
+    if blocks == "several":  # a bow, swings of an arm and bends of the elbow
+        run("simulate", "--model", "arm", *SIZE, "--out", tmp_path / "session")
+        command = ("run", tmp_path / "session", "--model", "arm", "--session", tmp_path / "session", *SIZE)
+    said = " ".join(run(*command, "--out", out).output.split())
+    angles = result_of(oarlock.load_track(out / "track"))["angles"]
+    page = (out / "track/report.html").read_text()
+    assert {one["block"] for one in angles} == ({None} if blocks == "one" else {1, 2, 3})
+    for one in angles:
+        measured = [one["range_deg"], one["band_deg"]]
+        if not one["doubt"]:
+            measured += [one["low_deg"], one["high_deg"]]
+            assert all(f">{fixed(value, 1)}<" in page for value in measured), one
+        else:
+            assert f"{fixed(measured[0], 1)} ± {fixed(measured[1], 1)}" in page, one
+        assert f"(range {one['range_deg']:.0f} +- {one['band_deg']:.0f}" in said, one
 
 
 def test_a_step_that_fails_ends_it(recording, tmp_path):

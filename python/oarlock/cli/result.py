@@ -27,8 +27,8 @@ SPOILING = {
 def result_of(track: Track) -> dict[str, Any]:
     """`strokes` and `figures` of a rower, else `angles`, the largest range first, as the report has them.
 
-    An angle: `name`, `low_deg`, `high_deg`, `band_deg` (half of the 95 % interval of the range), `doubt`, empty if the
-    range is measured well.
+    An angle: `name`, `block` (None unless the movement has several), `low_deg`, `high_deg`, `range_deg`, `band_deg`
+    (half of the 95 % interval of the range), `doubt`, empty if the range is measured well.
     """
     from oarlock.movement.movement import movement_of
     from oarlock.rowing.report.write import is_of_rower, rowing_front
@@ -40,17 +40,18 @@ def result_of(track: Track) -> dict[str, Any]:
     if track.model is None or not len(track.time_s):
         return {"angles": []}
     movement = movement_of(track)
-    shown = movement.ranges.values() if movement.several else movement.shown
     return {
         "angles": [
             {
                 "name": one.name,
-                "low_deg": one.lowest_deg,
-                "high_deg": one.highest_deg,
+                "block": block.number if block and movement.several else None,
+                "low_deg": movement.ends(one).lowest_deg,
+                "high_deg": movement.ends(one).highest_deg,
+                "range_deg": one.range_deg,
                 "band_deg": one.half_deg,
                 "doubt": "" if one.well_measured else one.cause,
             }
-            for one in sorted(shown, key=lambda one: -one.range_deg)
+            for block, one in sorted(movement.block_ranges, key=lambda pair: -pair[1].range_deg)
             if not one.hardly_moved
         ]
     }
@@ -83,13 +84,20 @@ def _write_angles(angles: list[dict[str, Any]]) -> None:
     for one in angles:
         side, stem = side_of(one["name"])
         name = stem.replace("_", " ")
-        band = f" (range +- {one['band_deg']:.0f})" if isfinite(one["band_deg"]) else ""
-        span = f"{side[:1].upper()} {one['low_deg']:.0f} to {one['high_deg']:.0f} deg{band}".strip()
+        band = f" +- {one['band_deg']:.0f}" if isfinite(one["band_deg"]) else ""
+        where = f", block {one['block']}" if one["block"] else ""
+        ends = f"{one['low_deg']:z.0f} to {one['high_deg']:z.0f} deg"
+        span = f"{side[:1].upper()} {ends} (range {one['range_deg']:.0f}{band}{where})".strip()
         if one["doubt"]:
             badly.setdefault(one["doubt"], []).append(f"{name} {span}")
         else:
             well.setdefault(name, []).append(span)
-    pairs([(name, ", ".join(sorted(spans, reverse=True))) for name, spans in list(well.items())[:MOST_LINES]])
+    pairs(
+        [
+            (name, ", ".join(sorted(spans, key=lambda span: span[:1], reverse=True)))
+            for name, spans in list(well.items())[:MOST_LINES]
+        ]
+    )
     if len(well) > MOST_LINES:
         say(f"and {len(well) - MOST_LINES} more in the report")
     for doubt, spans in badly.items():

@@ -63,11 +63,21 @@ class MovementAnalysis:
         return len(self.blocks) > 1
 
     @property
-    def shown(self) -> tuple[MotionRange, ...]:
+    def block_ranges(self) -> tuple[tuple[MovementBlock | None, MotionRange], ...]:
         """All ranges that the page gives: of each block; with one block or none also those of the whole track."""
         if self.several:
-            return tuple(one for block in self.blocks for one in block.ranges.values())
-        return tuple({**self.ranges, **(self.blocks[0].ranges if self.blocks else {})}.values())
+            return tuple((block, one) for block in self.blocks for one in block.ranges.values())
+        block = self.main
+        return tuple((block, one) for one in {**self.ranges, **(block.ranges if block else {})}.values())
+
+    @property
+    def shown(self) -> tuple[MotionRange, ...]:
+        """The ranges of `block_ranges`."""
+        return tuple(one for _, one in self.block_ranges)
+
+    def ends(self, one: MotionRange) -> MotionRange:
+        """The smallest and largest value that the page gives with a range: with one block those of all counted time."""
+        return one if self.several else self.ranges.get(one.name, one)
 
     @property
     def nominal(self) -> bool:

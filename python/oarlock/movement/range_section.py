@@ -40,14 +40,14 @@ def ranges_markup(movement: MovementAnalysis) -> str:
         )
         apart = [
             (block, one)
-            for block in movement.blocks
-            for one in block.ranges.values()
+            for block, one in movement.block_ranges
             if not (one.well_measured or one.hardly_moved)
         ]
         return first + _apart(movement, apart) + _usual(movement)
-    block = movement.main
-    badly = [(block, one) for one in movement.shown if not one.well_measured]
-    return _measured(movement, block, _well(movement.shown)) + _apart(movement, badly) + _usual(movement)
+    badly = [(block, one) for block, one in movement.block_ranges if not one.well_measured]
+    return (
+        _measured(movement, movement.main, _well(movement.shown)) + _apart(movement, badly) + _usual(movement)
+    )
 
 
 def _well(ranges: Iterable[MotionRange]) -> list[MotionRange]:
@@ -66,7 +66,7 @@ def _measured(movement: MovementAnalysis, block: MovementBlock | None, well: lis
     rows: list[list[str]] = []
     muted = [k for k, one in enumerate(well) if one.hardly_moved]
     for one in well:
-        ends = one if movement.several else movement.ranges.get(one.name, one)
+        ends = movement.ends(one)
         values = [one.range_deg, one.half_deg, *([one.between_deg] if block else [])]
         values += [ends.lowest_deg, ends.highest_deg]
         rows.append([_head(movement, one), *(value_cell(v, fixed(v, 1)) for v in values)])
