@@ -15,7 +15,7 @@ import oarlock
 from oarlock import rowing
 
 Floats = NDArray[np.float64]
-Stream = oarlock.ImuStream | oarlock.ScalarStream
+Stream = oarlock.recording.ImuStream | oarlock.recording.ScalarStream
 
 RATES_HZ = {
     "back": 100.0,
@@ -42,7 +42,7 @@ _REPEATS = 7
 
 def recorded(
     model: oarlock.Model,
-    motion: oarlock.Motion,
+    motion: oarlock.simulation.Motion,
     rates_hz: Mapping[str, float],
     seed: int,
     jitter_s: float = 0.0,
@@ -54,7 +54,7 @@ def recorded(
     for number, (name, rate_hz) in enumerate(rates_hz.items()):
         _, one = oarlock.simulate(model, motion, [name], 100 * seed + number, rate_hz=rate_hz)
         stream = one.streams[0]
-        assert isinstance(stream, oarlock.ImuStream | oarlock.ScalarStream)
+        assert isinstance(stream, oarlock.recording.ImuStream | oarlock.recording.ScalarStream)
         stamps = np.asarray(stream.time_s) + rng.normal(0, jitter_s, len(stream.time_s))
         stamps = stamps * (1 + (drifts or {}).get(name, 0.0))
         rising = np.r_[True, np.diff(np.maximum.accumulate(stamps)) > 1e-4]
@@ -64,9 +64,9 @@ def recorded(
 
 def _part(stream: Stream, stamps: Floats, kept: NDArray[np.bool_]) -> Stream:
     values = {name: value[kept] for name, value in stream.values.items()}
-    if isinstance(stream, oarlock.ScalarStream):
-        return oarlock.ScalarStream(stream.name, stamps[kept], values["value"], stream.unit)
-    return oarlock.ImuStream(stream.name, stamps[kept], **values)
+    if isinstance(stream, oarlock.recording.ScalarStream):
+        return oarlock.recording.ScalarStream(stream.name, stamps[kept], values["value"], stream.unit)
+    return oarlock.recording.ImuStream(stream.name, stamps[kept], **values)
 
 
 def costs(duration_s: float = 10.0) -> dict[str, float]:

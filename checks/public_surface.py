@@ -81,12 +81,12 @@ MODEL_KEYS = {
 PAGES = {
     "report": ("report/page.py",),
     "movement report": ("movement/sections.py",),
-    "rowing report": ("rowing/report/sections.py", "rowing/report/beside.py", "rowing/report/arms.py"),
+    "rowing report": ("rowing/report/sections.py", "rowing/report/beside.py", "rowing/report/drawings.py"),
     "export page": (
-        *("rowing/report/export_page.py", "rowing/report/export_fade.py"),
+        *("rowing/report/export_page.py", "rowing/report/export_piece.py"),
         *("rowing/report/export_force.py", "rowing/report/export_pace.py"),
     ),
-    "crew page": ("rowing/report/crew/write.py",),
+    "crew page": ("rowing/report/crew_page.py",),
     "season page": ("season/page.py",),
     "comparison page": ("report/comparison.py",),
     "study page": ("report/study_page.py",),

@@ -136,7 +136,9 @@ def excerpt_track() -> oarlock.Track:
     return oarlock.track(sculler(), excerpt().recording)
 
 
-def waves(model: oarlock.Model, duration_s: float, still_s: float = 3.0, seed: int = 0) -> oarlock.Motion:
+def waves(
+    model: oarlock.Model, duration_s: float, still_s: float = 3.0, seed: int = 0
+) -> oarlock.simulation.Motion:
     """Rest, then waves in all coordinates but those of a root that moves freely."""
     random = np.random.default_rng(seed)
     time_s = np.arange(0.0, duration_s, 0.02)
@@ -150,11 +152,11 @@ def waves(model: oarlock.Model, duration_s: float, still_s: float = 3.0, seed: i
         size = 0.05 if joint.kind == "free" else 0.3
         course = rest + size * swing * (rise**3 * (10 - 15 * rise + 6 * rise**2))[:, None]
         joints[joint.name] = course if len(rest) > 1 else course[:, 0]
-    return oarlock.Motion.from_joints(time_s, joints)
+    return oarlock.simulation.Motion.from_joints(time_s, joints)
 
 
 def recorded(
-    model: oarlock.Model, motion: oarlock.Motion, seed: int = 0
+    model: oarlock.Model, motion: oarlock.simulation.Motion, seed: int = 0
 ) -> tuple[oarlock.Track, oarlock.Recording]:
     """The ground truth of a movement and the readings of biased inertial units at 50 Hz."""
     units = [sensor.name for sensor in model.describe().inertial_units]
@@ -493,7 +495,7 @@ def crew_page(folder: Path) -> Outputs:
         time_s = np.arange(0.0, 60.0, 0.01)
         stroke = 0.43 * (time_s - delay_s) + 0.01 * np.sin(0.7 * time_s)
         phi_rad = -0.25 - 0.85 * np.cos(2 * np.pi * stroke) + 0.001 * random.standard_normal(len(time_s))
-        streams = [oarlock.ScalarStream(f"{side}_oar_phi", time_s, phi_rad) for side in "rl"]
+        streams = [oarlock.recording.ScalarStream(f"{side}_oar_phi", time_s, phi_rad) for side in "rl"]
         seats.append(oarlock.Recording(streams))
     timing = rowing.crew_timing(rowing.crew_seats(seats, ["bow", "stroke"]), clock_std_s=0.0)
     for file in rowing.write_crew_report(timing, folder / "crew.html"):

@@ -11,7 +11,8 @@ import numpy as np
 
 import oarlock
 from golden.values import run_command
-from oarlock import ImuStream, Recording, ScalarStream, rowing
+from oarlock import Recording, rowing
+from oarlock.recording import ImuStream, ScalarStream
 
 Call = Callable[[], object]
 

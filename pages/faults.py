@@ -19,7 +19,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import oarlock
-from oarlock import DataError, DivergedError, ImuStream, Recording, ScalarStream, Track
+from oarlock import DataError, DivergedError, Recording, Track
+from oarlock.recording import ImuStream, ScalarStream
 from oarlock.recording.streams import Stream
 from oarlock.rowing import FieldEffects, simulate_field
 
@@ -206,7 +207,7 @@ def body(name: str, seed: int) -> tuple[oarlock.Model, Recording, Track, oarlock
         middle = float(np.clip(0.0, low + size, high - size))
         q.append(np.minimum(time_s / 2.0, 1.0) * (middle + size * np.tanh(waves / 1.5)))
     truth, recording = oarlock.simulate(
-        model, oarlock.Motion(model.joint_names, time_s, np.column_stack(q)), seed=seed
+        model, oarlock.simulation.Motion(model.joint_names, time_s, np.column_stack(q)), seed=seed
     )
     return model, recording, truth, None
 

@@ -85,10 +85,12 @@ def _recording(arrays: Mapping[str, Any]) -> oarlock.Recording:
     time_s, imu = arrays["time_s"], arrays["imu"].astype(float)
     encoders = np.column_stack([arrays["seat_m"], arrays["oar_rad"]])
     streams: list[Any] = [
-        oarlock.ImuStream(unit, time_s, gyro_rad_s=x[:, :3], accel_m_s2=x[:, 3:6], mag_ut=x[:, 6:])
+        oarlock.recording.ImuStream(unit, time_s, gyro_rad_s=x[:, :3], accel_m_s2=x[:, 3:6], mag_ut=x[:, 6:])
         for unit, x in zip(UNITS, imu.transpose(1, 0, 2), strict=True)
     ]
-    streams += [oarlock.ScalarStream(n, time_s, x) for n, x in zip(ENCODERS, encoders.T, strict=True)]
+    streams += [
+        oarlock.recording.ScalarStream(n, time_s, x) for n, x in zip(ENCODERS, encoders.T, strict=True)
+    ]
     return oarlock.Recording(streams)
 
 

@@ -18,9 +18,7 @@ import oarlock
 from oarlock.evaluation.study.costs import Dose, middle
 from oarlock.evaluation.study.result import StudyResult
 from oarlock.evaluation.study.sweeps import NO_FAULT
-from oarlock.report.fault_page import by_fault, usual_row
-from oarlock.report.fault_picture import fault_picture
-from oarlock.report.fault_words import findings
+from oarlock.report.fault_page import by_fault, fault_picture, findings, usual_row
 from oarlock.report.study_page import study_page
 from oarlock.report.text import number, percent
 from oarlock.rowing import SIMULATORS

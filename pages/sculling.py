@@ -61,6 +61,6 @@ def errors(
     )
 
 
-def angles(track: oarlock.Track, truth: oarlock.Track) -> oarlock.Evaluation:
+def angles(track: oarlock.Track, truth: oarlock.Track) -> oarlock.evaluation.Evaluation:
     """Scores of the joints, without the first seconds."""
     return oarlock.evaluate(track, truth, start_s=SETTLED_S)

@@ -1,4 +1,4 @@
-"""Tables of the pages that come from code: formats, devices, metrics, settings, model keys and verbs.
+"""Tables of the pages that come from code: formats, devices, metrics, settings and model keys.
 
 A table stands in a page of docs/ between `<!-- generated: NAME -->` and `<!-- end -->`; NAME is a key of `TABLES`.
 `python -m pages tables` writes them.
@@ -8,16 +8,11 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
-
-import typer
-from typer.main import get_command
 
 import oarlock
-from oarlock.cli import app
 from oarlock.formats.importers import FORMATS
 from oarlock.live.decoders import DECODERS
 from oarlock.rowing.analysis.features import CURVES, FEATURES, NUMBERS
@@ -31,8 +26,6 @@ KEYS: Mapping[str, Mapping[str, Sequence[str]]] = tomllib.loads(
 """Keys of each table of a model file: what they take, default, meaning."""
 _BLOCK = re.compile(r"(<!-- generated: (.+?) -->\n).*?(<!-- end -->)", re.S)
 _MOMENT = re.compile("catch|finish|drive|recovery", re.I)
-_LONGEST = 300
-"""Characters of a verb's line of help; typer cuts a longer one."""
 
 
 def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -46,7 +39,7 @@ def formats() -> str:
     def row(name: str, reads: str, options: Sequence[str]) -> list[str]:
         return [f"`{name}`", reads, ", ".join(f"`--{option.replace('_', '-')}`" for option in options)]
 
-    rows = [row(each.name, each.reads, [option.name for option in each.options]) for each in FORMATS]
+    rows = [row(each.name, each.reads, each.options) for each in FORMATS]
     return _table(("name", "reads", "options"), rows)
 
 
@@ -103,29 +96,11 @@ def model_keys(table: str) -> str:
     return _table(("key", "takes", "default", "meaning"), rows)
 
 
-def verbs() -> str:
-    """All verbs with their lines of help, those of a group under its title."""
-    return "\n\n".join(_groups(get_command(app), "oarlock"))
-
-
-def _groups(group: Any, path: str) -> Iterator[str]:
-    context = typer.Context(group, info_name=path)
-    listed = [(name, group.get_command(context, name)) for name in group.list_commands(context)]
-    shown = [(name, command) for name, command in listed if not command.hidden]
-    rows = [[f"`{name}`", command.get_short_help_str(_LONGEST)] for name, command in shown]
-    yield f"## {path}\n\n{_table(('verb', 'does'), rows)}"
-    for name, _ in shown:
-        command = group.resolve_command(context, [name])[1]
-        if hasattr(command, "commands"):
-            yield from _groups(command, f"{path} {name}")
-
-
 TABLES: Mapping[str, Callable[[], str]] = {
     "formats": formats,
     "devices": devices,
     "metrics": metrics,
     "settings": settings,
-    "verbs": verbs,
     **{f"keys of {table}": partial(model_keys, table) for table in KEYS},
 }
 """Text of a block by its name."""

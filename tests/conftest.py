@@ -78,7 +78,7 @@ def pendulum_motion(pendulum: oarlock.Model, tmp_path_factory: pytest.TempPathFa
     time_s = np.linspace(0.0, 4.2, 200)
     joints = {name: 0.4 * np.sin(2.0 * time_s + k) for k, name in enumerate(pendulum.joint_names)}
     folder = tmp_path_factory.mktemp("motion")
-    oarlock.simulate(pendulum, oarlock.Motion.from_joints(time_s, joints))[0].save(folder)
+    oarlock.simulate(pendulum, oarlock.simulation.Motion.from_joints(time_s, joints))[0].save(folder)
     return folder
 
 

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from oarlock import ImuStream, Recording, ScalarStream
+from oarlock import Recording
+from oarlock.recording import ImuStream, ScalarStream
 
 PHI_RAD = (-1.1, 0.6)
 

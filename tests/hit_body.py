@@ -100,7 +100,7 @@ def hit_body(
         bias = gyro_bias_rad_s * random.standard_normal(3)
         force = turns[link][at].inv().apply(acceleration + GRAVITY * UP)
         streams.append(
-            oarlock.ImuStream(
+            oarlock.recording.ImuStream(
                 link,
                 fine_s[at],
                 gyro_rad_s=mount.inv().apply(turned) + bias,

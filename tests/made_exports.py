@@ -11,6 +11,8 @@ Floats = NDArray[np.float64]
 PEAK_N = 600.0
 DRIVE_SHARE = 0.42
 """Of each stroke."""
+SPEED_M_S = 4.2
+"""Of the boat or the flywheel, all the time: its distance is 0 at 0 s."""
 ZERO = datetime.datetime(2026, 5, 1, 7, 30, tzinfo=datetime.UTC)
 
 
@@ -33,7 +35,8 @@ def drives_s(catch_s: Floats) -> Floats:
 def painsled_desktop(file: Path, catch_s: Floats) -> Path:
     """The device's own clock starts at 0 s; a curve has 48 points, even in time."""
     head = "stroke.driveStartMs,stroke.strokeNumber,stroke.strokeType,stroke.driveMs,stroke.strokeTimeMs"
-    lines = [f"{head},stroke.strokesPerMin,workout.rowStartMs,stroke.forceMap"]
+    ways = "stroke.startWorkoutMeter,stroke.strokeMeters"
+    lines = [f"{head},stroke.strokesPerMin,workout.rowStartMs,{ways},stroke.forceMap"]
     pounds = " ".join(f"{n / 4.4482216:.3f}" for n in force_n(np.linspace(0.0, 1.0, 48)))
     for k, (begin_s, lasted_s, drive_s) in enumerate(
         zip(catch_s, np.diff(catch_s), drives_s(catch_s), strict=False)
@@ -43,7 +46,8 @@ def painsled_desktop(file: Path, catch_s: Floats) -> Path:
             for s in (begin_s, 0.0)
         ]
         times = f"{1e3 * drive_s:.0f},{1e3 * lasted_s:.0f},{60.0 / lasted_s:.0f}"
-        lines.append(f"{moments[0]},{k + 1},0,{times},{moments[1]},[{pounds}]")
+        far = f"{SPEED_M_S * begin_s:.2f},{SPEED_M_S * lasted_s:.2f}"
+        lines.append(f"{moments[0]},{k + 1},0,{times},{moments[1]},{far},[{pounds}]")
     file.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return file
 
@@ -57,12 +61,13 @@ def rp3(file: Path, catch_s: Floats, way_m: float = 1.32) -> Path:
     head = (
         "workout_interval_id,stroke_number,stroke_rate,time,stroke_length,drive_time,recover_time,peak_force"
     )
-    lines = [f"{head},peak_force_pos,curve_data"]
+    lines = [f"{head},peak_force_pos,distance,curve_data"]
     for k, (begin_s, lasted_s, drive_s) in enumerate(
         zip(catch_s, np.diff(catch_s), drives_s(catch_s), strict=False)
     ):
         times = f"{60.0 / lasted_s:.2f},{begin_s + drive_s:.2f},{100 * way_m:.1f},{drive_s:.2f},1.00"
-        lines.append(f'7,{k + 1},{times},{forces.max():.0f},{100 * at_m[forces.argmax()]:.0f},"{curve}"')
+        peak = f"{forces.max():.0f},{100 * at_m[forces.argmax()]:.0f}"
+        lines.append(f'7,{k + 1},{times},{peak},{SPEED_M_S * (begin_s + drive_s):.2f},"{curve}"')
     file.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return file
 
@@ -81,10 +86,16 @@ def peach(file: Path, catch_s: Floats, seats: tuple[int, ...] = (1,), encoding: 
         "Time",
         *[n for _ in seats for n in ("P GateAngle", "S GateAngle", "P GateForceX", "S GateForceX")],
         "Speed",
+        "Distance",
     ]
-    owners = ["", *[str(seat) for seat in seats for _ in range(4)], "Boat"]
+    owners = ["", *[str(seat) for seat in seats for _ in range(4)], "Boat", "Boat"]
     rows = [
-        [f"{1e3 * t:.0f}", *[f"{v:.3f}" for _ in seats for v in (a, a, f, f)], "4.20"]
+        [
+            f"{1e3 * t:.0f}",
+            *[f"{v:.3f}" for _ in seats for v in (a, a, f, f)],
+            f"{SPEED_M_S}",
+            f"{SPEED_M_S * t:.3f}",
+        ]
         for t, a, f in zip(time_s, angle_deg, pulled_kg, strict=True)
     ]
     table = [["=====", "Crew Info"], ["Position", "Name"], ["=====", "Periodic"], names, owners, *rows]

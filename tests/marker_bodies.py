@@ -3,8 +3,8 @@
 import numpy as np
 
 import oarlock
-from oarlock import Motion
 from oarlock.markers import Attachment, Markers
+from oarlock.simulation import Motion
 
 ARM_LIMIT_SHARE = 0.2
 

@@ -125,13 +125,13 @@ def load_tree(tree: Tree, folder: Path) -> oarlock.Model:
     return oarlock.load_model(file)
 
 
-def waves(model: oarlock.Model, seed: int = 0, seconds: float = 3.0) -> oarlock.Motion:
+def waves(model: oarlock.Model, seed: int = 0, seconds: float = 3.0) -> oarlock.simulation.Motion:
     """Slow sines on every coordinate and on the root's acceleration."""
     random, time_s = np.random.default_rng(seed), np.linspace(0.0, seconds, round(200 * seconds) + 1)
     n = len(model.coordinate_names)
     speed, phase = random.uniform(1.0, 6.0, n + 3), random.uniform(0.0, 6.0, n + 3)
     wave = np.sin(time_s[:, None] * speed + phase) * random.uniform(0.1, 0.6, n + 3)
-    return oarlock.Motion(tuple(model.coordinate_names), time_s, wave[:, :n], 5 * wave[:, n:])
+    return oarlock.simulation.Motion(tuple(model.coordinate_names), time_s, wave[:, :n], 5 * wave[:, n:])
 
 
 def _document(tree: Tree) -> dict[str, Any]:

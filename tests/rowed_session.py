@@ -53,7 +53,7 @@ class Rowed:
         noise = {"seat": 0.001}
         return oarlock.Recording(
             [
-                oarlock.ScalarStream(
+                oarlock.recording.ScalarStream(
                     name,
                     time_s,
                     self.splines[name](time_s)

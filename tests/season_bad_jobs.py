@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 
 from oarlock.rowing import StrokeTable
-from oarlock.season import Entry
-from oarlock.season.compute import Compute, StrokesAndHealth, Tools, computed, fetch, run_job
+from oarlock.season import Entry, Season, Setup
+from oarlock.season.compute import Compute, StrokesAndHealth, computed, fetch, run_job
 from oarlock.season.run import Job, Reply
 
 BAD, COUNT = "OARLOCK_TEST_BAD", "OARLOCK_TEST_COUNT"
@@ -41,10 +41,10 @@ def waiting_task(job: Job) -> Reply:
 
 
 def _counted(job: Job, compute: Compute) -> Reply:
-    def watched(entry: Entry, tools: Tools) -> StrokesAndHealth:
+    def watched(season: Season, entry: Entry, setup: Setup) -> StrokesAndHealth:
         _note("begun", job)
         _misbehave(json.loads(os.environ.get(BAD, "{}")).get(job.recording, ""))
-        return compute(entry, tools)
+        return compute(season, entry, setup)
 
     reply = run_job(job, watched)
     if reply.status in ("done", "failed"):
@@ -52,11 +52,11 @@ def _counted(job: Job, compute: Compute) -> Reply:
     return reply
 
 
-def _quick(entry: Entry, tools: Tools) -> StrokesAndHealth:
+def _quick(season: Season, entry: Entry, setup: Setup) -> StrokesAndHealth:
     with_files = Path(os.environ["TMPDIR"], entry.recording)
-    fetch(tools.season, entry, with_files)
+    fetch(season, entry, with_files)
     angle = np.array([int(entry.recording[:4], 16) / 1e5, 0.5])
-    return StrokesAndHealth(StrokeTable({"catch_angle_rad": -angle}, source="quick"), {"trunk.nis": 1.0})
+    return StrokeTable({"catch_angle_rad": -angle}, source="quick"), {"trunk.nis": 1.0}
 
 
 def _misbehave(how: str) -> None:

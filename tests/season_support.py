@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from oarlock import ImuStream, Recording
+from oarlock import Recording
+from oarlock.recording import ImuStream
 from oarlock.rowing import StrokeTable, save_strokes
 from oarlock.season import Admission, Athlete, RunRecord, Season, Setup
 

@@ -13,14 +13,13 @@ from local_data import local_folder
 from oarlock.rowing import StrokeTable, load_export
 from oarlock.rowing.alongside.align import NO_ONSET, align_strokes
 from oarlock.rowing.alongside.clock_match import match_clocks
-from oarlock.rowing.alongside.course import course_of, parts_of, pieces_of, splits_of, starts_of
+from oarlock.rowing.alongside.course import course_of, pieces_of, splits_of, starts_of
 from oarlock.rowing.alongside.force_curves import FORCES, force_stacks, forces_on_strokes
 from oarlock.rowing.alongside.paces import clock_text, pace_text
 from oarlock.rowing.analysis.technique import technique
-from oarlock.rowing.report.export_fade import where_lost
 from oarlock.rowing.report.export_front import findings_of_export
 from oarlock.rowing.report.export_page import strokes_page, write_strokes_report
-from oarlock.rowing.report.export_piece import ExportPiece, resolution
+from oarlock.rowing.report.export_piece import ExportPiece, resolution, where_lost
 from oarlock.storage.errors import DataError
 from rowed_truth import rowed
 
@@ -208,9 +207,9 @@ def fading(seed: int, lost_m: float) -> StrokeTable:
 
 
 def test_a_planted_change_is_named_first_and_nothing_where_nothing_changed():
-    named = [findings_of_export(fading(seed, 0.06)) for seed in range(10)]
+    named = [findings_of_export(ExportPiece(fading(seed, 0.06))) for seed in range(10)]
     assert sum(bool(found) and found[0].name == "handle_travel_m" for found in named) >= 9
-    assert sum(not findings_of_export(fading(seed, 0.0)) for seed in range(20)) >= 19
+    assert sum(not findings_of_export(ExportPiece(fading(seed, 0.0))) for seed in range(20)) >= 19
 
 
 def test_last_time_is_compared_only_with_the_same_device():
@@ -218,24 +217,24 @@ def test_last_time_is_compared_only_with_the_same_device():
         replace(fading(seed, lost_m), source=f"{seed}.csv: RP3") for seed, lost_m in ((1, 0.0), (2, 0.0))
     )
     shorter = replace(now, columns={**now.columns, "handle_travel_m": now["handle_travel_m"] - 0.08})
-    assert [one.kind for one in findings_of_export(shorter, earlier)] == ["against last"]
+    pieces = ExportPiece(shorter), ExportPiece(earlier)
+    assert [one.kind for one in findings_of_export(*pieces)] == ["against last"]
     other = replace(earlier, source="1.csv: Concept2")
-    assert findings_of_export(shorter, other) == []
+    assert findings_of_export(pieces[0], ExportPiece(other)) == []
     assert "not assessed, because the devices differ (RP3, Concept2)" in strokes_page(shorter, other)
 
 
 def test_the_effect_of_the_rate_is_no_change():
     rate = np.linspace(18.0, 34.0, 90)
     scatter = np.random.default_rng(0).normal(0.0, 0.01, 90)
-    assert not findings_of_export(
-        StrokeTable({"rate_per_min": rate, "handle_travel_m": 1.5 - 0.01 * (rate - 18.0) + scatter})
-    )
+    travel = 1.5 - 0.01 * (rate - 18.0) + scatter
+    assert not findings_of_export(ExportPiece(StrokeTable({"rate_per_min": rate, "handle_travel_m": travel})))
 
 
 def test_splits_are_at_marks_of_500_m():
     distance_m = np.arange(0.0, 2005.0, 9.0)
     table = StrokeTable({"time_s": distance_m / 4.0, "distance_m": distance_m})
-    parts = parts_of(course_of(table))
+    parts = splits_of(course_of(table))
     assert [part.name for part in parts[:4]] == ["to 500 m", "to 1000 m", "to 1500 m", "to 1998 m"]
     assert [part.duration_s for part in parts[:3]] == pytest.approx([125.0] * 3)
     assert pace_text(4.0) == "2:05.0" and pace_text(0.0) == pace_text(np.nan) == "–"
@@ -298,6 +297,21 @@ def test_intervals_of_a_clock_that_restarts_keep_their_whole_distance():
     assert [one.distance_m for one in pieces] == pytest.approx([1000.0, 1000.0])
     assert [one.duration_s for one in pieces] == pytest.approx([250.0, 250.0])
     assert np.isnan(pieces[1].pause_s)
+
+
+@pytest.mark.parametrize("write", [made.rp3, made.painsled_desktop, made.peach])
+def test_distance_and_time_of_a_piece_are_those_of_the_same_moments(tmp_path, write):
+    course = course_of(load_export(write(tmp_path / "export.txt", catches("steady", 70, 0))))
+    for part in (*pieces_of(course), *splits_of(course)):
+        assert part.speed_m_s == pytest.approx(made.SPEED_M_S, rel=0.001)
+
+
+def test_the_pace_of_an_rp3_is_that_of_the_machine():
+    course = course_of(load_export(EXAMPLES / "rp3.csv"))
+    assert (round(course.distance_m, 1), round(course.duration_s, 2)) == (77.9, 23.42)
+    own_s = 151.0  # its estimated_500m_time; its stamps run 0.02 s a stroke short of its other times
+    for part in (*pieces_of(course), *splits_of(course)):
+        assert 500.0 / part.speed_m_s == pytest.approx(own_s, rel=0.01)
 
 
 def test_a_gap_in_which_the_boat_went_on_is_no_pause():

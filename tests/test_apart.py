@@ -58,13 +58,13 @@ def alternating():
     model = oarlock.load_model("pendulum3")
     knots = np.arange(0.0, 4.0, 0.02)
     q = 0.6 * np.sin(2 * np.pi * np.outer(knots, [0.7, 0.9, 1.1]))
-    motion = oarlock.Motion(tuple(model.coordinate_names), knots, q)
+    motion = oarlock.simulation.Motion(tuple(model.coordinate_names), knots, q)
     _, recording = oarlock.simulate(model, motion, seed=4, rate_hz=100.0)
     streams = []
     for number, stream in enumerate(recording.streams):
         rows = slice(int(number > 0), None, 2)
         values = {name: value[rows] for name, value in stream.values.items()}
-        streams.append(oarlock.ImuStream(stream.name, stream.time_s[rows] + 0.003, **values))
+        streams.append(oarlock.recording.ImuStream(stream.name, stream.time_s[rows] + 0.003, **values))
     return model, oarlock.Recording(streams)
 
 
@@ -135,7 +135,10 @@ def test_shuffled_delivery_gives_the_bits_of_the_recording(sculler, rowed):
 
 
 def test_streams_without_a_sensor_are_left_out_with_one_note(sculler, rowed):
-    others = [oarlock.ScalarStream(name, [0.0, 1.0, 2.0], [1.0, 2.0, 3.0]) for name in ("pulse", "grip_kg")]
+    others = [
+        oarlock.recording.ScalarStream(name, [0.0, 1.0, 2.0], [1.0, 2.0, 3.0])
+        for name in ("pulse", "grip_kg")
+    ]
     track = oarlock.track(sculler, oarlock.Recording([*rowed.streams, *others]))
     notes = [note for note in track.notes if "without a sensor" in note]
     assert notes == ["2 streams without a sensor in this model: pulse, grip_kg; not used"]
@@ -146,7 +149,7 @@ def test_streams_without_a_sensor_are_left_out_with_one_note(sculler, rowed):
 
 
 def part_named(stream, name):
-    return oarlock.ScalarStream(name, stream.time_s, stream.value, stream.unit)
+    return oarlock.recording.ScalarStream(name, stream.time_s, stream.value, stream.unit)
 
 
 @pytest.mark.parametrize(("after_s", "bound_deg"), [(0.004, 0.1), (0.15, 1.5), (0.5, 1.5)])
@@ -157,7 +160,7 @@ def test_encoders_whose_first_reading_is_later_than_that_of_units_do_not_tilt_th
 
     Where the first posture is fitted without them, it is known to the 2.3 deg of its band.
     """
-    units = [stream for stream in rowed if isinstance(stream, oarlock.ImuStream)]
+    units = [stream for stream in rowed if isinstance(stream, oarlock.recording.ImuStream)]
     encoders = oarlock.Recording([stream for stream in rowed if stream not in units]).slice(start_s=after_s)
     late, whole = (oarlock.track(sculler, one) for one in (oarlock.Recording([*units, *encoders]), rowed))
     time_s = np.linspace(0.6, 3.8, 9)
@@ -196,7 +199,7 @@ def test_exact_orientations_halfway_between_two_samples(tmp_path, phase):
     rate_hz, knots = 50.0, np.arange(0.0, 5.0, 0.02)
     q = 0.35 * np.sin(2 * np.pi * np.outer(knots, [0.4, 0.6, 0.7]))
     truth, together = oarlock.simulate(
-        model, oarlock.Motion(tuple(model.coordinate_names), knots, q), seed=2, rate_hz=rate_hz
+        model, oarlock.simulation.Motion(tuple(model.coordinate_names), knots, q), seed=2, rate_hz=rate_hz
     )
     late_s = phase / rate_hz - together.start_s
     apart = oarlock.Recording([s.at_rows(slice(None), s.time_s + late_s) for s in together.streams])

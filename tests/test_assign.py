@@ -147,11 +147,14 @@ def test_units_of_any_name_get_their_sensors(legs, tmp_path):
     command = ("calibrate", "units", tmp_path / "rec", "--model", "lower_body")
     out = ("--order", "right_leg,left_leg", "--out", tmp_path / "units.toml")
     said = run(*command, *out, "--write", tmp_path / "named").output
-    assert "right_leg" in said and "100 %" in said and " cm" in said and "oarlock track" in said
+    assert "right leg %" in said and "100" in said and "distance m" in said and "oarlock track" in said
     assert set(oarlock.load_recording(tmp_path / "named").names) == set(units)
     run(*command, *out, status=2)  # the file exists
     told = json.loads(run(*command, *out, "--force", "--json").stdout)
-    assert told["units"] == units and told["movements"][1]["name"] == "left_leg"
+    assert {sensor: row["unit"] for sensor, row in told["units"].items()} == units
+    assert told["movements"][1]["name"] == "left_leg"
+    assert told["units"]["foot_r"]["right_leg_percent"] > 99.0
+    assert told["units"]["foot_r"]["distance_m"] == pytest.approx(0.863, rel=0.1)
     by_file = ("--units", tmp_path / "units.toml", "--write", tmp_path / "by_file")
     run(*command, *by_file)
     again, first = (oarlock.load_recording(tmp_path / name) for name in ("by_file", "named"))
@@ -163,7 +166,7 @@ def test_units_of_any_name_get_their_sensors(legs, tmp_path):
 def test_a_terminal_leads_through_it(legs, tmp_path, monkeypatch):
     _, recording, units = legs
     recording.save(tmp_path / "rec")
-    monkeypatch.setattr("oarlock.cli.import_path.asks_questions", lambda no, json_output: True)
+    monkeypatch.setattr("oarlock.cli.calibrate_units.asks_questions", lambda no, json_output: True)
 
     def typed(answers, out):
         words = ["calibrate", "units", tmp_path / "rec", "--model", "lower_body", "--out", tmp_path / out]

@@ -27,7 +27,7 @@ def upright(model, random, seconds=30.0, tilt_rad=0.0):
     pan, roll, tips = waves(0.5), waves(0.5), waves(tilt_rad)
     link = Rotation.from_euler("z", pan[:, None]) * Rotation.from_euler("y", tips[:, None])
     first = (link * Rotation.from_euler("x", -roll[:, None])).as_rotvec()
-    return oarlock.Motion(tuple(model.coordinate_names), time_s, np.column_stack([first, roll]))
+    return oarlock.simulation.Motion(tuple(model.coordinate_names), time_s, np.column_stack([first, roll]))
 
 
 def found_and_true(model, seed, tilt_rad=0.0, std_rad=0.02):
@@ -44,7 +44,7 @@ def found_and_true(model, seed, tilt_rad=0.0, std_rad=0.02):
     one, two = (recording[name] for name in LINKS)
     biased = np.array(two.gyro_rad_s) * (1.0 + 0.02 * random.standard_normal())
     biased += 0.005 * random.standard_normal(3)
-    two = oarlock.ImuStream("carpus", two.time_s, gyro_rad_s=biased, accel_m_s2=two.accel_m_s2)
+    two = oarlock.recording.ImuStream("carpus", two.time_s, gyro_rad_s=biased, accel_m_s2=two.accel_m_s2)
     return oarlock.calibration.calibrate_hinge_axes(model, oarlock.Recording([one, two])), true
 
 

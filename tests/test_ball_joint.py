@@ -62,7 +62,7 @@ def test_flexion_is_the_angle_between_the_long_axes_whatever_the_mounts_heading(
         axis = np.array([np.sin(heading_rad), 0.0, np.cos(heading_rad)])
         columns = [ball.coordinate_names.index(f"elbow_r.r{letter}") for letter in "xyz"]
         q[:, columns] = bend_rad[:, None] * axis
-        motion = oarlock.Motion(tuple(ball.coordinate_names), time_s, q)
+        motion = oarlock.simulation.Motion(tuple(ball.coordinate_names), time_s, q)
         truth, _ = oarlock.simulate(ball, motion, seed=0, rate_hz=50)
         angles = oarlock.joint_angles(truth)
         assert [name for name in angles if name.startswith("elbow")] == ["elbow_flexion_r"]

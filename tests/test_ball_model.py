@@ -72,7 +72,7 @@ def model(file) -> oarlock.Model:
 
 
 @pytest.fixture(scope="module")
-def motion() -> oarlock.Motion:
+def motion() -> oarlock.simulation.Motion:
     """The shoulder goes through half turns; it starts where the fit of the first samples finds it from rest."""
     random, time_s = np.random.default_rng(0), np.arange(0.0, 12.5, 0.02)
 
@@ -80,7 +80,7 @@ def motion() -> oarlock.Motion:
         return reach * np.sin(np.outer(time_s, random.uniform(0.5, 2.0, n)) + random.uniform(0.0, 6.0, n))
 
     turn = wave(3, 1.3) * (1.0 - 0.95 * np.exp(-((time_s / 2.0) ** 2)))[:, None]
-    return oarlock.Motion.from_joints(
+    return oarlock.simulation.Motion.from_joints(
         time_s, {"elbow": wave(1, 0.5)[:, 0], "shoulder": quat_from_rotvec(turn), "trunk": wave(1, 0.3)[:, 0]}
     )
 

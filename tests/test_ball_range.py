@@ -80,7 +80,9 @@ def recorded(model: oarlock.Model) -> oarlock.Recording:
     head = (Rotation.from_rotvec(REST) * Rotation.from_rotvec(wave)).as_quat(scalar_first=True)
     trunk = Rotation.from_rotvec(wave[:, ::-1]).as_quat(scalar_first=True)
     values = {"trunk": trunk, "neck": head, "jaw": 0.1 * np.sin(time_s)}
-    return oarlock.simulate(model, oarlock.Motion.from_joints(time_s, values), seed=1, rate_hz=50.0)[1]
+    return oarlock.simulate(
+        model, oarlock.simulation.Motion.from_joints(time_s, values), seed=1, rate_hz=50.0
+    )[1]
 
 
 def range_notes(track: oarlock.Track) -> list[str]:

@@ -84,7 +84,7 @@ def test_noise_that_a_model_states_is_in_the_bands(gyro_std_rad_s: float, accel_
     assert len(hinges) == 4 and max(score.nees for score in hinges) < 2.0
 
 
-def waving(model: oarlock.Model) -> oarlock.Motion:
+def waving(model: oarlock.Model) -> oarlock.simulation.Motion:
     """All joints of an arm turn by sums of sines about a bent elbow, from the rest posture on."""
     random, time_s = np.random.default_rng(21), np.arange(0.0, 30.0, 0.01)
     begin = np.clip((time_s - 1.0) / 3.0, 0.0, 1.0)
@@ -100,7 +100,7 @@ def waving(model: oarlock.Model) -> oarlock.Motion:
         joints[joint.name] = waves(columns)[:, 0] if columns == 1 else waves(columns)
     joints["elbow_flexion_r"] += 1.2 * begin
     joints["elbow_pronation_r"] += 1.4
-    return oarlock.Motion.from_joints(time_s, joints)
+    return oarlock.simulation.Motion.from_joints(time_s, joints)
 
 
 def cut(recording: oarlock.Recording, begin_s: float, end_s: float) -> oarlock.Recording:

@@ -247,7 +247,7 @@ def moving(model, seed=3, count=60, reach_rad=0.5):
         start = np.minimum(1.0, time_s / 1.5) ** 2 * (3 - 2 * np.minimum(1.0, time_s / 1.5))
         values = rest[:, None] + start * np.array(scale)[:, None] * np.array(waves)
         joints[joint.name] = values[0] if len(values) == 1 else values.T
-    return oarlock.Motion.from_joints(time_s, joints)
+    return oarlock.simulation.Motion.from_joints(time_s, joints)
 
 
 @pytest.fixture(scope="module")
@@ -299,7 +299,7 @@ def test_a_raised_arm_has_the_clinic_s_signs(full, side):
         turn = np.radians(70.0) * np.array(about) * np.linspace(0.9, 1.0, 20)[:, None]
         joints = {joint.name: np.tile(np.ravel(joint.rest), (20, 1)) for joint in full.describe().joints}
         joints = {name: values[:, 0] if values.shape[1] == 1 else values for name, values in joints.items()}
-        motion = oarlock.Motion.from_joints(time_s, joints | {f"shoulder_{side}": turn})
+        motion = oarlock.simulation.Motion.from_joints(time_s, joints | {f"shoulder_{side}": turn})
         angles = oarlock.joint_angles(oarlock.simulate(full, motion, sensors=["pelvis"], noise=False)[0])
         assert np.degrees(angles[f"shoulder_elevation_{side}"].angle_rad[-1]) == pytest.approx(70.0, abs=0.5)
         assert np.degrees(angles[f"shoulder_plane_{side}"].angle_rad[-1]) == pytest.approx(plane_deg, abs=0.5)
@@ -354,7 +354,7 @@ def test_low_pass_removes_vibration_and_keeps_turning():
     slow, fast = np.sin(2 * np.pi * time_s), 15.0 * np.sin(2 * np.pi * 25.0 * time_s)
     gyro = np.column_stack([slow, slow + fast, fast])
     gyro[400:420] = np.nan
-    mixed = oarlock.Recording([oarlock.ImuStream("thigh_r", time_s, gyro_rad_s=gyro)])
+    mixed = oarlock.Recording([oarlock.recording.ImuStream("thigh_r", time_s, gyro_rad_s=gyro)])
     calm = mixed.low_passed(6.0).sensor("thigh_r")
     assert len(calm.time_s) == 250
     inner = slice(25, 90)
@@ -468,7 +468,7 @@ def test_a_magnetometer_that_the_body_does_not_use_adds_no_samples():
         gyro[rows], accel[rows] = stream.gyro_rad_s, stream.accel_m_s2
         field[np.setdiff1d(np.arange(len(time_s)), rows)] = 30.0
         with_field.append(
-            oarlock.ImuStream(stream.name, time_s, gyro_rad_s=gyro, accel_m_s2=accel, mag_ut=field)
+            oarlock.recording.ImuStream(stream.name, time_s, gyro_rad_s=gyro, accel_m_s2=accel, mag_ut=field)
         )
     track = oarlock.track(body, oarlock.Recording(with_field))
     np.testing.assert_array_equal(track.time_s, plain.time_s)

@@ -184,7 +184,7 @@ def test_an_axis_that_nothing_tells_turns_no_mount(model):
     motion = waving(model)
     still = motion.q.copy()
     still[:, :3] = 0.0
-    calm = oarlock.Motion(tuple(model.coordinate_names), motion.time_s, still)
+    calm = oarlock.simulation.Motion(tuple(model.coordinate_names), motion.time_s, still)
     recording = oarlock.simulate(model, calm, rate_hz=100.0)[1]
     found = oarlock.calibration.calibrate_hinge_axes(model, recording, sensors=("trunk", "shank"))
     assert found.noted["kept_nominal"] == ["trunk: axis of knee"]
@@ -248,10 +248,12 @@ def test_the_field_becomes_parameters(model):
 
 def as_arm(recording):
     streams = [
-        oarlock.ImuStream(name, s.time_s, **s.values)
+        oarlock.recording.ImuStream(name, s.time_s, **s.values)
         for name, s in zip(("upperarm", "forearm", "hand"), recording.streams, strict=False)
     ]
-    streams.append(oarlock.ImuStream("x", *(recording["shank"].time_s,), **recording["shank"].values))
+    streams.append(
+        oarlock.recording.ImuStream("x", *(recording["shank"].time_s,), **recording["shank"].values)
+    )
     return oarlock.Recording(streams)
 
 
@@ -288,7 +290,7 @@ def test_what_cannot_be_searched_is_refused(model):
         oarlock.calibration.calibrate_joint_centers(model, recording, sensors=("lower", "shank"))
     with pytest.raises(DataError, match="no single hinge"):
         oarlock.calibration.calibrate_hinge_axes(model, recording, sensors=("trunk", "upper"))
-    bare = oarlock.Recording([oarlock.ImuStream("trunk", [0.0, 0.1], gyro_rad_s=np.zeros((2, 3)))])
+    bare = oarlock.Recording([oarlock.recording.ImuStream("trunk", [0.0, 0.1], gyro_rad_s=np.zeros((2, 3)))])
     assert_refused(lambda: oarlock.calibration.calibrate_pose(model, bare), "gyro_rad_s and accel_m_s2")
     assert_refused(lambda: oarlock.calibration.calibrate_field(model, bare), "recorded mag_ut")
 
@@ -300,7 +302,7 @@ def test_two_units_on_one_body_are_refused(model, tmp_path):
         model.text + "\n" + sensor.replace('name = "upper"', 'name = "strap"', 1), encoding="utf-8"
     )
     recording = recorded(model, wearing(), seconds=5.0)
-    strap = oarlock.ImuStream("strap", recording["upper"].time_s, **recording["upper"].values)
+    strap = oarlock.recording.ImuStream("strap", recording["upper"].time_s, **recording["upper"].values)
     with pytest.raises(DataError, match='"upper" and "strap" sit on the same body'):
         oarlock.calibration.calibrate_joint_centers(
             oarlock.load_model(twin), oarlock.Recording([*recording.streams, strap])

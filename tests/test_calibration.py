@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import oarlock
-from oarlock import Calibration, ImuStream, Recording, ScalarStream, VectorStream
+from oarlock import Calibration, Recording
 from oarlock.calibration.static.worn_model import Worn
-from oarlock.recording import Clock, EncoderScale
+from oarlock.recording import Clock, EncoderScale, ImuStream, ScalarStream, VectorStream
 from oarlock.storage.errors import DataError
 from refusals import assert_refused
 
@@ -228,7 +228,7 @@ def swing():
     model = oarlock.load_model("arm7")
     time_s = np.arange(0.0, 3.0, 0.01)
     q = 0.4 * np.sin(time_s[:, None] * np.linspace(1.0, 2.0, len(model.joint_names)))
-    _, recording = oarlock.simulate(model, oarlock.Motion(model.joint_names, time_s, q), seed=1)
+    _, recording = oarlock.simulate(model, oarlock.simulation.Motion(model.joint_names, time_s, q), seed=1)
     return model, recording
 
 

@@ -15,7 +15,7 @@ def test_a_unit_that_reports_late_is_found(seed):
     """Hits are shorter than two samples, so not every such body shows a lag; these move enough beside them."""
     body = hit_body(30.0, 0.01, seed=seed)
     late = [
-        oarlock.ImuStream(
+        oarlock.recording.ImuStream(
             stream.name,
             stream.time_s + 1e-6 * k + (LATE_S if stream.name == "upper_arm_l" else 0.0),
             gyro_rad_s=stream.gyro_rad_s,

@@ -7,7 +7,7 @@ import pytest
 
 import oarlock
 from command_line import run
-from oarlock import Calibration, ImuStream, Motion, Recording, ScalarStream
+from oarlock import Calibration, Recording
 from oarlock.calibration.clocks.coarse import coarse_delays
 from oarlock.calibration.clocks.devices import most_agree, reference_streams, unknowns
 from oarlock.calibration.clocks.lines import (
@@ -18,8 +18,9 @@ from oarlock.calibration.clocks.lines import (
     usual_drift,
     usual_scatter,
 )
-from oarlock.recording import Clock
+from oarlock.recording import Clock, ImuStream, ScalarStream
 from oarlock.rowing.simulation.experiment import simulate_sculling
+from oarlock.simulation import Motion
 
 FOUND_S = 5e-4
 """Where all else is as modelled: ten times what was measured on an arm in 18 s, five times on a sculler in 14 s."""

@@ -128,7 +128,7 @@ def test_what_cannot_run_is_left_out_unless_it_was_asked_for(monkeypatch):
         monkeypatch.setitem(sys.modules, package, None)
     model = oarlock.load_model("pendulum3")
     time_s = np.linspace(0.0, 4.0, 81)
-    motion = oarlock.Motion(
+    motion = oarlock.simulation.Motion(
         tuple(model.joint_names), time_s, 0.3 * np.sin(3.0 * time_s[:, None] + np.arange(3.0))
     )
     truth, recording = oarlock.simulate(model, motion, seed=1)

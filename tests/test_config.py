@@ -36,6 +36,15 @@ def test_keys_are_attributes_that_cannot_be_set():
         _ = config.alhpa
 
 
+@pytest.mark.parametrize("none", ["none", None, (), ""])
+def test_names_stand_in_a_list_or_behind_commas(none):
+    assert oarlock.Config(estimate="gyro_bias, lengths").estimate == ["gyro_bias", "lengths"]
+    assert oarlock.Config(inputs="seat,r_oar_phi").inputs == ["seat", "r_oar_phi"]
+    assert oarlock.Config(estimate=none).estimate == []
+    track = oarlock.track(sculler(), load_excerpt().recording.slice(end_s=0.5), estimate=none)
+    assert track.provenance["config"]["estimate"] == []
+
+
 def test_numpy_values_are_taken():
     q = np.arange(22) / 64
     config = oarlock.Config(initial_q=q, alpha=np.float64(0.5), closures=np.bool_(False))
@@ -67,7 +76,7 @@ def test_numbers_are_kept_to_the_last_bit():
         ({"closures": 1}, ["closures", "True or False"]),
         ({"gate": "yes"}, ["gate", "True or False"]),
         ({"kappa": "x"}, ["kappa", "number"]),
-        ({"estimate": "surge"}, ["estimate", "list"]),
+        ({"estimate": 3}, ["estimate", "list", "text with commas"]),
         ({"start_window_s": float("nan")}, ["start_window_s", "nan"]),
         ({"initial_q": [float("nan")] * 22}, ["initial_q", "finite"]),
     ],

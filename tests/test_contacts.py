@@ -36,7 +36,7 @@ def squats(legs):
     units = [unit.name for unit in legs.describe().inertial_units]
     return oarlock.simulate(
         legs,
-        oarlock.Motion.from_joints(time_s, joints),
+        oarlock.simulation.Motion.from_joints(time_s, joints),
         units,
         seed=3,
         rate_hz=100.0,

@@ -31,7 +31,7 @@ def movement(arm: oarlock.Model) -> oarlock.Recording:
     q = 0.4 * grows[:, None] * np.sin(2.0 * np.pi * rates_hz * time_s[:, None])
     q[:, :3] = 0.0
     q[:, -2:] += 0.5
-    motion = oarlock.Motion(tuple(arm.coordinate_names), time_s, q)
+    motion = oarlock.simulation.Motion(tuple(arm.coordinate_names), time_s, q)
     _, recording = oarlock.simulate(arm, motion, rate_hz=60.0, seed=1)
     return recording
 

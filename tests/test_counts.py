@@ -15,12 +15,14 @@ import pytest
 import oarlock
 from command_line import run
 from exact_recording import sculler
-from oarlock import ImuStream, Motion, Recording
+from oarlock import Recording
 from oarlock.cli.track_folder import document
+from oarlock.recording import ImuStream
 from oarlock.recording.packets import missing_share, quantity_rates
 from oarlock.recording.plausibility import plausibility
 from oarlock.rowing import simulate_field
 from oarlock.rowing.simulation.experiment import simulate_sculling
+from oarlock.simulation import Motion
 from oarlock.storage.folder_writer import MANIFEST
 
 RATE_HZ = 125.0

@@ -40,11 +40,12 @@ def test_example_of_readme_and_python_page_runs(code, tmp_path):
     assert run([sys.executable, "-c", code], tmp_path).strip()
 
 
-def test_model_page_shows_a_whole_model(tmp_path):
+def test_the_tutorial_shows_a_whole_model(tmp_path):
     import oarlock
 
+    page = ROOT / "docs/tutorials/own-body.md"
     file = tmp_path / "two_links.toml"
-    file.write_text(blocks(MODEL_PAGE, "toml")[0], encoding="utf-8")
+    file.write_text(blocks(page, 'toml title="two_links.toml"')[0], encoding="utf-8")
     model = oarlock.load_model(file)
     assert tuple(model.joint_names) == ("first", "second")
 

@@ -7,12 +7,13 @@ import pytest
 
 import oarlock
 from command_line import run
-from oarlock import Recording, ScalarStream
+from oarlock import Recording
 from oarlock.live.decoders import DECODERS
 from oarlock.live.rig import Rig
 from oarlock.live.transports import opened
 from oarlock.live.transports.udp import free_port
-from oarlock_lab.cli.emulate import _write_rig
+from oarlock.recording import ScalarStream
+from oarlock_lab.cli.emulate import write_rig
 from oarlock_lab.emulators.emulated import Emulated
 from oarlock_lab.emulators.kinds import KINDS
 from oarlock_lab.emulators.swinging import swinging
@@ -47,7 +48,7 @@ def test_a_recording_is_sent_once(pendulum, tmp_path):
 @pytest.mark.parametrize("name", [name for name, kind in KINDS.items() if not kind.streams])
 def test_a_kind_that_feeds_no_sensor_gets_a_rig_without_streams(tmp_path, name):
     emulated = KINDS[name].emulated(Emulated(Recording([ScalarStream("time", [0.0, 0.3], [0.0, 0.3])])))
-    _write_rig(KINDS[name], emulated, "arm", tmp_path / "rig.toml", False)
+    write_rig(KINDS[name], emulated, "arm", tmp_path / "rig.toml")
     found = Rig.load(tmp_path / "rig.toml")
     [source] = found.sources.values()
     assert not found.feeds and source.transport == KINDS[name].transports[0]

@@ -10,9 +10,7 @@ import pytest
 from command_line import run
 from oarlock import (
     DataError,
-    Motion,
     Recording,
-    ScalarStream,
     Track,
     evaluate,
     load_model,
@@ -22,8 +20,10 @@ from oarlock import (
     track,
 )
 from oarlock.formats.csv import read_csv
+from oarlock.recording import ScalarStream
 from oarlock.report import write_page
 from oarlock.report.viewer.scene import scene
+from oarlock.simulation import Motion
 from oarlock.storage.epoch import apart_s, epoch_text, moment_of, moment_text
 from refusals import assert_refused
 
@@ -242,7 +242,7 @@ def test_terminal_and_report_show_the_start(pair, tmp_path):
 def test_import_shows_start_and_what_it_recognised(mapping, tmp_path):
     file = mapping([f"{EPOCH_S}{k:03}" for k in (0, 10, 20)])
     shown = run("import", "csv", file, "--out", tmp_path / "rec")
-    assert "start 2023-11-14 22:13:20.00 UTC" in shown.stdout
+    assert "2023-11-14 22:13:20.00 UTC" in shown.stdout
     assert 'read as unit = "epoch_ms"' in shown.stdout
     told = json.loads(run("import", "csv", file, "--out", tmp_path / "rec2", "--json").stdout)
     assert told["epoch"] == "2023-11-14T22:13:20.000000000Z"

@@ -101,7 +101,7 @@ def test_a_movement_that_repeats_says_so():
     model = oarlock.load_model("arm7")
     time_s = np.arange(-0.1, 12.1, 0.01)
     q = np.stack([0.3 * np.sin(2 * np.pi * 0.5 * time_s + k) for k in range(7)], axis=1)
-    motion = oarlock.Motion(tuple(model.joint_names), time_s, q)
+    motion = oarlock.simulation.Motion(tuple(model.joint_names), time_s, q)
     track = oarlock.simulate(model, motion, rate_hz=100.0)[0]
     poses = model.forward_kinematics(motion.at(np.arange(0.0, 12.0, 0.01)))
     position = np.stack([poses[:, model.frame_names.index(name), :3, 3] for name in POINTS], axis=1)

@@ -205,7 +205,7 @@ def test_a_slow_chip_and_coarse_readings_are_not_stuck(structure: str) -> None:
     """Magnetometers at a sixth of the unit's rate; a still body read with coarse steps."""
 
     def slow(s: Any) -> Mapping[str, Floats]:
-        if not isinstance(s, oarlock.ImuStream):
+        if not isinstance(s, oarlock.recording.ImuStream):
             return {}
         first = np.arange(len(s)) // 6 * 6
         still = s.time_s[:, None] > 5.0
@@ -231,7 +231,7 @@ def test_readings_at_the_end_of_the_range_are_not_used(gyro: float, accel: float
     assert model.describe().sensors[0].gyro_range_rad_s == gyro
 
     def clipped(s: Any) -> Mapping[str, Floats]:
-        if not isinstance(s, oarlock.ImuStream):
+        if not isinstance(s, oarlock.recording.ImuStream):
             return {}
         cut = {"gyro_rad_s": gyro, "accel_m_s2": accel}
         return {f: np.clip(s.values[f], -c, c) for f, c in cut.items()}

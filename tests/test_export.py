@@ -12,7 +12,7 @@ from pyarrow import parquet
 
 import oarlock
 from command_line import run
-from oarlock.formats.export.export import FORMATS, files_of
+from oarlock.formats.export.export import FORMATS, Export, files_of
 from oarlock.formats.export.plain_names import PlainNames, plain_name
 from oarlock.rowing import sculling
 from oarlock.storage.folder_writer import MANIFEST
@@ -33,11 +33,11 @@ def track() -> oarlock.Track:
 
 
 @pytest.fixture(scope="module")
-def exported(track: oarlock.Track, tmp_path_factory: pytest.TempPathFactory) -> oarlock.Export:
+def exported(track: oarlock.Track, tmp_path_factory: pytest.TempPathFactory) -> Export:
     return oarlock.export(track, tmp_path_factory.mktemp("exported"))
 
 
-def test_all_files_are_there_and_said(exported: oarlock.Export) -> None:
+def test_all_files_are_there_and_said(exported: Export) -> None:
     there, beside = {file.name for file in exported.folder.iterdir()}, {"export.toml", MANIFEST}
     assert there == set(exported.files) | beside == set().union(*SIZES.values()) | beside
     about = tomllib.loads((exported.folder / "export.toml").read_text(encoding="utf-8"))
@@ -55,7 +55,7 @@ def test_each_format_writes_its_own_files(name: str, track: oarlock.Track, tmp_p
     )
 
 
-def test_parquet_holds_every_number_and_every_unit(track: oarlock.Track, exported: oarlock.Export) -> None:
+def test_parquet_holds_every_number_and_every_unit(track: oarlock.Track, exported: Export) -> None:
     table = parquet.read_table(exported.folder / "coordinates.parquet")
     columns = {name: values for name, values in track.columns().items() if np.isfinite(values).any()}
     assert table.column_names == list(columns)
@@ -89,7 +89,7 @@ def test_parquet_holds_every_number_and_every_unit(track: oarlock.Track, exporte
 def test_parquet_of_a_ball_names_units_of_quaternions_and_angles(tmp_path: Path) -> None:
     model = oarlock.load_model("broad")
     time_s = np.linspace(0, 1, 51)
-    motion = oarlock.Motion(tuple(model.coordinate_names), time_s, np.full((51, 6), 0.1))
+    motion = oarlock.simulation.Motion(tuple(model.coordinate_names), time_s, np.full((51, 6), 0.1))
     oarlock.export(oarlock.simulate(model, motion)[0], tmp_path, "parquet")
     schema = parquet.read_schema(tmp_path / "coordinates.parquet")
     units = {field.name: field.metadata[b"unit"].decode() for field in schema}
@@ -99,7 +99,7 @@ def test_parquet_of_a_ball_names_units_of_quaternions_and_angles(tmp_path: Path)
     assert {unit for name, unit in units.items() if "near_singular" in name} == {"1"}
 
 
-def test_pandas_reads_the_same_from_csv_and_parquet(exported: oarlock.Export) -> None:
+def test_pandas_reads_the_same_from_csv_and_parquet(exported: Export) -> None:
     pandas = pytest.importorskip("pandas", reason="NOT RUN: pandas is absent: requirements/dev.txt")
     for name in ("coordinates", "frames"):
         text = pandas.read_csv(exported.folder / f"{name}.csv")
@@ -108,7 +108,7 @@ def test_pandas_reads_the_same_from_csv_and_parquet(exported: oarlock.Export) ->
         pandas.testing.assert_frame_equal(text, table, rtol=1e-14, atol=0, check_dtype=False)
 
 
-def test_csv_has_a_joint_that_nothing_observes_at_its_rest(exported: oarlock.Export) -> None:
+def test_csv_has_a_joint_that_nothing_observes_at_its_rest(exported: Export) -> None:
     with (exported.folder / "coordinates.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     # No sensor tells the feathering: it is at its rest, as the band says.
@@ -116,7 +116,7 @@ def test_csv_has_a_joint_that_nothing_observes_at_its_rest(exported: oarlock.Exp
     assert all(row["trunk_rad"] for row in rows)
 
 
-def test_frames_are_frame_positions(track: oarlock.Track, exported: oarlock.Export) -> None:
+def test_frames_are_frame_positions(track: oarlock.Track, exported: Export) -> None:
     table = parquet.read_table(exported.folder / "frames.parquet")
     assert track.model is not None
     for frame in track.model.frame_names:
@@ -125,7 +125,7 @@ def test_frames_are_frame_positions(track: oarlock.Track, exported: oarlock.Expo
 
 
 @pytest.mark.parametrize("ending", ["trc", "csv"])
-def test_our_own_reader_reads_the_places(ending: str, track: oarlock.Track, exported: oarlock.Export) -> None:
+def test_our_own_reader_reads_the_places(ending: str, track: oarlock.Track, exported: Export) -> None:
     markers = oarlock.markers.load_markers(exported.folder / f"frames.{ending}")
     assert track.model is not None
     assert markers.names == tuple(track.model.frame_names)
@@ -138,7 +138,9 @@ def test_trc_of_a_z_up_model_turns_back(tmp_path: Path) -> None:
     model = oarlock.load_model("qmt_full_body")
     random, time_s = np.random.default_rng(3), np.linspace(0, 1, 51)
     swing = np.sin(2 * time_s)[:, None] * random.uniform(-0.5, 0.5, len(model.coordinate_names))
-    truth = oarlock.simulate(model, oarlock.Motion(tuple(model.coordinate_names), time_s, swing))[0]
+    truth = oarlock.simulate(model, oarlock.simulation.Motion(tuple(model.coordinate_names), time_s, swing))[
+        0
+    ]
     oarlock.export(truth, tmp_path, ["trc"])
     back = oarlock.markers.load_markers(tmp_path / "frames.trc", axes="z-up-from-y-up")
     for frame in model.frame_names:
@@ -147,7 +149,7 @@ def test_trc_of_a_z_up_model_turns_back(tmp_path: Path) -> None:
     assert max(score.rmse_m.max() for score in scores.points.values()) < 1e-12
 
 
-def test_header_of_the_motion_is_opensims_own(exported: oarlock.Export) -> None:
+def test_header_of_the_motion_is_opensims_own(exported: Export) -> None:
     lines = (exported.folder / "coordinates.mot").read_text(encoding="ascii").splitlines()
     end = lines.index("endheader")
     head = lines[:end]
@@ -162,7 +164,7 @@ def test_header_of_the_motion_is_opensims_own(exported: oarlock.Export) -> None:
     assert speeds[0] == "Speeds"
 
 
-def test_values_of_the_tables_are_the_tracks(track: oarlock.Track, exported: oarlock.Export) -> None:
+def test_values_of_the_tables_are_the_tracks(track: oarlock.Track, exported: Export) -> None:
     for file, array in (("coordinates.mot", track.q), ("velocities.sto", track.qd), ("std.sto", track.q_std)):
         labels, values = read_table(exported.folder / file)
         for name in labels[1:]:
@@ -190,7 +192,9 @@ def test_standard_deviations_of_a_ball_are_those_of_its_angles(tmp_path: Path) -
 
 def test_what_the_track_does_not_hold_is_left_out_and_said(tmp_path: Path) -> None:
     model = oarlock.load_model("arm7")
-    motion = oarlock.Motion(tuple(model.coordinate_names), np.linspace(0, 1, 51), np.zeros((51, 7)))
+    motion = oarlock.simulation.Motion(
+        tuple(model.coordinate_names), np.linspace(0, 1, 51), np.zeros((51, 7))
+    )
     truth = oarlock.simulate(model, motion)[0]
     other = dataclasses.replace(truth, q_std=np.full_like(truth.q, 0.1))
     assert "std.sto" in oarlock.export(other, tmp_path, ["sto"]).files

@@ -67,15 +67,17 @@ dh = { a = 0.3, alpha = 1, d = 0.2, theta = -0.4 }
 """
 
 
-def waves(model: oarlock.Model, seed: int, largest: float = 0.8) -> oarlock.Motion:
+def waves(model: oarlock.Model, seed: int, largest: float = 0.8) -> oarlock.simulation.Motion:
     """Three seconds of sines on every coordinate."""
     random, time_s = np.random.default_rng(seed), np.linspace(0.0, 3.0, 301)
     n = len(model.coordinate_names)
     wave = np.sin(time_s[:, None] * random.uniform(1, 5, n) + random.uniform(0, 6, n))
-    return oarlock.Motion(tuple(model.coordinate_names), time_s, wave * random.uniform(0.1, largest, n))
+    return oarlock.simulation.Motion(
+        tuple(model.coordinate_names), time_s, wave * random.uniform(0.1, largest, n)
+    )
 
 
-def truth_of(model: oarlock.Model, motion: oarlock.Motion, rate_hz: float = 50.0) -> oarlock.Track:
+def truth_of(model: oarlock.Model, motion: oarlock.simulation.Motion, rate_hz: float = 50.0) -> oarlock.Track:
     return oarlock.simulate(model, motion, noise=False, rate_hz=rate_hz)[0]
 
 
@@ -200,7 +202,9 @@ def tumbling(model: oarlock.Model, spin_rad_s: tuple[float, float, float]) -> oa
     time_s = np.linspace(0.0, 4.0, 401)
     speeds = dict(zip(("rx", "ry", "rz"), spin_rad_s, strict=True))
     speed = np.array([speeds.get(name.rpartition(".")[2], 0.5) for name in model.coordinate_names])
-    return truth_of(model, oarlock.Motion(tuple(model.coordinate_names), time_s, time_s[:, None] * speed))
+    return truth_of(
+        model, oarlock.simulation.Motion(tuple(model.coordinate_names), time_s, time_s[:, None] * speed)
+    )
 
 
 @pytest.mark.parametrize("spin_rad_s", [(0.0, 4.0, 0.0), (0.3, 4.0, 0.2), (2.0, 3.0, -2.0)])
@@ -340,7 +344,7 @@ def test_lost_encoders_leave_no_gap(tmp_path):
     silent = recording.sensor("r_oar_phi")
     kept = np.r_[0:40, 60 : len(silent.time_s)]
     others = recording.without(["l_oar_alpha", "r_oar_phi"]).streams
-    part = oarlock.ScalarStream(silent.name, silent.time_s[kept], silent.value[kept])
+    part = oarlock.recording.ScalarStream(silent.name, silent.time_s[kept], silent.value[kept])
     oarlock.export(oarlock.track(model, oarlock.Recording([*others, part])), tmp_path)
     assert np.isfinite(OpensimReader(tmp_path).values).all()
 

@@ -12,8 +12,7 @@ from html_page import Page
 from oarlock.rowing import StrokeTable, load_export
 from oarlock.rowing.alongside.course import course_of, pieces_of, splits_of, starts_of
 from oarlock.rowing.alongside.paces import clock_text, pace_text
-from oarlock.rowing.report.export_front import findings_of_export
-from oarlock.rowing.report.export_next import beyond_usual
+from oarlock.rowing.report.export_front import beyond_usual, findings_of_export
 from oarlock.rowing.report.export_page import strokes_page
 from oarlock.rowing.report.export_piece import ExportPiece, boat_kind
 
@@ -137,7 +136,7 @@ def test_differences_of_speed_are_given_as_pace():
     table = StrokeTable(
         {"rate_per_min": 28.0 + rng.normal(0.0, 0.3, 90), "speed_m_s": slower}, source="a.csv: Made"
     )
-    found = findings_of_export(table)[0]
+    found = findings_of_export(ExportPiece(table))[0]
     assert found.unit == "s per 500 m" and found.size == pytest.approx(500 / 3.7 - 125.0, abs=0.5)
     assert re.search(
         r"the boat is 10\.\d s per 500 m slower than before: 2:1\d\.\d instead of 2:0\d\.\d", found.sentence

@@ -22,8 +22,7 @@ from oarlock.evaluation.study.keys import with_turns
 from oarlock.evaluation.study.result import StudyResult
 from oarlock.evaluation.study.run import MEAN, SCORES
 from oarlock.evaluation.study.spec import keys_of
-from oarlock.report.fault_picture import fault_picture
-from oarlock.report.fault_words import findings
+from oarlock.report.fault_page import fault_picture, findings
 from oarlock.report.study_page import study_page
 from oarlock.rowing import SIMULATORS
 from refusals import assert_refused
@@ -42,7 +41,7 @@ def still(sculler) -> oarlock.studies.StudyTrial:
     """A posture that lasts, without noise: accelerometers point up, whatever kinematics say."""
     time_s = np.linspace(0.0, 4.0, 400)
     joints = {name: np.full(400, 0.1 * k) for k, name in enumerate(sculler.joint_names)}
-    motion = oarlock.Motion.from_joints(time_s, joints)
+    motion = oarlock.simulation.Motion.from_joints(time_s, joints)
     return oarlock.studies.StudyTrial(*oarlock.simulate(sculler, motion, noise=False, rate_hz=50.0))
 
 

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 import oarlock
-from oarlock import Config, ImuStream, Motion, Recording
+from oarlock import Config, Recording
 from oarlock.evaluation.consistency import sensor_scores
 from oarlock.evaluation.interval import Interval
+from oarlock.recording import ImuStream
 from oarlock.report import write_page
+from oarlock.simulation import Motion
 from oarlock.storage.errors import DataError
 from oarlock.tracking.records import DISTURBED, FIELD
 

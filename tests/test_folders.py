@@ -36,7 +36,7 @@ from oarlock.model.shipped_files import model_path
 from oarlock.recording.streams import ImuStream, ScalarStream
 from oarlock.rowing import SIMULATORS, load_stroke_export
 from oarlock.storage import folder_writer
-from oarlock.storage.folder_writer import MANIFEST, Manifest, replaced_folder
+from oarlock.storage.folder_writer import MANIFEST, read_manifest, replaced_folder
 from oarlock.storage.names import LONGEST_NAME, file_names
 from oarlock.storage.write_file import sync
 
@@ -66,7 +66,9 @@ def value_of(folder: Path, name: str = "seat") -> float:
 def swung() -> tuple[oarlock.Recording, oarlock.Track]:
     model = oarlock.load_model("pendulum3")
     time_s = np.linspace(0.0, 2.0, 201)
-    motion = oarlock.Motion(tuple(model.joint_names), time_s, 0.5 * np.sin(np.outer(time_s, [2.0, 3.0, 4.0])))
+    motion = oarlock.simulation.Motion(
+        tuple(model.joint_names), time_s, 0.5 * np.sin(np.outer(time_s, [2.0, 3.0, 4.0]))
+    )
     measured = oarlock.simulate(model, motion, seed=1)[1]
     return measured, oarlock.track(model, measured)
 
@@ -309,6 +311,16 @@ def test_a_removal_that_fails_leaves_the_new_recording(
     assert value_of(tmp_path / "rec") == 2.0 and not (tmp_path / "rec" / ".oarlock").exists()
 
 
+def test_files_that_cannot_be_moved_wait_for_the_next_reader(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recording(1.0).save(tmp_path)
+    failing(monkeypatch, "replace", lambda what: True)
+    with pytest.raises(DataError, match=r"the new files are complete in .* \(made to fail\)"):
+        recording(2.0).save(tmp_path)
+    assert value_of(tmp_path) == 2.0 and not (tmp_path / ".oarlock").exists()
+
+
 def test_a_lock_that_fails_is_free_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     failing(monkeypatch, "fstat", lambda what: True)
     with pytest.raises(DataError, match="made to fail"):
@@ -320,23 +332,18 @@ def test_a_lock_that_fails_is_free_again(tmp_path: Path, monkeypatch: pytest.Mon
 def test_where_an_open_file_cannot_be_removed_the_lock_is_closed_first(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    plain, close, is_open = Path.unlink, os.close, True
-
-    def closed(number: int) -> None:
-        nonlocal is_open
-        is_open = False
-        close(number)
+    plain = Path.unlink
 
     def unlink(file: Path, missing_ok: bool = False) -> None:
-        if file.name == "lock" and is_open:
-            raise PermissionError("open, as Windows has it")
+        if file.name == "lock":  # an OSError if it is still locked, as Windows has it of a file that is open
+            with file.open() as other:
+                fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
         plain(file, missing_ok)
 
     monkeypatch.setattr(Path, "unlink", unlink)
     monkeypatch.setattr(folder_writer, "OPEN_FILES_STAY", True)
     with replaced_folder(tmp_path / "rec", "recording"):
-        is_open = True
-        monkeypatch.setattr(os, "close", closed)
+        pass
     assert {file.name for file in (tmp_path / "rec").iterdir()} == {MANIFEST}
 
 
@@ -494,10 +501,13 @@ def test_links_inside_a_folder_lead_nowhere(tmp_path: Path) -> None:
 def test_new_files_do_not_follow_a_link_that_was_prepared(tmp_path: Path) -> None:
     (tmp_path / "mine").mkdir()
     (tmp_path / "rec/.oarlock").mkdir(parents=True)
+    (tmp_path / "mine/notes.txt").write_text("mine")
     (tmp_path / "rec/.oarlock/new").symlink_to(tmp_path / "mine")
-    with replaced_folder(tmp_path / "rec", "recording") as stage:
-        recording(1.0).save(stage)
-        assert not list((tmp_path / "mine").iterdir())
+    with pytest.raises(DataError, match=r"\.oarlock/new: is a link; remove it"):
+        recording(1.0).save(tmp_path / "rec")
+    assert [file.name for file in (tmp_path / "mine").iterdir()] == ["notes.txt"]
+    (tmp_path / "rec/.oarlock/new").unlink()
+    recording(1.0).save(tmp_path / "rec")
     assert value_of(tmp_path / "rec") == 1.0
 
 
@@ -610,8 +620,8 @@ def test_cells_of_a_study_run_nothing(tmp_path: Path) -> None:
 
 def test_every_listed_file_of_a_simulation_is_checked(tmp_path: Path) -> None:
     assert run("simulate", "--out", tmp_path / "trial", "--duration-s", 3)[0] == 0
-    manifest = Manifest.read(tmp_path / "trial")
-    assert manifest is not None and all(manifest.is_unchanged(name) for name in manifest.sha256)
+    manifest = read_manifest(tmp_path / "trial")
+    assert all(manifest.is_unchanged(name) for name in manifest.sha256)
     assert {"recording.toml", "truth/track.parquet", "truth/run.toml"} <= set(manifest.sha256)
     (tmp_path / "trial/truth/track.parquet").write_bytes(b"PAR1")
     status, said = run("simulate", "--out", tmp_path / "trial", "--duration-s", 3)

@@ -70,7 +70,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     model = oarlock.load_model("pendulum3")
     for name, size in (("one", 0.5), ("two", 0.3)):
         time_s = np.linspace(0.0, 4.0, 401)
-        motion = oarlock.Motion(
+        motion = oarlock.simulation.Motion(
             tuple(model.joint_names), time_s, size * np.sin(np.outer(time_s, [2.0, 3.0, 4.0]))
         )
         truth, measured = oarlock.simulate(model, motion, seed=1)
@@ -92,7 +92,10 @@ def verbs(world: Path, out: Path) -> dict[str, Verb]:
 
     simulated = ["simulate", "--out", out, "--duration-s", 3, "--force", "--seed"]
     return {
-        "track": both("track.parquet", lambda n: ["track", world / n, "--model", "pendulum3", "--out", out]),
+        "track": both(
+            "track.parquet",
+            lambda n: ["track", world / n, "--model", "pendulum3", "--out", out, "--force"],
+        ),
         "simulate": Verb([*simulated, 1], [*simulated, 2], "seat.parquet"),
         "import": both(
             "seat.parquet",
@@ -101,8 +104,13 @@ def verbs(world: Path, out: Path) -> dict[str, Verb]:
         "report": both(
             "report.html", lambda n: ["report", world / f"{n}-track", "--out", out / "report.html", "--force"]
         ),
-        "export": both("coordinates.csv", lambda n: ["export", world / f"{n}-track", "--out", out]),
-        "study": both("runs.csv", lambda n: ["lab", "study", world / f"{n}.toml", "--jobs", 1, "--out", out]),
+        "export": both(
+            "coordinates.csv", lambda n: ["export", world / f"{n}-track", "--out", out, "--force"]
+        ),
+        "study": both(
+            "runs.csv",
+            lambda n: ["lab", "study", world / f"{n}.toml", "--jobs", 1, "--out", out, "--force"],
+        ),
     }
 
 
@@ -226,10 +234,12 @@ def hostile_pages(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     folder = tmp_path_factory.mktemp("pages")
     model = oarlock.load_model("pendulum3")
     time_s = np.linspace(0.0, 2.0, 201)
-    motion = oarlock.Motion(tuple(model.joint_names), time_s, 0.5 * np.sin(np.outer(time_s, [2.0, 3.0, 4.0])))
+    motion = oarlock.simulation.Motion(
+        tuple(model.joint_names), time_s, 0.5 * np.sin(np.outer(time_s, [2.0, 3.0, 4.0]))
+    )
     truth, measured = oarlock.simulate(model, motion, seed=1)
     named = [
-        oarlock.ScalarStream(text[:80], stream.time_s, stream.gyro_rad_s[:, 0])
+        oarlock.recording.ScalarStream(text[:80], stream.time_s, stream.gyro_rad_s[:, 0])
         for text, stream in zip(HOSTILE[:3], measured, strict=True)
     ]
     noted = oarlock.Recording([*measured, *named], {"athlete": HOSTILE[0], "rig": {HOSTILE[2]: HOSTILE[3]}})

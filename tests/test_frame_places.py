@@ -7,7 +7,8 @@ import pytest
 
 import oarlock
 import test_worn_states
-from oarlock import Config, Motion
+from oarlock import Config
+from oarlock.simulation import Motion
 from oarlock.tracking.records import Beliefs
 from oarlock.tracking.track import track_without_filter
 from refusals import assert_refused

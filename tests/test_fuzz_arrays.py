@@ -145,10 +145,12 @@ def test_compiled_kinematics_take_any_array():
 def check_streams(name, time_s, first, second, kind):
     def build():
         if kind == "imu":
-            return oarlock.ImuStream(name, time_s, gyro_rad_s=first, accel_m_s2=second)
+            return oarlock.recording.ImuStream(name, time_s, gyro_rad_s=first, accel_m_s2=second)
         if kind == "vector":
-            return oarlock.VectorStream(name, time_s, first)
-        return oarlock.ScalarStream(name, time_s, first, second if isinstance(second, str) else None)
+            return oarlock.recording.VectorStream(name, time_s, first)
+        return oarlock.recording.ScalarStream(
+            name, time_s, first, second if isinstance(second, str) else None
+        )
 
     stream = answered(build)
     if stream is None:

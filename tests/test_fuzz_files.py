@@ -189,7 +189,8 @@ def test_track_folders(tmp_path):
     time_s = np.arange(60) / 50.0
     up = np.tile([0.1, 9.8, 0.0], (60, 1))
     streams = [
-        oarlock.ImuStream(name, time_s, gyro_rad_s=0.0 * up, accel_m_s2=up) for name in model.sensor_names
+        oarlock.recording.ImuStream(name, time_s, gyro_rad_s=0.0 * up, accel_m_s2=up)
+        for name in model.sensor_names
     ]
     oarlock.track(model, oarlock.Recording(streams)).save(tmp_path)
     (tmp_path / MANIFEST).unlink()

@@ -165,12 +165,14 @@ def test_readings_that_overflow_are_nobodys_warning():
     time_s, huge = np.arange(5) * 0.01, np.full((5, 3), 1e308)
     assert np.isinf(oarlock.recording.EncoderScale(0.0, 1e200).value(np.full(3, 1e200))).all()
     huge[::2] *= -1.0
-    recording = oarlock.Recording([oarlock.ImuStream("back", time_s, gyro_rad_s=huge, accel_m_s2=huge)])
+    recording = oarlock.Recording(
+        [oarlock.recording.ImuStream("back", time_s, gyro_rad_s=huge, accel_m_s2=huge)]
+    )
     assert [f.severity for f in plausibility(recording) if "reaches inf rad/s" in f.message] == ["error"]
 
 
 def test_packets_that_are_no_number_are_refused():
-    stream = oarlock.ScalarStream("seat", [0.0, 0.1, 0.2], [0.0, 0.0, 0.0])
+    stream = oarlock.recording.ScalarStream("seat", [0.0, 0.1, 0.2], [0.0, 0.0, 0.0])
     counted = {"after_s": [0.1], "packets": [-np.inf], "step_s": [0.1]}
     with pytest.raises(DataError, match="contains a value that is not a number"):
         lost_packets(oarlock.Recording([stream], {"packets": {"seat": counted}}), stream)
@@ -187,7 +189,7 @@ def swung(tmp_path):
     model = oarlock.load_model("pendulum3")
     time_s = np.linspace(0.0, 2.0, 201)
     angles = 0.5 * np.sin(np.outer(time_s, [2.0, 3.0, 4.0]))
-    motion = oarlock.Motion(tuple(model.joint_names), time_s, angles)
+    motion = oarlock.simulation.Motion(tuple(model.joint_names), time_s, angles)
     recording = oarlock.simulate(model, motion, seed=1)[1]
     oarlock.track(model, recording).save(tmp_path / "track")
     recording.save(tmp_path / "recording")
@@ -280,7 +282,7 @@ def test_a_plan_of_something_else_than_steps(steps, std_rad):
 )
 def test_a_recording_whose_meta_counts_no_packets(counted):
     time_s = np.arange(5) / 50.0
-    stream = oarlock.ScalarStream("seat", time_s, 0.0 * time_s)
+    stream = oarlock.recording.ScalarStream("seat", time_s, 0.0 * time_s)
     recording = oarlock.Recording([stream], {"packets": {"seat": counted}})
     assert_refused(lambda: lost_packets(recording, stream), 'meta, packets of "seat"')
 
@@ -355,7 +357,7 @@ def test_a_c3d_parameter_that_should_hold_a_number_and_holds_none(c3d):
 
 def test_notes_that_are_nested_too_deeply_are_refused(tmp_path):
     deep = f"[meta.{'.'.join('a' * 2000)}]\nb = 1\n"
-    oarlock.Recording([oarlock.ScalarStream("seat", [0.0, 1.0], value=[0.0, 0.1])]).save(tmp_path)
+    oarlock.Recording([oarlock.recording.ScalarStream("seat", [0.0, 1.0], value=[0.0, 0.1])]).save(tmp_path)
     (tmp_path / "oarlock-manifest.toml").unlink()  # as a person who writes a folder would leave it
     index = tmp_path / "recording.toml"
     index.write_text(index.read_text(encoding="utf-8").replace("[meta]", "") + deep, encoding="utf-8")

@@ -14,7 +14,7 @@ MODEL = oarlock.load_model("pendulum3")
 TIME_S = np.arange(30) / 50.0
 RECORDING = oarlock.Recording(
     [
-        oarlock.ImuStream(
+        oarlock.recording.ImuStream(
             name, TIME_S, gyro_rad_s=np.zeros((30, 3)), accel_m_s2=np.tile([0.0, 9.8, 0.1], (30, 1))
         )
         for name in MODEL.sensor_names

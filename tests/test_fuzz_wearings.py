@@ -24,9 +24,10 @@ TIME_S = np.arange(ROWS) / 50.0
 def example():
     up = np.tile([0.0, 9.8, 0.1], (ROWS, 1))
     units = [
-        oarlock.ImuStream(name, TIME_S, gyro_rad_s=0.0 * up, accel_m_s2=up, mag_ut=4.0 * up) for name in "ab"
+        oarlock.recording.ImuStream(name, TIME_S, gyro_rad_s=0.0 * up, accel_m_s2=up, mag_ut=4.0 * up)
+        for name in "ab"
     ]
-    return oarlock.Recording([*units, oarlock.ScalarStream("seat", TIME_S, np.sin(TIME_S), "m")])
+    return oarlock.Recording([*units, oarlock.recording.ScalarStream("seat", TIME_S, np.sin(TIME_S), "m")])
 
 
 RECORDING = example()

@@ -50,7 +50,7 @@ def test_movement_shows_no_heading(tmp_path):
     for phase, (name, (middle, size, rate_rad_s)) in enumerate(moves.items()):
         column = list(model.coordinate_names).index(name)
         angles[:, column] = middle + size * np.sin(rate_rad_s * time_s + phase)
-    motion = oarlock.Motion(tuple(model.coordinate_names), time_s, angles)
+    motion = oarlock.simulation.Motion(tuple(model.coordinate_names), time_s, angles)
     truth, measured = oarlock.simulate(model, motion, rate_hz=100.0, seed=0)
     track = oarlock.track(model, measured, config=TREE)
 

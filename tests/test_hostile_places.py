@@ -15,15 +15,19 @@ from test_every_verb import ALL, app_verb
 
 WRITTEN = {"csv", "keys", "fit", "out", "parquet", "report_file", "rowingdata", "save_mapping", "svg", "to"}
 WRITTEN |= {"write", "write_plan", "written"}
-TEXT_PLACES = {"at", "file", "model", "body", "name", "settings"}
-# They make what they are given, list questions without reading a season, or wait for senders.
+TEXT_PLACES = {"at", "season", "file", "model", "body", "name", "settings"}
+# They make what they are given, or wait for senders.
 OWN_WAY = {
     ("season init", "at"),
     ("season init", "name"),
     ("lab season", "at"),
-    ("season questions", "at"),
 }
-OWN_WAY |= {("live run", "plan"), ("model copy", "file"), ("lab emulate", "path"), ("lab emulate", "rig")}
+OWN_WAY |= {
+    ("live run", "plan"),
+    ("model copy", "file"),
+    ("lab emulate", "path"),
+    ("lab emulate", "rig_file"),
+}
 FILLED = {"stature_m": "1.8", "metric": "rate_per_min", "sql": "SELECT 1", "on": "upper"}
 FILLED |= {"model": "pendulum3", "body": "pendulum3", "name": "pendulum3", "run": "1", "what": "figures"}
 TRACKS = {"evaluate", "report", "export", "view", "video align"}
@@ -36,7 +40,8 @@ def places(tmp_path_factory):
     up = np.tile([0.1, 9.8, 0.0], (60, 1))
     model = oarlock.load_model("pendulum3")
     streams = [
-        oarlock.ImuStream(name, time_s, gyro_rad_s=0.0 * up, accel_m_s2=up) for name in model.sensor_names
+        oarlock.recording.ImuStream(name, time_s, gyro_rad_s=0.0 * up, accel_m_s2=up)
+        for name in model.sensor_names
     ]
     oarlock.Recording(streams).save(folder / "recording")
     oarlock.track(model, oarlock.Recording(streams)).save(folder / "track")
@@ -65,7 +70,7 @@ def command(verb, hostile, place, places, out):
     words = [] if verb.endswith("PATH") else verb.split()
     words = words or verb.split()[:1]
     words += ["lines", "--duration-s", "0.1"] if verb == "lab emulate" else []
-    filled = FILLED | {"out": out, "to": out, "at": places / "season"}
+    filled = FILLED | {"out": out, "to": out, "at": places / "season", "season": places / "season"}
     for param in app_verb(verb).params:
         if param is hostile:
             value = place

@@ -24,7 +24,7 @@ def folder(tmp_path):
 def part(name, start_s=0.0, zero=None, stream="imu"):
     time_s = start_s + np.arange(5) / 10
     clock = {} if zero is None else {CLOCK_KEY: {"kind": "utc", "zero": zero}}
-    return name, oarlock.Recording([oarlock.ImuStream(stream, time_s, np.ones((5, 3)))], clock)
+    return name, oarlock.Recording([oarlock.recording.ImuStream(stream, time_s, np.ones((5, 3)))], clock)
 
 
 def test_files_of_a_folder_are_units_of_one_recording(folder, tmp_path):

@@ -25,8 +25,9 @@ from validation.scores import (
 )
 from validation.stretches import worst_plot, worst_stretch
 
-from oarlock import ImuStream, Recording, load_model
+from oarlock import Recording, load_model
 from oarlock.evaluation.reference import Reference
+from oarlock.recording import ImuStream
 from opensim_reader import opensim
 
 # Rotations go through quaternions of double precision a few times.

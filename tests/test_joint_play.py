@@ -46,7 +46,7 @@ def waving(model, seed, play_rad, seconds=20.0):
         begin * (waves(play_rad, 1.5) if "play" in name else waves(0.5, 0.8))
         for name in model.coordinate_names
     ]
-    return oarlock.Motion(tuple(model.coordinate_names), time_s, np.column_stack(columns))
+    return oarlock.simulation.Motion(tuple(model.coordinate_names), time_s, np.column_stack(columns))
 
 
 def trial(model, seed, play_rad):
@@ -100,7 +100,7 @@ def with_rest(motion, rest_s):
     ends = np.clip(motion.time_s[-1] - motion.time_s, 0.0, 1.0)
     q = np.zeros((len(more), motion.q.shape[1]))
     q[: len(motion.q)] = motion.q * ends[:, None]
-    return oarlock.Motion(motion.coordinate_names, more, q)
+    return oarlock.simulation.Motion(motion.coordinate_names, more, q)
 
 
 @pytest.mark.parametrize(("play_rad", "named"), [(PLAY_RAD, ["wrist"]), (0.0, [])])
@@ -121,7 +121,7 @@ def test_a_hinge_that_hardly_turns_between_brisk_links_has_play_only_if_it_has(
     for seed in SEEDS:
         motion = waving(loose, seed, play_rad)
         shares = np.where(np.array(loose.coordinate_names) == "wrist", hinge_share, 1.0)
-        slow = oarlock.Motion(motion.coordinate_names, motion.time_s, shares * motion.q)
+        slow = oarlock.simulation.Motion(motion.coordinate_names, motion.time_s, shares * motion.q)
         _, recording = oarlock.simulate(loose, slow, rate_hz=RATE_HZ, seed=seed)
         assert oarlock.calibration.calibrate_hinge_axes(model, recording).noted["play"] == named
 

@@ -72,13 +72,15 @@ def spoilt(stream: oarlock.Stream, known: oarlock.Calibration) -> oarlock.Stream
     name = stream.name
     clock = known.clocks.get(name)
     time_s = stream.time_s if clock is None else stream.time_s + clock.offset_s + clock.drift * stream.time_s
-    if isinstance(stream, oarlock.ScalarStream):
+    if isinstance(stream, oarlock.recording.ScalarStream):
         encoder = known.encoders[name]
-        return oarlock.ScalarStream(name, time_s, stream.value / encoder.scale + encoder.zero, stream.unit)
+        return oarlock.recording.ScalarStream(
+            name, time_s, stream.value / encoder.scale + encoder.zero, stream.unit
+        )
     gyro = stream.gyro_rad_s + known.gyro_biases_rad_s[name]
     accel = stream.accel_m_s2 * known.accel_scales[name] + known.accel_biases_m_s2[name]
     mag = np.linalg.solve(known.mag_matrices[name], stream.mag_ut.T).T + known.mag_offsets_ut[name]
-    return oarlock.ImuStream(name, time_s, gyro, accel, mag)
+    return oarlock.recording.ImuStream(name, time_s, gyro, accel, mag)
 
 
 @pytest.fixture(scope="module")

@@ -22,13 +22,12 @@ def test_a_rig_is_recorded_and_the_recording_written_again(sculler, tmp_path):
     )
     out = tmp_path / "today"
     said = run("live", "run", tmp_path / "rig.toml", "--no-page", "--duration-s", "0.3", "--out", out).stdout
-    assert "0 estimates" in said and "Wrote" in said
-    assert "No sensor of the rig was heard" in said
+    assert "No sensor of the rig was heard" in said and f"Wrote {out}" in " ".join(said.split())
     assert f"oarlock live doctor {out / 'rig.toml'}" in " ".join(said.split())
     again = run("live", "recover", out).stdout
     assert "no reading of the rig's sensors" in again
-    nothing = {"recording": None, "damage": [], "refused": [], "missing": []}
-    assert json.loads(run("live", "recover", out, "--json").stdout) == nothing
+    nothing = json.loads(run("live", "recover", out, "--json").stdout)
+    assert nothing.items() >= {"written": None, "damage": [], "refused": [], "missing": []}.items()
     assert (
         "has a live session already"
         in run(
@@ -47,10 +46,11 @@ def test_recover_names_commands_that_it_skips_and_fails_where_packets_are_missin
         recorder.write(command(2, "assign", stream="nobody", device=device))
     recorder.close()
     (file,) = (tmp_path / "today" / "packets").iterdir()
-    said = run("live", "recover", tmp_path / "today").stdout.replace("\n", " ")
-    for number, reason in ((2, "no stream 'nobody'"), (3, "needs a text as 'device'")):
-        assert f"{file}, packet {number}: the command was skipped: " in said and reason in said
-    assert "Wrote" in said
+    told = json.loads(run("live", "recover", tmp_path / "today", "--json").stdout)
+    reasons = ("no stream 'nobody'", "needs a text as 'device'")
+    for number, (text, reason) in enumerate(zip(told["refused"], reasons, strict=True), 2):
+        assert text.startswith(f"{file}, packet {number}: the command was skipped: ") and reason in text
+    assert told["written"] == str(tmp_path / "today" / "recording") and told["streams"] == 1
     file.rename(file.with_name("0002.packets"))
     assert "0001.packets is missing" in run("live", "recover", tmp_path / "today", status=1).stdout
     told = json.loads(run("live", "recover", tmp_path / "today", "--json", status=1).stdout)

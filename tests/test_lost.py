@@ -22,7 +22,7 @@ def test_three_hinges_in_a_row_outlive_their_pole() -> None:
     model = oarlock.load_model(str(singular.MODELS / "arm_hinges.toml"))
     plain = Recording(
         [
-            oarlock.ImuStream(s.name, s.time_s, gyro_rad_s=s.gyro_rad_s, accel_m_s2=s.accel_m_s2)
+            oarlock.recording.ImuStream(s.name, s.time_s, gyro_rad_s=s.gyro_rad_s, accel_m_s2=s.accel_m_s2)
             for s in trial.recording
         ]
     )

@@ -8,8 +8,9 @@ from validation.scores import attitude_error_rad, rmse_deg
 
 import oarlock
 from local_data import local_folder
-from oarlock import Config, ImuStream, Recording
+from oarlock import Config, Recording
 from oarlock.formats.datasets.broad import BODY, read_broad, read_broad_reference
+from oarlock.recording import ImuStream
 
 RATE_HZ = 200.0
 DURATION_S = 40.0

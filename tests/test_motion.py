@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from oarlock import DataError, Motion
+from oarlock import DataError
 from oarlock.model.coordinates import joint_columns, parts
 from oarlock.model.rotation import quat_from_rotvec, quat_product, rotvec_between
+from oarlock.simulation import Motion
 
 ROUNDING = 1e-9
 KNOT_S = 0.05

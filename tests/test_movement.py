@@ -11,6 +11,7 @@ import pytest
 
 import oarlock
 from command_line import run
+from oarlock.cli.result import result_of
 from oarlock.movement import (
     MovementAngle,
     cycle_courses,
@@ -24,14 +25,19 @@ from oarlock.movement import (
 from oarlock.movement.blocks import MovementAnalysis
 from oarlock.movement.evenness import changes, wanderings
 from oarlock.movement.front import front_of
-from oarlock.movement.movement import movement_of
+from oarlock.movement.movement import movement_of, settled_s
 from oarlock.movement.range_section import ranges_markup
 from oarlock.movement.report import write_movement_report
-from oarlock.movement.settled import settled_s
 from oarlock.movement.words import key_figures, quality
 from oarlock.tracking.track import track_without_filter
 
 TIME_S = np.arange(0.0, 60.0, 0.01)
+
+
+class ShortTrack(SimpleNamespace):
+    """What the analysis reads of a track, which is known by its identity."""
+
+    __hash__ = object.__hash__
 
 
 def angle(name: str, value_deg: np.ndarray, std_deg: float = 1.0) -> MovementAngle:
@@ -170,7 +176,7 @@ def moved(
     monkeypatch.setattr("oarlock.movement.movement.movement_angles", lambda track, turns: tuple(found))
     monkeypatch.setattr("oarlock.movement.movement.room_angles", lambda track, turns: ())
     monkeypatch.setattr("oarlock.movement.movement.SegmentTurns", lambda track: None)
-    return movement_of(SimpleNamespace(time_s=MOVED_S, provenance=provenance, info=None))
+    return movement_of(ShortTrack(time_s=MOVED_S, provenance=provenance, info=None))
 
 
 def test_a_planted_change_is_found_and_even_cycles_report_nothing(monkeypatch):
@@ -316,6 +322,12 @@ def test_the_free_segment_is_no_angle_of_a_block_that_joints_lead(reaches, sessi
     assert {one.name for one in movement_of(session).angles} >= {"thorax_tilt", "thorax_rotation"}
     (block,) = movement_of(reaches).blocks
     assert {one.name for one in block.angles} == {one.name for one in movement_angles(reaches)}
+
+
+def test_report_and_terminal_share_one_analysis(reaches, tmp_path, monkeypatch):
+    oarlock.write_report(reaches, tmp_path / "report.html")
+    monkeypatch.setattr("oarlock.movement.movement.movement_angles", None)
+    assert result_of(reaches)["angles"]
 
 
 @pytest.fixture(scope="module")

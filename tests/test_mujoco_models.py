@@ -32,7 +32,7 @@ def of_a_kink(weights: Floats) -> float:
     return float(np.abs(np.maximum(np.arange(1.0, 5.0) - begins, 0.0) ** 5 / 120.0 @ weights).max())
 
 
-def differentiation_accuracy(motion: oarlock.Motion) -> tuple[float, float]:
+def differentiation_accuracy(motion: oarlock.simulation.Motion) -> tuple[float, float]:
     """By how much differences of a motion's poses may miss its rates: rad/s and m/s2.
 
     Quintic splines jump in their fifth derivative at the knots, which differences cannot see through. Several knots lie
@@ -50,7 +50,7 @@ def differentiation_accuracy(motion: oarlock.Motion) -> tuple[float, float]:
     return float(turns), float(REACH_M * moves)
 
 
-def assert_agree(model: oarlock.Model, motion: oarlock.Motion, every: int) -> None:
+def assert_agree(model: oarlock.Model, motion: oarlock.simulation.Motion, every: int) -> None:
     body = MujocoBody(model.describe())
     truth, recording = oarlock.simulate(model, motion, noise=False)
     rows = np.arange(0, len(truth.time_s), every)

@@ -38,6 +38,8 @@ def test_a_note_has_a_code(text: str) -> None:
         ("elbow: not observed (no stream)", "not_observed", "elbow", None),
         ("no stream for: wrist; check the recording's stream names", "no_stream", "wrist", None),
         ("back: 12 of 400 readings (3.0 %) were rejected; check its mount", "rejected", "back", 12.0),
+        ("back: 12 of 400 readings (3.0 %) were rejected, 4 samples in", "rejected", "back", 12.0),
+        ("hips: the heading of its mount is not determined", "heading_undetermined", "hips", None),
         ("gyroscope biases of back were subtracted", "corrected", "", None),
         ("a sentence of a person", "", "", None),
     ],

@@ -8,11 +8,13 @@ from scipy.spatial.transform import Rotation
 
 import oarlock
 from exact_recording import Floats
-from oarlock import DataError, ImuStream, Motion, Recording
+from oarlock import DataError, Recording
 from oarlock.evaluation.comparison.orientation_track import FILTERS as ORIENTATION_FILTERS
 from oarlock.evaluation.comparison.orientation_track import root_from_north_west_up
 from oarlock.evaluation.comparison.single_units import orientations, stretches
 from oarlock.model.rotation import matrix_from_quat, rotvec_between
+from oarlock.recording import ImuStream
+from oarlock.simulation import Motion
 
 FILTERS = tuple(ORIENTATION_FILTERS)
 PACKAGE = {"vqf": "vqf", "madgwick": "ahrs", "quaternion_ekf": "ahrs", "quest_ekf": "ahrs"}

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from command_line import run
-from oarlock import ImuStream, Recording, load_recording
+from oarlock import Recording, load_recording
 from oarlock.formats.csv import read_csv
+from oarlock.recording import ImuStream
 from oarlock.recording.packets import (
     expected_quantity_rows,
     lost_packets,

@@ -10,10 +10,12 @@ from scipy.spatial.transform import Rotation
 
 import oarlock
 from command_line import run
-from oarlock import Calibration, ImuStream, Motion, Recording
+from oarlock import Calibration, Recording
 from oarlock.evaluation.orientations import angles_from_orientations
 from oarlock.formats.devices.apdm import read_apdm, read_apdm_orientations
 from oarlock.model.chain_geometry import hinge_links, posture
+from oarlock.recording import ImuStream
+from oarlock.simulation import Motion
 from refusals import assert_refused
 
 FILE = Path(__file__).parents[1] / "examples/pendulum/imuData01.csv"

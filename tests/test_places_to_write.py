@@ -51,12 +51,14 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     model = oarlock.load_model("pendulum3")
     time_s = np.linspace(0.0, 2.0, 201)
     swing = 0.5 * np.sin(np.outer(time_s, [2.0, 3.0, 4.0]))
-    truth, measured = oarlock.simulate(model, oarlock.Motion(tuple(model.joint_names), time_s, swing), seed=1)
+    truth, measured = oarlock.simulate(
+        model, oarlock.simulation.Motion(tuple(model.joint_names), time_s, swing), seed=1
+    )
     measured.save(root / "rec")
     truth.save(root / "truth")
     oarlock.track(model, measured).save(root / "track")
     rowed_s = np.linspace(0.0, 8.0, 801)
-    oar = oarlock.ScalarStream("r_oar_phi", rowed_s, -0.9 * np.cos(np.pi * rowed_s))
+    oar = oarlock.recording.ScalarStream("r_oar_phi", rowed_s, -0.9 * np.cos(np.pi * rowed_s))
     oarlock.Recording([oar]).save(root / "rowed")
     (root / "seat.csv").write_text("t,x\n" + "".join(f"{k / 100},{0.1 + k / 1000}\n" for k in range(300)))
     (root / "map.toml").write_text(MAPPING)

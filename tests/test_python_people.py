@@ -146,7 +146,7 @@ def test_recordings_of_arrays_and_tables(trial):
             assert all(np.array_equal(one.values[k], two.values[k]) for k in one.values)
     time_s = np.arange(3.0)
     place = oarlock.Recording.from_arrays({"hand": {"time_s": time_s, "value": np.zeros((3, 3))}})["hand"]
-    assert isinstance(place, oarlock.VectorStream)
+    assert isinstance(place, oarlock.recording.VectorStream)
     for fields, words in (
         ({"value": time_s}, "has no time_s"),
         ({"time_s": time_s, "gyro": np.zeros((3, 3))}, "gyro_rad_s"),

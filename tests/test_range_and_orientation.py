@@ -5,10 +5,11 @@ import pytest
 
 import oarlock
 from local_data import local_folder
-from oarlock import Config, DataError, OrientationStream, Recording, ScalarStream
+from oarlock import Config, DataError, Recording
 from oarlock.evaluation.comparison.inverse_kinematics import Measured, solve
 from oarlock.formats.datasets.openaxes import LINK_FROM_SENSOR, read_openaxes, read_openaxes_reference
 from oarlock.model.rotation import quat_from_matrix, quat_inverse, quat_product, rotvec_from_quat
+from oarlock.recording import OrientationStream, ScalarStream
 from oarlock.rowing import sculling
 from refusals import assert_refused
 
@@ -67,7 +68,7 @@ def moving(model, seconds=8.0):
     time_s = np.arange(0.0, seconds, 0.05)
     waves = [0.4 * np.sin(2.0 * time_s), 0.3 * np.sin(1.3 * time_s + 1.0), 0.3 * np.sin(0.7 * time_s)]
     q = np.column_stack([*waves, 0.8 + 0.5 * np.sin(2.5 * time_s)])
-    return oarlock.Motion(model.coordinate_names, time_s, q)
+    return oarlock.simulation.Motion(model.coordinate_names, time_s, q)
 
 
 def simulated(seed=0, heading_rad=2.5, **more):

@@ -14,7 +14,7 @@ from html_page import (
     assert_speaks_to_screen_readers,
 )
 from oarlock.evaluation.suspects.suspect import SUSPECT_NOTE
-from oarlock.report import KeyFigure, Section, plot, write_page
+from oarlock.report import Section, plot, write_page
 from oarlock.report.health import smoothed_nis
 from oarlock.report.text import fixed, number
 from oarlock.storage.errors import DataError
@@ -216,7 +216,6 @@ def test_sections_of_a_field_come_first_and_bring_their_words_style_and_script(t
         "Teeth",
         "<p>12 % of gums</p>",
         ("<b>Two</b> teeth.",),
-        (KeyFigure("teeth", "2", "of 32"),),
         ".teeth { color: red; }",
         "window.teeth = 5 % 3;",
     )

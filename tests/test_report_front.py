@@ -126,6 +126,12 @@ def test_earlier_pieces_are_compared_on_the_front(piece, tmp_path):
     assert "A07, 2026-05-01, Rotsee, boat single" in files[1].read_text(encoding="utf-8").splitlines()[0]
 
 
+def test_report_and_terminal_share_one_analysis(piece, tmp_path, monkeypatch):
+    write_rowing_report(piece, tmp_path)
+    monkeypatch.setattr("oarlock.rowing.report.called.technique", None)
+    assert rowing_front(piece)[1].figures
+
+
 def test_without_an_earlier_piece_the_page_says_how_to_give_one(piece, tmp_path):
     read = Page(write_rowing_report(piece, tmp_path)[0].read_text(encoding="utf-8"))
     assert "oarlock report TRACK --last EARLIER" in read.text

@@ -16,8 +16,8 @@ from oarlock.rowing.findings.watched import WATCHED
 from oarlock.rowing.report.averages import SIGMAS_95, Average, Difference, difference, feature_of
 from oarlock.rowing.report.by_rate import range_over_rate
 from oarlock.rowing.report.called import Folder, called
-from oarlock.rowing.report.changes import change, in_words, matters
 from oarlock.rowing.report.compared import counts, differences, first_sentence
+from oarlock.rowing.report.earlier import change, in_words, matters
 from oarlock.rowing.report.front import front_of
 from oarlock.rowing.report.piece import ReportPiece
 from oarlock.rowing.report.player import player

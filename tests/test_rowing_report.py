@@ -15,7 +15,7 @@ from html_page import (
     assert_references_lead_somewhere,
     assert_speaks_to_screen_readers,
 )
-from oarlock.cli.report import CLASSES
+from oarlock.cli.report import report
 from oarlock.evaluation.suspects.suspect import SUSPECT_NOTE
 from oarlock.rowing import FEATURES, TARGET_CLASSES
 from oarlock.rowing.analysis.stroke_means import FeatureMean
@@ -158,7 +158,7 @@ def test_targets_are_drawn_with_their_source_and_never_called_right(page, text):
 
 
 def test_help_names_every_target_class():
-    assert tuple(TARGET_CLASSES) == CLASSES
+    assert all(name in str(report.__doc__) for name in TARGET_CLASSES)
 
 
 def test_a_target_class_that_is_not_there_is_refused(other, tmp_path):

@@ -42,6 +42,8 @@ def test_from_files_to_a_report(recording, tmp_path):
     assert (out / "calibration.toml").is_file() and (out / "track/report.html").is_file()
     angle_rad = oarlock.load_track(out / "track")["knee_flexion_r"].angle_rad
     assert np.ptp(angle_rad) > np.radians(40.0)
+    heading = "pelvis: the heading of its mount is not determined (standard deviation 104 deg)"
+    assert heading in " ".join(said.split()) and "`oarlock calibrate session`" in " ".join(said.split())
     assert "knee flexion" in said and f"open {out / 'track/report.html'}" in said
     assert re.search(r"deg \(range \d+ \+- \d+\)", said)
 

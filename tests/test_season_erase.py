@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import threading
 from pathlib import Path
@@ -68,11 +69,11 @@ def test_all_of_an_athlete_goes_and_nothing_of_others(season: Season, tmp_path: 
     for athlete in (GONE, STAYS):
         export_athlete(season, athlete, tmp_path / "exports")
     season.place.write(f"athlete={GONE}/logs/run.jsonl", b"{}")
-    season.place.write(f"athlete={GONE}/.new/abc/run.toml", b"of a writer that was stopped")
+    season.place.write(f"athlete={GONE}/results/abc.def/strokes.parquet", b"of a writer that was stopped")
     of_others = {name: season.place.read(name) for name, _ in season.place.files(f"athlete={STAYS}")}
     before = erase(pinned, GONE)
     counts = {key: before.removed[key] for key in ("recordings", "results", "exports")}
-    assert counts == {"recordings": 2, "results": 2, "exports": 1}
+    assert counts == {"recordings": 2, "results": 3, "exports": 1}
     assert of(season, GONE) == mine
     found = gone(pinned)
     assert (found.is_proven, found.left, found.elsewhere) == (True, [], [])
@@ -132,12 +133,12 @@ def test_what_comes_back_from_a_backup_is_erased_again(season: Season, tmp_path:
     assert check(season) == []
 
 
-@pytest.mark.parametrize("moment", ["before it is written", "before it is renamed"])
+@pytest.mark.parametrize("moment", ["before it is written", "before its commit record"])
 def test_an_add_that_began_before_the_erasure_does_not_win(
     season: Season, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, moment: str
 ) -> None:
     slow = Admission(season, GONE)
-    method = "put_folder" if moment == "before it is written" else "_commit"
+    method = "put_folder" if moment == "before it is written" else "write"
     original = getattr(season.place, method)
 
     def late(*args: object) -> bool:
@@ -210,7 +211,9 @@ def test_the_command(season: Season, tmp_path: Path) -> None:
     names = NamesFile(tmp_path / "names.toml", {"Anna Muster": GONE, "Bert Best": STAYS})
     names.write()
     place = tmp_path / "season"
-    assert "Would erase" in run("season", "erase", place, "--athlete", GONE, "--dry-run").stdout
+    dry = json.loads(run("season", "erase", place, "--athlete", GONE, "--dry-run", "--json").stdout)
+    assert (dry["is_dry_run"], dry["is_proven"], dry["removed"]["recordings"]) == (True, False, 2)
+    assert GONE in season.folders()
     run("season", "erase", place, "--athlete", GONE, status=2)
     run("season", "erase", place, "--athlete", "NOBODY", "--yes", status=1)
     shown = run("season", "erase", place, "--athlete", GONE, "--names", names.path, "--yes").stdout

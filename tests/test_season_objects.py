@@ -68,7 +68,7 @@ def test_folders_that_are_stored_at_once_are_whole(season_address: str) -> None:
 def test_files_of_a_stopped_writer_are_written_over(
     season_address: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("oarlock.season.object_storage._OTHER_WRITER_S", -1.0)
+    monkeypatch.setattr("oarlock.season.storage._OTHER_WRITER_S", -1.0)
     place = open_storage(season_address)
     place.write("recordings/one/a", b"left")
     assert place.put_folder("recordings/one", {"a": b"new", "entry": b"x"}, "entry")

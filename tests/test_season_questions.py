@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import json
 import sys
 from dataclasses import replace
 from importlib.resources import files
@@ -17,7 +18,7 @@ from command_line import run
 from oarlock import DataError
 from oarlock.rowing import StrokeTable
 from oarlock.season import QUESTIONS, Athlete, Database, Season, Selection, ask, create_season, trend
-from oarlock.season.database import Rates, add_crew_functions, metric_named
+from oarlock.season.database import add_functions, metric_named, rate_range
 from oarlock.season.questions import answer
 from oarlock.season.tables import Catalogue, update_tables
 from oarlock_lab.synthetic_season import BASES, REFERENCE_RATE, Synthetic, SyntheticAthlete
@@ -268,10 +269,10 @@ def test_names_are_forgiven(drifting: Drifting) -> None:
         answer(database, "crw")
     with pytest.raises(DataError, match="the question trend needs a metric"):
         answer(database, "trend")
-    assert Rates.parsed("20-24") == Rates.parsed("20 to 24") == Rates(20.0, 24.0)
+    assert rate_range("20-24") == rate_range("20 to 24") == (20.0, 24.0)
     for text in ("24-20", "20", "a-b"):
         with pytest.raises(DataError, match="such as 20-24"):
-            Rates.parsed(text)
+            rate_range(text)
 
 
 def test_selections(drifting: Drifting, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -311,8 +312,8 @@ def test_a_season_without_results_says_what_to_do(tmp_path: Path, monkeypatch: p
 
 def test_the_verbs_answer(tmp_path: Path) -> None:
     at = tmp_path / "season"
-    made = run("lab", "season", at, "--recordings", 10, "--athletes", 2, "--jobs", 1, "--seed", 4)
-    assert "Made 10 recordings of 2 athletes" in made.stdout
+    made = run("lab", "season", at, "--recordings", 10, "--athletes", 2, "--jobs", 1, "--seed", 4, "--json")
+    assert json.loads(made.stdout)["recordings"] == 10
     names = sorted(folder.name.partition("=")[2] for folder in at.glob("athlete=*"))
     listed = run("season", "questions", at).stdout
     assert all(question.name in listed for question in QUESTIONS)
@@ -320,15 +321,23 @@ def test_the_verbs_answer(tmp_path: Path) -> None:
         "season", "trend", at, "--metric", "catch_angle", "--athlete", names[0], "--rate-spm", "20-24"
     ).stdout
     assert "catch angle, deg" in shown
-    assert "change a month" in shown
+    assert "per month" in shown
     assert "per month" in run("season", "trend", at, "--metric", "catch_angle").stdout
-    told = run("season", "questions", at, "drift", "--metric", "catch_angle", "--json").stdout
-    assert all(name in told for name in names)
+    drift = json.loads(run("season", "questions", at, "drift", "--metric", "catch_angle", "--json").stdout)
+    assert sorted(row["athlete"] for row in drift["rows"]) == names
     table, rows = tmp_path / "rows.csv", tmp_path / "rows.parquet"
     asked = run(
-        "season", "query", at, "SELECT recording, health FROM runs", "--csv", table, "--parquet", rows
+        "season",
+        "query",
+        at,
+        "SELECT recording, health FROM runs",
+        "--csv",
+        table,
+        "--parquet",
+        rows,
+        "--json",
     )
-    assert "Wrote 10 rows" in asked.stdout
+    assert json.loads(asked.stdout) == {"row_count": 10, "written": [str(table), str(rows)]}
     assert len(table.read_text().splitlines()) == 11
     assert rows.read_bytes()[:4] == b"PAR1"
     again = run("season", "query", at, "SELECT 1", "--csv", table, status=2)
@@ -365,7 +374,7 @@ def test_crews_match_by_absolute_time() -> None:
     """Recordings that overlap and begin at different moments; the one after them and another boat's have no partner."""
     duckdb = pytest.importorskip("duckdb")
     connection = duckdb.connect(":memory:")
-    add_crew_functions(connection)
+    add_functions(connection)
     connection.execute(
         "CREATE TABLE recordings(recording VARCHAR, athlete VARCHAR, boat VARCHAR, seat VARCHAR, comparable VARCHAR, "
         "month VARCHAR, status VARCHAR, started TIMESTAMPTZ, duration_s DOUBLE)"

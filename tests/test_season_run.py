@@ -8,7 +8,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,10 +19,9 @@ import season_support as support
 from command_line import run as typed
 from exact_recording import at_rate, load_excerpt, sculler
 from oarlock import Calibration, Config, DataError, load_model
-from oarlock.season import Admission, Season, create_season, open_season
+from oarlock.season import Admission, Season, Setup, create_season, open_season
 from oarlock.season.compute import (
     StrokesAndHealth,
-    Tools,
     choose_setup,
     commit,
     failed_record,
@@ -33,7 +32,7 @@ from oarlock.season.compute import (
 from oarlock.season.erase import erase
 from oarlock.season.processes import Child, Processes
 from oarlock.season.records import ENTRY_FILE, Entry
-from oarlock.season.run import LIMIT_S, LIMIT_SHARE, Ended, Job, Loss, Reply, RunCounts, make_plan, run_season
+from oarlock.season.run import LIMIT_S, LIMIT_SHARE, Ended, Job, Reply, RunCounts, make_plan, run_season
 from oarlock.season.tables import catalogue, update_tables
 from oarlock.season.upkeep import check
 
@@ -44,18 +43,13 @@ LATE_S = 120.0
 class Here:
     """An executor that computes in this process, one job after the other."""
 
-    def __init__(self, task: Callable[[Job], Reply | Loss]) -> None:
+    def __init__(self, task: Callable[[Job], Reply]) -> None:
         self.task = task
-        self.waiting: list[Job] = []
         self.began: list[Job] = []
         self.is_cancelled = False
 
-    def submit(self, job: Job) -> None:
-        self.waiting.append(job)
-
-    def as_completed(self) -> Iterator[Ended]:
-        while self.waiting:
-            job = self.waiting.pop(0)
+    def run(self, jobs: Sequence[Job]) -> Iterator[Ended]:
+        for job in jobs:
             self.began.append(job)
             yield Ended(job, self.task(job), "here", 1, 0.5)
 
@@ -80,7 +74,7 @@ def bad(monkeypatch: pytest.MonkeyPatch, **what: str) -> None:
     monkeypatch.setenv(jobs.BAD, json.dumps({name.lstrip("_"): how for name, how in what.items()}))
 
 
-def done(season: Season, task: Callable[[Job], Reply | Loss] = jobs.quick_task, **plan: object) -> RunCounts:
+def done(season: Season, task: Callable[[Job], Reply] = jobs.quick_task, **plan: object) -> RunCounts:
     return run_season(season, Here(task), make_plan(season, **plan))  # type: ignore[arg-type]
 
 
@@ -177,10 +171,10 @@ def test_a_recording_whose_process_ends_is_tried_once_more_alone_and_then_blamed
     guilty, unlucky, *_ = season.recordings()
     lost: list[str] = []
 
-    def task(job: Job) -> Reply | Loss:
+    def task(job: Job) -> Reply:
         if job.recording == guilty or (job.recording == unlucky and unlucky not in lost):
             lost.append(job.recording)
-            return Loss(False, "its process was ended by SIGSEGV", "Segmentation fault")
+            return Reply("lost", "its process was ended by SIGSEGV", detail="Segmentation fault")
         return jobs.quick_task(job)
 
     here = Here(task)
@@ -198,7 +192,7 @@ def test_a_recording_whose_process_ends_is_tried_once_more_alone_and_then_blamed
 
 def test_a_hanging_recording_is_blamed_at_once(season: Season) -> None:
     guilty, *_ = season.recordings()
-    hangs = Loss(True, "it was not done after 9 s")
+    hangs = Reply("hung", "it was not done after 9 s")
     here = Here(lambda job: hangs if job.recording == guilty else jobs.quick_task(job))
     found = run_season(season, here, make_plan(season))
     assert found.failed[guilty].startswith("hangs: it was not done after 9 s; a longer --task-limit-s")
@@ -254,9 +248,7 @@ def test_raw_data_that_retention_removed_are_left_alone(season: Season) -> None:
 
 
 def test_a_recording_without_strokes_is_done_and_has_no_rows(season: Season) -> None:
-    reply = run_job(
-        make_plan(season).jobs[0], lambda entry, tools: StrokesAndHealth(None, {"trunk.nis": 1.0})
-    )
+    reply = run_job(make_plan(season).jobs[0], lambda season, entry, setup: (None, {"trunk.nis": 1.0}))
     assert reply.status == "done"
     record = catalogue(season).records[0]
     assert (record.status, record.strokes, dict(record.files)) == ("done", 0, {})
@@ -267,11 +259,11 @@ def test_a_recording_without_strokes_is_done_and_has_no_rows(season: Season) -> 
 def test_an_erasure_meanwhile_leaves_no_result(season: Season) -> None:
     job = make_plan(season).jobs[0]
 
-    def erased_then_found(entry: Entry, tools: Tools) -> StrokesAndHealth:
+    def erasing(season: Season, entry: Entry, setup: Setup) -> StrokesAndHealth:
         assert erase(season, entry.athlete, dry_run=False).is_proven
-        return StrokesAndHealth(None, {})
+        return None, {}
 
-    assert run_job(job, erased_then_found).status == "there"
+    assert run_job(job, erasing).status == "there"
     assert season.results_of(job.athlete) == []
     assert job.athlete not in season.folders()
 
@@ -365,10 +357,8 @@ def until(is_so: Callable[[], object]) -> None:
 def test_cancelled_processes_end_at_once(season: Season, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(jobs.BAD, json.dumps(dict.fromkeys(season.recordings(), "hang")))
     executor = Processes(jobs.quick_task, 1)
-    for job in make_plan(season).jobs:
-        executor.submit(job)
     threading.Timer(0.2, executor.cancel).start()
-    assert all(isinstance(one.reply, Loss | Reply) for one in executor.as_completed())
+    assert not any(ended.reply.status == "done" for ended in executor.run(make_plan(season).jobs))
     assert catalogue(season).records == []
 
 
@@ -424,7 +414,8 @@ def test_typed(typed_season: Path, tmp_path: Path) -> None:
     assert (waits["to_compute"], waits["up_to_date"]) == (2, 0)
     found = json.loads(typed("season", "run", typed_season, "--jobs", 1, "--json").stdout)
     assert (found["computed"], found["failed"]) == (2, {})
-    assert "Everything is up to date" in typed("season", "run", typed_season).stdout
+    again = json.loads(typed("season", "run", typed_season, "--json").stdout)
+    assert (again["to_compute"], again["up_to_date"]) == (0, 2)
     season = open_season(str(typed_season))
     records = catalogue(season).records
     assert all(record.strokes > 1 for record in records)

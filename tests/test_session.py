@@ -7,12 +7,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import oarlock
-from oarlock import DataError, ImuStream, Recording, ScalarStream
+from oarlock import DataError, Recording
 from oarlock.calibration import SessionPlan, SessionStep
 from oarlock.calibration.robust_fit import huber, robust_fit
 from oarlock.calibration.session.body import BodyKinematics
 from oarlock.calibration.session.encoders import encoder_scales
-from oarlock.recording import Clock
+from oarlock.recording import Clock, ImuStream, ScalarStream
 from oarlock.simulation import SessionErrors
 from refusals import assert_refused
 

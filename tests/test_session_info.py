@@ -1,5 +1,7 @@
 """session.toml: who was recorded and when, beside recordings and tracks, and outside of their contents."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -16,7 +18,9 @@ def recording(session=None):
     model = oarlock.load_model("pendulum3")
     time_s = np.arange(60) / 50.0
     up = np.tile([0.1, 9.8, 0.0], (60, 1))
-    streams = [oarlock.ImuStream(n, time_s, gyro_rad_s=0.0 * up, accel_m_s2=up) for n in model.sensor_names]
+    streams = [
+        oarlock.recording.ImuStream(n, time_s, gyro_rad_s=0.0 * up, accel_m_s2=up) for n in model.sensor_names
+    ]
     return model, oarlock.Recording(streams, {"session": session} if session else {})
 
 
@@ -67,8 +71,9 @@ def test_options_questions_and_what_is_kept(tmp_path):
 
     (tmp_path / "a.csv").write_text(table(HEADER, columns_of()))
     run("import", tmp_path / "a.csv", "--out", tmp_path / "rec", "--athlete", "A07", "--date", "2026-05-01")
-    said = run("import", tmp_path / "a.csv", "--out", tmp_path / "rec", "--force", "--boat", "1x").stdout
-    assert "A07, 2026-05-01, boat 1x" in said
+    again = ("import", tmp_path / "a.csv", "--out", tmp_path / "rec", "--force", "--boat", "1x", "--json")
+    kept = {"athlete": "A07", "date": "2026-05-01", "boat": "1x"}
+    assert json.loads(run(*again).stdout)["session"] == kept
     refused = run(
         "import", tmp_path / "a.csv", "--out", tmp_path / "b", "--date", "yesterday", status=2
     ).stderr

@@ -25,7 +25,7 @@ def body(name: str) -> tuple[oarlock.Model, Recording, Track]:
         for _ in model.joint_names
     ]
     truth, recording = oarlock.simulate(
-        model, oarlock.Motion(model.joint_names, time_s, np.column_stack(waves)), seed=3
+        model, oarlock.simulation.Motion(model.joint_names, time_s, np.column_stack(waves)), seed=3
     )
     return model, recording, truth
 

@@ -8,6 +8,7 @@ import pytest
 
 import oarlock
 from exact_recording import UNITS, Floats, sculler
+from oarlock.recording import Clock, EncoderScale
 from oarlock.rowing import sculling
 from random_tree import load_tree, random_tree, waves
 
@@ -27,7 +28,7 @@ FIELDS = {
 
 
 @pytest.fixture(scope="module")
-def motion() -> oarlock.Motion:
+def motion() -> oarlock.simulation.Motion:
     return sculling(sculler(), 8.0, 30.0, seed=2)
 
 
@@ -41,7 +42,7 @@ def as_readings(recording: oarlock.Recording, units: Any) -> Floats:
     return np.column_stack([np.column_stack(list(recording[u].values.values())) for u in units])
 
 
-def assert_signals_agree(model: oarlock.Model, motion: oarlock.Motion) -> None:
+def assert_signals_agree(model: oarlock.Model, motion: oarlock.simulation.Motion) -> None:
     truth, recording = oarlock.simulate(model, motion, noise=False)
     units = [s.name for s in model.describe().inertial_units]
     rows = len(truth.time_s)
@@ -97,7 +98,7 @@ def test_encoders_read_their_joints(clean):
 
 
 def noise_of(
-    motion: oarlock.Motion, clean: oarlock.Recording, **asked: Any
+    motion: oarlock.simulation.Motion, clean: oarlock.Recording, **asked: Any
 ) -> Mapping[str, Mapping[str, Floats]]:
     noisy = oarlock.simulate(sculler(), motion, seed=3, **asked)[1]
     return {s.name: {f: v - clean[s.name].values[f] for f, v in s.values.items()} for s in noisy}
@@ -156,10 +157,38 @@ def test_biases_as_asked(motion, clean):
             )
 
 
+def test_errors_of_a_calibration_are_in_the_readings(motion, clean):
+    soft = np.array([[1.1, 0.02, 0.0], [0.02, 0.95, 0.01], [0.0, 0.01, 0.97]])
+    calibration = oarlock.Calibration(
+        gyro_biases_rad_s={"back": [0.1, -0.2, 0.3]},
+        accel_biases_m_s2={"back": [1.0, 2.0, 3.0]},
+        accel_scales={"back": [1.1, 0.9, 1.2]},
+        mag_offsets_ut={"back": [5.0, -4.0, 3.0]},
+        mag_matrices={"back": soft},
+        clocks={"back": Clock(0.25, 1e-4)},
+        encoders={"seat": EncoderScale(0.3, -2.0)},
+    )
+    measured = oarlock.simulate(sculler(), motion, noise=False, calibration=calibration)[1]
+    back, true = measured["back"], clean[1]["back"]
+    rounding = 1e-11
+    np.testing.assert_allclose(
+        back.gyro_rad_s - true.gyro_rad_s, [[0.1, -0.2, 0.3]] * len(back), atol=rounding
+    )
+    away = back.accel_m_s2 - true.accel_m_s2 * [1.1, 0.9, 1.2]
+    np.testing.assert_allclose(away, [[1.0, 2.0, 3.0]] * len(back), atol=rounding)
+    np.testing.assert_allclose((back.mag_ut - [5.0, -4.0, 3.0]) @ soft.T, true.mag_ut, atol=rounding)
+    np.testing.assert_allclose(back.time_s, true.time_s * (1.0 + 1e-4) + 0.25, atol=rounding)
+    np.testing.assert_allclose(measured["seat"].value, clean[1]["seat"].value / -2.0 + 0.3, atol=rounding)
+    again = calibration.corrected(measured)
+    np.testing.assert_allclose(again["back"].accel_m_s2, true.accel_m_s2, atol=rounding)
+    np.testing.assert_allclose(again["seat"].value, clean[1]["seat"].value, atol=rounding)
+    assert np.array_equal(measured["r_forearm"].gyro_rad_s, clean[1]["r_forearm"].gyro_rad_s)
+
+
 def test_surge_enters_the_accelerometers_only(motion, clean):
     truth, moving = clean
     still = oarlock.simulate(
-        sculler(), oarlock.Motion(motion.joint_names, motion.time_s, motion.q), noise=False
+        sculler(), oarlock.simulation.Motion(motion.joint_names, motion.time_s, motion.q), noise=False
     )[1]
     surge = motion.base_acceleration_at(truth.time_s)
     assert np.abs(surge[:, 2]).max() > 3.0
@@ -207,14 +236,16 @@ def test_chosen_sensors_at_a_chosen_rate(motion):
 
 def test_a_joint_without_values_is_named(motion):
     kept = [i for i, name in enumerate(motion.joint_names) if name != "trunk"]
-    short = oarlock.Motion(tuple(motion.joint_names[i] for i in kept), motion.time_s, motion.q[:, kept])
+    short = oarlock.simulation.Motion(
+        tuple(motion.joint_names[i] for i in kept), motion.time_s, motion.q[:, kept]
+    )
     with pytest.raises(oarlock.DataError, match="no values for trunk"):
         oarlock.simulate(sculler(), short)
 
 
 def test_joints_may_stand_in_any_order(motion, clean):
     order = list(reversed(range(len(motion.joint_names))))
-    turned = oarlock.Motion(
+    turned = oarlock.simulation.Motion(
         tuple(motion.joint_names[i] for i in order),
         motion.time_s,
         motion.q[:, order],

@@ -12,11 +12,11 @@ from validation.limits import limits, punctual
 import oarlock
 from exact_recording import STRUCTURES
 from local_data import local_folder
-from oarlock import ImuStream
 from oarlock.formats.datasets.broad import BODY, read_broad, read_broad_reference
 from oarlock.formats.datasets.dfjimu import BODIES, read_dfjimu, read_dfjimu_reference
 from oarlock.formats.datasets.openaxes import LINKS, openaxes_runs, read_openaxes, read_openaxes_reference
 from oarlock.formats.datasets.qmt import read_qmt
+from oarlock.recording import ImuStream
 from refusals import assert_refused
 
 RELATIVE, ABSOLUTE_DEG = 0.05, 0.05
@@ -34,7 +34,7 @@ def two_links() -> tuple[oarlock.Model, oarlock.Recording]:
     names = model.coordinate_names
     speeds = 2.0 * np.pi * (0.3 + 0.13 * np.arange(len(names)))
     q = 0.5 * np.sin(time_s[:, None] * speeds) * np.clip(time_s[:, None], 0.0, 1.0) ** 3
-    motion = oarlock.Motion.from_joints(time_s, dict(zip(names, q.T, strict=True)))
+    motion = oarlock.simulation.Motion.from_joints(time_s, dict(zip(names, q.T, strict=True)))
     return model, oarlock.simulate(model, motion, seed=3)[1]
 
 

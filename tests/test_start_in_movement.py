@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import oarlock
-from oarlock import Motion
+from oarlock.simulation import Motion
 
 # With 5 mrad/s and 0.05 m/s2 of noise over 40 s; hinges beside the link without a unit share what it does.
 EXACT_DEG = 0.5

@@ -108,7 +108,7 @@ def _with_arm(body, is_heard):
     """The recording with only these readings of the left arm's unit."""
     arm = body.recording["upper_arm_l"]
     heard = is_heard(arm.time_s)
-    part = oarlock.ImuStream(
+    part = oarlock.recording.ImuStream(
         "upper_arm_l", arm.time_s[heard], gyro_rad_s=arm.gyro_rad_s[heard], accel_m_s2=arm.accel_m_s2[heard]
     )
     return oarlock.Recording([*(s for s in body.recording if s.name != "upper_arm_l"), part])
@@ -247,7 +247,9 @@ def hinge_moved_by_hand(askew):
     for name, turn in turns.items():
         push = CubicSpline(time_s, places[name])(time_s, 2) + np.array([0.0, 0.0, 9.80665])
         gyro = RotationSpline(time_s, turn)(time_s, 1)
-        streams.append(oarlock.ImuStream(name, time_s, gyro_rad_s=gyro, accel_m_s2=turn.inv().apply(push)))
+        streams.append(
+            oarlock.recording.ImuStream(name, time_s, gyro_rad_s=gyro, accel_m_s2=turn.inv().apply(push))
+        )
     return oarlock.Recording(streams), turns
 
 

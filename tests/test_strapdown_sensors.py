@@ -62,7 +62,7 @@ def sway(phase, size, hz):
 
 
 def motion(elbow=None):
-    return oarlock.Motion.from_joints(
+    return oarlock.simulation.Motion.from_joints(
         TIME_S,
         {
             "trunk": np.column_stack([0.1 * sway(0.0, 1.0, 0.2), sway(0.4, 0.3, 0.3)]),
@@ -127,7 +127,7 @@ def test_a_magnet_that_passes_leaves_nothing():
     bent = np.array(arm.mag_ut)
     near = (arm.time_s > 15.0) & (arm.time_s < 23.0)
     bent[near] += [40.0, 10.0, 0.0]
-    part = oarlock.ImuStream(
+    part = oarlock.recording.ImuStream(
         "arm_l", arm.time_s, gyro_rad_s=arm.gyro_rad_s, accel_m_s2=arm.accel_m_s2, mag_ut=bent
     )
     with_magnet = oarlock.Recording([*(s for s in recording if s.name != "arm_l"), part])
@@ -167,7 +167,7 @@ std_m = 0.005
 std_axis = 0.02
 """
     own = sway(1.0, 0.6, 0.4) * [0.0, 1.0, 0.0]
-    moved = oarlock.Motion.from_joints(
+    moved = oarlock.simulation.Motion.from_joints(
         TIME_S,
         {
             "trunk": np.column_stack([0.1 * sway(0.0, 1.0, 0.2), sway(0.4, 0.3, 0.3)]),
@@ -213,7 +213,7 @@ def elbow_at(angle_rad, limits_rad, start_rad):
     moves = {"trunk": np.column_stack([still, still]), "shoulder_r": still, "shoulder_l": still}
     elbow = angle_rad + 0.02 * np.sin(2.0 * np.pi * 0.4 * TIME_S)
     _, recording = oarlock.simulate(
-        body, oarlock.Motion.from_joints(TIME_S, {**moves, "elbow": elbow}), seed=4
+        body, oarlock.simulation.Motion.from_joints(TIME_S, {**moves, "elbow": elbow}), seed=4
     )
     start = np.zeros(len(body.coordinate_names))
     start[body.coordinate_names.index("elbow")] = start_rad
@@ -263,7 +263,7 @@ def test_a_link_that_an_encoder_alone_places_has_no_turn_off_its_axis(tmp_path):
     rise = np.clip((TIME_S - 1.5) / 2.0, 0.0, 1.0)
     waves = {"turret": (0.8, 0.08), "shoulder": (0.5, 0.14), "elbow": (0.6, 0.2)}
     angles = {name: size * np.sin(2.0 * np.pi * hz * TIME_S) * rise for name, (size, hz) in waves.items()}
-    truth, recording = oarlock.simulate(body, oarlock.Motion.from_joints(TIME_S, angles), seed=4)
+    truth, recording = oarlock.simulate(body, oarlock.simulation.Motion.from_joints(TIME_S, angles), seed=4)
     for smooth in (False, True):
         track = oarlock.track(body, recording, smooth=smooth)
         turned = {name.partition(".")[0] for name in track.slow if ".off_axis_" in name}

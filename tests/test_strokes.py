@@ -250,11 +250,11 @@ def test_one_oar_is_enough_and_noted():
 def test_a_frozen_encoder_is_no_turn_and_degrees_are_refused():
     recording = rowed((Part(8, 24.0),), 2).recording(50.0, 2)
     right = recording["r_oar_phi"]
-    frozen = oarlock.ScalarStream("l_oar_phi", right.time_s, np.full(len(right), 0.2))
+    frozen = oarlock.recording.ScalarStream("l_oar_phi", right.time_s, np.full(len(right), 0.2))
     rows = find_strokes(oarlock.Recording([right, frozen]))
     assert len(rows) == 8 and "turn" not in rows.kinds
     assert any("left (starboard) oar never moved" in note for note in rows.notes)
-    degrees = oarlock.ScalarStream("r_oar_phi", right.time_s, np.degrees(right.value))
+    degrees = oarlock.recording.ScalarStream("r_oar_phi", right.time_s, np.degrees(right.value))
     assert_refused(lambda: find_strokes(oarlock.Recording([degrees])), "Degrees")
 
 
@@ -262,11 +262,11 @@ def test_a_silent_oar_is_no_turn_and_a_long_silence_breaks_strokes():
     recording = rowed((Part(20, 24.0),), 4).recording(50.0, 4)
     right, left = recording["r_oar_phi"], recording["l_oar_phi"]
     gone = (left.time_s > 20.0) & (left.time_s < 30.0)
-    streams = [right, oarlock.ScalarStream("l_oar_phi", left.time_s[~gone], left.value[~gone])]
+    streams = [right, oarlock.recording.ScalarStream("l_oar_phi", left.time_s[~gone], left.value[~gone])]
     rows = find_strokes(oarlock.Recording(streams))
     assert len(rows) == 20 and "turn" not in rows.kinds
     both = (right.time_s > 20.0) & (right.time_s < 30.0)
-    streams = [oarlock.ScalarStream(s.name, s.time_s[~both], s.value[~both]) for s in (right, left)]
+    streams = [oarlock.recording.ScalarStream(s.name, s.time_s[~both], s.value[~both]) for s in (right, left)]
     rows = find_strokes(oarlock.Recording(streams))
     assert 14 <= len(rows) <= 17
     across = (rows.catch_time_s < 20.0) & (rows.end_time_s > 30.0)
@@ -281,7 +281,7 @@ def test_missing_readings_and_spikes_move_no_stroke():
         value = stream.value.copy()
         value[rng.random(len(value)) < 0.2] = np.nan
         value[rng.random(len(value)) < 0.002] += np.radians(4.0)
-        streams.append(oarlock.ScalarStream(stream.name, stream.time_s, value))
+        streams.append(oarlock.recording.ScalarStream(stream.name, stream.time_s, value))
     rows, plain = find_strokes(oarlock.Recording(streams)), find_strokes(recording)
     assert len(rows) == len(plain)
     assert np.median(np.abs(rows.catch_time_s - plain.catch_time_s)) < BIAS_S
@@ -290,7 +290,7 @@ def test_missing_readings_and_spikes_move_no_stroke():
 
 def test_nothing_that_moves_is_no_stroke():
     time_s = np.arange(0.0, 20.0, 0.02)
-    stream = oarlock.ScalarStream("r_oar_phi", time_s, 0.1 * np.sin(time_s))
+    stream = oarlock.recording.ScalarStream("r_oar_phi", time_s, 0.1 * np.sin(time_s))
     rows = find_strokes(oarlock.Recording([stream]))
     assert len(rows) == 0 and "No stroke" in rows.notes[-1]
     assert [stretch.kind for stretch in rows.stretches] == ["pause"]
@@ -303,6 +303,6 @@ def test_sweep_and_ergometer():
     for piece, name, column in ((sweep, "oar_phi", "arc_rad"), (ergometer, "handle", "handle_travel_m")):
         time_s = np.arange(0.0, 10.0, 0.01)
         value = np.interp(time_s, piece.motion.time_s, piece.motion.column(name))
-        rows = find_strokes(oarlock.Recording([oarlock.ScalarStream(name, time_s, value)]))
+        rows = find_strokes(oarlock.Recording([oarlock.recording.ScalarStream(name, time_s, value)]))
         assert len(rows) == 4
         assert rows.table()[column] == pytest.approx(np.ptp(value), rel=0.05)

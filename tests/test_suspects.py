@@ -9,9 +9,10 @@ import pytest
 
 import oarlock
 from exact_recording import sculler
-from oarlock import ImuStream, Recording, ScalarStream
+from oarlock import Recording
 from oarlock.evaluation.suspects.changes import MIRRORS, PROPER, turns
 from oarlock.evaluation.suspects.fit import USUAL
+from oarlock.recording import ImuStream, ScalarStream
 from oarlock.recording.frozen_signals import clipped_texts, stuck_texts
 from oarlock.report import write_page
 from oarlock.rowing import FieldEffects, simulate_field
@@ -112,7 +113,7 @@ def arm(seed: int) -> tuple[oarlock.Model, Recording]:
     time_s = np.arange(0.0, 1.5, 0.01)
     rate = random.uniform(2.0, 5.0, len(model.joint_names))
     q = 0.3 + 0.4 * np.sin(time_s[:, None] * rate + random.uniform(0.0, 6.0, len(rate)))
-    recording = oarlock.simulate(model, oarlock.Motion(model.joint_names, time_s, q), seed=seed)[1]
+    recording = oarlock.simulate(model, oarlock.simulation.Motion(model.joint_names, time_s, q), seed=seed)[1]
     return model, recording.slice(0.2, 1.2)
 
 
@@ -137,7 +138,7 @@ def test_what_is_still_cannot_be_told() -> None:
     model = oarlock.load_model("arm7")
     time_s = np.arange(0.0, 1.5, 0.01)
     q = np.full((len(time_s), len(model.joint_names)), 0.2)
-    recording = oarlock.simulate(model, oarlock.Motion(model.joint_names, time_s, q), seed=1)[1]
+    recording = oarlock.simulate(model, oarlock.simulation.Motion(model.joint_names, time_s, q), seed=1)[1]
     assert [s.fault for s in suspects(model, recording)] == ["untold"]
 
 

@@ -56,7 +56,7 @@ def test_filtered_and_smoothed_tracks_come_back(track, tmp_path):
 def test_truth_comes_back(tmp_path):
     truth = load_excerpt().truth
     truth.save(tmp_path)
-    loaded = oarlock.Track.load(tmp_path)
+    loaded = oarlock.load_track(tmp_path)
     assert_same(truth, loaded)
     assert (loaded.info, loaded.beliefs) == (None, None)
 
@@ -114,7 +114,7 @@ def test_another_recording_has_another_hash(recording, track):
     gyro = back.gyro_rad_s.copy()
     gyro[100, 0] = np.nextafter(gyro[100, 0], 1.0)
     touched = [s for s in recording.streams if s.name != "back"]
-    touched.insert(0, oarlock.ImuStream("back", back.time_s, gyro, back.accel_m_s2, back.mag_ut))
+    touched.insert(0, oarlock.recording.ImuStream("back", back.time_s, gyro, back.accel_m_s2, back.mag_ut))
     other = oarlock.track(sculler(), oarlock.Recording(touched))
     assert other.provenance["recording_sha256"] != track.provenance["recording_sha256"]
     assert other.provenance["model_sha256"] == track.provenance["model_sha256"]

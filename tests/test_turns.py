@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from oarlock import Motion, load_model, load_track, simulate, smooth, track
+from oarlock import load_model, load_track, simulate, smooth, track
 from oarlock.model.angle_sequence import angles_from_quat, quat_from_angles
+from oarlock.simulation import Motion
 from oarlock.tracking.turns import Hinge, hinges_of, placed, turn_notes, without_turn_notes
 
 TURN = 2 * np.pi

@@ -45,7 +45,7 @@ def reaching(model, seed, flexion=0.7, pronation=0.5):
     for name, size in sizes.items():
         q[:, model.coordinate_names.index(name)] += waves(size)
     q[:, model.coordinate_names.index("elbow_pronation_r")] += random.normal(0.0, np.radians(8.0))
-    return oarlock.Motion(tuple(model.coordinate_names), time_s, q)
+    return oarlock.simulation.Motion(tuple(model.coordinate_names), time_s, q)
 
 
 def recorded(model, motion, seed):
@@ -65,7 +65,7 @@ def recorded(model, motion, seed):
 def without_magnetometers(recording):
     return oarlock.Recording(
         [
-            oarlock.ImuStream(s.name, s.time_s, gyro_rad_s=s.gyro_rad_s, accel_m_s2=s.accel_m_s2)
+            oarlock.recording.ImuStream(s.name, s.time_s, gyro_rad_s=s.gyro_rad_s, accel_m_s2=s.accel_m_s2)
             for s in recording.streams
         ]
     )

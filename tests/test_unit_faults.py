@@ -8,8 +8,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import oarlock
-from oarlock import ImuStream, Recording
+from oarlock import Recording
 from oarlock.evaluation.suspects.joint_forces import JointForces
+from oarlock.evaluation.suspects.rest_gravity import RestGravity
+from oarlock.recording import ImuStream
+from oarlock.recording.undetermined_mounts import mount_notes
+from walking_body import walk
 
 suspects = partial(oarlock.evaluation.find_suspects, budget_s=600.0)
 """However busy the machine is."""
@@ -30,7 +34,7 @@ def arm(seed: int) -> tuple[oarlock.Model, Recording]:
             0.3 * np.sin(2.0 * np.pi * frequency_hz * time_s[:, None] + phase_rad).sum(axis=1) / np.sqrt(2.0)
         )
         q.append(np.minimum(time_s / 2.0, 1.0) * waves)
-    motion = oarlock.Motion(model.joint_names, time_s, np.column_stack(q))
+    motion = oarlock.simulation.Motion(model.joint_names, time_s, np.column_stack(q))
     return model, oarlock.simulate(model, motion, seed=seed)[1]
 
 
@@ -163,6 +167,33 @@ def test_two_units_that_disagree_and_one_that_is_alone() -> None:
     (late,) = suspects(model, FAULTS["late"][0](pair))
     assert late.fault == "clock" and set(late.streams) <= {"forearm", "hand"}
     assert JointForces.of(model, recording.only(["hand"]), None) is None
+
+
+@pytest.mark.parametrize("seed", [1, 3, 4, 7])
+def test_a_unit_whose_heading_is_not_known_is_no_suspect(seed: int) -> None:
+    """Its levers point anywhere, and some turns and signs bring the forces together."""
+    model, recording = oarlock.load_model("lower_body"), walk(seed).recording
+    known = oarlock.calibration.calibrate_sagittal(model, recording)
+    assert suspects(model, recording, known) == ()
+    (note,) = mount_notes(recording, known)
+    assert note.startswith("pelvis: the heading of its mount is not determined (standard deviation 104 deg)")
+    assert mount_notes(recording, None) == mount_notes(recording.without("pelvis"), known) == ()
+
+
+def test_gravity_at_rest_refuses_what_contradicts_it() -> None:
+    walked, about_up = walk(3), Rotation.from_rotvec([0.0, np.pi / 2, 0.0])
+    model, known = oarlock.load_model("lower_body"), walked.calibration
+    gravity = RestGravity.of(model, walked.recording, known)
+    unit = Rotation.from_matrix(known.mounts["pelvis"][0])
+    tilted = Rotation.from_rotvec([0.2, 0.0, 0.0])
+    for change, is_refused in ((about_up, False), (tilted, True), (about_up * tilted, True)):
+        matrix = (unit.inv() * change * unit).as_matrix()
+        assert gravity.contradicts(("pelvis",), matrix) == is_refused
+        assert not gravity.contradicts(("pelvis",), matrix, from_s=5.0), "nobody rests then"
+    assert gravity.contradicts(("thigh_r", "thigh_l"), -np.eye(3))
+    assert not gravity.contradicts(("pelvis",), None)
+    upside_down = changed("pelvis", values(accel_m_s2=lambda rows, t: -rows))(walked.recording)
+    assert not RestGravity.of(model, upside_down, known).contradicts(("pelvis",), -np.eye(3))
 
 
 @pytest.mark.parametrize("length_s", [0.05, 0.4, 1.2, 2.5, 4.0])

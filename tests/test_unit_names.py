@@ -172,7 +172,8 @@ def recording(*names):
     up = np.tile([0.1, 9.8, 0.0], (5, 1))
     lost = {"after_s": [0.0], "packets": [1.0], "step_s": [0.02]}
     return oarlock.Recording(
-        [oarlock.ImuStream(name, time_s, accel_m_s2=up) for name in names], {"packets": {names[0]: lost}}
+        [oarlock.recording.ImuStream(name, time_s, accel_m_s2=up) for name in names],
+        {"packets": {names[0]: lost}},
     )
 
 
@@ -191,9 +192,9 @@ def test_orientations_follow_their_unit():
     time_s = np.arange(5) / 50.0
     quat = np.tile([1.0, 0.0, 0.0, 0.0], (5, 1))
     unit = recording("Hips")["Hips"]
-    both = oarlock.Recording([unit, oarlock.OrientationStream("Hips_orientation", time_s, quat)])
+    both = oarlock.Recording([unit, oarlock.recording.OrientationStream("Hips_orientation", time_s, quat)])
     assert with_unit_names(both, BODY)[0].names == ("pelvis", "pelvis_orientation")
-    alone = oarlock.Recording([oarlock.OrientationStream("tibia_r_imu", time_s, quat)])
+    alone = oarlock.Recording([oarlock.recording.OrientationStream("tibia_r_imu", time_s, quat)])
     assert with_unit_names(alone, BODY)[0].names == ("shank_r",)
 
 
@@ -213,4 +214,4 @@ def test_typed(tmp_path):
     words = ("--model", "pendulum3", "--units", "lower=upper", "--json", "--force")
     told = json.loads(run("import", tmp_path / "a.csv", "--out", tmp_path / "b", *words).stdout)
     assert told["units"] == {"lower": {"unit": "upper", "reason": "by hand"}}
-    assert told["free_sensors"] == ["upper", "middle"] and told["others"] == []
+    assert told["free_sensors"] == ["upper", "middle"] and told["unused_files"] == []

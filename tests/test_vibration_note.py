@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import oarlock
-from oarlock import ImuStream, Recording
+from oarlock import Recording
+from oarlock.recording import ImuStream
 
 RATE_HZ = 100.0
 DURATION_S = 6.0

@@ -9,10 +9,10 @@ import pytest
 
 import oarlock
 from headless_chromium import CHROMIUM, HANGS_MS, SOFTWARE, Opened, driver_of_chromium, quiet_tabs
-from oarlock import Motion
 from oarlock.report.viewer import embed, page, player_assets, scene
 from oarlock.rowing import find_strokes, rowing_look, stroke_marks
 from oarlock.rowing.simulation.experiment import simulate_sculling
+from oarlock.simulation import Motion
 
 pytestmark = pytest.mark.long
 

@@ -8,8 +8,8 @@ import pytest
 
 import oarlock
 from command_line import run
-from oarlock import Motion
 from oarlock.cli import view
+from oarlock.simulation import Motion
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import oarlock
-from oarlock import DataError, Motion
+from oarlock import DataError
 from oarlock.model import Look, Shape
 from oarlock.model.shapes import PARTS, box, ellipsoid, loft, tube
 from oarlock.report.viewer import Curve, embed, joint_curves, page, player_assets, scene
@@ -19,6 +19,7 @@ from oarlock.report.viewer.packing import packed, packed_times, unpacked
 from oarlock.report.viewer.scene import shown_rows
 from oarlock.rowing import find_strokes, rowing_look, stroke_marks
 from oarlock.rowing.simulation.experiment import simulate_sculling
+from oarlock.simulation import Motion
 from oarlock.tracking.track import track_without_filter
 from refusals import assert_refused
 

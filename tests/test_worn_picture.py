@@ -8,8 +8,7 @@ import pytest
 import oarlock
 from headless_chromium import driver_of_chromium, quiet_tabs
 from oarlock.report.session_page import write_session_page
-from oarlock.report.worn_picture import WornBody, pointing, worn_picture
-from oarlock.report.worn_section import unit_verdicts, worn_section
+from oarlock.report.worn_picture import WornBody, pointing, unit_verdicts, worn_picture, worn_section
 
 MOUNT = {"what": "mount", "subject": "pelvis", "std": 5.0, "limit": 4.0, "outcome": "redo"}
 

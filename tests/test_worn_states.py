@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import oarlock
-from oarlock import Config, Motion
+from oarlock import Config
+from oarlock.simulation import Motion
 
 # The hinges swing in several frequencies for half a minute: enough to tell where the units sit.
 TIME_S = np.linspace(0.0, 30.0, 1501)

@@ -115,7 +115,7 @@ def waving(model, seconds=40.0, amplitude=0.35, still_s=0.0, seed=0):
         return size * pairs.sum(axis=1) * onset[:, None]
 
     rest = np.concatenate([np.ravel(j.rest) for j in model.describe().joints])
-    return oarlock.Motion(
+    return oarlock.simulation.Motion(
         tuple(model.coordinate_names),
         time_s,
         waves(len(rest), amplitude) + rest,

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import oarlock
-from oarlock import Calibration, Model, Motion, Recording
+from oarlock import Calibration, Model, Recording
+from oarlock.simulation import Motion
 
 Floats = NDArray[np.float64]
 

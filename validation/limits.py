@@ -15,8 +15,9 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
-from oarlock import ImuStream, Recording
+from oarlock import Recording
 from oarlock.evaluation.reference import Reference
+from oarlock.recording import ImuStream
 
 from .estimate import Estimate
 from .rotations import Floats, quat_wxyz

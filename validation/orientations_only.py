@@ -10,8 +10,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import oarlock
-from oarlock import OrientationStream, Recording
+from oarlock import Recording
 from oarlock.formats.datasets.openaxes import LINKS
+from oarlock.recording import OrientationStream
 
 from . import chains, ours
 from .chains import Chain, Link

@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from oarlock import ImuStream, Recording
+from oarlock import Recording
+from oarlock.recording import ImuStream
 
 from .estimate import Estimate, NotRunError
 from .rotations import Floats

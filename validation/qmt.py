@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from oarlock import ImuStream, Recording, Track
+from oarlock import Recording, Track
 from oarlock.formats.datasets.qmt import read_qmt
+from oarlock.recording import ImuStream
 
 from . import others, ours
 from .estimate import Estimate, Outcome, attempt

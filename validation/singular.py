@@ -17,8 +17,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import oarlock
-from oarlock import ImuStream, Motion, Recording, Track
+from oarlock import Recording, Track
 from oarlock.evaluation.reference import Reference
+from oarlock.recording import ImuStream
+from oarlock.simulation import Motion
 
 from . import chains, others, ours
 from .chains import Link

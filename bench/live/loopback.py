@@ -141,7 +141,7 @@ def as_received(recording, values, late_s=LATE_S):
         if stream.kind != "imu":
             return stream.at_rows(slice(None), stream.time_s + late_s)
         kept = {name: rows for name, rows in stream.values.items() if name in values}
-        return oarlock.ImuStream(stream.name, stream.time_s + late_s, **kept)
+        return oarlock.recording.ImuStream(stream.name, stream.time_s + late_s, **kept)
 
     return oarlock.Recording([cut(stream) for stream in recording.streams])
 

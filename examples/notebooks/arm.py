@@ -44,7 +44,7 @@ def _():
     everything = {name: swing.get(name, np.zeros_like(time_s)) for name in arm.joint_names}
     truth, measured = oarlock.simulate(
         arm,
-        oarlock.Motion(tuple(everything), time_s, np.column_stack(list(everything.values()))),
+        oarlock.simulation.Motion(tuple(everything), time_s, np.column_stack(list(everything.values()))),
         rate_hz=100.0,
         seed=2,
     )
@@ -73,7 +73,7 @@ def _(mo):
 @app.cell
 def _(arm, measured, oarlock, truth):
     streams = [
-        oarlock.ImuStream(
+        oarlock.recording.ImuStream(
             unit.name, unit.time_s, gyro_rad_s=unit.gyro_rad_s, accel_m_s2=unit.accel_m_s2, mag_ut=unit.mag_ut
         )
         for unit in measured
@@ -178,7 +178,9 @@ def _(arm, np, oarlock, recording):
     damaged = oarlock.Recording(
         [
             *recording.without("forearm"),
-            oarlock.ImuStream("forearm", _unit.time_s, gyro_rad_s=_gyro, accel_m_s2=_accel, mag_ut=_mag),
+            oarlock.recording.ImuStream(
+                "forearm", _unit.time_s, gyro_rad_s=_gyro, accel_m_s2=_accel, mag_ut=_mag
+            ),
         ]
     )
     gap = oarlock.track(arm, damaged)

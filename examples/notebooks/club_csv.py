@@ -68,8 +68,8 @@ def _(mo):
     mo.md(r"""
     ## From signals to angles
 
-    Two sensors, a unit on the trunk and the seat's position, do not determine a whole rower. Joints that no
-    sensor determines are not "observed": do not use them.
+    Two sensors, a unit on the trunk and the seat's position, do not determine a whole rower. A tree tracks the
+    model all the same; joints that no sensor determines are not "observed": do not use them.
     """)
     return
 
@@ -77,7 +77,7 @@ def _(mo):
 @app.cell
 def _(oarlock, recording):
     model = oarlock.load_model("sculler").without(closures=["r_grip", "l_grip"])
-    nominal = oarlock.smooth(oarlock.track(model, recording))
+    nominal = oarlock.smooth(oarlock.track(model, recording, structure="tree"))
     observed = [name for name in nominal.joint_names if nominal[name].observed.mean() > 0.5]
     print("determined by these sensors:", ", ".join(observed))
     print(*(note for note in nominal.notes if "not observed" not in note), sep="\n")
@@ -103,7 +103,7 @@ def _(model, oarlock, observed, recording):
     calibration = oarlock.calibration.calibrate_sagittal(
         model, recording, {"trunk": 0.0}, (recording.start_s, 0.9), sensors=["back"]
     )
-    track = oarlock.smooth(oarlock.track(model, recording, calibration))
+    track = oarlock.smooth(oarlock.track(model, recording, calibration, structure="tree"))
     track.plot(observed)[0]
     return (
         calibration,

@@ -121,7 +121,7 @@ def _(arm, oarlock):
         _middle, _swing = (_low + _high) / 2, (_high - _low) / 6
         _rate_hz, _phase = _random.uniform(0.2, 0.6), _random.uniform(0, 2 * np.pi)
         values[_joint.name] = _middle + _swing * np.sin(2 * np.pi * _rate_hz * time_s + _phase)
-    motion = oarlock.Motion(tuple(values), time_s, np.column_stack(list(values.values())))
+    motion = oarlock.simulation.Motion(tuple(values), time_s, np.column_stack(list(values.values())))
     truth, recording = oarlock.simulate(arm, motion, seed=1)
     recording
     return (

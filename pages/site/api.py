@@ -13,7 +13,8 @@ import griffe
 
 from .stage import ROOT, write
 
-PACKAGES = ("oarlock", "oarlock.rowing", "oarlock.live", "oarlock.season")
+ROOMS = ("evaluation", "recording", "simulation", "tracking", "rowing", "live", "season")
+PACKAGES = ("oarlock", *(f"oarlock.{room}" for room in ROOMS))
 PARSED = {"warnings": False, "returns_multiple_items": False, "returns_named_value": False}
 WIDTH = 88
 """Signatures longer than this have a line for each parameter."""

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from oarlock import Recording, ScalarStream
+from oarlock import Recording
+from oarlock.recording import ScalarStream
 
 LATE_S = {"bow": 0.025, "two": 0.0, "three": -0.004, "stroke": 0.0}
 """Catch and finish of each seat, later than those of the stroke seat."""

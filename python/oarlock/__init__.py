@@ -1,7 +1,6 @@
 """Oarlock tracks articulated bodies from wearable and mounted sensors, and says how sure it is.
 
-Everything that is meant to be used is named in `__init__.pyi`; `oarlock.rowing` adds one field of use, `oarlock.live`
-sessions with sensors that send.
+`__init__.pyi` has all public names.
 """
 
 import importlib

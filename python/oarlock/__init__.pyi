@@ -14,50 +14,34 @@ from . import (
 )
 from ._core import Belief, Config, Info, Model, Sample, Tracker, __version__
 from .evaluation.evaluate import evaluate
-from .evaluation.scores import Evaluation
 from .formats.contents import find_recordings, import_recording
-from .formats.export.export import Export, export
+from .formats.export.export import export
 from .model.load import load_model
 from .pipeline import run
 from .recording.calibration import Calibration, load_calibration
 from .recording.recording import Recording, load_recording
-from .recording.streams import ImuStream, OrientationStream, ScalarStream, VectorStream
 from .report.fields import write_report
-from .simulation.motion import Motion
 from .simulation.simulate import simulate
 from .storage.errors import DataError, DivergedError, ModelError, OarlockError
-from .tracking.joint_angles import JointAngle, joint_angles
-from .tracking.joint_series import BallSeries, FreeSeries, HingeSeries, SlideSeries
+from .tracking.joint_angles import joint_angles
 from .tracking.many import track_many
 from .tracking.track import Track, load_track
 from .tracking.tracking import smooth, track
 
 __all__ = [
-    "BallSeries",
     "Belief",
     "Calibration",
     "Config",
     "DataError",
     "DivergedError",
-    "Evaluation",
-    "Export",
-    "FreeSeries",
-    "HingeSeries",
-    "ImuStream",
     "Info",
-    "JointAngle",
     "Model",
     "ModelError",
-    "Motion",
     "OarlockError",
-    "OrientationStream",
     "Recording",
     "Sample",
-    "ScalarStream",
-    "SlideSeries",
     "Track",
     "Tracker",
-    "VectorStream",
     "__version__",
     "calibration",
     "evaluate",

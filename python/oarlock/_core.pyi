@@ -217,6 +217,7 @@ class Run:
     source_names: list[str]
     notes: list[str]
     nominal_mounts: list[str]
+    structure: str
     steps: int
     smoothed: bool
     def time_s(self) -> _Floats: ...

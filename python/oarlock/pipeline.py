@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from os import PathLike
 from pathlib import Path
 from typing import Any, Unpack
 
@@ -23,13 +22,14 @@ from oarlock.recording.unit_names import units_of, with_unit_names
 from oarlock.report.fields import write_report
 from oarlock.report.session_page import write_session_page
 from oarlock.storage.errors import DataError, ModelError
-from oarlock.storage.folder_writer import check_empty, read_manifest, replaced_folder
+from oarlock.storage.folder_writer import read_manifest, replaced_folder
+from oarlock.storage.paths import AnyPath
 from oarlock.storage.progress import Progress
+from oarlock.storage.write_file import check_empty
 from oarlock.tracking.settings import Settings
 from oarlock.tracking.track import Track
 from oarlock.tracking.tracking import checked_config, track
 
-AnyPath = str | PathLike[str]
 LOG = logging.getLogger("oarlock")
 
 
@@ -54,35 +54,30 @@ def run(
 ) -> Track:
     """Import, calibrate with what is there, track, smooth and report: from files to angles.
 
-    Mounts come from `calibration`, or from the guided `session`, or from the recording itself: it begins with two
-    seconds of standing still in the rest posture, and most movement is forward and backward. Two hinges whose axes this
-    does not determine are tracked as one ball.
+    Without `calibration` and `session`, mounts come from the recording itself: it begins with two seconds of standing
+    still in the rest posture, and most movement is forward and backward.
 
     Args:
-        recording: a recording, its folder, or file, folder or zip file of any format of `import_recording`.
-        out: folder that gets recording/ (unless it was one), calibration.toml (unless it was given) and track/, with
-            report.html.
-        model: a model, the name of a shipped one, or a model file.
-        units: which unit sits where: sensor -> unit or a part of its name, or a units.toml. Default: names tell.
-        sensors: inertial units that are worn; the body is cut to what they measure. Default: all that were recorded.
+        recording: a recording, or its file, folder or zip file in any format.
+        out: folder for recording/, calibration.toml and track/ with report.html.
+        model: a model, its file, or the name of a shipped one.
+        units: which unit sits where: sensor -> unit or a part of its name, or a units.toml. Default: by names.
+        sensors: inertial units that are worn; the body is cut to what they measure. Default: all recorded.
         stature_m: standing height, m; sets the lengths of a body.
         mass_kg: mass, kg; sets the radii of limbs.
-        session: a recording of the guided calibration session.
+        session: recording of a guided calibration session.
         pose: still pose of the session: N (arms hanging), T (arms level) or sitting.
-        calibration: a calibration or its file; nothing is calibrated then.
+        calibration: a calibration or its file, so that nothing is calibrated.
         low_pass_hz: cut-off of the readings of inertial units, Hz.
-        pick: name of the recording, if the place has several.
+        pick: which of several recordings.
         together: all files of the place are units of one recording.
         force: replace what is in `out`.
         progress: True shows bars or lines.
         settings: of the filter, such as `filter="ekf"`.
 
-    Returns:
-        Track: smoothed, as it stands in `out`/track.
-
     Raises:
-        DataError: the recording cannot be read or tracked, units have no place, or a file of others is in the way.
-        ModelError: the model cannot be read, or does not fit the settings.
+        DataError: an unreadable recording, units without a place, or other files in the way.
+        ModelError: an unreadable model, or settings that do not fit it.
         DivergedError: the filter diverged.
     """
     out = Path(out)

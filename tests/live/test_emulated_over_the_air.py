@@ -58,7 +58,7 @@ def run(work):
 
 def brief(name, seconds=1.5, **place):
     time_s = np.array([0.0, seconds])
-    recording = oarlock.Recording([oarlock.ScalarStream("time", time_s, time_s)])
+    recording = oarlock.Recording([oarlock.recording.ScalarStream("time", time_s, time_s)])
     return emulated_by(name, recording, PERFECT, place=Destination(**place))
 
 

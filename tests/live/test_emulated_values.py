@@ -22,7 +22,7 @@ POUND_N = 4.4482216152605
 
 def asked(name, faults=PERFECT, seconds=SECONDS, seed=1, **place):
     time_s = np.array([0.0, seconds])
-    recording = oarlock.Recording([oarlock.ScalarStream("time", time_s, time_s)])
+    recording = oarlock.Recording([oarlock.recording.ScalarStream("time", time_s, time_s)])
     return emulated_by(name, recording, faults, seed, Destination(**place))
 
 

@@ -150,7 +150,8 @@ def test_what_is_decoded_is_what_was_measured(swung, name):
 
 
 def test_markers_are_sent_as_positions(swung):
-    from oarlock import Recording, VectorStream
+    from oarlock import Recording
+    from oarlock.recording import VectorStream
 
     place = VectorStream("wrist", np.arange(5) / 10.0, np.full((5, 3), 0.25))
     kind, emulated = emulated_by("lines", Recording([place]), PERFECT)

@@ -44,7 +44,7 @@ def init(port, out, *more, status=0):
 def test_devices_with_names_of_streams_feed_them(port, tmp_path):
     out = tmp_path / "rig.toml"
     said = init(port, out).stdout
-    assert f"oarlock live doctor {out}" in said and "Feed nothing: stranger" in said
+    assert f"oarlock live doctor {out}" in said and "unused devices  stranger" in said
     rig = Rig.load(out)
     feeds = {feed.stream: feed for feed in rig.feeds}
     assert {stream: feed.device for stream, feed in feeds.items()} == {
@@ -77,8 +77,8 @@ def test_a_commented_stream_works_when_the_comment_is_taken_away(port, tmp_path)
 def test_a_stream_is_fed_by_hand(port, tmp_path):
     out = tmp_path / "rig.toml"
     told = json.loads(init(port, out, "--feed", "l_upperarm=stranger", "--json").stdout)
-    assert told["streams"]["l_upperarm"] == {"source": "lines", "device": "stranger"}
-    assert told["unused"] == [] and "r_upperarm" in told["free"]
+    assert told["streams"]["l_upperarm"] == {"source": "lines", "device": "stranger", "rate_hz": 100.0}
+    assert told["unused_devices"] == [] and "r_upperarm" in told["free_streams"]
     again = init(port, out, "--feed", "l_upperarm=lines/back", "--force")
     assert "l_upperarm" in again.stdout
 
@@ -86,7 +86,7 @@ def test_a_stream_is_fed_by_hand(port, tmp_path):
 @pytest.mark.parametrize(
     ("feed", "expected", "status"),
     [
-        ("l_upperarm", "expected STREAM=DEVICE", 2),
+        ("l_upperarm", "expected NAME=VALUE, for example --feed back=65577B49", 2),
         ("upper=stranger", "the model has none", 1),
         ("l_upperarm=strangr", 'Did you mean "stranger"?', 1),
         ("seat=stranger", "no such device was heard that could feed it", 1),
@@ -125,8 +125,10 @@ def test_paths_are_relative_to_the_file(port, tmp_path, monkeypatch):
 def test_nothing_heard_gives_a_file_that_says_what_to_write(monkeypatch, tmp_path):
     while_listening(monkeypatch)
     out = tmp_path / "rig.toml"
-    said = run("live", "init", "--model", "sculler", "--places", "none", "--out", out).stdout
-    assert "0 of 12 streams are fed" in " ".join(said.split()) and "edit" in said
+    told = json.loads(
+        run("live", "init", "--model", "sculler", "--places", "none", "--out", out, "--json").stdout
+    )
+    assert told["streams"] == {} and len(told["free_streams"]) == 12 and told["next"][0].startswith("edit")
     assert not Rig.load(out).feeds
     plain = out.read_text().replace("# [sources.units]", "[sources.units]")
     for key in ("format", "transport", "port"):
@@ -136,7 +138,7 @@ def test_nothing_heard_gives_a_file_that_says_what_to_write(monkeypatch, tmp_pat
 
 
 def test_on_a_terminal_it_asks_for_the_others(port, tmp_path, monkeypatch):
-    monkeypatch.setattr("oarlock.cli.live_init.is_terminal", lambda: True)
+    monkeypatch.setattr("oarlock.cli.live_scan.asks_questions", lambda no, json_output: True)
     answers = iter(["x", "1", *[""] * 20])
     asked = []
 

@@ -154,11 +154,12 @@ def test_the_verb_lists_what_sends_to_ports(monkeypatch):
     said = run(*words).stdout
     assert f'format = "lines", transport = "udp", port = {port}' in said
     assert f'format = "ngimu", transport = "udp", port = {port}' in said
-    assert "gyro, accel, mag" in said and "61 %" in said and "oarlock live init" in said
+    assert "gyro, accel, mag" in said and "61.0" in said and "oarlock live init" in said
     assert "no format of Oarlock reads it: 01 02 68 65 6c 6c 6f" in said
     told = json.loads(run(*words, "--json").stdout)
-    (lines,) = (one for one in told["findings"] if one["source"] and one["source"]["format"] == "lines")
-    assert {part["name"] for part in lines["parts"]} == {"back", "seat"}
+    assert [one["device"] for one in told["devices"] if one["source"] == "lines"] == ["back", "seat"]
+    (unit,) = (one for one in told["devices"] if one["source"] == "ngimu")
+    assert unit["battery_percent"] == 61.0 and unit["rate_hz"] == pytest.approx(100.0)
 
 
 def test_nothing_is_said_to_be_nothing(monkeypatch):

@@ -196,7 +196,7 @@ def test_a_unit_in_anothers_place_is_turned_as_that_one_is_mounted(sculler, rowe
     calibration = oarlock.Calibration(mounts={"back": (nominal["back"] @ turn, np.zeros(3))})
     turned = oarlock.Recording(
         [
-            oarlock.ImuStream(
+            oarlock.recording.ImuStream(
                 s.name, s.time_s, gyro_rad_s=s.gyro_rad_s @ turn, accel_m_s2=s.accel_m_s2 @ turn
             )
             if s.name == "back"

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from enough import EnoughError, Sent
 
-from oarlock import ImuStream
 from oarlock.live.decoders import DECODERS
 from oarlock.live.transports.ble import Ble
 from oarlock.live.transports.ble_profiles import kind_of
 from oarlock.live.transports.radio import RadioError
 from oarlock.live.transports.transport import Options
+from oarlock.recording import ImuStream
 from oarlock_lab.emulators import dot, heart_rate, pm5
 from oarlock_lab.emulators.bluetooth import Air, VirtualRadio
 

@@ -12,7 +12,7 @@ use oarlock::track::magnetic::Field;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
-/// State estimate at one time: time, mean (n,) and covariance (n, n) in `state_names` order, SI and rad.
+/// State estimate at one time: mean (n,), covariance (n, n), as `state_names`, SI and rad.
 #[pyclass(frozen, name = "Belief", module = "oarlock")]
 #[derive(Clone)]
 pub struct PyBelief {
@@ -100,13 +100,13 @@ impl PyBelief {
         matrix(py, &self.known.belief.covariance)
     }
 
-    /// Per sensor and closure: time of its last reading, s.
+    /// Last reading of each sensor and closure, s.
     #[getter]
     fn seen_s<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_vec(py, self.known.sources.iter().map(|s| s.seen_s).collect())
     }
 
-    /// Per part of the measurement: start of its continuous rejection, s; NaN if it is not rejected.
+    /// Start of each part's rejection, s, or NaN.
     #[getter]
     fn rejected_since_s<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.known.belief.rejected_since_s)
@@ -117,13 +117,13 @@ impl PyBelief {
         self.names.clone()
     }
 
-    /// Per sensor and closure: memory for the detection of rest, sensor faults and a magnetic field that has turned.
+    /// Memory of each sensor and closure, to detect rest and faults.
     #[getter]
     fn memory(&self) -> Vec<[f64; MEMORY]> {
         self.known.sources.iter().map(|s| s.to_flat()).collect()
     }
 
-    /// Everything that the filter of strapdown links knows, as numbers; empty for a tree.
+    /// State of the filter of strapdown links.
     #[getter]
     fn links<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_vec(py, self.known.flat_links())
@@ -135,13 +135,13 @@ impl PyBelief {
         PyArray1::from_vec(py, self.known.own_spread())
     }
 
-    /// Number of this hypothesis, and the logarithm of its likelihood relative to the others.
+    /// Number of this hypothesis, and its log-likelihood relative to the others.
     #[getter]
     fn hypothesis(&self) -> (u64, f64) {
         (self.known.line, self.known.score)
     }
 
-    /// Other hypotheses that are still followed, each a Belief.
+    /// Other hypotheses, each a Belief.
     #[getter]
     fn rivals(&self) -> Vec<PyBelief> {
         let alone = |one: &Hypothesis| PyBelief { known: one.clone(), names: self.names.clone() };
@@ -199,13 +199,13 @@ impl PyInfo {
         self.status
     }
 
-    /// Innovation: reading minus predicted reading, (n_measurements,), NaN where missing.
+    /// Reading minus predicted reading, (n_measurements,), NaN where missing.
     #[getter]
     fn innovation<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.info.innovation)
     }
 
-    /// Whether the filter was reset before this update because most of its sensors contradicted the state estimate.
+    /// Whether most sensors contradicted the estimate, so that the filter was reset.
     #[getter]
     fn lost(&self) -> bool {
         self.info.lost
@@ -217,15 +217,14 @@ impl PyInfo {
         self.info.nis
     }
 
-    /// Normalised innovation squared of all used inertial readings, and their number.
+    /// `nis` of inertial readings, and their number.
     #[getter]
     fn inertial(&self) -> (f64, usize) {
         self.info.inertial
     }
 
-    /// By sensor and closure: nis; used, rejected and missing rows; `field`, the verdict on the magnetometer's reading:
-    /// missing, undisturbed, or the test that failed (norm, dip, innovation); `fault`: none, clipped (at the end of the
-    /// range) or stuck (identical to the bit).
+    /// By sensor and closure: nis; used, rejected and missing rows; `field`: missing, undisturbed, norm, dip or
+    /// innovation; `fault`: none, clipped or stuck.
     #[getter]
     fn sensors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);

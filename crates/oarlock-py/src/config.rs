@@ -26,7 +26,7 @@ fn removed(key: &str, value: &Value) -> Option<&'static str> {
     is_iterated.then_some("this filter was removed; the linearised filter is filter = \"ekf\"")
 }
 
-/// Settings of the tracker. Keyword arguments only; every key has a default.
+/// Settings of the filter by keyword.
 #[pyclass(frozen, name = "Config", module = "oarlock")]
 #[derive(Clone)]
 pub struct PyConfig(pub Config);

@@ -32,8 +32,7 @@ pub struct PyModel {
 
 #[pymethods]
 impl PyModel {
-    /// Builds a model from a model file's text; `path` is for messages and for what it extends, `parameters` replace
-    /// defaults.
+    /// A model from a model file's text; `path` is for messages and what it extends, `parameters` replace defaults.
     #[staticmethod]
     fn from_toml(py: Python<'_>, text: String, path: String, parameters: BTreeMap<String, f64>) -> PyResult<Self> {
         let text = whole(py, text, &path)?;
@@ -70,19 +69,16 @@ impl PyModel {
         self.model.parameters.iter().map(|p| (p.name.clone(), p.default)).collect()
     }
 
-    /// Parameters from which places follow in proportion and no rotation does: the columns of lengths in Jacobians.
+    /// Parameters that scale positions and turn nothing: the lengths of Jacobians.
     #[getter]
     fn length_names(&self) -> Vec<String> {
         lengths_of(&self.model).into_iter().map(|i| self.model.parameters[i].name.clone()).collect()
     }
 
-    /// How the model is tracked: "strapdown" or "tree".
+    /// "strapdown" or "tree".
     #[getter]
     fn structure(&self) -> &'static str {
-        match oarlock::track::structure_of(&self.model) {
-            oarlock::model::Structure::Strapdown => "strapdown",
-            oarlock::model::Structure::Tree => "tree",
-        }
+        oarlock::track::structure_of(&self.model).name()
     }
 
     #[getter]
@@ -90,8 +86,7 @@ impl PyModel {
         self.model.joints.iter().map(|j| j.name.clone()).collect()
     }
 
-    /// Names of the coordinates, the columns of q: a joint's own name, `shoulder.rx` for a rotation vector, `pelvis.x`
-    /// for a position.
+    /// Columns of q: `trunk`, `shoulder.rx` of a rotation vector, `pelvis.x` of a position.
     #[getter]
     fn coordinate_names(&self) -> Vec<String> {
         self.model.coordinate_names()
@@ -102,13 +97,13 @@ impl PyModel {
         self.model.frames.iter().map(|f| f.name.clone()).collect()
     }
 
-    /// Index of every frame's parent; that of the root is its own.
+    /// Indices of parents; the root's is its own.
     #[getter]
     fn frame_parents(&self) -> Vec<usize> {
         self.model.frames.iter().map(|f| f.parent).collect()
     }
 
-    /// Position of every frame's joint in the frame's axes, m; zero without one.
+    /// Positions of joints in the axes of their frames, m; zero without one.
     #[getter]
     fn joint_origins(&self) -> Vec<[f64; 3]> {
         let values = self.model.default_parameters();
@@ -134,14 +129,13 @@ impl PyModel {
         self.body.suite.row_names()
     }
 
-    /// Names of the states with the default configuration.
+    /// With the default configuration.
     #[getter]
     fn state_names(&self) -> Vec<String> {
         self.body.layout.names.clone()
     }
 
-    /// Everything in the model as a `ModelDescription`, with the values of a calibration if one is given; numbers in SI
-    /// and rad.
+    /// The whole model as a `ModelDescription`, SI and rad, with the values of a calibration.
     #[pyo3(signature = (calibration=None))]
     fn describe<'py>(&self, py: Python<'py>, calibration: Option<&Any<'py>>) -> PyResult<Any<'py>> {
         let json = if calibration.is_some() {
@@ -153,9 +147,9 @@ impl PyModel {
         py.import("oarlock.model.description")?.call_method1("described", (json.to_string(),))
     }
 
-    /// Poses of all frames: q (..., n_coordinates), rad or m -> (..., n_frames, 4, 4), root from frame.
+    /// Poses (..., n_frames, 4, 4), root from frame, for q (..., n_coordinates), rad or m.
     ///
-    /// `lengths` (..., n_lengths), m, in the order of `length_names`: of all rows or of each; None are the model's.
+    /// `lengths` (..., n_lengths), m, are those of `length_names`; None are the model's.
     #[pyo3(signature = (q, lengths=None))]
     fn forward_kinematics<'py>(
         &self,
@@ -170,12 +164,9 @@ impl PyModel {
         shaped(py, out, &q.shape[..q.shape.len() - 1], &[tree.len(), 4, 4])
     }
 
-    /// Predicted readings, (..., n_measurements) in the order of `measurement_names`, for q, qd, qdd
-    /// (..., n_coordinates).
+    /// Readings (..., n_measurements), as `measurement_names`, for q, qd, qdd (..., n_coordinates).
     ///
-    /// `base` is the motion of the root: an object with `rotation` (..., 3, 3), world from root, and
-    /// `angular_velocity_rad_s`, `angular_acceleration_rad_s2`, `acceleration_m_s2` (..., 3) in root axes. None is a
-    /// root at rest. `acceleration` is the coordinate acceleration of the root's origin, without gravity.
+    /// `base` is the root's motion, an `oarlock.model.Base`; None is rest.
     #[pyo3(signature = (q, qd, qdd, base=None))]
     fn predict_measurements<'py>(
         &self,
@@ -196,8 +187,7 @@ impl PyModel {
         shaped(py, out, &motion.lead, &[self.body.suite.len()])
     }
 
-    /// How frames move with every coordinate and every length: q (..., n_coordinates), rad or m -> `FrameJacobian` of
-    /// the named frames, of all for None. `lengths` as for `forward_kinematics`.
+    /// Derivatives of `forward_kinematics` by coordinates and lengths, of all frames for None: a `FrameJacobian`.
     #[pyo3(signature = (q, frames=None, lengths=None))]
     fn frame_jacobian<'py>(
         &self,
@@ -217,8 +207,7 @@ impl PyModel {
         py.import("oarlock.model.jacobians")?.call_method1("FrameJacobian", (by_q, by_length))
     }
 
-    /// How predicted readings change with every coordinate, rate, acceleration and length: arguments as those of
-    /// `predict_measurements` -> `MeasurementJacobian`.
+    /// Derivatives of `predict_measurements` by q, qd, qdd and lengths: a `MeasurementJacobian`.
     #[pyo3(signature = (q, qd, qdd, base=None))]
     fn measurement_jacobian<'py>(
         &self,
@@ -239,7 +228,7 @@ impl PyModel {
         py.import("oarlock.model.jacobians")?.getattr("MeasurementJacobian")?.call1(arrays)
     }
 
-    /// The model with other values of its parameters, by name, m or rad.
+    /// The model with other parameters, m or rad.
     #[pyo3(signature = (values=None, **named))]
     fn with_parameters<'py>(
         slf: &Bound<'py, Self>,
@@ -253,44 +242,42 @@ impl PyModel {
         edit(slf, "with_parameters", all.as_any())
     }
 
-    /// The model with tables added or changed: kinds ("joint", "frame", "sensor", "closure", "base_acceleration") to lists of
-    /// dictionaries with the keys of model files, found by their `name`; other keys are those of a file that `extends` this one.
+    /// The model with tables added or changed, as in a file that `extends` it: `{"joint": [{"name": "trunk", ...}]}`.
     fn with_tables<'py>(slf: &Bound<'py, Self>, changes: &Any<'py>) -> PyResult<Any<'py>> {
         edit(slf, "with_tables", changes)
     }
 
-    /// The model with this joint, a new one or with these keys changed.
+    /// The model with this joint, new or changed.
     #[pyo3(signature = (name, **keys))]
     fn with_joint<'py>(slf: &Bound<'py, Self>, name: &str, keys: Option<&Bound<'py, PyDict>>) -> PyResult<Any<'py>> {
         with_one(slf, "joint", name, keys)
     }
 
-    /// The model with this frame, a new one or with these keys changed.
+    /// The model with this frame, new or changed.
     #[pyo3(signature = (name, **keys))]
     fn with_frame<'py>(slf: &Bound<'py, Self>, name: &str, keys: Option<&Bound<'py, PyDict>>) -> PyResult<Any<'py>> {
         with_one(slf, "frame", name, keys)
     }
 
-    /// The model with this sensor, a new one or with these keys changed.
+    /// The model with this sensor, new or changed.
     #[pyo3(signature = (name, **keys))]
     fn with_sensor<'py>(slf: &Bound<'py, Self>, name: &str, keys: Option<&Bound<'py, PyDict>>) -> PyResult<Any<'py>> {
         with_one(slf, "sensor", name, keys)
     }
 
-    /// The model with this closure, a new one or with these keys changed.
+    /// The model with this closure, new or changed.
     #[pyo3(signature = (name, **keys))]
     fn with_closure<'py>(slf: &Bound<'py, Self>, name: &str, keys: Option<&Bound<'py, PyDict>>) -> PyResult<Any<'py>> {
         with_one(slf, "closure", name, keys)
     }
 
-    /// The model with these sensors only. If the body moves freely and nothing closes a loop, the part that they measure is cut
-    /// out: joints that lie before or beyond all of them go. Otherwise the other sensors go and every joint stays.
+    /// The model with these sensors only. A body that moves freely, without closures, is cut to the part that they
+    /// measure.
     fn with_units<'py>(slf: &Bound<'py, Self>, names: &Any<'py>) -> PyResult<Any<'py>> {
         slf.py().import("oarlock.model.part")?.call_method1("with_units", (slf, names))
     }
 
-    /// The model without these joints, frames, sensors, closures and base accelerations, by name. With a joint go the frames
-    /// that it moves, with a frame all that hangs on it: frames, sensors and closures.
+    /// The model without these. With a joint go the frames that it moves, with a frame all that hangs on it.
     #[pyo3(signature = (*, joints=None, frames=None, sensors=None, closures=None, base_accelerations=None))]
     fn without<'py>(
         slf: &Bound<'py, Self>,

@@ -318,6 +318,12 @@ impl PyRun {
         at_nominal_mounts(&self.run())
     }
 
+    /// How the model was tracked: "strapdown" or "tree".
+    #[getter]
+    fn structure(&self) -> &'static str {
+        self.run().structure().name()
+    }
+
     #[getter]
     fn steps(&self) -> usize {
         self.run().steps

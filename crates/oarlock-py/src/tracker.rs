@@ -38,8 +38,7 @@ impl PySample {
     }
 }
 
-/// A tracker with its state estimate: call `step(sample)` for every sample. Give readings as measured; the calibration
-/// corrects them. Time stamps are true times; `corrected_time_s` converts those of a sensor's own clock.
+/// Tracks sample by sample. Readings are as measured: the calibration corrects them. Time stamps are true times.
 #[pyclass(name = "Tracker", module = "oarlock")]
 pub struct PyTracker {
     tracker: Tracker,
@@ -83,7 +82,7 @@ impl PyTracker {
         Ok(PyTracker { tracker, model, calibration, config, clocks, sample, names, sensors, arrivals: None, given })
     }
 
-    /// A tracker that goes on from here by itself.
+    /// An independent tracker.
     fn __copy__(&self, py: Python<'_>) -> Self {
         PyTracker {
             tracker: self.tracker.clone(),
@@ -114,16 +113,14 @@ impl PyTracker {
         Ok((slf.get_type().into_any(), state.into_pyobject(py)?.into_any()))
     }
 
-    /// A sample at a true time from readings by sensor, as measured: `{"back": {"gyro_rad_s": (3,), ...}, "seat":
-    /// 0.31}`. Missing sensors are allowed.
+    /// A sample of readings by sensor: `{"back": {"gyro_rad_s": (3,), ...}, "seat": 0.31}`.
     fn sample(&self, time_s: &Any<'_>, readings: &Bound<'_, PyDict>) -> PyResult<PySample> {
         let mut sample = self.tracker.empty_sample();
         self.fill(&mut sample, one_number(time_s, "sample, time_s")?, readings)?;
         Ok(PySample(sample))
     }
 
-    /// True time, s, of a time stamp of a stream's own clock, corrected by the calibration; unchanged if that has no
-    /// clock for it.
+    /// True time, s, of a time stamp of the stream's own clock.
     fn corrected_time_s(&self, stream: &str, time_s: f64) -> PyResult<f64> {
         let body = self.tracker.body();
         let is_known =
@@ -134,14 +131,13 @@ impl PyTracker {
         Ok(self.clocks.get(stream).copied().unwrap_or_default().true_s(time_s))
     }
 
-    /// The samples of a recording as measured, merged by true time as `oarlock.track` merges them.
+    /// The samples of a recording, as in `oarlock.track`.
     fn samples(&self, py: Python<'_>, recording: &Any<'_>) -> PyResult<Vec<PySample>> {
         let all = samples(py, &self.tracker, &self.clocks, &self.config, recording)?;
         Ok(all.into_iter().map(PySample).collect())
     }
 
-    /// Processes a sample (a `Sample`, or time_s and readings) and returns (belief, info). The belief is None until the
-    /// start window is full.
+    /// Process a `Sample`, or time_s and readings: (belief, info). The belief is None until the start window is full.
     #[pyo3(signature = (sample, readings=None))]
     fn step(
         &mut self,
@@ -173,9 +169,8 @@ impl PyTracker {
         Ok((self.belief(), info))
     }
 
-    /// Takes the readings of one sensor at a stamp of its own clock, in any order: `push("seat", 12.31, 0.42)`,
-    /// `push("back", 12.31, {"gyro_rad_s": (3,), ...})`. Returns a list of (belief, info): what is estimated from the samples
-    /// that are complete now. Readings are waited for `Config.wait_s`; `arrivals` counts those that came later.
+    /// Process readings of one sensor at a stamp of its own clock, in any order, such as `push("seat", 12.31, 0.42)`: a
+    /// list of (belief, info) of samples that are complete or have waited for `Config.wait_s`.
     fn push(
         &mut self,
         py: Python<'_>,
@@ -196,7 +191,7 @@ impl PyTracker {
         Ok(self.take_given())
     }
 
-    /// What is estimated from all readings that still wait, at the end of a session: a list of (belief, info).
+    /// As `push`, for readings that still wait at the end.
     fn flush(&mut self, py: Python<'_>) -> PyResult<Vec<(PyBelief, PyInfo)>> {
         let PyTracker { tracker, arrivals, given, .. } = self;
         if let Some(arrivals) = arrivals {
@@ -206,7 +201,7 @@ impl PyTracker {
         Ok(self.take_given())
     }
 
-    /// How pushed readings arrived: numbers of `received`, `late` (used by going back), `too_late`, `repeated` and `waiting`.
+    /// Numbers of readings: `received`, `late` (used by going back), `too_late`, `repeated`, `waiting`.
     #[getter]
     fn arrivals(&self) -> BTreeMap<&'static str, usize> {
         let counts = self.arrivals.as_ref().map(|a| a.counts()).unwrap_or_default();
@@ -216,7 +211,7 @@ impl PyTracker {
         ["received", "late", "too_late", "repeated", "waiting"].into_iter().zip(all).collect()
     }
 
-    /// Current state estimate; None until the start window is full.
+    /// Current state estimate, or None.
     #[getter]
     fn belief(&self) -> Option<PyBelief> {
         self.tracker.hypothesis().map(|one| PyBelief { known: one.clone(), names: self.names.clone() })

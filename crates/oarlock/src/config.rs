@@ -3,7 +3,7 @@
 
 use crate::error::{Error, Result};
 use crate::model::Structure;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeMap;
 
 /// Process noise of the joints.
@@ -53,6 +53,7 @@ pub struct Config {
     /// How the model is tracked; none: as the model file says.
     pub structure: Option<Structure>,
     /// Slow states: `gyro_bias`, `accel_bias` and names of base accelerations. Names that the model lacks are ignored.
+    #[serde(deserialize_with = "names")]
     pub estimate: Vec<String>,
     /// Use the closures.
     pub closures: bool,
@@ -79,6 +80,7 @@ pub struct Config {
     pub sample_rate_hz: Option<f64>,
     /// Input joints whose encoder readings are taken as they are. The others are states that their encoders measure. None:
     /// those read at every sample; for a live tracker all that the model marks.
+    #[serde(deserialize_with = "optional_names")]
     pub inputs: Option<Vec<String>>,
     /// Per stream: standard deviation of its time stamps, s. None: found from the time stamps; for a live tracker zero.
     pub stamp_std_s: Option<BTreeMap<String, f64>>,
@@ -122,6 +124,29 @@ impl Default for Config {
             output_rate_hz: None,
         }
     }
+}
+
+/// Names in a list, or in a text with commas; "none" is no name.
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "expected a list of names, or a text with commas between them")]
+enum Names {
+    List(Vec<String>),
+    Text(String),
+}
+
+fn optional_names<'de, D: Deserializer<'de>>(given: D) -> std::result::Result<Option<Vec<String>>, D::Error> {
+    let listed = |names| match names {
+        Names::List(names) => names,
+        Names::Text(text) => {
+            let names = text.split(',').map(str::trim).filter(|name| !matches!(*name, "" | "none"));
+            names.map(String::from).collect()
+        }
+    };
+    Ok(Option::deserialize(given)?.map(listed))
+}
+
+fn names<'de, D: Deserializer<'de>>(given: D) -> std::result::Result<Vec<String>, D::Error> {
+    Ok(optional_names(given)?.unwrap_or_default())
 }
 
 /// Highest rate of samples and rows, Hz: sensors of bodies are slower, and a row takes a kilobyte.

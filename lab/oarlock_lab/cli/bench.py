@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from oarlock.cli.options import Json, example
-from oarlock.cli.terminal import UsageError, heading, pairs, print_json, progress, say, table, verb
+from oarlock.cli.show import show_document
+from oarlock.cli.terminal import UsageError, progress
+from oarlock.cli.verbs import command
 
 if TYPE_CHECKING:
     from oarlock_lab.bench.measure import Bench
@@ -38,150 +38,101 @@ Keys of --json (times in us are medians, each filter's steps are 1e6 / time):
 
 def add_to(app: typer.Typer) -> None:
     """Registers the verb."""
-    app.command(
-        "bench",
-        epilog=example(
-            "oarlock lab bench",
-            "oarlock lab bench --duration-s 60",
-            "oarlock lab bench --json | jq .ukf_ratio_to_textbook",
-        )
-        + "\n\n\b\n"
-        + _KEYS,
+    command(
+        app,
+        "oarlock lab bench",
+        "oarlock lab bench --duration-s 60",
+        "oarlock lab bench --json | jq .ukf_ratio_to_textbook",
+        epilog=f"\b\n{_KEYS}",
+        show=_show,
     )(bench)
 
 
-@verb
-def bench(
-    seconds: Annotated[
-        float, typer.Option("--duration-s", metavar="S", help="Approximate total time of all measurements.")
-    ] = 20.0,
-    json_output: Json = False,
-) -> None:
-    """Measure steps per second, latency and threads, and compare with a textbook filter and other software."""
+def bench(*, duration_s: float = 20.0) -> Bench:
+    """Measure steps per second, latency and threads, and compare with a textbook filter and other software.
+
+    Args:
+        duration_s: approximate total time of all measurements.
+    """
     from oarlock_lab.bench.measure import measure
 
-    if not 0.0 < seconds < 3600.0:
-        raise UsageError(f"--duration-s {seconds:g}: expected more than 0 and less than 3600, for example 20")
-    found = measure(seconds, _told)
-    if json_output:
-        print_json(found.to_dict())
-        return
-    _write(found)
+    if not 0.0 < duration_s < 3600.0:
+        raise UsageError(
+            f"--duration-s {duration_s:g}: expected more than 0 and less than 3600, for example 20"
+        )
+    return measure(duration_s, progress)
 
 
-def _told(what: str) -> AbstractContextManager[object]:
-    return progress(what)
+def _show(bench: Bench) -> None:
+    from oarlock_lab.bench.measure import PAPER, USUAL_TEXTBOOK_US
 
-
-def _write(found: Bench) -> None:
-    from oarlock_lab.bench.measure import machine
-
-    here = machine()
-    say("Performance of this machine", style="bold")
-    pairs(
-        [
-            *((key, here[key]) for key in ("processor", "system", "python", "oarlock")),
-            ("cores", found.threads.cores),
-        ]
+    figures, joints = bench.to_dict(), bench.joints
+    missing = figures["missing"]
+    timed = (
+        (joints, bench.latency, bench.whole),
+        (bench.with_biases, bench.latency_with_biases, bench.whole_with_biases),
     )
-    for timed in (found.joints, found.with_biases):
-        _write_race(timed)
-    _write_live(found)
-    _write_whole(found)
-    _write_others(found)
-
-
-def _write_race(timed: Race) -> None:
-    heading(
-        f"A sculler, {timed.n} states, {timed.m} readings",
-        "one core, inside the engine; medians, and 10 % quantiles (p10)",
+    software = [("Oarlock, ukf", figures["ukf_steps_s"], f"{joints.n} states, {joints.m} readings")]
+    software += [(f"{one.name} ({one.package})", one.steps_s, one.problem) for one in bench.others]
+    paper = f"{PAPER.n} states, {PAPER.m} readings; {PAPER.machine}"
+    software.append((f"the paper, {PAPER.program}", PAPER.steps_s, paper))
+    software.sort(key=lambda row: -row[1])
+    show_document(
+        {
+            **figures["machine"],
+            "cores": bench.threads.cores,
+            "real time": f"{figures['times_real_time']:.0f} times faster than sensors at {figures['rate_hz']:g} Hz",
+            **{f"a sculler, {race.n} states, {race.m} readings, one core": _race(race) for race, *_ in timed},
+            "live step from Python": [
+                {
+                    "states": race.n,
+                    **{name.replace("p99_9", "p99.9"): us for name, us in vars(latency).items()},
+                }
+                for race, latency, _ in timed
+            ],
+            "whole recordings, a sample": [
+                {
+                    "states": race.n,
+                    "track_us": whole.track_us,
+                    "of a step": whole.track_us / race.filters["ukf"].us_p10,
+                    "smooth_us": whole.smooth_us,
+                    "of track": whole.smooth_us / whole.track_us,
+                }
+                for race, _, whole in timed
+            ],
+            "full body, live": {"states": figures["full_body"].pop("n"), **figures["full_body"]},
+            f"two threads, {bench.with_biases.n} states": {
+                "samples/s of one": bench.threads.one_steps_s,
+                "samples/s of two": bench.threads.two_steps_s,
+                "times faster": bench.threads.ratio,
+            },
+            "other software": [
+                {"software": name, "steps/s": steps_s, "problem": problem}
+                for name, steps_s, problem in software
+            ],
+            "notes": [
+                f"The textbook's UKF is the same filter with dense matrices; {USUAL_TEXTBOOK_US:.0f} us at 41 states "
+                "on one core of a 3.7 GHz Zen 4. If it is slower on this machine, compare times instead of ratios.",
+                *(f"{one.package} {one.version} does not run: {one.reason}" for one in bench.failed),
+                *(
+                    [f"Not installed: {', '.join(missing)}; {figures['install']} adds them"]
+                    if missing
+                    else ()
+                ),
+            ],
+        }
     )
-    rows = [
-        (name.replace("_", " "), step, f"{timed.ratio(name):.1f} ({timed.ratio_p10(name):.1f}) times")
-        for name, step in timed.filters.items()
+
+
+def _race(race: Race) -> list[dict[str, Any]]:
+    return [
+        {
+            "filter": name.replace("_", " "),
+            "steps/s": 1e6 / step.us,
+            "us": step.us,
+            "us p10": step.us_p10,
+            "times textbook": race.textbook.us / step.us,
+            "times textbook p10": race.textbook.us_p10 / step.us_p10,
+        }
+        for name, step in {**race.filters, "textbook's UKF": race.textbook}.items()
     ]
-    table(
-        ["filter", ">steps/s", ">us", ">us p10", ">faster than textbook (p10)"],
-        [
-            (name, f"{1e6 / step.us:.0f}", f"{step.us:.1f}", f"{step.us_p10:.1f}", ratio)
-            for name, step, ratio in (*rows, ("textbook's UKF", timed.textbook, ""))
-        ],
-    )
-
-
-def _write_live(found: Bench) -> None:
-    from oarlock_lab.bench.measure import USUAL_TEXTBOOK_US
-
-    say(
-        f"textbook's UKF: the same filter with dense matrices; {USUAL_TEXTBOOK_US:.0f} us at 41 states on one core\n"
-        "of a 3.7 GHz Zen 4. If it is slower on this machine, compare times instead of ratios.",
-        style="dim",
-        indent=2,
-    )
-    heading("Live step from Python", "Tracker.step, including belief and report, us")
-    table(
-        [">states", ">p50", ">p99", ">p99.9", ">steps"],
-        [
-            (timed.n, f"{x.p50_us:.1f}", f"{x.p99_us:.1f}", f"{x.p99_9_us:.1f}", x.steps)
-            for timed, x in ((found.joints, found.latency), (found.with_biases, found.latency_with_biases))
-        ],
-    )
-
-
-def _write_whole(found: Bench) -> None:
-    from oarlock_lab.bench.problem import RATE_HZ
-
-    heading(
-        "Whole recordings",
-        "oarlock.track, then one pass of oarlock.smooth; us a sample",
-    )
-    table(
-        [">states", ">track", ">of a step", ">smooth", ">of track"],
-        [
-            (
-                timed.n,
-                f"{one.track_us:.1f}",
-                f"{one.track_us / timed.filters['ukf'].us_p10:.2f}",
-                f"{one.smooth_us:.1f}",
-                f"{one.smooth_us / one.track_us:.2f}",
-            )
-            for timed, one in ((found.joints, found.whole), (found.with_biases, found.whole_with_biases))
-        ],
-    )
-    say()
-    body = found.body
-    speed = 1e6 / found.joints.filters["ukf"].us
-    pairs(
-        [
-            ("real time", f"{speed / RATE_HZ:.0f} times faster than sensors at {RATE_HZ:.0f} Hz"),
-            (
-                "full body",
-                f"{body.units} units, {body.n} states: {body.step_us:.0f} us a step, {body.times_real_time:.1f} times "
-                f"faster than real time, {body.start_times_real_time:.1f} times over its start",
-            ),
-            (
-                "two threads",
-                f"{found.threads.two_steps_s:.0f} samples/s, one: {found.threads.one_steps_s:.0f}; "
-                f"{found.threads.ratio:.2f} times (track_many, {found.with_biases.n} states)",
-            ),
-        ]
-    )
-
-
-def _write_others(found: Bench) -> None:
-    from oarlock_lab.bench.measure import PAPER
-    from oarlock_lab.bench.others import INSTALL
-
-    heading("Other software")
-    timed = found.joints
-    rows = [("Oarlock, ukf", 1e6 / timed.filters["ukf"].us, f"{timed.n} states, {timed.m} readings")]
-    rows += [(f"{one.name} ({one.package} {one.version})", one.steps_s, one.problem) for one in found.others]
-    asked = f"{PAPER.n} states, {PAPER.m} readings; {PAPER.machine}"
-    rows.append((f"the paper, {PAPER.program}", PAPER.steps_s, asked))
-    rows.sort(key=lambda row: -row[1])
-    table(["software", ">steps/s", "problem"], [(name, f"{rate:.0f}", asked) for name, rate, asked in rows])
-    for failure in found.failed:
-        say(f"{failure.package} {failure.version} does not run: {failure.reason}", style="dim", indent=2)
-    if found.missing:
-        names = ", ".join(software.package for software in found.missing)
-        say(f"not installed: {names}; {INSTALL} adds them", style="dim", indent=2)

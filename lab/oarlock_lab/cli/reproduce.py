@@ -2,24 +2,15 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from oarlock.cli.options import Force, Jobs, Json, OutFolder, example
-from oarlock.cli.terminal import (
-    UsageError,
-    continuing_verb,
-    heading,
-    output_folder,
-    print_json,
-    progress,
-    say,
-    steps,
-    table,
-)
+from oarlock.cli.terminal import UsageError, heading, output_folder, progress, say, steps, table
+from oarlock.cli.verbs import command
+from oarlock.storage.suggest import did_you_mean
 
 if TYPE_CHECKING:
     from oarlock_lab.reproduce.contents import PaperPart
@@ -32,92 +23,94 @@ LEAD = (
 )
 
 
-class What(StrEnum):
-    """Experiments that can be repeated."""
-
-    table5 = "table5"
-    table6 = "table6"
-    fig3 = "fig3"
-    fig4 = "fig4"
-    fig5 = "fig5"
-    discussion = "discussion"
-    cost = "cost"
-    all = "all"
-
-
 def add_to(app: typer.Typer) -> None:
     """Registers the verb."""
-    app.command(
-        "reproduce",
-        epilog=example(
-            "oarlock lab reproduce table5 --out table5",
-            "oarlock lab reproduce all --out paper",
-            "oarlock lab reproduce fig3 --seed 7 --out fig3",
-            "oarlock lab reproduce table5 --seeds 10 --seed 100 --json --out table5 | jq .table5.met",
-        ),
+    command(
+        app,
+        "oarlock lab reproduce table5 --out table5",
+        "oarlock lab reproduce all --out paper",
+        "oarlock lab reproduce fig3 --seed 7 --out fig3",
+        "oarlock lab reproduce table5 --seeds 10 --seed 100 --json --out table5 | jq .table5.met",
+        show=_show,
+        continues=True,
+        metavars={"what": "WHAT", "out": "FOLDER"},
+        bounds={"seeds": (1, None), "seed": (0, None), "duration_s": (4.0, None)},
     )(reproduce)
 
 
-@continuing_verb
+@dataclass(frozen=True)
+class Reproduction:
+    """Reproduced parts, those of them that an earlier run made, and the page."""
+
+    parts: list[PaperPart]
+    earlier: list[str]
+    report: Path
+
+    def to_dict(self) -> dict[str, Any]:
+        """For `--json`."""
+        document: dict[str, Any] = {"report": self.report, "earlier": self.earlier}
+        for part in self.parts:
+            met, bounds = part.marks
+            document[part.key] = {
+                "met": met,
+                "bounds": bounds,
+                "tables": {shown.key: {"head": shown.head, "rows": shown.rows} for shown in part.tables},
+                "claims": part.claims,
+                "notes": part.notes,
+            }
+        return document
+
+
 def reproduce(
-    what: Annotated[
-        list[What],
-        typer.Argument(metavar="WHAT", help="table5, table6, fig3 to fig5, discussion, cost, all."),
-    ],
-    out: OutFolder,
-    seeds: Annotated[
-        int | None,
-        typer.Option("--seeds", metavar="N", min=1, help="Number of seeds; default 3, or 1 with --seed."),
-    ] = None,
-    seed: Annotated[
-        int | None, typer.Option("--seed", metavar="N", min=0, help="First seed; default 0.")
-    ] = None,
-    duration_s: Annotated[
-        float, typer.Option("--duration-s", metavar="S", min=4.0, help="Length of each recording.")
-    ] = 40.0,
-    jobs: Jobs = None,
-    anew: Annotated[
-        bool, typer.Option("--anew", help="Make parts again that are in FOLDER already, by the same version.")
-    ] = False,
-    force: Force = False,
-    json_output: Json = False,
-) -> None:
+    what: list[str],
+    *,
+    out: Path,
+    seeds: int | None = None,
+    seed: int | None = None,
+    duration_s: float = 40.0,
+    jobs: int | None = None,
+    anew: bool = False,
+    force: bool,
+) -> Reproduction:
     """Repeat experiments of the paper: write a report that compares the values, and the tables.
 
     Finished parts are kept in FOLDER/parts: after Ctrl-C the same command continues from there.
+
+    Args:
+        what: table5, table6, fig3 to fig5, discussion, cost, all.
+        out: folder to write.
+        seeds: number of seeds; default 3, or 1 with --seed.
+        seed: first seed; default 0.
+        duration_s: length of each recording.
+        jobs: parallel processes; default: all cores.
+        anew: make parts again that are in FOLDER already, by the same version.
+        force: replace what is there.
     """
     from oarlock_lab.reproduce.part_cache import FOLDER, PartCache
     from oarlock_lab.reproduce.reproduce import PARTS
     from oarlock_lab.reproduce.reproduce import reproduce as run
 
-    chosen = PARTS if What.all in what else tuple(part.value for part in what)
-    if len(set(chosen)) < len(chosen):
-        raise UsageError(f"{', '.join(chosen)}: one of them is named twice")
+    for name in what:
+        if name not in (*PARTS, "all"):
+            raise UsageError(f"{name}: the paper has no such part. {did_you_mean(name, (*PARTS, 'all'))}")
+    chosen = [part for part in PARTS if part in what or "all" in what]
     count = seeds if seeds is not None else (3 if seed is None else 1)
     numbers = tuple(range(seed or 0, (seed or 0) + count))
-    kept, skipped = PartCache(out / FOLDER, numbers, duration_s), []
+    cache, earlier = PartCache(out / FOLDER, numbers, duration_s), list[str]()
     with output_folder(out, "reproduction", force, beside=FOLDER) as stage:
         for key in chosen if anew else ():
-            kept.forget(key)
-        with progress("running the paper's experiments") as told:
+            cache.forget(key)
+        with progress("running the paper's experiments") as share:
             parts = run(
                 *(chosen, numbers),
                 duration_s=duration_s,
                 jobs=jobs,
-                progress=told,
-                kept=kept,
-                on_part=lambda key, is_kept: skipped.append(key) if is_kept else None,
+                progress=share,
+                kept=cache,
+                on_part=lambda key, is_earlier: earlier.append(key) if is_earlier else None,
             )
         report = out / write_reproduction(parts, stage, numbers, duration_s).name
-    if json_output:
-        print_json(_document(parts, report))
-        return
-    for part in parts:
-        _write(part)
-    if skipped:
-        say(f"\nKept from before: {', '.join(skipped)}; --anew makes them again")
-    say(f"\nWrote {out}: report.html, and its tables as CSV and Parquet")
-    steps(f"open {report}")
+    return Reproduction(parts, earlier, report)
 
 
 def write_reproduction(parts: list[PaperPart], out: Path, seeds: tuple[int, ...], duration_s: float) -> Path:
@@ -145,39 +138,31 @@ def write_reproduction(parts: list[PaperPart], out: Path, seeds: tuple[int, ...]
     return report
 
 
-def _write(part: PaperPart) -> None:
-    heading(part.title)
-    for shown in part.tables:
-        if shown.closed:
-            continue
-        say(f"\n{shown.caption}", style="dim", indent=2)
-        # A terminal has 100 columns; the page contains the remaining columns.
-        kept = PAIRS if shown.rows[0][-1].paper else WIDEST
-        rows = [[_cell(cell.ours, cell.paper, cell.mark) for cell in row[:kept]] for row in shown.rows]
-        first, *others = shown.head[:kept]
-        table([first, *(f">{name}" for name in others)], rows)
-    if part.claims:
-        table(["verdict", "claim"], [(claim.verdict, claim.sentence) for claim in part.claims])
-    if not part.tables and not part.claims:
-        for text in part.lead:
-            say(text, indent=2)
+def _show(reproduction: Reproduction) -> None:
+    for part in reproduction.parts:
+        heading(part.title)
+        for shown in part.tables:
+            if not shown.closed:
+                say(f"\n{shown.caption}", style="dim", indent=2)
+                # A terminal has 100 columns; the page contains the remaining columns.
+                width = PAIRS if shown.rows[0][-1].paper else WIDEST
+                first, *others = shown.head[:width]
+                rows = [
+                    [_cell(cell.ours, cell.paper, cell.mark) for cell in row[:width]] for row in shown.rows
+                ]
+                table([first, *(f">{name}" for name in others)], rows)
+        if part.claims:
+            table(["verdict", "claim"], [(claim.verdict, claim.sentence) for claim in part.claims])
+        if not part.tables and not part.claims:
+            for text in part.lead:
+                say(text, indent=2)
+    if reproduction.earlier:
+        say(f"\nKept from before: {', '.join(reproduction.earlier)}; --anew makes them again")
+    say(f"\nWrote {reproduction.report.parent}: report.html, and its tables as CSV and Parquet")
+    steps(f"open {reproduction.report}")
 
 
 def _cell(ours: str, paper: str, mark: str) -> str:
     beside = f" | {paper}" if paper else ""
     sign = {"met": " ✓", "missed": " ✗"}.get(mark, "") if ours != mark else ""
     return f"{ours}{beside}{sign}"
-
-
-def _document(parts: list[PaperPart], report: Path) -> dict[str, object]:
-    document: dict[str, object] = {"report": report}
-    for part in parts:
-        met, bounds = part.marks
-        document[part.key] = {
-            "met": met,
-            "bounds": bounds,
-            "tables": {shown.key: {"head": shown.head, "rows": shown.rows} for shown in part.tables},
-            "claims": part.claims,
-            "notes": part.notes,
-        }
-    return document

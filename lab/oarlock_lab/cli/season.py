@@ -2,47 +2,43 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Any
 
 import typer
 
-from oarlock.cli.options import Jobs, Json, example
-from oarlock.cli.season_options import SeasonAt
-from oarlock.cli.terminal import continuing_verb, print_json, progress, say, steps
+from oarlock.cli.terminal import progress
+from oarlock.cli.verbs import command
 
 
 def add_to(group: typer.Typer) -> None:
     """Registers the verb."""
-    group.command(
-        "season",
-        epilog=example(
-            "oarlock lab season season",
-            "oarlock lab season season --recordings 10000 --athletes 60 --seed 1",
-        ),
+    command(
+        group,
+        "oarlock lab season season",
+        "oarlock lab season season --recordings 10000 --athletes 60 --seed 1",
+        continues=True,
+        metavars={"at": "SEASON"},
+        bounds={"recordings": (1, None), "athletes": (1, None), "seed": (0, None)},
     )(season)
 
 
-@continuing_verb
 def season(
-    at: SeasonAt,
-    recordings: Annotated[
-        int, typer.Option("--recordings", metavar="N", min=1, help="Recordings of 2 s, 300 strokes each.")
-    ] = 1000,
-    athletes: Annotated[int, typer.Option("--athletes", metavar="N", min=1, help="Athletes.")] = 60,
-    seed: Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Seed of all numbers.")] = 1,
-    jobs: Jobs = None,
-    json_output: Json = False,
-) -> None:
+    at: str, *, recordings: int = 1000, athletes: int = 60, seed: int = 1, jobs: int | None = None
+) -> dict[str, Any]:
     """Make a season of simulated numbers from a seed, to try questions and to measure speed.
 
     The same options make the same season. After Ctrl-C the same command continues.
+
+    Args:
+        at: folder of the season, or its address, such as s3://club/season.
+        recordings: recordings of 2 s, 300 strokes each.
+        athletes: athletes.
+        seed: seed of all numbers.
+        jobs: parallel processes; default: all cores.
     """
     from oarlock_lab.synthetic_season import Synthetic, make_synthetic
 
-    what = Synthetic(recordings, athletes, seed)
     with progress("making recordings") as share:
-        made = make_synthetic(at, what, jobs, share)
-    if json_output:
-        return print_json({"season": at, "id": made.id, "recordings": recordings, "athletes": athletes})
-    say(f"Made {recordings} recordings of {athletes} athletes in {at}")
-    steps(f"oarlock season list {at}", f"oarlock season questions {at}")
+        made = make_synthetic(at, Synthetic(recordings, athletes, seed), jobs, share)
+    then = [f"oarlock season list {at}", f"oarlock season questions {at}"]
+    return {"season": at, "id": made.id, "recordings": recordings, "athletes": athletes, "next": then}

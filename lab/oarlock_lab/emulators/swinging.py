@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from oarlock import Motion, Recording, Track, simulate
+from oarlock import Recording, Track, simulate
 from oarlock.live.simulated_devices import at_zero
 from oarlock.model.description import JointDescription
+from oarlock.simulation import Motion
 from oarlock.storage.array_gate import FloatArray
 from oarlock.storage.errors import DataError
 

@@ -40,11 +40,10 @@ class Table:
 
 @dataclass(frozen=True)
 class EstimateCurve:
-    """An estimate (T,) with half of its 95 % band, and the truth; in `unit`, `factor` times SI."""
+    """An estimate (T,) with half of its 95 % band, and the truth; in `unit`."""
 
     name: str
     unit: str
-    factor: float
     time_s: Floats
     value: Floats
     half_band: Floats

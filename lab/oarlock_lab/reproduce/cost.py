@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 
 import oarlock
-from oarlock import Belief, Config, DivergedError, Model, Motion, Recording, load_model
+from oarlock import Belief, Config, DivergedError, Model, Recording, load_model
 from oarlock.evaluation.child_process import in_processes
 from oarlock.rowing.simulation import paper
 from oarlock.rowing.simulation.experiment import simulate_sculling
+from oarlock.simulation import Motion
 from oarlock.simulation.simulate import simulate
 from oarlock.storage.progress import Told
 from oarlock_lab.reproduce.contents import Cell, Chart, Floats, PaperPart, Row, Table, shown

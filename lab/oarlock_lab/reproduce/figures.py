@@ -8,7 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 import oarlock
-from oarlock import Evaluation, Track, load_model
+from oarlock import Track, load_model
+from oarlock.evaluation import Evaluation
 from oarlock.rowing.simulation import paper
 from oarlock.rowing.simulation.experiment import simulate_sculling
 from oarlock_lab.reproduce.contents import EstimateCurve, Floats, PaperPart, Row, shown
@@ -74,7 +75,6 @@ def _joint(track: Track, truth: Track, scores: Evaluation, name: str, duration_s
     return EstimateCurve(
         name,
         unit,
-        factor,
         track.time_s[kept],
         own.value[kept] * factor,
         1.96 * own.std[kept] * factor,
@@ -153,7 +153,6 @@ def _axes(one: TrackedTrial, point: str, duration_s: float) -> tuple[EstimateCur
         EstimateCurve(
             f"{point} {axis}",
             "m",
-            1.0,
             time_s,
             place[:, k],
             half[:, k],

@@ -76,7 +76,6 @@ def _figure(key: str, curve: EstimateCurve, window: Interval) -> str:
     drawn = curves.ErrorCurve(
         curve.name,
         curve.unit,
-        curve.factor,
         curve.time_s,
         curve.value,
         curve.half_band,

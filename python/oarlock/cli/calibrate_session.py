@@ -4,119 +4,108 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
-from oarlock.cli.body import Mass, Pose, Sensors, Stature, chosen_body
-from oarlock.cli.options import Json, ModelName, Settings, assignments, example
-from oarlock.cli.terminal import UsageError, free_file, heading, number, print_json, say, steps, table, verb
+from oarlock.cli.show import show_document
+from oarlock.cli.terminal import UsageError, free_file, heading, number, say, steps, table
+from oarlock.cli.verbs import Incomplete, NewFile, command
+
+if TYPE_CHECKING:
+    from oarlock import Calibration
+    from oarlock.cli.body import Body
 
 MARKS = {"pass": "pass", "redo": "DO AGAIN", "kept": "kept"}
 
 
 def add_to(group: typer.Typer) -> None:
     """Registers the verb."""
-    group.command(
-        "session",
-        short_help="Calibrate everything from one guided session of two minutes.",
-        epilog=example(
-            "oarlock calibrate session rec --model sculler --out cal.toml",
-            "oarlock calibrate session rec --model my.toml --plan plan.toml --out cal.toml",
-            "oarlock calibrate session --model sculler --write-plan plan.toml",
-            "oarlock calibrate session rec --model lower_body --pose sitting --out cal.toml",
-        ),
+    command(
+        group,
+        "oarlock calibrate session rec --model sculler --out cal.toml",
+        "oarlock calibrate session rec --model my.toml --plan plan.toml --out cal.toml",
+        "oarlock calibrate session --model sculler --write-plan plan.toml",
+        "oarlock calibrate session rec --model lower_body --pose sitting --out cal.toml",
+        show=_show,
+        metavars={"recording": "RECORDING"},
     )(session)
 
 
-@verb
 def session(
-    model: ModelName,
-    recording: Annotated[
-        Path | None, typer.Argument(metavar="RECORDING", help="A recording folder, or its recording.toml.")
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", "-o", metavar="FILE", help="Calibration file to write, with a page beside it."),
-    ] = None,
-    plan: Annotated[
-        Path | None,
-        typer.Option("--plan", metavar="FILE", help="Plan of the session; default: the model's own plan."),
-    ] = None,
-    write_plan: Annotated[
-        Path | None, typer.Option("--write-plan", metavar="FILE", help="Write the model's plan and exit.")
-    ] = None,
-    pose: Pose = "N",
-    settings: Settings = None,
-    stature_m: Stature = None,
-    mass_kg: Mass = None,
-    sensors: Sensors = None,
-    calibration: Annotated[
-        Path | None,
-        typer.Option("--calibration", metavar="FILE", help="An earlier calibration, such as of clocks."),
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace files that exist.")] = False,
-    json_output: Json = False,
-) -> None:
-    """Calibrate biases, magnetometers, mounts and encoders from one guided session.
+    recording: Path | None = None,
+    *,
+    model: Body,
+    out: NewFile | None = None,
+    plan: Path | None = None,
+    write_plan: NewFile | None = None,
+    pose: Literal["N", "T", "sitting"] = "N",
+    calibration: Calibration | None = None,
+    force: bool = False,
+) -> dict[str, Any]:
+    """Calibrate biases, magnetometers, mounts and encoders from one guided session of two minutes.
 
     Writes the calibration and a page with the results, their uncertainty and the steps to repeat. The exit status
     is 1 if a step must be repeated.
+
+    Args:
+        recording: a recording folder, or its recording.toml.
+        model: the body.
+        out: calibration file to write, with a page beside it.
+        plan: plan of the session; default: the model's own plan.
+        write_plan: write the model's plan and exit.
+        pose: still pose of the session: N (arms hanging), T (arms level) or sitting.
+        calibration: an earlier calibration, such as of clocks.
+        force: replace files that exist.
     """
     import oarlock
     from oarlock.report.session_page import write_session_page
 
-    body = chosen_body(model, assignments(settings, "--set"), stature_m, mass_kg, sensors)
+    body = model.model
     if write_plan is not None:
-        free_file(write_plan, force)
         own = oarlock.calibration.default_plan(body, pose)
         own.save(write_plan)
-        _say_plan(own, write_plan, json_output)
-        return
+        return {"plan": own.name, "steps": [f"{s.name}: {s.say}" for s in own.steps], "written": write_plan}
     if recording is None or out is None:
         raise UsageError("give a RECORDING and --out FILE (or --write-plan FILE to see what to record)")
     page = out.with_suffix(".html")
-    for file in (out, page):
-        free_file(file, force)
+    free_file(page, force)
     followed = (
         oarlock.calibration.default_plan(body, pose)
         if plan is None
         else oarlock.calibration.load_session_plan(plan, pose)
     )
-    found = oarlock.calibration.calibrate_session(
-        body,
-        oarlock.load_recording(recording),
-        followed,
-        calibration=None if calibration is None else oarlock.load_calibration(calibration),
+    result = oarlock.calibration.calibrate_session(
+        body, oarlock.load_recording(recording), followed, calibration=calibration
     )
-    found.save(out)
+    result.save(out)
     still = next((dict(step.pose) for step in followed.steps if step.kind == "pose"), None)
-    write_session_page(found, page, body, still)
-    told: Any = found.noted["session"]
-    if json_output:
-        print_json({"calibration": out, "page": page, "session": told})
-    else:
-        say(f"Wrote {out} and {page}", style="bold")
-        write_session(told)
-        steps(f"oarlock track REC --model {model} --calibration {out} --out OUT")
-    if not told["passed"]:
-        raise typer.Exit(1)
+    write_session_page(result, page, body, still)
+    checks: Any = result.noted["session"]
+    document = {
+        "calibration": out,
+        "page": page,
+        "session": checks,
+        "next": [f"oarlock track REC {model.words} --calibration {out} --out OUT"],
+    }
+    if not checks["passed"]:
+        raise Incomplete(document)
+    return document
 
 
-def _say_plan(plan: Any, file: Path, json_output: bool) -> None:
-    if json_output:
-        print_json({"plan": file, "steps": [s.name for s in plan.steps]})
+def _show(result: dict[str, Any]) -> None:
+    if "session" not in result:
+        show_document(result)
         return
-    say(f"Wrote {file}", style="bold")
-    heading(plan.name)
-    for k, step in enumerate(plan.steps, 1):
-        say(f"{k}. {step.name}: {step.say}", indent=2)
+    say(f"Wrote {result['calibration']} and {result['page']}", style="bold")
+    write_session(result["session"])
+    steps(*result["next"])
 
 
-def write_session(told: Mapping[str, Any]) -> None:
+def write_session(session: Mapping[str, Any]) -> None:
     """Prints one line for each check, then the steps to repeat."""
-    checks: Sequence[Mapping[str, Any]] = told["check"]
-    heading("Steps", f"plan: {told['plan']}")
+    checks: Sequence[Mapping[str, Any]] = session["check"]
+    heading("Steps", f"plan: {session['plan']}")
     table(
         ["step", ">from s", ">to s", "", "in words"],
         [
@@ -127,7 +116,7 @@ def write_session(told: Mapping[str, Any]) -> None:
                 MARKS[s["outcome"]],
                 s["sentence"],
             )
-            for s in told["step"]
+            for s in session["step"]
         ],
     )
     for subject in dict.fromkeys(c["subject"] for c in checks if c["subject"]):
@@ -146,7 +135,7 @@ def write_session(told: Mapping[str, Any]) -> None:
             for c in own:
                 about = f"{c['step']}, {c['subject']}" if c["subject"] else c["step"]
                 say(f"{about}: {c['sentence']}", indent=2)
-    if told["passed"]:
+    if session["passed"]:
         say()
         say("Passed.", style="bold green")
 

@@ -3,214 +3,139 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from oarlock.cli.evaluate import truth_folder
-from oarlock.cli.options import (
-    CalibrationFile,
-    Force,
-    Json,
-    ModelName,
-    OutFolder,
-    Settings,
-    assignments,
-    example,
-)
-from oarlock.cli.terminal import (
-    UsageError,
-    heading,
-    number,
-    output_folder,
-    pairs,
-    print_json,
-    progress,
-    say,
-    steps,
-    table,
-    verb,
-)
+from oarlock.cli.show import label
+from oarlock.cli.terminal import UsageError, number, output_folder, progress, say, steps, table
+from oarlock.cli.verbs import NewFolder, command
 from oarlock.evaluation.comparison.estimators import estimator, estimators
 
 if TYPE_CHECKING:
-    from oarlock.evaluation.comparison.comparison import Comparison
-    from oarlock.evaluation.comparison.estimators import Estimator
-    from oarlock.evaluation.comparison.scores import Score
+    from oarlock import Calibration
+    from oarlock.cli.body import Body as PlainBody
 
 PAGE = "compare.html"
 ALL = "all"
+_COLUMNS = {
+    "mean_rmse_deg": ("mean", ".3f"),
+    "worst_rmse_deg": ("worst", ".3f"),
+    "correlation": ("corr.", ".4f"),
+    "nees_per_state": ("NEES", ".3g"),
+    "coverage_95": ("95 %", ".3f"),
+    "step_us": ("us", ".0f"),
+}
+"""Column -> its head and the format of its numbers; others are lengths, mm."""
 
 
 def add_to(app: typer.Typer) -> None:
     """Registers the verb."""
-    app.command(
-        "compare",
-        epilog=example(
-            "oarlock lab compare trial --model sculler --out compared",
-            "oarlock lab compare trial --model sculler --filter ukf --filter limbs --filter vqf --out compared",
-            "oarlock lab compare trial trial/truth --model sculler --repeats 3 --out compared --json | jq .wins",
-        )
-        + "\n\n\b\nFilters:\n"
-        + "\n".join(
-            f"  {e.name:<20} {e.title}" for e in estimators() if not e.name.endswith(("open", "plain"))
-        )
+    shown = (e for e in estimators() if not e.name.endswith(("open", "plain")))
+    command(
+        app,
+        "oarlock lab compare trial --model sculler --out compared",
+        "oarlock lab compare trial --model sculler --filter ukf --filter limbs --filter vqf --out compared",
+        "oarlock lab compare trial trial/truth --model sculler --repeats 3 --out compared --json | jq .wins",
+        epilog="\b\nFilters:\n"
+        + "\n".join(f"  {e.name:<20} {e.title}" for e in shown)
         + "\n  NAME_open, NAME_plain, NAME_open_plain   of trees and limbs: no closures, no biases or base\n"
         "                       acceleration, neither\n"
         "  all                  all filters",
+        show=_show,
+        metavars={"recording": "RECORDING", "truth": "TRUTH"},
+        bounds={"repeats": (1, None)},
     )(compare)
 
 
-@verb
 def compare(
-    recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="A recording folder.")],
-    model: ModelName,
-    out: OutFolder,
-    truth: Annotated[
-        Path | None,
-        typer.Argument(
-            metavar="TRUTH",
-            help="Track folder with the ground truth; default: RECORDING/truth; else the first filter is compared to.",
-        ),
-    ] = None,
-    filters: Annotated[
-        list[str] | None,
-        typer.Option("--filter", metavar="NAME", help="Filter to run, see below. Repeatable."),
-    ] = None,
-    calibration: CalibrationFile = None,
-    settings: Settings = None,
-    start_s: Annotated[
-        float,
-        typer.Option("--start-s", metavar="S", help="Exclude the first seconds, in which filters converge."),
-    ] = 2.0,
-    repeats: Annotated[
-        int, typer.Option("--repeats", metavar="N", min=1, help="Run each N times; the shortest time counts.")
-    ] = 1,
-    html: Annotated[bool, typer.Option("--html/--no-html", help="Write compare.html.")] = True,
-    force: Force = False,
-    json_output: Json = False,
-) -> None:
-    """Run several estimators on a recording: errors, consistency and time per step, in one table and page."""
-    import oarlock
+    recording: Path,
+    truth: Path | None = None,
+    *,
+    model: PlainBody,
+    out: NewFolder,
+    filter_: list[str] | None = None,
+    calibration: Calibration | None = None,
+    start_s: float = 2.0,
+    repeats: int = 1,
+    html: bool = True,
+    force: bool,
+) -> dict[str, Any]:
+    """Run several estimators on a recording: errors, consistency and time per step, in one table and page.
 
-    body = oarlock.load_model(model, parameters=assignments(settings, "--set"))
-    chosen = _chosen(filters)
-    measured = oarlock.load_recording(recording)
+    Args:
+        recording: a recording folder.
+        truth: track folder with the ground truth; default: RECORDING/truth; else the first filter is compared to.
+        model: the body.
+        out: folder to write.
+        filter_: filter to run, see below. Repeatable.
+        calibration: calibration file with mounts and lengths.
+        start_s: exclude the first seconds, in which filters converge.
+        repeats: run each N times; the shortest time counts.
+        html: write compare.html.
+        force: replace what is there.
+    """
+    import oarlock
+    from oarlock.report.comparison import write_comparison
+
+    try:
+        chosen = (
+            None if filter_ is None else [estimator(name) for name in dict.fromkeys(filter_) if name != ALL]
+        )
+    except ValueError as error:
+        raise UsageError(f"--filter: {error}") from None
     place = truth_folder(recording if truth is None else truth)
-    known = None if truth is None and place == recording else oarlock.load_track(place)
-    wearing = oarlock.load_calibration(calibration) if calibration is not None else None
     with output_folder(out, "comparison", force) as stage:
-        found = oarlock.studies.compare(
-            body,
-            measured,
-            known,
-            chosen,
-            calibration=wearing,
+        comparison = oarlock.studies.compare(
+            model.model,
+            oarlock.load_recording(recording),
+            None if truth is None and place == recording else oarlock.load_track(place),
+            list(estimators()) if ALL in (filter_ or ()) else chosen,
+            calibration=calibration,
             start_s=start_s,
             repeats=repeats,
             progress=progress,
         )
-        found.save(stage)
+        comparison.save(stage)
         if html:
-            _write_page(found, stage, recording)
-    page = out / PAGE if html else None
-    if json_output:
-        print_json(found.to_dict() | {"out": out, "page": page})
-        return
-    _write(found, recording)
-    say(f"\nWrote {out}: compare.toml, compare.csv" + (", compare.html" if page else ""))
-    if page:
-        steps(f"open {page}")
+            write_comparison(comparison, stage / PAGE, f"Filters on {recording.name}")
+    return comparison.to_dict() | {"out": out, "page": out / PAGE if html else None}
 
 
-def _chosen(names: list[str] | None) -> list[Estimator] | None:
-    if names is None:
-        return None
-    if ALL in names:
-        return list(estimators())
-    try:
-        return [estimator(name) for name in dict.fromkeys(names)]
-    except ValueError as error:
-        raise UsageError(f"--filter: {error}") from None
-
-
-def _write_page(found: Comparison, folder: Path, recording: Path) -> None:
-    from oarlock.report.comparison import write_comparison
-
-    write_comparison(found, folder / PAGE, f"Filters on {recording.name}")
-
-
-_HEADERS = {
-    "mean_rmse_deg": (">mean", ".3f"),
-    "worst_rmse_deg": (">worst", ".3f"),
-    "correlation": (">corr.", ".4f"),
-    "nees_per_state": (">NEES", ".3g"),
-    "coverage_95": (">95 %", ".3f"),
-    "step_us": (">us", ".0f"),
-}
-
-
-def _write(found: Comparison, recording: Path) -> None:
-    say(f"{len(found.scores)} filters on {recording}", style="bold")
-    against = "truth" if found.reference == "truth" else f"{found.reference} (no ground truth)"
+def _show(comparison: dict[str, Any]) -> None:
+    reference = comparison["reference"]
     say(
-        f"RMSE against {against}, without the first {found.start_s:g} s: mean and worst of the {len(found.joints)} "
-        "joints\nbetween root and inertial units, deg; slides and positions, mm; us a step",
+        f"RMSE against {'truth' if reference == 'truth' else f'{reference} (no ground truth)'}, without the first "
+        f"{comparison['start_s']:g} s: mean and worst of the {len(comparison['joints'])} joints\n"
+        "between root and inertial units, deg; slides and positions, mm. us: processor time of the filter\n"
+        "alone, for all sensors of one sample; single units need inverse kinematics beside it",
         style="dim",
     )
     say()
-    names = [n for n in found.columns if n not in ("steps_per_s", "kinematics_us")]
-    heads = [_head(name) for name in names]
-    wins = found.wins
+    wins = {name: best for name, best in comparison["wins"].items() if name != "steps_per_s"}
+    heads = [
+        _COLUMNS.get(name, (label(name.removesuffix("_mm").removesuffix("_rmse")), ".1f")) for name in wins
+    ]
     table(
-        ["filter", *(head for head, _ in heads)],
+        ["filter", *(f">{head.removesuffix(' position')}" for head, _ in heads)],
         [
-            (row.name, *(_cell(row, n, f, wins) for n, (_, f) in zip(names, heads, strict=True)))
-            for row in found.scores
+            (
+                row["filter"],
+                *(
+                    number(row.get(name), style) + ("*" if row["filter"] in wins[name] else " ")
+                    for name, (_, style) in zip(wins, heads, strict=True)
+                ),
+            )
+            for row in comparison["estimators"]
         ],
     )
     say("* best, or within 2 % of the best; - no standard deviations", style="dim", indent=2)
-    _write_wins(found)
-    heading("Time", "us: processor time of the filter alone, for all sensors of one sample")
-    by_hand = [row for row in found.scores if number(row.kinematics_us, ".0f", "") != ""]
-    if by_hand:
-        us = sorted(row.kinematics_us for row in by_hand)
-        say(
-            f"filters on single inertial units also need inverse kinematics (NumPy, {us[0]:.0f} to {us[-1]:.0f} us\n"
-            "a step, not counted above); filters of ahrs run in Python, the others compiled or in NumPy",
-            indent=2,
-        )
-    for name, why in found.left_out.items():
+    for name, why in comparison["left_out"].items():
         say(f"{name} was not run: {why}", style="yellow")
-
-
-def _head(name: str) -> tuple[str, str]:
-    if name in _HEADERS:
-        return _HEADERS[name]
-    short = name.removesuffix("_position_mm").removesuffix("_rmse_mm")
-    return f">{short}", ".1f"
-
-
-def _cell(row: Score, name: str, style: str, wins: dict[str, tuple[str, ...]]) -> str:
-    text = number(row.columns().get(name), style)
-    return f"{text}*" if row.name in wins.get(name, ()) else f"{text} "
-
-
-def _write_wins(found: Comparison) -> None:
-    heading("Best", "the first if several are equal")
-    rows: dict[str, list[str]] = {}
-    for name, who in found.wins.items():
-        if name != "steps_per_s":
-            rows.setdefault(who[0], []).append(_words(name))
-    pairs([(f"  {who}", ", ".join(columns)) for who, columns in rows.items()])
-
-
-def _words(name: str) -> str:
-    return {
-        "mean_rmse_deg": "mean angle",
-        "worst_rmse_deg": "worst angle",
-        "correlation": "correlation",
-        "nees_per_state": "NEES",
-        "coverage_95": "95 % bands",
-        "step_us": "time per step",
-    }.get(name, name.removesuffix("_mm").removesuffix("_rmse").replace("_", " "))
+    say(
+        f"\nWrote {comparison['out']}: compare.toml, compare.csv"
+        + (f", {PAGE}" if comparison["page"] else "")
+    )
+    if comparison["page"]:
+        steps(f"open {comparison['page']}")

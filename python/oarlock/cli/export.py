@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, cast
+from typing import TYPE_CHECKING, Literal
 
 import typer
 
-from oarlock.cli.options import Force, Json, example, names
-from oarlock.cli.terminal import UsageError, heading, output_folder, print_json, say, steps, table, verb
+from oarlock.cli.terminal import UsageError, heading, output_folder, say, steps, table
+from oarlock.cli.verbs import NewFolder, command, names
 from oarlock.formats.export.export import FORMATS, KIND, SUMMARY, files_of
 
 if TYPE_CHECKING:
-    from oarlock import Export
-
-AXES = ("y-up", "root")
-MISSING = ("nan", "drop")
+    from oarlock import Track
+    from oarlock.formats.export.export import Export
 
 _FILES = "\n".join(f"  {file:<21}{text}" for files in files_of().values() for file, text in files.items())
 _ABOUT = f"""\b
@@ -46,89 +43,7 @@ Missing readings:
 """
 
 
-def add_to(app: typer.Typer) -> None:
-    """Registers the verb."""
-    app.command(
-        "export",
-        epilog=example(
-            "oarlock export out --out exported",
-            "oarlock export out --out exported --format osim,mot,trc",
-            "oarlock export out --out exported --format mot --radians --missing drop",
-            "oarlock export out --out blender --format bvh,glb",
-            "oarlock export out --out exported --format csv --json | jq .files",
-        )
-        + "\n\n"
-        + _ABOUT,
-    )(export)
-
-
-@verb
-def export(
-    out: Annotated[Path, typer.Argument(metavar="TRACK", help="A folder that `oarlock track` wrote.")],
-    to: Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Folder to write.")],
-    formats: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--format",
-            "-f",
-            metavar="FORMAT,...",
-            help=f"Some of {', '.join(FORMATS)}; all if left out. Repeatable.",
-        ),
-    ] = None,
-    degrees: Annotated[
-        bool, typer.Option("--degrees/--radians", help="Angles in .mot and .sto; their header says which.")
-    ] = True,
-    axes: Annotated[
-        str,
-        typer.Option("--axes", metavar="y-up|root", help="Ground of .osim, .trc, .bvh and .c3d, see below."),
-    ] = "y-up",
-    missing: Annotated[
-        str,
-        typer.Option("--missing", metavar="nan|drop", help="Rows of .mot and .sto that lack a reading."),
-    ] = "nan",
-    force: Force = False,
-    json_output: Json = False,
-) -> None:
-    """Write a track for other software: tables, files for OpenSim, and animations (BVH, glTF, C3D)."""
-    import oarlock
-
-    chosen = _chosen(formats)
-    _check("--axes", axes, AXES)
-    _check("--missing", missing, MISSING)
-    track = oarlock.load_track(out)
-    with output_folder(to, KIND, force) as stage:
-        written = oarlock.export(
-            track,
-            stage,
-            chosen,
-            degrees=degrees,
-            axes=cast(Literal["y-up", "root"], axes),
-            missing=cast(Literal["nan", "drop"], missing),
-        )
-    written = replace(written, folder=to)
-    if json_output:
-        print_json(written.to_dict())
-        return
-    _write(written)
-
-
-def _chosen(formats: list[str] | None) -> tuple[str, ...] | None:
-    if formats is None:
-        return None
-    chosen = tuple(name for text in formats for name in names(text))
-    for name in chosen:
-        _check("--format", name, FORMATS)
-    if not chosen:
-        raise UsageError(f"--format names none; choose some of {', '.join(FORMATS)}")
-    return chosen
-
-
-def _check(flag: str, given: str, known: tuple[str, ...]) -> None:
-    if given not in known:
-        raise UsageError(f"{flag} {given}: choose from {', '.join(known)}")
-
-
-def _write(written: Export) -> None:
+def _show(written: Export) -> None:
     table(["file", "contents"], [*written.files.items(), (SUMMARY, "this table, settings, notes, names")])
     if written.notes:
         heading("Notes")
@@ -137,3 +52,51 @@ def _write(written: Export) -> None:
     say(f"\nWrote {written.folder}")
     if {"model.osim", "coordinates.mot"} <= set(written.files):
         steps("In OpenSim: File > Open Model: model.osim, then File > Load Motion: coordinates.mot")
+
+
+def add_to(app: typer.Typer) -> None:
+    """Registers the verb."""
+    command(
+        app,
+        "oarlock export out --out exported",
+        "oarlock export out --out exported --format osim,mot,trc",
+        "oarlock export out --out exported --format mot --radians --missing drop",
+        "oarlock export out --out blender --format bvh,glb",
+        "oarlock export out --out exported --format csv --json | jq .files",
+        show=_show,
+        epilog=_ABOUT,
+        metavars={"format": "FORMAT,..."},
+        opposites={"degrees": "radians"},
+    )(export)
+
+
+def export(
+    track: Track,
+    *,
+    out: NewFolder,
+    format: list[str] | None = None,
+    degrees: bool = True,
+    axes: Literal["y-up", "root"] = "y-up",
+    missing: Literal["nan", "drop"] = "nan",
+    force: bool = False,
+) -> Export:
+    """Write a track for other software: tables, files for OpenSim, and animations (BVH, glTF, C3D).
+
+    Args:
+        track: a folder that `oarlock track` wrote.
+        out: folder to write.
+        format: some of csv, parquet, mot, sto, trc, osim, bvh, glb, c3d, opensense; all if left out. Repeatable.
+        degrees: angles in .mot and .sto; their header says which.
+        axes: ground of .osim, .trc, .bvh and .c3d, see below.
+        missing: rows of .mot and .sto that lack a reading.
+        force: replace what is there.
+    """
+    import oarlock
+
+    formats = None if format is None else tuple(name for text in format for name in names(text))
+    if formats is not None and not (formats and set(formats) <= set(FORMATS)):
+        wrong = next((name for name in formats if name not in FORMATS), "names none")
+        raise UsageError(f"--format {wrong}: choose from {', '.join(FORMATS)}")
+    with output_folder(out, KIND, force) as stage:
+        written = oarlock.export(track, stage, formats, degrees=degrees, axes=axes, missing=missing)
+    return replace(written, folder=out)

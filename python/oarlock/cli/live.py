@@ -9,18 +9,18 @@ import subprocess
 import sys
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import typer
 
-from oarlock.cli import live_doctor, live_init, live_scan, live_track
-from oarlock.cli.body import Pose
-from oarlock.cli.options import Json, example
-from oarlock.cli.terminal import EXIT_DATA, QUIET, print_json, say, set_verbosity, steps, table, verb
+from oarlock.cli import live_scan
+from oarlock.cli.terminal import details, output_folder, progress, say, steps
+from oarlock.cli.verbs import Incomplete, NewFolder, command
 
 if TYPE_CHECKING:
-    from oarlock import Calibration, Model
+    from oarlock import Calibration, Model, Track
     from oarlock.live.guide.lead import Lead
     from oarlock.live.live import Live
     from oarlock.live.outputs.table import Outputs
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from oarlock.live.server import PageServer
     from oarlock.rowing import StrokeFollower
 
-_AWAITED_S = 5.0
+_AWAITED_S: Final = 5.0
 
 group = typer.Typer(
     no_args_is_help=True,
@@ -36,167 +36,220 @@ group = typer.Typer(
     help="Track sensors while they send: record, estimate, show on a page.",
 )
 
-OutSession = Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Folder of the session; new.")]
-Session = Annotated[Path, typer.Argument(metavar="FOLDER", help="A folder that `oarlock live run` wrote.")]
-Port = Annotated[int, typer.Option("--port", metavar="N", help="Port of the page; 0: any that is free.")]
-Share = Annotated[
-    bool,
-    typer.Option(
-        "--share", help="Let other machines of the network see the page, with a token in its address."
-    ),
-]
-Seconds = Annotated[
-    float | None,
-    typer.Option("--duration-s", metavar="S", help="End after so long; default: Ctrl-C ends it."),
-]
-NoPage = Annotated[bool, typer.Option("--no-page", help="Record and track without a page.")]
-UdpTo = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--udp", metavar="HOST:PORT", help="Send estimates, strokes and events there as JSON lines."
-    ),
-]
-OscTo = Annotated[
-    list[str] | None, typer.Option("--osc", metavar="HOST:PORT", help="The same as Open Sound Control.")
-]
-LslAs = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--lsl", metavar="NAME", help="The same as streams of the Lab Streaming Layer; oarlock[lsl]."
-    ),
-]
-
-
-NoGuide = Annotated[
-    bool,
-    typer.Option(
-        "--no-guide", help="No guided start on the page: track at once, with the mounts of the model."
-    ),
-]
-
 
 def add_to(app: typer.Typer) -> None:
     """Registers the verbs."""
-    live_doctor.add_to(group)
-    live_init.add_to(group)
+    command(
+        group,
+        "oarlock live run rig.toml --out today",
+        metavars={"rig": "RIG", "out": "FOLDER", "udp": "HOST:PORT", "osc": "HOST:PORT"},
+    )(run)
+    command(group, "oarlock live demo", metavars={"out": "FOLDER"})(demo)
+    command(group, "oarlock live recover today", metavars={"folder": "FOLDER"})(recover)
     live_scan.add_to(group)
-    live_track.add_to(group)
+    command(
+        group,
+        "oarlock live track today --out today/track",
+        "oarlock track today/recording --model sculler --smooth --out best",
+        show=_show_track,
+        metavars={"folder": "FOLDER"},
+    )(track)
     app.add_typer(group, name="live")
 
 
-@group.command("run", epilog=example("oarlock live run rig.toml --out today"))
-@verb
+@dataclass(frozen=True, kw_only=True)
+class LivePage:
+    """Where the page of a session is.
+
+    Args:
+        port: port of the page; 0: any that is free.
+        share: let other machines of the network see the page, with a token in its address.
+        no_page: record and track without a page.
+    """
+
+    port: int = 8123
+    share: bool = False
+    no_page: bool = False
+
+    def serve(self, live: Live) -> None:
+        """Gives a session its page."""
+        if self.no_page:
+            return
+        from oarlock.live.page import page_server
+
+        columns = getattr(live.follower, "columns", None)
+        more = None if columns is None else {"strokes": {"columns": columns}}
+        token = secrets.token_urlsafe(12) if self.share else ""
+        page_server(live, "0.0.0.0" if self.share else "127.0.0.1", self.port, token, more=more)
+
+
 def run(
-    rig: Annotated[Path, typer.Argument(metavar="RIG", help="A rig file: which stream feeds which sensor.")],
-    out: OutSession,
-    port: Port = 8123,
-    share: Share = False,
-    no_page: NoPage = False,
-    udp: UdpTo = None,
-    osc: OscTo = None,
-    lsl: LslAs = None,
-    seconds: Seconds = None,
-    no_guide: NoGuide = False,
-    plan: Annotated[
-        Path | None,
-        typer.Option("--plan", metavar="FILE", help="Plan of the guided start; default: the model's own."),
-    ] = None,
-    pose: Pose = "N",
-    json_output: Json = False,
-) -> None:
+    rig: Path,
+    *,
+    out: Path,
+    page: LivePage,
+    udp: list[str] | None = None,
+    osc: list[str] | None = None,
+    lsl: list[str] | None = None,
+    duration_s: float | None = None,
+    no_guide: bool = False,
+    plan: Path | None = None,
+    pose: Literal["N", "T", "sitting"] = "N",
+) -> dict[str, Any]:
     """Record, track and show what a rig's sensors send.
 
     Every packet is on the disk within a second, before anything is estimated. Ctrl-C ends the session and writes its
     recording. Without a calibration the page leads through a guided session first, which can be skipped.
+
+    Args:
+        rig: a rig file: which stream feeds which sensor.
+        out: folder of the session; new.
+        page: where the page of the session is.
+        udp: send estimates, strokes and events there as JSON lines.
+        osc: the same as Open Sound Control.
+        lsl: the same as streams of the Lab Streaming Layer; oarlock[lsl].
+        duration_s: end after so long; default: Ctrl-C ends it.
+        no_guide: no guided start on the page: track at once, with the mounts of the model.
+        plan: plan of the guided start; default: the model's own.
+        pose: still pose of the session: N (arms hanging), T (arms level) or sitting.
     """
     import oarlock
     from oarlock.live.outputs.table import Outputs
     from oarlock.live.rig import Rig
 
-    _silent(json_output)
-    found, wanted = Rig.load(rig), Outputs(tuple(udp or ()), tuple(osc or ()), tuple(lsl or ()))
-    calibration = None if found.calibration is None else oarlock.load_calibration(found.calibration)
-    model = oarlock.load_model(found.model)
-    live = _session(found, model, calibration, out, wanted)
-    if not (no_guide or no_page) and found.feeds:
+    setup, outputs = Rig.load(rig), Outputs(tuple(udp or ()), tuple(osc or ()), tuple(lsl or ()))
+    calibration = None if setup.calibration is None else oarlock.load_calibration(setup.calibration)
+    model = oarlock.load_model(setup.model)
+    live = _session(setup, model, calibration, out, outputs)
+    if not (no_guide or page.no_page) and setup.feeds:
         live.lead = _lead(model, calibration, plan, pose)
-    _run(live, port, share, no_page, seconds, json_output=json_output)
+    return _run(live, page, duration_s)
 
 
-@group.command("demo", epilog=example("oarlock live demo"))
-@verb
 def demo(
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", metavar="FOLDER", help="Folder of the session; default: a new one."),
-    ] = None,
-    port: Port = 8123,
-    share: Share = False,
-    no_page: NoPage = False,
-    seconds: Seconds = None,
-    guided: Annotated[
-        bool,
-        typer.Option(
-            "--guided", help="Units on unknown mounts, and a sculler who does what the guided start asks."
-        ),
-    ] = False,
-    json_output: Json = False,
-) -> None:
-    """Show a sculler whose sensors are emulated on this machine: drifting clocks, losses, a magnet, a dropout."""
+    *,
+    out: Path | None = None,
+    page: LivePage,
+    duration_s: float | None = None,
+    guided: bool = False,
+) -> dict[str, Any]:
+    """Show a sculler whose sensors are emulated on this machine: drifting clocks, losses, a magnet, a dropout.
+
+    Args:
+        out: folder of the session; default: a new one.
+        page: where the page of the session is.
+        duration_s: end after so long; default: Ctrl-C ends it.
+        guided: units on unknown mounts, and a sculler who does what the guided start asks.
+    """
     import oarlock
     from oarlock.live.folder import dated_folder
     from oarlock.live.simulated_devices import lines_rig
     from oarlock.live.transports.udp import free_port
     from oarlock.rowing.simulation.emulated import RATE_HZ, STREAMS
 
-    _silent(json_output)
     model, sent_to = oarlock.load_model("sculler"), free_port()
     rig = lines_rig(model, "sculler", sent_to, RATE_HZ, STREAMS)
     live = _session(rig, model, None, out or dated_folder(Path("out")))
     if guided:
-        _run_guided(live, sent_to, port, share, seconds, json_output)
-        return
+        return _run(live, page, duration_s, _guided(live, sent_to))
     words = [sys.executable, "-m", "oarlock.rowing.simulation.emulated", str(sent_to), str(RATE_HZ)]
     emulator = subprocess.Popen(words, stdout=subprocess.PIPE)
     assert emulator.stdout is not None
     try:
         emulator.stdout.readline()
-        _run(live, port, share, no_page, seconds, json_output=json_output)
+        return _run(live, page, duration_s)
     finally:
         emulator.terminate()
         emulator.stdout.close()
         emulator.wait()
 
 
-@group.command("recover", epilog=example("oarlock live recover today"))
-@verb
-def recover(folder: Session, json_output: Json = False) -> None:
+def recover(folder: Path) -> dict[str, Any]:
     """Write the recording of a session that was killed, or whose machine lost power.
 
     Status 1: packets that were received are missing; the recording has all the others.
+
+    Args:
+        folder: a folder that `oarlock live run` wrote.
     """
     import oarlock
-    from oarlock.live.folder import LiveFolder
+    from oarlock.live.folder import RECORDING, LiveFolder
 
     place = LiveFolder.load(folder)
     ending = place.finish(oarlock.load_model(place.rig().model))
     recording = ending.recording
-    if json_output:
-        lost = [{"file": d.file.name, "at_byte": d.at_byte, "length": d.length} for d in ending.damage]
-        where = None if recording is None else str(folder / "recording")
-        print_json({"recording": where, "damage": lost, "refused": ending.refused, "missing": ending.missing})
-        raise typer.Exit(EXIT_DATA if ending.missing else 0)
-    for one in ending.damage:
-        say(f"{one.file.name}: {one.length:,} bytes at {one.at_byte:,} are not whole and were left out")
-    for text in (*place.disk.news(), *ending.refused, *ending.missing):
-        say(text)
+    result: dict[str, Any] = {
+        "damage": [{"file": d.file.name, "at_byte": d.at_byte, "length": d.length} for d in ending.damage],
+        "refused": ending.refused,
+        "missing": ending.missing,
+        "notes": place.disk.news(),
+        "written": None,
+    }
     if recording is None:
-        say("The packets have no reading of the rig's sensors, so there is no recording.")
+        result["notes"].append("The packets have no reading of the rig's sensors, so there is no recording.")
     else:
-        say(f"Wrote {folder / 'recording'}: {len(recording.streams)} streams, {recording.end_s:.1f} s")
-        steps(f"oarlock live track {folder} --out {folder}/track")
+        result |= {
+            "streams": len(recording.streams),
+            "duration_s": recording.end_s,
+            "written": folder / RECORDING,
+        }
+        result["next"] = [f"oarlock live track {folder} --out {folder}/track"]
     if ending.missing:
-        raise typer.Exit(EXIT_DATA)
+        raise Incomplete(result)
+    return result
+
+
+def track(folder: Path, *, out: NewFolder, csv: bool = False, force: bool = False) -> LiveTrack:
+    """Write a session's estimates as a track, exactly as they were shown live: bit for bit.
+
+    Other settings, smoothing or the best angles: use `oarlock track` with the recording in the same folder.
+
+    Args:
+        folder: a folder that `oarlock live run` wrote.
+        out: folder to write.
+        csv: also write the tables as CSV.
+        force: replace what is there.
+    """
+    import oarlock
+    from oarlock.cli.track_folder import TRACK, write_folder
+    from oarlock.live.folder import RECORDING, LiveFolder
+    from oarlock.live.live_track import live_track
+
+    place = LiveFolder.load(folder)
+    name = place.rig().model
+    with output_folder(out, TRACK, force) as stage:
+        with progress("repeating the session") as share:
+            estimates = live_track(place, oarlock.load_model(name), share)
+        write_folder(estimates, stage, csv)
+    best = f"oarlock track {folder / RECORDING} --model {name} --smooth --out BEST"
+    return LiveTrack(estimates, out, best)
+
+
+@dataclass(frozen=True)
+class LiveTrack:
+    """The track of a session, its folder, and the command that gives the best angles."""
+
+    track: Track
+    out: Path
+    best: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """For `--json`."""
+        from oarlock.cli.result import result_of
+        from oarlock.cli.track_folder import document
+
+        return {**document(self.track, self.out), **result_of(self.track), "next": [self.best]}
+
+
+def _show_track(result: LiveTrack) -> None:
+    from oarlock.cli.result import write_result
+    from oarlock.cli.tables import write_summary
+
+    with details():
+        write_summary(result.track)
+        say()
+    write_result(result.track, result.out / "report.html")
+    steps(result.best)
 
 
 def _lead(model: Model, calibration: Calibration | None, plan: Path | None, pose: str) -> Lead | None:
@@ -215,16 +268,8 @@ def _lead(model: Model, calibration: Calibration | None, plan: Path | None, pose
     return Lead(guide) if guide.progress and model.describe().inertial_units else None
 
 
-def _silent(json_output: bool) -> None:
-    """With --json nothing but the document at the end is printed."""
-    if json_output:
-        set_verbosity(QUIET)
-
-
-def _run_guided(
-    live: Live, sent_to: int, port: int, share: bool, seconds: float | None, json_output: bool
-) -> None:
-    """The demo of the guided start: its emulated sculler looks at what the page shows."""
+def _guided(live: Live, sent_to: int) -> Callable[[], Awaitable[None]]:
+    """Gives a session a guided start, and an emulated sculler who looks at what the page shows."""
     from oarlock.live.transports.transport import now_ns
     from oarlock.rowing.simulation.guided import GuidedSculler, send_guided
 
@@ -236,7 +281,7 @@ def _run_guided(
         await live.started.wait()
         await send_guided(sculler, sent_to, lambda: (guide.told(), live.session.intake.seconds(now_ns())))
 
-    _run(live, port, share, False, seconds, send, json_output)
+    return send
 
 
 def _session(
@@ -255,72 +300,54 @@ def _session(
 
 
 def _run(
-    live: Live,
-    port: int,
-    share: bool,
-    no_page: bool,
-    seconds: float | None,
-    beside: Callable[[], Awaitable[None]] | None = None,
-    json_output: bool = False,
-) -> None:
-    """Runs a session, and something beside it."""
-    if not no_page:
-        from oarlock.live.page import page_server
+    live: Live, page: LivePage, duration_s: float | None, beside: Callable[[], Awaitable[None]] | None = None
+) -> dict[str, Any]:
+    """Runs a session, and something beside it; what was written, and what to do with it."""
+    from oarlock.live.folder import RECORDING
 
-        columns = getattr(live.follower, "columns", None)
-        more = None if columns is None else {"strokes": {"columns": columns}}
-        token = secrets.token_urlsafe(12) if share else ""
-        page_server(live, "0.0.0.0" if share else "127.0.0.1", port, token, more=more)
-    asyncio.run(_until_stopped(live, seconds, beside))
-    if json_output:
-        recording = live.folder / "recording"
-        print_json(
-            {
-                "folder": live.folder,
-                "recording": recording if recording.is_dir() else None,
-                "estimates": live.estimates,
-            }
-        )
-        return
-    _write_end(live, live.folder)
+    page.serve(live)
+    asyncio.run(_until_stopped(live, duration_s, beside))
+    recording = live.folder / RECORDING
+    return {
+        "estimates": live.estimates if live.rig.feeds else None,
+        "recording": recording if recording.is_dir() else None,
+        "written": live.folder,
+        **(_tracked(live, recording) if live.rig.feeds else _channels(live)),
+    }
 
 
-def _write_end(live: Live, out: Path) -> None:
-    """Says what was written, and what to do with it."""
-    from oarlock.live.folder import RECORDING, RIG
-
-    if not live.rig.feeds:
-        _say_channels(out)
-        return
-    say(f"{live.estimates:,} estimates")
-    say(f"Wrote {out}")
-    recording, check = out / RECORDING, f"oarlock live doctor {out / RIG}"
+def _tracked(live: Live, recording: Path) -> dict[str, list[str]]:
+    """Why a session has no recording or estimates, and how to go on."""
+    out, check = live.folder, _check(live)
     if not recording.is_dir():
-        say("No sensor of the rig was heard, so there is no recording.")
-        steps(f"{check}    why nothing came")
-        return
+        return {"notes": ["No sensor of the rig was heard, so there is no recording."], "next": [check]}
     best = f"oarlock track {recording} --model {live.rig.model} --smooth --out {out}/best"
     if live.estimates:
-        steps(f"oarlock live track {out} --out {out}/track    what was shown, with a report", best)
-        return
+        return {
+            "next": [f"oarlock live track {out} --out {out}/track    what was shown, with a report", best]
+        }
     silent = sorted({feed.stream for feed in live.rig.feeds} - set(live.session.intake.heard()))
     why = f"nothing came of {', '.join(silent)}" if silent else "its sensors were never all heard together"
-    say(f"It was not tracked, because {why}.")
-    steps(f"{check}    why they are silent", best)
+    return {"notes": [f"It was not tracked, because {why}."], "next": [check, best]}
 
 
-def _say_channels(out: Path) -> None:
-    """The end of a session whose rig feeds no sensor."""
+def _channels(live: Live) -> dict[str, list[Any]]:
+    """What a session has whose rig feeds no sensor."""
     from oarlock.live.channel_tables import FOLDER, channels
+
+    note, out = "The rig feeds no sensor of the model, so nothing was tracked.", live.folder
+    if not (out / FOLDER).is_dir():
+        return {"notes": [note], "next": [_check(live)]}
+    where = f"{out / FOLDER} has them as Parquet; in Python: oarlock.live.channels({str(out)!r})"
+    rows = [{"name": name, "rows": len(channel.time_s)} for name, channel in channels(out).items()]
+    return {"channels": rows, "notes": [note, where]}
+
+
+def _check(live: Live) -> str:
+    """The command that says what is wrong with the sensors."""
     from oarlock.live.folder import RIG
 
-    say(f"Wrote {out}. Its rig feeds no sensor of the model, so nothing was tracked.")
-    if not (out / FOLDER).is_dir():
-        steps(f"oarlock live doctor {out / RIG}    why nothing came")
-        return
-    rows = [(name, len(one.time_s)) for name, one in sorted(channels(out).items())]
-    table(("channel", ">rows"), rows)
-    say(f"{out / FOLDER} has them as Parquet; in Python: oarlock.live.channels({str(out)!r})")
+    return f"oarlock live doctor {live.folder / RIG}    why nothing came"
 
 
 def _strokes(model: Model) -> StrokeFollower | None:

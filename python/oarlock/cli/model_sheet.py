@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from oarlock.cli.terminal import heading, number, say, table
 from oarlock.evaluation.scores import presentation
@@ -16,8 +17,12 @@ from oarlock.model.description import (
     RangeDescription,
     SensorDescription,
 )
+from oarlock.model.edit import document_of
 from oarlock.model.layout import blocks, parts_of, quantities, rows_of
 from oarlock.report.pose_picture.skeleton import StickFigure, views
+
+if TYPE_CHECKING:
+    from oarlock import Model
 
 _SI = {"hinge": "rad", "slide": "m"}
 
@@ -49,8 +54,9 @@ def write_pose(body: StickFigure, given: Sequence[str]) -> None:
     )
 
 
-def checked(model: ModelDescription) -> list[str]:
-    """What was checked in a model file without mistakes, one sentence each."""
+def checked(loaded: Model) -> list[str]:
+    """What was checked in a model file without mistakes, one sentence each, and how it is tracked."""
+    model = loaded.describe()
     inputs = sum(joint.input for joint in model.joints)
     return [
         f"{len(model.parameters)} parameters; every expression uses names that exist",
@@ -59,7 +65,19 @@ def checked(model: ModelDescription) -> list[str]:
         f"{len(model.sensors)} sensors; each sits on a frame or joint that exists and has its noise",
         f"{len(model.closures)} closures; points and axes are complete",
         f"state {len(model.state_names)} rows, measurement {len(model.measurement_names)} rows",
+        _structure(loaded),
     ]
+
+
+def _structure(model: Model) -> str:
+    """How a model is tracked, and whether its file chooses that."""
+    document = document_of(model)
+    joints = document.get("links", {}).get("joints", "hand_rig")
+    text, other = "tracked as a tree", "strapdown"
+    if model.structure == "strapdown":
+        text, other = f'tracked as strapdown links, joints = "{joints}"', "tree"
+    is_chosen = "structure" in document
+    return text if is_chosen else f'{text}, by default; structure = "{other}" in the file changes it'
 
 
 def _counted(model: ModelDescription) -> str:

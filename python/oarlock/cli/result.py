@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 MOST_LINES = 8
 SPOILING = {
     "nominal_mounts",
+    "heading_undetermined",
     "no_stream",
     "filter_reset",
     "rejected",
@@ -32,9 +33,13 @@ def result_of(track: Track) -> dict[str, Any]:
     """
     from oarlock.movement.movement import movement_of
     from oarlock.rowing.report.write import is_of_rower, rowing_front
+    from oarlock.storage.errors import DataError
 
     if is_of_rower(track):
-        _, front = rowing_front(track)
+        try:
+            _, front = rowing_front(track)
+        except DataError as error:
+            return {"strokes": str(error), "figures": []}
         figures = [{"name": one.name, "value": one.value, "detail": one.detail} for one in front.figures]
         return {"strokes": front.did, "figures": figures}
     if track.model is None or not len(track.time_s):

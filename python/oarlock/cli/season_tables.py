@@ -1,151 +1,118 @@
-"""Lists and rows that verbs of `oarlock season` print, and rows as files."""
+"""Answers to questions to a season, as tables for people and as files. For `oarlock season`."""
 
 from __future__ import annotations
 
-import datetime
+import io
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping
+from numbers import Number
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
-from oarlock.cli.terminal import heading, say, table
-from oarlock.storage.regular_file import read_bytes
+from oarlock.cli.show import MOST_CELL, MOST_ROWS, label, show_document, value_text
+from oarlock.cli.terminal import WIDTH, pairs, say, table
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-MOST_SHOWN = 20
-_MOST_ROWS = 60
 _HIDDEN = (
     *("se", "se_s", "at_s", "comparable", "with_rate", "rate_spread", "first_month", "last_month", "run"),
-    *("mean_before", "mean_after", "first", "last", "rig"),
+    *("mean_before", "mean_after", "first", "last", "rig", "high", "high_s"),
 )
-"""Columns of ready questions that only files and JSON have."""
-_SECONDS = ("late_s", "low_s", "high_s", "sd_s")
+"""Columns of ready questions that only files and JSON have; `low` has the band."""
+_SECONDS = ("late_s", "low_s", "sd_s")
 """Columns of crew timing, shown in ms."""
 _BANDS = {"low": "high", "low_s": "high_s"}
 
 
-def show_rows(rows: pa.Table) -> None:
-    """Print the rows of a statement as they are."""
-    names = rows.column_names
-    numbers = {field.name for field in rows.schema if _is_number(field.type)}
-    cells = [tuple(_cell(row[name], 1.0) for name in names) for row in rows.slice(0, _MOST_ROWS).to_pylist()]
-    table([f">{name}" if name in numbers else name for name in names], cells)
-    _say_more(rows)
-
-
-def show_answer(rows: pa.Table, metric: str | None) -> None:
-    """Print the rows of a ready question, of a metric in the unit in which it is shown, with bands in one column."""
+def show_answer(answer: Mapping[str, Any]) -> None:
+    """Print rows of SQL as they are; those of a question in the unit of its metric, with bands in one column."""
     from oarlock.season.questions import is_scaled, shown_metric
 
-    shown = shown_metric(metric) if metric is not None else None
-    if shown is not None:
-        say(f"{shown.label}, {shown.unit}" if shown.unit else shown.label, style="bold")
-    hidden = (*_HIDDEN, *_BANDS.values()) if shown is not None or "late_s" in rows.column_names else ("run",)
-    if "before" in rows.column_names:
-        hidden = (*hidden, "boat", "changed")  # what stays is as wide as the page
-    names = [name for name in rows.column_names if name not in hidden]
-    scales = dict.fromkeys(rows.column_names, 1.0) | dict.fromkeys(_SECONDS, 1e3)
-    if shown is not None:
-        scales |= {name: shown.scale for name in rows.column_names if is_scaled(name)}
-
-    def cell(row: dict[str, object], name: str) -> str:
-        if name in _BANDS:
-            return shown_band(row[name], row[_BANDS[name]], scales[name])
-        return _cell(row[name], scales[name])
-
-    numbers = {field.name for field in rows.schema if _is_number(field.type)} - set(_BANDS)
-    heads = [f">{_head(name)}" if name in numbers else _head(name) for name in names]
-    shown_rows = rows.slice(0, _MOST_ROWS).to_pylist()
-    table(heads, [tuple(cell(row, name) for name in names) for row in shown_rows])
-    _say_more(rows)
+    rows = answer.get("rows", answer.get("months"))
+    if rows is None:
+        return show_document(answer)
+    names = list(rows[0]) if rows else []
+    scales: dict[str, float] = {}
+    if metric := answer.get("metric"):
+        shown = shown_metric(metric)
+        title = f"{shown.label}, {shown.unit}" if shown.unit else shown.label
+        say(f"{title}: {answer['athlete']}" if "athlete" in answer else title, style="bold")
+        scales = {name: shown.scale for name in names if is_scaled(name)}
+    is_ready = "metric" in answer
+    hidden = {"run"} if is_ready else set()
+    if metric or (is_ready and "late_s" in names):
+        scales |= dict.fromkeys(_SECONDS, 1e3)
+        rows = [row | {low: _band(row, low, scales[low]) for low in _BANDS if low in row} for row in rows]
+        hidden = {*_HIDDEN, *(("boat", "changed") if "before" in names else ())}
+        hidden |= {"athlete"} if "months" in answer else set()
+    heads, columns, left_out, width = [], [], list[str](), 0
+    for name in (name for name in names if name not in hidden):
+        cells = [_cell(row[name], scales.get(name, 1.0)) for row in rows[:MOST_ROWS]]
+        head = _head(name) if is_ready else name
+        width += min(MOST_CELL, max(map(len, (head, *cells)))) + 2
+        if width > WIDTH:
+            left_out.append(name)
+        else:
+            heads.append(f"{'>' * any(_is_number(row[name]) for row in rows)}{head}")
+            columns.append(cells)
+    table(heads, list(zip(*columns, strict=True)))
+    if left_out:
+        say(f"--json also has {', '.join(left_out)}", style="dim", indent=2)
+    if not rows:
+        say("No rows.", indent=2)
+    if len(rows) > MOST_ROWS:
+        say(f"{MOST_ROWS} of {len(rows)} rows; --csv or --parquet writes all", indent=2)
+    if (change := answer.get("change")) is not None:
+        values = {name: value for name, value in vars(change).items() if name != "high"}
+        values["low"] = _band(vars(change), "low", shown.scale)
+        pairs([(_head(name), _cell(value, shown.scale)) for name, value in values.items()])
+    for note in answer.get("notes", ()):
+        say(f"- {note}")
 
 
 def _head(name: str) -> str:
     if name in _BANDS:
         return "95 % band"
-    return f"{name.removesuffix('_s')}, ms" if name in _SECONDS else name.replace("_", " ")
+    return f"{name.removesuffix('_s')}, ms" if name in _SECONDS else label(name)
 
 
-def _say_more(rows: pa.Table) -> None:
-    if not rows.num_rows:
-        say("No rows.", indent=2)
-    if rows.num_rows > _MOST_ROWS:
-        say(f"{_MOST_ROWS} of {rows.num_rows} rows; --csv or --parquet writes all", indent=2)
+def _is_number(value: object) -> bool:
+    return isinstance(value, Number) and not isinstance(value, bool)
 
 
-def show_list(title: str, lines: Sequence[str], rest: str = "") -> None:
-    """Print the first `MOST_SHOWN` lines under a heading, how many there are more, and where the rest is."""
-    if not lines:
-        return
-    heading(title)
-    for line in lines[:MOST_SHOWN]:
-        say(f"- {line}", indent=2)
-    say_more(len(lines), rest)
+def _band(row: Mapping[str, Any], low: str, scale: float) -> str | None:
+    """Both ends of a band."""
+    ends = row[low], row[_BANDS[low]]
+    return None if None in ends else " to ".join(_cell(end, scale) for end in ends)
 
 
-def say_more(count: int, rest: str = "") -> None:
-    """Print how many of `count` rows are not shown, if any."""
-    if count > MOST_SHOWN:
-        say(f"and {count - MOST_SHOWN} more" + (f": `{rest}`" if rest else ""), indent=2)
-
-
-def shown_value(value: float | None, scale: float) -> str:
-    """A number with three significant digits from 1 on, and two behind the point below; "-" without one."""
-    if value is None or not math.isfinite(value):
+def _cell(value: object, scale: float) -> str:
+    """As others, but numbers with three significant digits from 1 on, and two behind the point below."""
+    if value is None or (isinstance(value, float) and not math.isfinite(value)):
         return "-"
-    shown = value * scale
-    whole = len(str(int(abs(shown))))
-    return f"{shown:.2g}" if abs(shown) < 0.1 else f"{shown:.{max(0, 3 - whole)}f}"
+    if not isinstance(value, float):
+        return str(value) if _is_number(value) else value_text(value)
+    number = value * scale
+    digits = 3 - len(str(int(abs(number))))
+    return f"{number:.2g}" if abs(number) < 0.1 else f"{number:.{max(0, digits)}f}"
 
 
-def shown_band(low: Any, high: Any, scale: float) -> str:
-    """A band in words."""
-    if low is None or high is None:
-        return "-"
-    return f"{shown_value(low, scale)} to {shown_value(high, scale)}"
-
-
-def write_table(rows: pa.Table, file: Path, kind: Literal["csv", "parquet"]) -> None:
+def write_table(rows: pa.Table, file: Path, kind: str) -> None:
     """Write all rows as a file; in CSV a column of lists or maps becomes text."""
-    import io
-
     import pyarrow as pa
     from pyarrow import parquet
 
     from oarlock.storage.arrow_csv import write_arrow_csv
-    from oarlock.storage.folder_writer import scratch_folder
     from oarlock.storage.write_file import write_file
 
+    out = io.BytesIO()
     if kind == "parquet":
-        out = io.BytesIO()
         parquet.write_table(rows, out)
-        return write_file(file, out.getvalue())
-    columns = [
-        pa.array([None if one is None else str(one) for one in column.to_pylist()], pa.string())
-        if pa.types.is_nested(column.type)
-        else column
-        for column in rows.columns
-    ]
-    with scratch_folder() as scratch:
-        write_arrow_csv(pa.table(columns, rows.column_names), scratch / "rows.csv")
-        write_file(file, read_bytes(scratch / "rows.csv"))
-
-
-def _cell(value: object, scale: float) -> str:
-    if value is None:
-        return "-"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, float):
-        return shown_value(value, scale)
-    if isinstance(value, datetime.datetime):
-        return f"{value:%Y-%m-%d %H:%M}"
-    return str(value)
-
-
-def _is_number(kind: pa.DataType) -> bool:
-    import pyarrow as pa
-
-    return bool(pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_decimal(kind))
+    else:
+        for k, column in enumerate(rows.columns):
+            if pa.types.is_nested(column.type):
+                texts = [None if cell is None else str(cell) for cell in column.to_pylist()]
+                rows = rows.set_column(k, rows.column_names[k], pa.array(texts, pa.string()))
+        write_arrow_csv(rows, out)
+    write_file(file, out.getvalue())

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from oarlock._core import Config
 from oarlock.cli.model import posture
-from oarlock.cli.options import assignments, names
 from oarlock.cli.terminal import UsageError
+from oarlock.cli.verbs import assignments, names
 from oarlock.storage.suggest import did_you_mean
 from oarlock.storage.toml import TomlTable
 from oarlock.tracking.settings import meanings

@@ -5,167 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Any, Final
 
-import numpy as np
 import typer
 
-from oarlock.cli.import_path import taken_session
-from oarlock.cli.options import Json, example
-from oarlock.cli.terminal import (
-    UsageError,
-    free_file,
-    heading,
-    number,
-    output_folder,
-    print_json,
-    say,
-    table,
-    verb,
-)
+from oarlock.cli.session_options import session_of
+from oarlock.cli.show import number_text, show_document
+from oarlock.cli.terminal import UsageError, free_file, heading, output_folder, say, table
+from oarlock.cli.verbs import NewFile, NewFolder, command
 
 if TYPE_CHECKING:
     from oarlock import Recording, Track
     from oarlock.rowing import Activity, StrokeTable
 
 # Columns of the table of single strokes: the first of these that a source has, as many as fit.
-_SHOWN = ("speed_m_s", "rate_per_min", "heart_rate_per_min", "power_w")
-
-
-@dataclass(frozen=True)
-class OutputPaths:
-    """What to write: a folder, a FIT file, a RowingData CSV; and whether other files may be replaced."""
-
-    out: Path | None
-    fit: Path | None
-    rowingdata: Path | None
-    force: bool
-
-
-def given_epoch(text: str) -> str:
-    """The epoch that `--start` gives.
-
-    Raises:
-        UsageError: it is no moment in UTC or with an offset.
-    """
-    from oarlock.rowing.exports.starts import epoch_of_text
-
-    try:
-        epoch = epoch_of_text(text)
-    except (ValueError, OverflowError):
-        epoch = ""
-    if not epoch.endswith("Z"):
-        raise UsageError(f"--start {text}: expected a moment with its zone, such as 2026-05-01T07:30:00Z")
-    return epoch
-
-
-def write_strokes(found: StrokeTable, wanted: OutputPaths) -> tuple[tuple[Path, ...], tuple[str, ...]]:
-    """Write what is wanted; the files, and what was left out of them."""
-    from oarlock.rowing import save_fit, save_rowingdata, save_strokes
-
-    single = [
-        (file, save) for file, save in ((wanted.fit, save_fit), (wanted.rowingdata, save_rowingdata)) if file
-    ]
-    for file, _ in single:
-        if file.exists() and not wanted.force:
-            raise UsageError(f"{file}: exists. Choose another name, or replace it with --force")
-    notes = [note for file, save in single for note in save(found, file)]
-    files = [file for file, _ in single]
-    if wanted.out is not None:
-        with output_folder(wanted.out, "strokes", wanted.force) as stage:
-            files += [wanted.out / file.name for file in save_strokes(found, stage)]
-    return tuple(files), tuple(notes)
-
-
-def write_page(
-    source: Path,
-    found: StrokeTable | Activity,
-    page: Path,
-    last: StrokeTable | Activity | None,
-    who: Mapping[str, str],
-    force: bool,
-) -> None:
-    """Write the page of an export; `who` and then `session.toml` beside the export say who rowed.
-
-    Raises:
-        UsageError: the page exists or is a folder, or `last` has no strokes.
-    """
-    from oarlock.recording.session_info import checked_session, read_session
-    from oarlock.rowing import StrokeTable
-    from oarlock.rowing.report.export_page import write_strokes_report
-
-    if last is not None and not isinstance(last, StrokeTable):
-        raise UsageError(f"--last {last.source}: contains no strokes to compare with")
-    if page.is_dir():
-        raise UsageError(f"--report {page}: is a folder; name a file, such as {page / 'strokes.html'}")
-    free_file(page, force)
-    write_strokes_report(
-        found, page, last, checked_session({**read_session(source.parent), **who}, "session"), progress=True
-    )
-
-
-def show_activity(found: Activity, wanted: OutputPaths, json_output: bool, page: Path | None = None) -> None:
-    """Print an activity's course, without positions.
-
-    Raises:
-        UsageError: files of strokes are wanted.
-    """
-    if wanted.out or wanted.fit or wanted.rowingdata:
-        raise UsageError(f"{found.source}: contains no strokes, so there are no files of strokes to write")
-    rows = [_row(found, name) for name in _SHOWN if name in found]
-    if json_output:
-        names = ("name", "label", "unit", "points", "median", "low", "high")
-        return print_json(
-            {
-                "source": found.source,
-                "points": len(found),
-                "start": found.epoch or None,
-                "duration_s": found.duration_s,
-                "distance_m": _distance_m(found),
-                "notes": found.notes,
-                "summary": [dict(zip(names, row, strict=True)) for row in rows],
-                "files": [page] if page else [],
-            }
-        )
-    say(f"{found.source}: {len(found)} points, no strokes", style="bold")
-    say(
-        f"start {found.epoch or 'unknown'}, {_words(found.duration_s, 's')}, {_words(_distance_m(found), 'm')}"
-    )
-    if rows:
-        table(
-            ["quantity", "unit", ">points", ">median", ">5 %", ">95 %"],
-            [(label, unit, n, *(number(one, ".1f") for one in three)) for _, label, unit, n, *three in rows],
-        )
-    if found.notes:
-        heading("Notes")
-        for note in found.notes:
-            say(f"- {note}", indent=2)
-    if page:
-        say(f"Wrote {page}")
-
-
-def _row(found: Activity, name: str) -> tuple[str, str, str, int, float, float, float]:
-    from oarlock.rowing import FEATURES
-
-    values = found[name][np.isfinite(found[name])]
-    low, median, high = (float(one) for one in np.percentile(values, (5.0, 50.0, 95.0)))
-    return name, FEATURES[name].label, FEATURES[name].shown_unit, len(values), median, low, high
-
-
-def _distance_m(found: Activity) -> float | None:
-    """From the first to the last point."""
-    if "distance_m" not in found:
-        return None
-    known = found["distance_m"][np.isfinite(found["distance_m"])]
-    return float(known[-1] - known[0])
-
-
-def _words(value: float | None, unit: str) -> str:
-    return f"{'time' if unit == 's' else 'distance'} unknown" if value is None else f"{value:.0f} {unit}"
-
-
-_MOST_SHOWN = 8
-_SHOWN_COLUMNS = (
+_COLUMNS: Final = (
     "catch_time_s",
     "time_s",
     "rate_per_min",
@@ -181,191 +35,280 @@ _SHOWN_COLUMNS = (
     "power_w",
     "speed_m_s",
 )
+_MOST_COLUMNS: Final = 8
+_OF_ACTIVITIES: Final = ("speed_m_s", "rate_per_min", "heart_rate_per_min", "power_w")
 
 
 def add_to(app: typer.Typer) -> None:
     """Registers the verb."""
-    app.command(
-        "strokes",
-        epilog=example(
-            "oarlock rowing strokes out",
-            "oarlock rowing strokes rp3.csv --each",
-            "oarlock rowing strokes speedcoach.csv --out strokes",
-            "oarlock rowing strokes rp3.csv --report rp3.html --athlete A07",
-            "oarlock rowing strokes out --fit piece.fit --start 2026-05-01T07:30:00Z",
-        ),
+    command(
+        app,
+        "oarlock rowing strokes out",
+        "oarlock rowing strokes rp3.csv --each",
+        "oarlock rowing strokes speedcoach.csv --out strokes",
+        "oarlock rowing strokes rp3.csv --report rp3.html --athlete A07",
+        "oarlock rowing strokes out --fit piece.fit --start 2026-05-01T07:30:00Z",
+        show=_show,
+        metavars={
+            "source": "TRACK|FILE",
+            "boat": "TEXT",
+            "date": "TEXT",
+            "place": "TEXT",
+            "note": "TEXT",
+            "start": "MOMENT",
+        },
     )(strokes)
 
 
-@verb
+@dataclass(frozen=True)
+class ShownStrokes:
+    """Strokes, or an activity without any, the files that were written, and what was left out of them."""
+
+    strokes: StrokeTable | Activity
+    files: tuple[Path, ...]
+    left_out: tuple[str, ...] = ()
+    each: bool = False
+
+    def to_dict(self) -> dict[str, Any]:
+        """For `--json`."""
+        from oarlock.rowing import Activity, summarise_strokes
+
+        table, left_out = self.strokes, {"left_out": self.left_out} if self.left_out else {}
+        about = {"source": table.source, "notes": table.notes, "files": self.files, **left_out}
+        if isinstance(table, Activity):
+            return {
+                **about,
+                "points": len(table),
+                "start": table.epoch or None,
+                "duration_s": table.duration_s,
+                "distance_m": _distance_m(table),
+                "summary": _course(table),
+            }
+        return {
+            **about,
+            "strokes": len(table),
+            "summary": summarise_strokes(table),
+            "rows": table.to_rows(),
+        }
+
+
 def strokes(
-    source: Annotated[
-        Path,
-        typer.Argument(
-            metavar="TRACK|FILE",
-            help="Folder of a track or recording, a device's export, or strokes.parquet.",
-        ),
-    ],
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", "-o", metavar="FOLDER", help="Folder for strokes.csv and strokes.parquet."),
-    ] = None,
-    fit: Annotated[
-        Path | None,
-        typer.Option("--fit", metavar="FILE", help="FIT file to write, for other sites and apps."),
-    ] = None,
-    rowingdata: Annotated[
-        Path | None, typer.Option("--rowingdata", metavar="FILE", help="RowingData CSV to write.")
-    ] = None,
-    report: Annotated[
-        Path | None,
-        typer.Option(
-            "--report", metavar="FILE", help="Page to write: what stands out, pace, heart rate, force."
-        ),
-    ] = None,
-    last: Annotated[
-        Path | None,
-        typer.Option("--last", metavar="FILE", help="With --report: an export to compare with."),
-    ] = None,
-    athlete: Annotated[
-        str | None, typer.Option("--athlete", metavar="NAME", help="With --report: name or pseudonym.")
-    ] = None,
-    boat: Annotated[
-        str | None, typer.Option("--boat", metavar="TEXT", help="With --report: boat or boat class.")
-    ] = None,
-    date: Annotated[
-        str | None,
-        typer.Option("--date", metavar="TEXT", help="With --report: day of the piece, such as 2026-05-01."),
-    ] = None,
-    place: Annotated[
-        str | None, typer.Option("--place", metavar="TEXT", help="With --report: place or water.")
-    ] = None,
-    note: Annotated[
-        str | None,
-        typer.Option("--note", metavar="TEXT", help="With --report: anything else, such as the session."),
-    ] = None,
-    start: Annotated[
-        str | None,
-        typer.Option("--start", metavar="MOMENT", help="Moment of 0 s, such as 2026-05-01T07:30:00Z."),
-    ] = None,
-    format: Annotated[
-        str | None,
-        typer.Option(
-            "--format", metavar="NAME", help="Kind of export, such as rp3; default: found from the contents."
-        ),
-    ] = None,
-    seat: Annotated[
-        int | None,
-        typer.Option("--seat", metavar="N", help="Whose strokes, of a Peach file with several seats."),
-    ] = None,
-    each: Annotated[bool, typer.Option("--each", help="Also print every stroke.")] = False,
-    force: Annotated[
-        bool, typer.Option("--force", help="Write into a folder with other files; replace files.")
-    ] = False,
-    json_output: Json = False,
-) -> None:
+    source: Path,
+    *,
+    out: NewFolder | None = None,
+    fit: NewFile | None = None,
+    rowingdata: NewFile | None = None,
+    report: Path | None = None,
+    last: Path | None = None,
+    athlete: str | None = None,
+    boat: str | None = None,
+    date: str | None = None,
+    place: str | None = None,
+    note: str | None = None,
+    start: str | None = None,
+    format: str | None = None,
+    seat: int | None = None,
+    each: bool = False,
+    force: bool = False,
+) -> ShownStrokes:
     """Show strokes of a track, or of an export of Quiske, RP3, NK SpeedCoach, Concept2, rowsandall and others.
 
     Angles are shown in degrees, catch negative, finish positive. Files contain radians. TCX files, and most FIT files,
     contain points in time and no strokes: then their course is shown.
-    """
-    from oarlock.rowing import Activity
 
-    if last is not None and report is None:
-        raise UsageError("--last needs --report: the comparison is part of the page")
-    who = taken_session({"athlete": athlete, "date": date, "boat": boat, "place": place, "note": note})
-    if who and report is None:
-        raise UsageError(f"--{next(iter(who))} needs --report: the page names who rowed, when and where")
-    if report is not None and source.is_dir():
+    Args:
+        source: folder of a track or recording, a device's export, or strokes.parquet.
+        out: folder for strokes.csv and strokes.parquet.
+        fit: FIT file to write, for other sites and apps.
+        rowingdata: RowingData CSV to write.
+        report: page to write: what stands out, pace, heart rate, force.
+        last: with --report: an export to compare with.
+        athlete: with --report: name or pseudonym.
+        boat: with --report: boat or boat class.
+        date: with --report: day of the piece, such as 2026-05-01.
+        place: with --report: place or water.
+        note: with --report: anything else, such as the session.
+        start: moment of 0 s, such as 2026-05-01T07:30:00Z.
+        format: kind of export, such as rp3; default: found from the contents.
+        seat: whose strokes, of a Peach file with several seats.
+        each: also print every stroke.
+        force: replace what is there.
+    """
+    from oarlock.rowing import Activity, save_fit, save_rowingdata, save_strokes
+
+    who = session_of(athlete=athlete, date=date, boat=boat, place=place, note=note)
+    if report is None:
+        extra = [f"--{name}" for name in (*(["last"] if last else ()), *who)]
+        if extra:
+            raise UsageError(
+                f"{extra[0]} needs --report: the page compares, and says who rowed, when and where"
+            )
+    elif source.is_dir():
         raise UsageError(
             f"--report needs an export; {source} is a folder. For a track: `oarlock report {source}`"
         )
-    found = _loaded(source, format, seat)
+    table = _loaded(source, format, seat)
     if start is not None:
-        found = replace(found, epoch=given_epoch(start))
-    wanted = OutputPaths(out, fit, rowingdata, force)
+        table = replace(table, epoch=epoch_of(start))
+    files: list[Path] = []
     if report is not None:
-        write_page(source, found, report, None if last is None else _loaded(last, None, seat), who, force)
-    if isinstance(found, Activity):
-        show_activity(found, wanted, json_output, report)
-        return
-    files, notes = write_strokes(found, wanted)
-    files = files if report is None else (*files, report)
-    if json_output:
-        print_json(_document(found, files) | ({"left_out": notes} if notes else {}))
-        return
-    say(f"{found.source}: {len(found)} strokes", style="bold")
-    _write_summary(found)
-    if each:
-        _write_each(found)
-    if found.notes or notes:
-        heading("Notes")
-        for note in (*found.notes, *notes):
-            say(f"- {note}", indent=2)
-    for file in files:
-        say(f"Wrote {file}")
+        _write_page(table, report, None if last is None else _loaded(last, None, seat), source, who, force)
+    if isinstance(table, Activity):
+        if out or fit or rowingdata:
+            raise UsageError(
+                f"{table.source}: contains no strokes, so there are no files of strokes to write"
+            )
+        return ShownStrokes(table, () if report is None else (report,))
+    left_out: list[str] = []
+    for file, save in ((fit, save_fit), (rowingdata, save_rowingdata)):
+        if file is not None:
+            left_out += save(table, file)
+            files.append(file)
+    if out is not None:
+        with output_folder(out, "strokes", force) as stage:
+            files += [out / file.name for file in save_strokes(table, stage)]
+    files += [] if report is None else [report]
+    return ShownStrokes(table, tuple(files), tuple(left_out), each)
+
+
+def _write_page(
+    strokes: StrokeTable | Activity,
+    page: Path,
+    last: StrokeTable | Activity | None,
+    source: Path,
+    who: Mapping[str, str],
+    force: bool,
+) -> None:
+    """Writes the page of an export; `who` and then `session.toml` beside the export say who rowed.
+
+    Raises:
+        UsageError: the page exists or is a folder, or `last` has no strokes.
+    """
+    from oarlock.recording.session_info import checked_session, read_session
+    from oarlock.rowing import StrokeTable
+    from oarlock.rowing.report.export_page import write_strokes_report
+
+    if last is not None and not isinstance(last, StrokeTable):
+        raise UsageError(f"--last {last.source}: contains no strokes to compare with")
+    if page.is_dir():
+        raise UsageError(f"--report {page}: is a folder; name a file, such as {page / 'strokes.html'}")
+    free_file(page, force)
+    session = checked_session({**read_session(source.parent), **who}, "session")
+    write_strokes_report(strokes, page, last, session, progress=True)
+
+
+def epoch_of(text: str) -> str:
+    """The epoch of `--start`.
+
+    Raises:
+        UsageError: it is no moment in UTC or with an offset.
+    """
+    from oarlock.rowing.exports.starts import epoch_of_text
+
+    try:
+        epoch = epoch_of_text(text)
+    except (ValueError, OverflowError):
+        epoch = ""
+    if not epoch.endswith("Z"):
+        raise UsageError(f"--start {text}: expected a moment with its zone, such as 2026-05-01T07:30:00Z")
+    return epoch
 
 
 def _loaded(source: Path, format: str | None, seat: int | None) -> StrokeTable | Activity:
-    from oarlock.rowing import EXPORT_FORMATS, load_export, load_strokes
+    from oarlock.rowing import EXPORT_FORMATS, find_strokes, load_export, load_strokes
     from oarlock.rowing.exports.load import FILE_KINDS
 
-    known = (*EXPORT_FORMATS, *FILE_KINDS)
-    if format is not None and format not in known:
-        raise UsageError(f"--format {format}: is not known; known are {', '.join(known)}")
+    formats = (*EXPORT_FORMATS, *FILE_KINDS)
+    if format is not None and format not in formats:
+        raise UsageError(f"--format {format}: is not known; known are {', '.join(formats)}")
     if not source.is_dir():
         is_own = source.suffix == ".parquet" and format is None
         return load_strokes(source) if is_own else load_export(source, format, seat)
     if format is not None:
         raise UsageError(f"--format needs a file; {source} is a folder")
-    from oarlock.rowing import find_strokes
-
     return find_strokes(track_or_recording(source)).table()
 
 
-def _document(found: StrokeTable, files: tuple[Path, ...]) -> dict[str, object]:
-    from oarlock.rowing import summarise_strokes
+def _show(result: ShownStrokes) -> None:
+    from oarlock.rowing import Activity, summarise_strokes
 
-    return {
-        "source": found.source,
-        "strokes": len(found),
-        "notes": found.notes,
-        "summary": summarise_strokes(found),
-        "rows": found.to_rows(),
-        "files": files,
-    }
-
-
-def _write_summary(found: StrokeTable) -> None:
-    from oarlock.rowing import summarise_strokes
-
+    strokes = result.strokes
+    if isinstance(strokes, Activity):
+        say(f"{strokes.source}: {len(strokes)} points, no strokes", style="bold")
+        show_document(
+            {
+                "start": strokes.epoch or "unknown",
+                "duration_s": strokes.duration_s,
+                "distance_m": _distance_m(strokes),
+            }
+        )
+        rows, what = _course(strokes), "points"
+    else:
+        say(f"{strokes.source}: {len(strokes)} strokes", style="bold")
+        rows, what = [vars(row) for row in summarise_strokes(strokes)], "strokes"
     table(
-        ["quantity", "unit", ">strokes", ">median", ">5 %", ">95 %"],
+        ["quantity", "unit", f">{what}", ">median", ">5 %", ">95 %"],
         [
-            (row.label, row.unit, row.strokes, *(_four(value) for value in (row.median, row.low, row.high)))
-            for row in summarise_strokes(found)
+            (
+                row["label"],
+                row["unit"],
+                row[what],
+                *(number_text(row[key]) for key in ("median", "low", "high")),
+            )
+            for row in rows
         ],
     )
+    if result.each and not isinstance(strokes, Activity):
+        _show_each(strokes)
+    if notes := [*strokes.notes, *result.left_out]:
+        heading("Notes")
+        for note in notes:
+            say(f"- {note}", indent=2)
+    for file in result.files:
+        say(f"Wrote {file}")
 
 
-def _write_each(found: StrokeTable) -> None:
+def _course(activity: Activity) -> list[dict[str, Any]]:
+    """Median and range of what an activity has."""
+    import numpy as np
+
     from oarlock.rowing import FEATURES
 
-    shown = [FEATURES[name] for name in _SHOWN_COLUMNS if name in found][:_MOST_SHOWN]
+    rows = []
+    for name in _OF_ACTIVITIES:
+        if name in activity:
+            values = activity[name][np.isfinite(activity[name])]
+            low, median, high = (float(value) for value in np.percentile(values, (5.0, 50.0, 95.0)))
+            about = {"name": name, "label": FEATURES[name].label, "unit": FEATURES[name].shown_unit}
+            rows.append(about | {"points": len(values), "median": median, "low": low, "high": high})
+    return rows
+
+
+def _distance_m(activity: Activity) -> float | None:
+    """From the first to the last point."""
+    import numpy as np
+
+    if "distance_m" not in activity:
+        return None
+    known = activity["distance_m"][np.isfinite(activity["distance_m"])]
+    return float(known[-1] - known[0])
+
+
+def _show_each(strokes: StrokeTable) -> None:
+    from oarlock.rowing import FEATURES
+
+    features = [FEATURES[name] for name in _COLUMNS if name in strokes][:_MOST_COLUMNS]
     heading("Strokes")
     table(
-        [">stroke", *(f">{feature.label}\n{feature.shown_unit}" for feature in shown)],
+        [">stroke", *(f">{feature.label}\n{feature.shown_unit}" for feature in features)],
         [
-            (row + 1, *(_four(found[feature.name][row] * feature.shown_scale) for feature in shown))
-            for row in range(len(found))
+            (
+                row + 1,
+                *(number_text(strokes[feature.name][row] * feature.shown_scale) for feature in features),
+            )
+            for row in range(len(strokes))
         ],
     )
-
-
-def _four(value: float) -> str:
-    """About four digits, without exponents."""
-    digits = 0 if abs(value) >= 1000 else 1 if abs(value) >= 10 else 2
-    return number(value, f".{digits}f")
 
 
 def track_or_recording(folder: Path) -> Track | Recording:

@@ -3,65 +3,71 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Any, Final
 
 import typer
 
-from oarlock.cli.options import Force, Jobs, Json, example
-from oarlock.cli.terminal import (
-    UsageError,
-    continuing_verb,
-    heading,
-    number,
-    output_folder,
-    print_json,
-    progress,
-    say,
-    steps,
-    table,
-)
+from oarlock.cli.show import show_document
+from oarlock.cli.terminal import UsageError, heading, number, output_folder, progress, say, steps, table
+from oarlock.cli.verbs import command
 
-if TYPE_CHECKING:
-    from oarlock.evaluation.study.costs import Dose
-    from oarlock.evaluation.study.result import StudyResult
-    from oarlock.studies import Study
+_MEAN: Final = {
+    "scenario": ("name", ""),
+    ">mean deg": ("rmse_mean", ".3f"),
+    ">SD": ("rmse_sd", ".3f"),
+    ">worst seed": ("rmse_worst", ".3f"),
+    ">in 95 % band": ("coverage_95_mean", ".0%"),
+    ">failed": ("failed", ""),
+}
+_FAULTS: Final = {
+    "fault": ("fault", ""),
+    "strength": ("strength", ""),
+    ">median deg": ("rmse_median_deg", ".3f"),
+    ">worst seed": ("rmse_greatest_deg", ".3f"),
+    ">in 95 % band": ("coverage_95_median", ".0%"),
+    ">lost": ("lost", ""),
+    ">adds deg": ("cost_median_deg", ".3f"),
+}
+"""Column of the terminal -> of the tables, and the format of its numbers."""
 
 
 def add_to(app: typer.Typer) -> None:
     """Registers the verb."""
-    app.command(
-        "study",
-        epilog=example(
-            "oarlock lab study which_sensors --out sensors",
-            "oarlock lab study robustness_quick --out robust",
-            "oarlock lab study mount_error --seeds 20 --jobs 2 --out mounts",
-            "oarlock lab study my.toml --keys",
-        ),
+    command(
+        app,
+        "oarlock lab study which_sensors --out sensors",
+        "oarlock lab study robustness_quick --out robust",
+        "oarlock lab study mount_error --seeds 20 --jobs 2 --out mounts",
+        "oarlock lab study my.toml --keys",
+        show=_show,
+        continues=True,
+        metavars={"file": "NAME|FILE", "out": "FOLDER"},
+        bounds={"seeds": (1, None)},
     )(study)
 
 
-@continuing_verb
 def study(
-    file: Annotated[
-        str,
-        typer.Argument(metavar="NAME|FILE", help="A shipped study, or a file; docs/study.md lists its keys."),
-    ],
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write.")
-    ] = None,
-    seeds: Annotated[
-        int | None,
-        typer.Option("--seeds", metavar="N", min=1, help="Use seeds 0 to N-1 instead of the file's."),
-    ] = None,
-    jobs: Jobs = None,
-    keys: Annotated[bool, typer.Option("--keys", help="List what this study can vary, and exit.")] = False,
-    force: Force = False,
-    json_output: Json = False,
-) -> None:
+    file: str,
+    *,
+    out: Path | None = None,
+    seeds: int | None = None,
+    jobs: int | None = None,
+    keys: bool = False,
+    force: bool,
+) -> dict[str, Any]:
     """Run a study: write tables of every run, a summary, and plots with bands over the seeds.
 
     Ctrl-C keeps the finished runs; the same command continues from there.
+
+    Args:
+        file: a shipped study, or a file; docs/study.md lists its keys.
+        out: folder to write.
+        seeds: use seeds 0 to N-1 instead of the file's.
+        jobs: parallel processes; default: all cores.
+        keys: list what this study can vary in addition to config.*, parameters.* and model.*, and exit.
+        force: replace what is there.
     """
+    from oarlock.evaluation.study.costs import doses
     from oarlock.evaluation.study.pool import UNFINISHED, all_rows, forget
     from oarlock.evaluation.study.result import KIND, StudyResult
     from oarlock.report.study_page import study_page
@@ -71,99 +77,51 @@ def study(
 
     given = load_study(file, SIMULATORS, None if seeds is None else range(seeds))
     if keys:
-        _write_keys(given, json_output)
-        return
+        about = {name: {"default": key.default, "about": key.about} for name, key in given.keys.items()}
+        return {"keys": about}
     if out is None:
         raise UsageError("--out FOLDER is missing: the folder for the results")
-    report = out / "report.html"
     with output_folder(out, KIND, force, beside=UNFINISHED) as stage:
-        with progress(f"{given.run_count} runs") as told:
-            result = StudyResult(given, tuple(all_rows(given, jobs, out, told)))
+        with progress(f"{given.run_count} runs") as share:
+            result = StudyResult(given, tuple(all_rows(given, jobs, out, share)))
         result.save(stage)
-        write_file(stage / report.name, study_page(result))
+        write_file(stage / "report.html", study_page(result))
     forget(out)
-    if json_output and given.faults:
-        print_json(_of_faults(result, report))
-        return
-    if json_output:
-        summary = [row for row in result.summary() if row["kind"] == "mean"]
-        print_json(
-            {"report": report, "runs": given.run_count, "failed": len(result.failures), "mean": summary}
-        )
-        return
-    tables = "runs, summary and faults" if given.faults else "runs and summary"
-    (_write_faults if given.faults else _write)(result)
-    say(f"\nWrote {out}: {tables} (.csv, .parquet), run.toml, report.html")
-    steps(f"open {report}")
-
-
-def _write(result: StudyResult) -> None:
-    study = result.study
-    heading(study.title, f"{study.run_count} runs, mean RMSE of the angles over {len(study.seeds)} seeds")
-    found = {row["scenario"]: row for row in result.summary() if row["kind"] == "mean"}
-    rows = []
-    for scenario in study.expanded():
-        row = found.get(scenario.index)
-        if row is None:
-            rows.append((scenario.name, "-", "-", "-", "-", "none, see below"))
-            continue
-        rows.append(
-            (
-                scenario.name,
-                number(row["rmse_mean"], ".3f"),
-                number(row["rmse_sd"], ".3f"),
-                number(row["rmse_worst"], ".3f"),
-                number(100.0 * row["coverage_95_mean"], ".0f"),
-                f"{row['failed']} failed" if row["failed"] else "",
-            )
-        )
-    table(["scenario", ">mean deg", ">SD", ">worst seed", ">in 95 % band %", "note"], rows)
-    for text in list(dict.fromkeys(f"{row['name']}: {row['error']}" for row in result.complaints))[:5]:
-        say(text, style="red", indent=2)
-
-
-def _of_faults(result: StudyResult, report: Path) -> dict[str, object]:
-    from oarlock.evaluation.study.costs import doses
-
-    failed = len(result.failures)
-    rows = [dose.row() for dose in doses(result.study, result.rows)]
-    return {"report": report, "runs": result.study.run_count, "failed": failed, "faults": rows}
-
-
-def _write_faults(result: StudyResult) -> None:
-    from oarlock.evaluation.study.costs import doses, ranked
-
-    study, found = result.study, doses(result.study, result.rows)
-    setting = found[0].setting
-    heading(
-        study.title,
-        f"{study.run_count} runs, {len(study.seeds)} seeds; each fault at its typical strength",
-    )
-    usual = {
-        d.fault.name: d for d in found if d.fault and d.setting == setting and d.index == d.fault.usual_index
+    document = {
+        "title": given.title,
+        "report": out / "report.html",
+        "runs": given.run_count,
+        "failed": len(result.failures),
     }
-    rows = [("no fault", *_cells(found[0]), "")]
-    for fault in ranked(found):
-        dose = usual[fault.name]
-        adds = number(dose.cost_deg, ".3f", "lost") if dose.noticed else "nothing"
-        rows.append((fault.sentence(dose.index), *_cells(dose), adds))
-    table(["fault", ">median deg", ">worst seed", ">in 95 % band %", ">lost", ">adds deg"], rows)
+    if given.faults:
+        return {**document, "faults": [dose.row() for dose in doses(given, result.rows)]}
+    errors = dict.fromkeys(f"{row['name']}: {row['error']}" for row in result.complaints)
+    return {
+        **document,
+        "mean": [row for row in result.summary() if row["kind"] == "mean"],
+        "errors": list(errors),
+    }
 
 
-def _cells(dose: Dose) -> tuple[str, str, str, str]:
-    from oarlock.evaluation.study.costs import middle
-
-    worst = number(dose.range_deg[1], ".3f", "lost")
-    inside = number(100.0 * middle(dose.coverage), ".0f")
-    return number(dose.median_deg, ".3f", "lost"), worst, inside, str(dose.lost or "")
-
-
-def _write_keys(study: Study, as_json: bool) -> None:
-    keys = study.keys
-    if as_json:
-        print_json({name: {"default": key.default, "about": key.about} for name, key in keys.items()})
-        return
-    heading("Keys", "in addition to config.*, parameters.* and model.*")
-    from oarlock.evaluation.study.spec import shown
-
-    table(["key", "default", "what"], [(name, shown(key.default), key.about) for name, key in keys.items()])
+def _show(document: dict[str, Any]) -> None:
+    """Of a study with faults each at its usual strength, the costliest first; of others the mean of the angles."""
+    if "keys" in document:
+        return show_document(document)
+    rows, columns = document.get("mean", ()), _MEAN
+    if "faults" in document:
+        clean, *faulty = document["faults"]
+        usual = [row for row in faulty if row["usual"] and row["setting"] == clean["setting"]]
+        rows, columns = [clean, *sorted(usual, key=lambda row: -row["cost_median_deg"])], _FAULTS
+    heading(document["title"], f"{document['runs']} runs, {document['failed']} failed")
+    table(
+        list(columns),
+        [
+            [number(row[name], style) if style else row[name] or "" for name, style in columns.values()]
+            for row in rows
+        ],
+    )
+    for error in document.get("errors", ()):
+        say(error, style="red", indent=2)
+    report = document["report"]
+    say(f"\nWrote {report.parent}: tables (.csv, .parquet), run.toml, {report.name}")
+    steps(f"open {report}")

@@ -34,6 +34,7 @@ def write_summary(track: Track) -> None:
         [
             ("session", session_text(summary.session)),
             ("model", summary.model),
+            ("structure", summary.structure),
             (
                 "rows",
                 f"{summary.samples:,} in {number(summary.duration_s, '.4g')} s, {rate_text(summary.rate_hz)} Hz",

@@ -168,6 +168,8 @@ def json_ready(value: object) -> Any:
         return json_ready(value.tolist())
     if isinstance(value, float):
         return value if math.isfinite(value) else None
+    if hasattr(value, "to_dict"):
+        return json_ready(value.to_dict())
     if isinstance(value, Mapping):
         return {str(key): json_ready(item) for key, item in value.items()}
     if isinstance(value, list | tuple | set | frozenset):
@@ -195,21 +197,20 @@ def progress(text: str) -> AbstractContextManager[Told]:
 # --- errors -------------------------------------------------------------------------------------------
 
 
-def verb(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+def verb(function: Callable[Parameters, Result], continues: bool = False) -> Callable[Parameters, Result]:
     """Wraps a verb: its errors become one block on stderr and an exit status, not a traceback.
 
     Status 1: a problem in the data. 2: wrong usage. 130: stopped by Ctrl-C. With `--json` the error is also the
     document on stdout.
+
+    Args:
+        function: the verb.
+        continues: what is finished is kept when it is stopped, and it continues there.
     """
-    return _wrapped(function, "nothing unfinished is in the output folders")
+    kept = "nothing unfinished is in the output folders"
+    if continues:
+        kept = "what is finished is kept; the same command continues from there"
 
-
-def continuing_verb(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
-    """As `verb`, for one that keeps what is finished when it is stopped, and continues there."""
-    return _wrapped(function, "what is finished is kept; the same command continues from there")
-
-
-def _wrapped(function: Callable[Parameters, Result], kept: str) -> Callable[Parameters, Result]:
     @functools.wraps(function)
     def run(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
         as_json = bool(kwargs.get("json_output", False))
@@ -246,12 +247,17 @@ def fail(kind: str, message: str, status: int, as_json: bool) -> NoReturn:
     """Prints the error and exits."""
     if as_json:
         print_json({"error": {"kind": kind, "message": message}})
+    write_error(message)
+    raise typer.Exit(status)
+
+
+def write_error(message: str) -> None:
+    """Prints an error on stderr; further lines are indented."""
     first, *rest = message.strip().splitlines() or ["(no message)"]
     console = page(stderr=True)
     console.print(Text.assemble(("error: ", "bold red"), first), soft_wrap=True)
     for line in rest:
         console.print(Text(f"  {line.strip()}"), soft_wrap=True)
-    raise typer.Exit(status)
 
 
 KINDS = {"ModelError": "model", "DataError": "data", "DivergedError": "diverged"}
@@ -299,6 +305,11 @@ def _fault(error: Exception) -> str:
         f"a fault in oarlock itself: {type(error).__name__}: {error}\n"
         f"Set {TRACEBACK_VARIABLE}=1 and run again for the traceback; please report it with that text."
     )
+
+
+def asks_questions(no_questions: bool, json_output: bool) -> bool:
+    """Whether a person sits at the terminal."""
+    return not (no_questions or json_output) and sys.stdin.isatty() and sys.stdout.isatty()
 
 
 # --- files and folders --------------------------------------------------------------------------------
@@ -350,7 +361,7 @@ def check_folder(folder: Path, force: bool, beside: str = "") -> None:
         UsageError: it contains files, but for `beside`, and `force` is not set; or it is a file.
     """
     from oarlock.storage.errors import DataError
-    from oarlock.storage.folder_writer import check_empty
+    from oarlock.storage.write_file import check_empty
 
     try:
         check_empty(folder, force, beside)

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 from oarlock.cli.terminal import heading, progress, say
 from oarlock.evaluation.comparison.filter_names import LIMB_FILTER, ORIENTATION_FILTERS
-from oarlock.storage.folder_writer import added_files
+from oarlock.storage.folder_writer import replaced_folder
 
 if TYPE_CHECKING:
-    from oarlock import Calibration, Config, Evaluation, Model, Recording, Track
-    from oarlock.evaluation import Suspect
+    from oarlock import Calibration, Config, Model, Recording, Track
+    from oarlock.evaluation import Evaluation, Suspect
 
 TRACK = "track"
 """What the manifest of such a folder says."""
@@ -56,7 +56,6 @@ def write_folder(
 ) -> None:
     """Write the track's tables, run.toml and report.html into a folder of `output_folder`; `csv` adds CSV tables."""
     from oarlock.pipeline import write_track
-    from oarlock.storage.folder_writer import replaced_folder
 
     with replaced_folder(stage, TRACK) as place:
         write_track(result, place, evaluation, truth, progress=True)
@@ -115,7 +114,7 @@ def explained(out: Path, title: str, force: bool) -> Iterator[list[Suspect]]:
             from oarlock.report.refusal import write_refusal
 
             reason, page = str(error), out / "refused.html"
-            with added_files(out, force, TRACK) as stage:
+            with replaced_folder(out, TRACK, force, adds=True) as stage:
                 write_refusal(stage / page.name, title, [s.note for s in found], reason)
             error.args = ("\n".join([reason, *(s.note for s in found), f"Wrote {page}"]),)
         raise

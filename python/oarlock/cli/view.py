@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import webbrowser
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from oarlock.cli.options import Json, Replace, example
-from oarlock.cli.terminal import UsageError, free_file, print_json, progress, say, verb
+from oarlock.cli.terminal import UsageError, free_file, progress, say
+from oarlock.cli.verbs import command
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,127 +23,102 @@ LONGEST_S = 180.0
 
 def add_to(app: typer.Typer) -> None:
     """Registers the verb."""
-    app.command(
-        "view",
-        epilog=example(
-            "oarlock view out",
-            "oarlock view out --ghost before",
-            "oarlock view out --start-s 60 --end-s 90 --out piece.html --no-open",
-            "oarlock view out --video piece.mp4",
-            "oarlock view out --video piece.mp4 --offset-s 7.32 --camera camera.toml",
-        ),
+    command(
+        app,
+        "oarlock view out",
+        "oarlock view out --ghost before",
+        "oarlock view out --start-s 60 --end-s 90 --out piece.html --no-open",
+        "oarlock view out --video piece.mp4",
+        "oarlock view out --video piece.mp4 --offset-s 7.32 --camera camera.toml",
+        show=_show,
+        metavars={"track": "TRACK", "ghost": "TRACK"},
     )(view)
 
 
-@verb
 def view(
-    out: Annotated[Path, typer.Argument(metavar="TRACK", help="A folder that `oarlock track` wrote.")],
-    ghost: Annotated[
-        Path | None, typer.Option("--ghost", metavar="TRACK", help="Another track to draw over this one.")
-    ] = None,
-    start_s: Annotated[
-        float | None, typer.Option("--start-s", metavar="S", help="Start of the shown interval, s.")
-    ] = None,
-    end_s: Annotated[
-        float | None, typer.Option("--end-s", metavar="S", help="End of the shown interval, s.")
-    ] = None,
-    every_s: Annotated[
-        float | None,
-        typer.Option("--every-s", metavar="S", help="Time between shown samples, s; default 0.025."),
-    ] = None,
-    to: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="File to write; default TRACK/view.html.")
-    ] = None,
-    video: Annotated[
-        Path | None,
-        typer.Option(
-            "--video", metavar="FILE", help="A video to play beside the figure; it stays where it is."
-        ),
-    ] = None,
-    offset_s: Annotated[
-        float | None,
-        typer.Option(
-            "--offset-s",
-            metavar="S",
-            help="Time of the track at the beginning of the video, s; default: found from its motion.",
-        ),
-    ] = None,
-    drift_ppm: Annotated[
-        float, typer.Option("--drift-ppm", metavar="PPM", help="By how much the track's clock runs faster.")
-    ] = 0.0,
-    camera: Annotated[
-        Path | None,
-        typer.Option(
-            "--camera", metavar="FILE", help="Calibration of a camera that stands still: draws the skeleton."
-        ),
-    ] = None,
-    no_open: Annotated[
-        bool, typer.Option("--no-open", help="Write the file without opening a browser.")
-    ] = False,
-    force: Replace = False,
-    json_output: Json = False,
-) -> None:
+    track: Path,
+    *,
+    ghost: Path | None = None,
+    start_s: float | None = None,
+    end_s: float | None = None,
+    every_s: float | None = None,
+    out: Path | None = None,
+    video: Path | None = None,
+    offset_s: float | None = None,
+    drift_ppm: float = 0.0,
+    camera: Path | None = None,
+    no_open: bool = False,
+    force: bool = False,
+    json_output: bool = False,
+) -> dict[str, Any]:
     """Write view.html and open it: one file that works offline.
 
     Keys in the page: space plays, arrows step, Shift with arrows turns, 1 to 9 are the views, [ and ] set a loop,
     n shows names, u uncertainty.
+
+    Args:
+        track: a folder that `oarlock track` wrote.
+        ghost: another track to draw over this one.
+        start_s: start of the shown interval, s.
+        end_s: end of the shown interval, s.
+        every_s: time between shown samples, s; default 0.025.
+        out: file to write; default TRACK/view.html.
+        video: a video to play beside the figure; it stays where it is.
+        offset_s: time of the track at the beginning of the video, s; default: found from its motion.
+        drift_ppm: by how much the track's clock runs faster.
+        camera: calibration of a camera that stands still: draws the skeleton.
+        no_open: write the file without opening a browser.
+        force: replace what is there.
+        json_output: opens no browser.
     """
     from oarlock import load_track
-    from oarlock.report.text import fixed
     from oarlock.report.viewer import page
-    from oarlock.storage.folder_writer import added_files
+    from oarlock.storage.folder_writer import replaced_folder
     from oarlock.storage.write_file import write_file
 
-    _check_video_options(video, offset_s, drift_ppm, camera)
-    track = load_track(out)
+    of_video = {"--offset-s": offset_s, "--drift-ppm": drift_ppm or None, "--camera": camera}
+    if video is None and (flags := [flag for flag, value in of_video.items() if value is not None]):
+        raise UsageError(f"view: {flags[0]} needs --video FILE")
+    estimate = load_track(track)
     other = load_track(ghost) if ghost is not None else None
-    shown_s, cut = _stretch(track, start_s, end_s)
-    target = to or out / "view.html"
+    shown_s, cut = _stretch(estimate, start_s, end_s)
+    target = out or track / "view.html"
     free_file(target, force)
-    film = None if video is None else _film(track, video, offset_s, drift_ppm, camera, target)
-    with progress("drawing"), added_files(target.parent, force) as stage:
-        drawn = _scene(track, other, shown_s, every_s, str(ghost or ""))
+    film = None if video is None else _film(estimate, video, offset_s, drift_ppm, camera, target)
+    with progress("drawing"), replaced_folder(target.parent, "", force, adds=True) as stage:
+        drawn = _scene(estimate, other, shown_s, every_s, str(ghost or ""))
         drawn["video"] = film
-        text = page(drawn, f"{drawn['model']}: {drawn['title'] or out.resolve().name}")
+        text = page(drawn, f"{drawn['model']}: {drawn['title'] or track.resolve().name}")
         write_file(stage / target.name, text)
     opened = not (no_open or json_output) and webbrowser.open(target.resolve().as_uri())
-    if json_output:
-        samples = drawn["places_m"]["rows"]
-        print_json(
-            {
-                "view": target,
-                "bytes": len(text.encode()),
-                "shown_s": shown_s,
-                "samples": samples,
-                "cut": cut,
-                "video": film
-                and {"file": video, "offset_s": film["offset_s"], "drift_ppm": film["drift_ppm"]},
-            }
-        )
-        return
-    say(f"Wrote {target}")
-    if cut:
-        begin, end = (fixed(moment, 0) for moment in shown_s)
-        say(f"It shows {begin} to {end} s of a longer track; change this with --start-s and --end-s.")
-    if film is not None:
-        say(
-            f"The video begins at {film['offset_s']:.3f} s of the track; the page plays it from {film['src']}."
-        )
-    if not opened and not no_open:
-        say("No browser could be started; open the file in one.")
-
-
-def _check_video_options(
-    video: Path | None, offset_s: float | None, drift_ppm: float, camera: Path | None
-) -> None:
-    given = {
-        "--offset-s": offset_s is not None,
-        "--drift-ppm": drift_ppm != 0.0,
-        "--camera": camera is not None,
+    return {
+        "view": target,
+        "bytes": len(text.encode()),
+        "shown_s": shown_s,
+        "samples": drawn["places_m"]["rows"],
+        "cut": cut,
+        "opened": opened or no_open,
+        "video": film
+        and {
+            "file": video,
+            "source": film["src"],
+            "offset_s": film["offset_s"],
+            "drift_ppm": film["drift_ppm"],
+        },
     }
-    if video is None and any(given.values()):
-        flag = next(flag for flag, there in given.items() if there)
-        raise UsageError(f"view: {flag} needs --video FILE")
+
+
+def _show(result: dict[str, Any]) -> None:
+    say(f"Wrote {result['view']}")
+    if result["cut"]:
+        begin, end = (f"{moment:z.0f}" for moment in result["shown_s"])
+        say(f"It shows {begin} to {end} s of a longer track; change this with --start-s and --end-s.")
+    if video := result["video"]:
+        say(
+            f"The video begins at {video['offset_s']:.3f} s of the track; the page plays it from {video['source']}."
+        )
+    if not result["opened"]:
+        say("No browser could be started; open the file in one.")
 
 
 def _film(
@@ -155,12 +130,14 @@ def _film(
     from oarlock.movement.video.shown import shown_video
 
     info = video_info(video)
-    seen = None if camera is None else load_camera(camera)
+    still_camera = None if camera is None else load_camera(camera)
     if offset_s is None:
-        found = aligned(track, video, None, info)
-        found.require_one()
-        offset_s, drift_ppm = found.offset_s, found.drift_ppm
-    return shown_video(video, target.parent, info, offset_s=offset_s, drift_ppm=drift_ppm, camera=seen)
+        alignment = aligned(track, video, None, info)
+        alignment.require_one()
+        offset_s, drift_ppm = alignment.offset_s, alignment.drift_ppm
+    return shown_video(
+        video, target.parent, info, offset_s=offset_s, drift_ppm=drift_ppm, camera=still_camera
+    )
 
 
 def _stretch(track: Track, start_s: float | None, end_s: float | None) -> tuple[tuple[float, float], bool]:

@@ -33,23 +33,18 @@ def evaluate(
     """Score a track against ground truth.
 
     Args:
-        track: the estimate, with standard deviations and, if available, beliefs and sensor infos.
-        truth: the ground truth. A cubic spline interpolates it at the track's time stamps, within its range and not
-            across gaps. Where time stamps agree within 1e-9 s, its value is used without interpolation. If both know
-            their epochs, time stamps are compared as moments.
-        start_s: time after the track's first time stamp that is not scored, s, so that the filter can converge.
-        frames: frames whose position in root axes is scored. Default: those named shoulder, elbow, wrist or
-            hand; if there are none, the ends of the tree.
-        progress: True shows a bar or lines; a function is called regularly with the share done, 0 to 1.
+        track: the estimate.
+        truth: interpolated by a cubic spline, not across gaps; on the same clock, or both with epochs.
+        start_s: time after the first stamp that is not scored.
+        frames: whose positions are scored; default: shoulders, elbows, wrists and hands, or ends of the tree.
+        progress: True shows a bar.
 
     Returns:
-        Evaluation: RMSE, bias, correlation, coverage of the 95 % band and NEES of each joint, for ball and free joints
-        also of each component and named angle (see `JointScore`); RMSE, correlation and coverage of frame positions;
-        NEES per state over the track's beliefs; NIS per reading of each sensor. NEES and NIS as in Bar-Shalom, Li,
-        Kirubarajan (2001), "Estimation with Applications to Tracking and Navigation", section 5.4.
+        RMSE, bias, correlation, coverage of 95 % bands, NEES and NIS (Bar-Shalom, Li, Kirubarajan 2001,
+        "Estimation with Applications to Tracking and Navigation", section 5.4).
 
     Raises:
-        DataError: no sample of the track lies after ``start_s`` and within the time span of the ground truth.
+        DataError: no common time after ``start_s``.
     """
     truth = on_clock_of(track, truth)
     window = Interval.after(track.time_s, start_s)

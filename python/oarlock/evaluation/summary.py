@@ -28,6 +28,7 @@ LEAST_SHARE = 0.0005
 class TrackSummary:
     """Key figures of a track for the top of a page.
 
+    `structure` is how it was tracked, "strapdown" or "tree", empty if that is not known.
     `session` says who was recorded and when (`recording.session_info`), empty if it is not known. `start` is the moment
     of the first row as text, empty if it is not known. `samples` counts the rows of the track and
     `rate_hz` is their rate; each stream has its own (`stream_rates`).
@@ -36,6 +37,7 @@ class TrackSummary:
     """
 
     model: str
+    structure: str
     session: Mapping[str, str]
     samples: int
     duration_s: float
@@ -82,6 +84,7 @@ def summarize(track: Track) -> TrackSummary:
     steps_per_s, wall_s = track.provenance.get("steps_per_s"), track.provenance.get("wall_s")
     return TrackSummary(
         model=str(getattr(track.model, "name", track.provenance.get("model", "unknown"))),
+        structure=str(track.provenance.get("structure", "")),
         session=session_info(track.provenance),
         samples=len(track.time_s),
         duration_s=duration_s,

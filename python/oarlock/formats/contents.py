@@ -65,15 +65,15 @@ class Contents:
 
 
 def find_recordings(path: str | PathLike[str], prefer: Sequence[str] = ()) -> Contents:
-    """Recognise the recordings of a place by names and first bytes; nothing else is read.
+    """Recognise the recordings of a place by names and first bytes.
 
     Args:
-        path: a file, a folder, or a zip file, which is unpacked into a temporary folder as long as the result exists.
-        prefer: of several formats that recognise the same files, the one that is named here.
+        path: a file, folder or zip file.
+        prefer: of formats that recognise the same files.
 
     Raises:
-        UnclearError: Several formats recognise the same files and none of them is preferred.
-        DataError: The place cannot be read or nothing was recognised. The text says what was looked at.
+        UnclearError: none of several formats is preferred.
+        DataError: nothing was recognised.
     """
     asked = place_of(path)
     kept = unpacked(asked) if asked.is_file() and is_zip(asked) and asked.suffix.lower() == ".zip" else None
@@ -94,16 +94,16 @@ def import_recording(
     *,
     progress: Progress = None,
 ) -> Recording:
-    """Read a recording of any format of `oarlock import`, recognised by its content.
+    """Read a recording of any format of `oarlock import`.
 
     Args:
-        path: a file, a folder or a zip file.
-        pick: name of the recording, if the place has several; see `find_recordings`.
-        options: further keywords of the format's reader.
+        path: a file, folder or zip file.
+        pick: which of several recordings.
+        options: keywords of the format's reader.
         progress: True shows that it runs.
 
     Raises:
-        DataError: Nothing was recognised, several recordings were found and none was picked, or it cannot be read.
+        DataError: nothing recognised or readable, or none of several picked.
     """
     with shown(progress, "reading"):
         contents = find_recordings(path)

@@ -5,22 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, cast
 
 if TYPE_CHECKING:
     from oarlock.formats.listing import FileMatch, Listing
     from oarlock.recording.recording import Recording
-
-
-@dataclass(frozen=True)
-class ReaderOption:
-    """A keyword of a reader, with its type, help and default; `...` if it must be given."""
-
-    name: str
-    kind: object
-    about: str
-    default: object = None
 
 
 @dataclass(frozen=True)
@@ -37,7 +26,7 @@ class ImportFormat:
         summary: one line of help.
         example: arguments of an example.
         reads: what can be read, for the page.
-        options: further keywords of the reader.
+        options: names of further keywords of the reader; their help is in its docstring.
         suffixes: how its files' names end, in small letters, for the reasons why a file was not recognised.
         is_last_resort: it is asked about files that no other format recognises.
     """
@@ -49,7 +38,7 @@ class ImportFormat:
     summary: str
     example: str
     reads: str
-    options: tuple[ReaderOption, ...] = ()
+    options: tuple[str, ...] = ()
     suffixes: tuple[str, ...] = ()
     is_last_resort: bool = False
 
@@ -63,30 +52,25 @@ class ImportFormat:
         """An example of the verb."""
         return f"oarlock import {self.name} {self.example} --out rec"
 
+    @property
+    def module(self) -> str:
+        """Name of the module that reads it."""
+        return ".".join(filter(None, ("oarlock.formats", self.room, self.name)))
+
     def read(self, path: Path, **options: object) -> Recording:
         """Read a recording.
 
         Raises:
             DataError: the file is not of this format.
         """
-        reader = getattr(self._module(), f"read_{self.name}")
+        reader = getattr(import_module(self.module), f"read_{self.name}")
         return cast("Recording", reader(path, **options))
 
     def find(self, listing: Listing) -> list[FileMatch]:
         """The recordings of this format in a place; none if its module recognises none by content."""
-        finder = getattr(self._module(), f"find_{self.name}", None)
+        finder = getattr(import_module(self.module), f"find_{self.name}", None)
         return [] if finder is None else cast("list[FileMatch]", finder(listing))
 
-    def _module(self) -> ModuleType:
-        return import_module(".".join(filter(None, ("oarlock.formats", self.room, self.name))))
-
-
-_TRIAL = ReaderOption(
-    "trial", str | None, "Which trial, if the folder has several: what the files' names share."
-)
-_ORIENTATIONS = ReaderOption(
-    "orientations", bool, "Also import the orientations that units with a gyroscope computed.", False
-)
 
 FORMATS = (
     ImportFormat(
@@ -117,14 +101,7 @@ FORMATS = (
         "Import a CSV or TSV file with clear names of columns, without a mapping file.",
         "arm.csv",
         "a CSV or TSV file whose columns have clear names, such as `Shank ACC X (G)` or `thorax_gx`",
-        (
-            ReaderOption("accel_unit", str | None, "Unit of the accelerometers: g, m/s2, mg, mm/s2."),
-            ReaderOption("gyro_unit", str | None, "Unit of the gyroscopes: rad/s, deg/s."),
-            ReaderOption("mag_unit", str | None, "Unit of the magnetometers: uT, gauss, mG, nT, T, a.u."),
-            ReaderOption("time_unit", str | None, "Unit of the time column, as in a mapping file."),
-            ReaderOption("rate_hz", float | None, "Rows in a second, if the file has no time stamps."),
-            ReaderOption("save_mapping", Path | None, "File for the mapping that was used."),
-        ),
+        ("accel_unit", "gyro_unit", "mag_unit", "time_unit", "rate_hz", "save_mapping"),
         suffixes=(".csv", ".tsv", ".txt", ".dat", ".sto"),
         is_last_resort=True,
     ),
@@ -136,15 +113,7 @@ FORMATS = (
         "Import exports of Xsens MT Manager (MTw, MTi): gyroscope, accelerometer, magnetometer, orientation.",
         "MT_01200454_000-000_00B40DE4.txt --rate-hz 100",
         "text exports of Xsens MT Manager",
-        (
-            _TRIAL,
-            ReaderOption(
-                "rate_hz",
-                float | None,
-                "Rate of the packet counter, Hz, where the file states no time and no rate.",
-            ),
-            _ORIENTATIONS,
-        ),
+        ("trial", "rate_hz", "orientations"),
         suffixes=(".txt", ".csv"),
     ),
     ImportFormat(
@@ -155,7 +124,7 @@ FORMATS = (
         "Import CSV files of Movella DOT (Xsens DOT): gyroscope, accelerometer, magnetometer, orientation.",
         "1_20250711_200600_086.csv",
         "CSV files of Movella DOT (Xsens DOT)",
-        (_TRIAL, _ORIENTATIONS),
+        ("trial", "orientations"),
         suffixes=(".csv", ".txt"),
     ),
     ImportFormat(
@@ -166,12 +135,7 @@ FORMATS = (
         "Import exports of Shimmer Consensys: gyroscope, accelerometer, magnetometer.",
         "Session1_Shimmer_40AC_Calibrated_SD.csv --accel WR",
         "calibrated exports of Shimmer Consensys",
-        (
-            _TRIAL,
-            ReaderOption(
-                "accel", str | None, "LN (low noise) or WR (wide range); if not given, LN where there is one."
-            ),
-        ),
+        ("trial", "accel"),
         suffixes=(".csv", ".txt", ".dat"),
     ),
     ImportFormat(
@@ -192,11 +156,7 @@ FORMATS = (
         "Import a table of orientations of OpenSim (OpenSense): an orientation of each sensor.",
         "orientations.sto",
         "tables of orientations of OpenSim (OpenSense)",
-        (
-            ReaderOption(
-                "up", str, "Axis of the file's reference that points up: z (units) or y (OpenSim).", "z"
-            ),
-        ),
+        ("up",),
         suffixes=(".sto",),
     ),
     ImportFormat(
@@ -217,14 +177,7 @@ FORMATS = (
         "Import a DIODEM trial: five inertial units on a chain of five links.",
         "trial1 --mounted foam",
         "five units on a chain of five links",
-        (
-            ReaderOption("mounted", str, "Which inertial units: rigid (screwed on) or foam.", "rigid"),
-            ReaderOption(
-                "mag_unit_ut",
-                float | None,
-                "Scale of the magnetometers, uT per unit; without it they are not imported.",
-            ),
-        ),
+        ("mounted", "mag_unit_ut"),
     ),
     ImportFormat(
         "openaxes",
@@ -234,7 +187,7 @@ FORMATS = (
         "Import an OpenAXES run: two inertial units on the links of a robot.",
         "openaxes_ur5 --run circle-100",
         "two units on the links of a robot",
-        (ReaderOption("run", str, "Name of the run, such as circle-100.", ...),),
+        ("run",),
     ),
     ImportFormat(
         "broad",

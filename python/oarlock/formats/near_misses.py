@@ -53,9 +53,6 @@ def _line(one: ListedFile, listing: Listing, formats: Sequence[ImportFormat]) ->
 
 def _reason(file: Path, nearest: ImportFormat) -> str:
     """First line of what the reader says, without the file's name."""
-    required = [option.name for option in nearest.options if option.default is ...]
-    if required:
-        return f"it needs --{required[0].replace('_', '-')}"
     try:
         nearest.read(file)
     except DataError as error:

@@ -83,12 +83,12 @@ class StreamRows:
         if self.feed.kind == "imu":
             columns = {name: values[:, 3 * k : 3 * k + 3] for k, name in enumerate(_names(self.feed))}
             read = {name: rows for name, rows in columns.items() if np.isfinite(rows).any()}
-            return oarlock.ImuStream(self.feed.stream, time_s, **read)
+            return oarlock.recording.ImuStream(self.feed.stream, time_s, **read)
         if self.feed.kind == "orientation":
-            return oarlock.OrientationStream(self.feed.stream, time_s, values)
+            return oarlock.recording.OrientationStream(self.feed.stream, time_s, values)
         if self.feed.kind == "vector":
-            return oarlock.VectorStream(self.feed.stream, time_s, values)
-        return oarlock.ScalarStream(self.feed.stream, time_s, values[:, 0])
+            return oarlock.recording.VectorStream(self.feed.stream, time_s, values)
+        return oarlock.recording.ScalarStream(self.feed.stream, time_s, values[:, 0])
 
 
 def _names(feed: Feed) -> tuple[str, ...]:

@@ -156,6 +156,6 @@ def _notes(made: Track, whole: Track, nearest: NDArray[np.int64]) -> Iterator[st
     differ = int((~same.all(axis=1)).sum())
     if differ:
         yield (
-            f"{differ:,} of {len(made):,} live estimates differ from those of the whole recording: readings came after "
-            "them, or tracking was stopped. For the best angles run `oarlock track` on the recording."
+            f"{differ:,} of {len(made.time_s):,} live estimates differ from those of the whole recording: readings "
+            "came after them, or tracking was stopped. For the best angles run `oarlock track` on the recording."
         )

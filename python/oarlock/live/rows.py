@@ -90,12 +90,12 @@ class _Columns:
         name = self.feed.stream
         if self.feed.kind == "imu":
             found = {k: column for k, column in values.items() if np.isfinite(column).any()}
-            return oarlock.ImuStream(name, time_s, **found)
+            return oarlock.recording.ImuStream(name, time_s, **found)
         if self.feed.kind == "orientation":
-            return oarlock.OrientationStream(name, time_s, values["quat_wxyz"])
+            return oarlock.recording.OrientationStream(name, time_s, values["quat_wxyz"])
         if self.feed.kind == "vector":
-            return oarlock.VectorStream(name, time_s, values["value"])
-        return oarlock.ScalarStream(name, time_s, values["value"][:, 0])
+            return oarlock.recording.VectorStream(name, time_s, values["value"])
+        return oarlock.recording.ScalarStream(name, time_s, values["value"][:, 0])
 
     def _of(self, name: str) -> FloatArray:
         return np.array(self._columns[name]).reshape(-1, len(self._missing))

@@ -54,17 +54,14 @@ def load_model(
     """Read a model.
 
     Args:
-        name: a shipped model's name, or the path of a model file.
-        parameters: values (m, rad) that replace the file's defaults.
-        stature_m: standing height without shoes; sets the lengths of a body such as "lower_body", with 5 %.
-        mass_kg: of the person; sets the radii of limbs, on which units sit. Needs a stature.
-
-    A file may extend a shipped model or another file and name only what differs, see docs/model-files.md; the
-    model's `text` then is that of the whole.
+        name: of a shipped model, or a model file (docs/model-files.md).
+        parameters: values that replace defaults, m or rad.
+        stature_m: standing height without shoes; sets a body's lengths, with 5 %.
+        mass_kg: with a stature, sets the radii of limbs.
 
     Raises:
-        ModelError: there is no such model, or its file is wrong; every mistake is listed with file and line.
-        DataError: a parameter that the model does not have, or a stature for a model without a body's lengths.
+        ModelError: no such model, or mistakes in its file, with lines.
+        DataError: an unknown parameter, or a stature without a body's lengths.
     """
     shipped = model_names()
     path = model_path(str(name)) if str(name) in shipped else Path(name)

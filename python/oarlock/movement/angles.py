@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock import JointAngle, Track, joint_angles
+from oarlock import Track, joint_angles
 from oarlock.evaluation.errors import BAND_95
 from oarlock.model.angle_sequence import angle_labels, angles_from_quat, angles_per_turn
 from oarlock.movement.turns import SegmentTurns, Sensitivity
-from oarlock.tracking.joint_angles import NamedRotation, named_rotation
+from oarlock.tracking.joint_angles import JointAngle, NamedRotation, named_rotation
 from oarlock.tracking.joint_series import BallSeries
 from oarlock.tracking.notes import contradicted_units
 
@@ -106,15 +106,8 @@ def movement_angles(track: Track, turns: SegmentTurns | None = None) -> tuple[Mo
     return _doubted(track, turns, found)
 
 
-def room_angles(track: Track, turns: SegmentTurns | None = None) -> tuple[MovementAngle, ...]:
-    """How the free segment of a body stands in the room: its heading, obliquity and tilt; none in other axes.
-
-    `turns`: those of the track, if they are needed several times.
-
-    Raises:
-        DataError: the track has no model.
-    """
-    turns = turns or SegmentTurns(track)
+def room_angles(track: Track, turns: SegmentTurns) -> tuple[MovementAngle, ...]:
+    """How the free segment of a body stands in the room: its heading, obliquity and tilt; none in other axes."""
     if turns.up != UP:
         return ()
     found = {}

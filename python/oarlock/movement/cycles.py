@@ -80,7 +80,9 @@ def find_cycles(
     if len(time_s) < 2 or not angles or time_s[-1] - time_s[0] < LEAST_CYCLES * SHORTEST_S:
         return ()
     even_s = even_times_of_stretches(time_s, 1.0 / RATE_HZ)
-    rows = np.stack([_evenly(even_s, time_s, angle.value_deg) for angle in angles], axis=1)
+    known = [np.isfinite(angle.value_deg) for angle in angles]
+    courses = zip(known, angles, strict=True)
+    rows = np.stack([np.interp(even_s, time_s[k], angle.value_deg[k]) for k, angle in courses], axis=1)
     found: list[Repetition] = []
     for window_s in WINDOWS_S:
         width = min(round(window_s * RATE_HZ), len(rows))
@@ -150,11 +152,6 @@ def _prominence(values: Floats, peak: int) -> float:
     left = values[before[-1] + 1 if len(before) else 0 : peak + 1].min()
     right = values[peak : after[0] if len(after) else len(values)].min()
     return float(values[peak] - max(left, right))
-
-
-def _evenly(even_s: Floats, time_s: Floats, value: Floats) -> Floats:
-    known = np.isfinite(value)
-    return np.asarray(np.interp(even_s, time_s[known], value[known]))
 
 
 def _period(rows: Floats) -> tuple[float, float]:

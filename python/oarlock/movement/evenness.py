@@ -13,13 +13,12 @@ from oarlock.evaluation.distributions import range_quantile, student_quantile
 from oarlock.movement.angles import Floats
 from oarlock.movement.blocks import MovementAnalysis, MovementBlock
 from oarlock.movement.cycles import RATE_HZ, cycle_courses
+from oarlock.movement.ranges import LEAST_MOVEMENT_DEG
 
 CHANCE = 0.05 / 3.0
 """Of a false finding among changes of numbers, among changes of middles, and among spans of middles."""
 LEAST_CYCLES = 6
 """Cycles that a comparison of thirds needs: two in each."""
-LEAST_MOVEMENT_DEG = 5.0
-"""Angles that move less in a cycle, and middles that wander by less, are not reported."""
 LEAST_CHANGE_DEG = 2.0
 """Smaller changes of a range are not reported, even if they are certain."""
 LEAST_CHANGE_S = 0.5 / RATE_HZ
@@ -100,7 +99,7 @@ def changes(movement: MovementAnalysis, block: MovementBlock) -> tuple[CycleChan
     numbers = {"": block.repetition.durations_s}
     for angle in block.angles:
         one = block.ranges.get(angle.name)
-        if one is not None and one.well_measured and one.range_deg >= LEAST_MOVEMENT_DEG:
+        if one is not None and one.well_measured and not one.hardly_moved:
             numbers[angle.name] = np.ptp(_courses(movement, block, angle.value_deg), axis=1)
     compared = len(numbers) * _compared(movement)
     return tuple(_change(name, values, compared) for name, values in numbers.items())

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import ceil
+from html import escape
+from math import ceil, isfinite
 
 import numpy as np
 
 from oarlock.movement.angles import CONTRADICTED, MovementAngle
 from oarlock.movement.blocks import MovementAnalysis, MovementBlock
-from oarlock.movement.checked import checked_markup
 from oarlock.movement.cycles import cycle_courses
-from oarlock.movement.evenness import LEAST_CYCLES, Wander, changes, wanderings
-from oarlock.movement.ranges import SideDifference
+from oarlock.movement.evenness import (
+    LEAST_CYCLES,
+    CycleChange,
+    Wander,
+    changes,
+    wanderings,
+)
+from oarlock.movement.ranges import LEAST_MOVEMENT_DEG
 from oarlock.movement.words import (
     CYCLE,
     counts_from,
@@ -24,7 +30,7 @@ from oarlock.movement.words import (
     repeats,
     sized,
 )
-from oarlock.report import Course, Front, Point, Sourced, fixed
+from oarlock.report import Column, Course, Front, Point, Sourced, fixed, plain_table
 
 THIRDS = "From the first to the last third of the cycles,"
 NOTHING = "No difference was found."
@@ -57,7 +63,14 @@ LARGE_DEG = 15.0
 
 def front_of(movement: MovementAnalysis) -> Front:
     """The front of a movement."""
-    points = [point for block in movement.blocks for point in _findings(movement, block)]
+    points = [
+        point
+        for block in movement.blocks
+        for of in (_changes, _wanderings, _rhythm)
+        for point in of(movement, block)
+    ]
+    model = str(movement.track.provenance.get("model", "MODEL"))
+    needed = movement.nominal or _sensors_step(movement)
     return Front(
         did=" ".join(filter(None, [*repeats(movement), counts_from(movement)])),
         points=[*_sides(movement), *points],
@@ -67,14 +80,11 @@ def front_of(movement: MovementAnalysis) -> Front:
         next_step=_next_step(movement),
         sensors_step=_sensors_step(movement),
         caution=_caution(movement),
-        commands=_commands(movement),
+        # A session calibrates any body; `calibrate motion` needs closed loops.
+        commands=[(name, one.format(model=model)) for name, one in COMMANDS if needed],
         figures=key_figures(movement),
         course=_course(movement),
     )
-
-
-def _findings(movement: MovementAnalysis, block: MovementBlock) -> list[Point]:
-    return [*_changes(movement, block), *_wanderings(movement, block), *_rhythm(movement, block)]
 
 
 def _quiet(movement: MovementAnalysis) -> str:
@@ -87,20 +97,15 @@ def _quiet(movement: MovementAnalysis) -> str:
             shown.append(f"{placed(movement, block)}{THIRDS} a change above {sizes} would show.")
     few = [one.repetition.count for one in movement.blocks if one.repetition.count < LEAST_CYCLES]
     if few:
-        shown.append(_too_few(few))
+        counts = f"{few[0]}" if len(set(few)) == 1 else f"{min(few)} to {max(few)}"
+        shown.append(
+            f"{counts} whole cycles are too few to compare the first with the last third: that needs {LEAST_CYCLES} "
+            f"({LEAST_CYCLES + 1} repetitions)."
+        )
     limits = [one.limit_deg for _, one in movement.sides if one.well_measured and np.isfinite(one.limit_deg)]
     if limits:
         shown.append(f"Right and left: a difference above {fixed(max(limits), 0)}° of any range would show.")
     return " ".join([NOTHING if len(shown) > bool(few) else "", *shown]).strip()
-
-
-def _too_few(few: Sequence[int]) -> str:
-    """Why first and last are not compared."""
-    counts = f"{few[0]}" if len(set(few)) == 1 else f"{min(few)} to {max(few)}"
-    return (
-        f"{counts} whole cycles are too few to compare the first with the last third: that needs {LEAST_CYCLES} "
-        f"({LEAST_CYCLES + 1} repetitions)."
-    )
 
 
 def _changes(movement: MovementAnalysis, block: MovementBlock) -> list[Point]:
@@ -202,36 +207,20 @@ def _sensors_step(movement: MovementAnalysis) -> str:
     )
 
 
-def _commands(movement: MovementAnalysis) -> list[tuple[str, str]]:
-    """A session calibrates any body; `calibrate motion` needs closed loops."""
-    model = str(movement.track.provenance.get("model", "MODEL"))
-    needed = movement.nominal or bool(_sensors_step(movement))
-    return [(name, one.format(model=model)) for name, one in COMMANDS] if needed else []
-
-
 def _sides(movement: MovementAnalysis) -> list[Point]:
-    certain = sorted(
-        (found for found in movement.sides if found[1].certain),
-        key=lambda found: -abs(found[1].difference_deg),
-    )
-    return [_side(placed(movement, block), one) for block, one in certain]
-
-
-def _side(where: str, one: SideDifference) -> Point:
-    larger = "right" if one.difference_deg > 0 else "left"
-    right, left = (fixed(side.range_deg, 0) for side in (one.right, one.left))
-    return Point(
-        "Right and left",
-        f"{where}{plain(one.name).capitalize()} has a larger range on the {larger}: {right}° right, {left}° left.",
-        f"{fixed(abs(one.difference_deg), 0)} ± {fixed(one.limit_deg, 0)}°",
-        meaning=SIDES,
-    )
+    found = []
+    certain = (found for found in movement.sides if found[1].certain)
+    for block, one in sorted(certain, key=lambda found: -abs(found[1].difference_deg)):
+        larger = "right" if one.difference_deg > 0 else "left"
+        text = f"{placed(movement, block)}{plain(one.name).capitalize()} has a larger range on the {larger}: "
+        text += f"{fixed(one.right.range_deg, 0)}° right, {fixed(one.left.range_deg, 0)}° left."
+        size = f"{fixed(abs(one.difference_deg), 0)} ± {fixed(one.limit_deg, 0)}°"
+        found.append(Point("Right and left", text, size, meaning=SIDES))
+    return found
 
 
 def _rhythm(movement: MovementAnalysis, block: MovementBlock) -> list[Point]:
     one = block.repetition
-    if one.count < 2:
-        return []
     spread = float(one.durations_s.std(ddof=1))
     if spread < UNEVEN * one.period_s:
         return []
@@ -242,10 +231,15 @@ def _rhythm(movement: MovementAnalysis, block: MovementBlock) -> list[Point]:
 
 def _course(movement: MovementAnalysis) -> Course | None:
     """The angles that move most over a cycle; of several blocks the leading one of each."""
-    if not movement.several:
-        curves = [(block, angle) for block in movement.blocks for angle in _moving(block)[:MOST_CURVES]]
-    else:
-        curves = [(block, _leading(block)) for block in movement.blocks[:MOST_CURVES]]
+    curves: list[tuple[MovementBlock, MovementAngle]] = []
+    for block in movement.blocks[:MOST_CURVES]:
+        ranges = block.ranges
+        moving = [one for one in block.angles if one.name in ranges and one.doubt != CONTRADICTED]
+        if movement.several:
+            moving = [one for one in block.angles if one.name == block.repetition.lead]
+        else:
+            moving.sort(key=lambda one: -ranges[one.name].range_deg)
+        curves += [(block, angle) for angle in moving[: 1 if movement.several else MOST_CURVES]]
     drawn = {}
     for block, angle in curves:
         courses = cycle_courses(movement.track.time_s, angle.value_deg, block.repetition.begins_s)
@@ -256,11 +250,34 @@ def _course(movement: MovementAnalysis) -> Course | None:
     return Course("Angles over a cycle", "deg", "% of the cycle", drawn) if drawn else None
 
 
-def _moving(block: MovementBlock) -> list[MovementAngle]:
-    """The angle with the largest range first; none at a unit that its joints contradict."""
-    found = [angle for angle in block.angles if angle.name in block.ranges and angle.doubt != CONTRADICTED]
-    return sorted(found, key=lambda angle: -block.ranges[angle.name].range_deg)
+CAPTION = (
+    "Last third of {count} cycles minus first. A change above the third column would have been reported; chance alone "
+    "reports anything in at most 5 % of recordings. The middle of an angle is its mean over a cycle; it is also "
+    "reported if it wanders further than the uncertainty of the track allows (in brackets)."
+)
 
 
-def _leading(block: MovementBlock) -> MovementAngle:
-    return next(angle for angle in block.angles if angle.name == block.repetition.lead)
+def checked_markup(movement: MovementAnalysis) -> str:
+    """The tables, one for each block; empty if all have too few cycles to compare thirds."""
+    return "".join(_table(movement, block) for block in movement.blocks)
+
+
+def _table(movement: MovementAnalysis, block: MovementBlock) -> str:
+    compared, middles = changes(movement, block), wanderings(movement, block)
+    if not compared:
+        return ""
+    allowed = "largest minus smallest middle, and how far the uncertainty of the track lets it wander"
+    heads: list[str | Column] = ["what", "change", "would show above", Column("wanders (may)", "", allowed)]
+    rows = [[escape(named(one)), *_change(one, one.least, one.certain), "–"] for one in compared]
+    for one in middles:
+        may = f" ({fixed(one.limit_deg, 0)}°)" if isfinite(one.limit_deg) else ""
+        change = _change(one.change, max(one.change.least, LEAST_MOVEMENT_DEG), one.certain)
+        rows.append([f"middle of {escape(plain(one.angle))}", *change, f"{fixed(one.span_deg, 0)}°{may}"])
+    caption = placed(movement, block) + CAPTION.format(count=block.repetition.count)
+    key = f"checked-{block.number}" if movement.several else "checked"
+    return plain_table(key, caption, heads, rows, style="stacked")
+
+
+def _change(one: CycleChange, least: float, reported: bool) -> list[str]:
+    found = f"{'+' if one.difference >= 0.0 else ''}{sized(one, one.difference)}"
+    return [f"<b>{found}</b>" if reported else found, sized(one, least)]

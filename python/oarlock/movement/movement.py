@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -15,10 +16,10 @@ from oarlock.movement.blocks import MovementAnalysis, MovementBlock
 from oarlock.movement.cycles import Repetition, cycle_courses, find_cycles
 from oarlock.movement.evenness import drifting
 from oarlock.movement.ranges import DRIFTS, MotionRange, cycle_ranges, ranges_of_motion
-from oarlock.movement.settled import settled_s
 from oarlock.movement.turns import SegmentTurns
 
 
+@lru_cache(maxsize=1)  # the report and the terminal give the same analysis
 def movement_of(track: Track) -> MovementAnalysis:
     """Angles, ranges and blocks of a track.
 
@@ -38,7 +39,11 @@ def movement_of(track: Track) -> MovementAnalysis:
     turned = [
         _block(time_s, one, (*known, *room))
         for one in _repetitions(time_s, room, start_s, [block.repetition for block in found])
-        if not any(_meet(one, block.repetition) for block in found)
+        if not any(
+            one.begins_s[0] < block.repetition.begins_s[-1]
+            and block.repetition.begins_s[0] < one.begins_s[-1]
+            for block in found
+        )
     ]
     blocks = sorted((*found, *turned), key=lambda one: float(one.repetition.begins_s[0]))
     numbered = tuple(replace(one, number=k) for k, one in enumerate(blocks, 1))
@@ -96,5 +101,27 @@ def _block(time_s: Floats, repetition: Repetition, angles: tuple[MovementAngle, 
     return MovementBlock(0, repetition, ranges, angles)
 
 
-def _meet(one: Repetition, other: Repetition) -> bool:
-    return bool(one.begins_s[0] < other.begins_s[-1] and other.begins_s[0] < one.begins_s[-1])
+USUAL = 0.95
+"""Quantile of the standard deviations of the second half that counts as their usual largest value."""
+NEAR = 1.25
+"""A standard deviation has settled within a quarter of this value."""
+
+
+def settled_s(time_s: Floats, angles: Sequence[MovementAngle]) -> float:
+    """The time by which the standard deviations of all angles have fallen to what is usual in the second half, s.
+
+    The angle that settles last decides. Angles without standard deviations, and those that begin later than the
+    track, do not count. At the latest it is the middle of the track.
+    """
+    found = [_settles_s(time_s, angle) for angle in angles if np.isfinite(angle.std_deg[:1]).all()]
+    return max(found, default=float(time_s[0]))
+
+
+def _settles_s(time_s: Floats, angle: MovementAngle) -> float:
+    middle_s = 0.5 * float(time_s[0] + time_s[-1])
+    later = angle.std_deg[time_s >= middle_s]
+    later = later[np.isfinite(later)]
+    if not later.size:
+        return float(time_s[0])
+    reached = time_s[angle.std_deg <= NEAR * float(np.quantile(later, USUAL))]
+    return min(float(reached[0]), middle_s) if reached.size else middle_s

@@ -72,35 +72,29 @@ def _measured(movement: MovementAnalysis, block: MovementBlock | None, well: lis
         rows.append([_head(movement, one), *(value_cell(v, fixed(v, 1)) for v in values)])
     key, caption = "ranges", _caption(movement)
     if movement.several and block:
-        key, caption = f"ranges-{block.number}", _still(block)
+        still = [one for one in block.ranges.values() if one.hardly_moved and not one.well_measured]
+        names = ", ".join(f"{escape(plain(one.name))} {within(one)}" for one in still)
+        key, caption = f"ranges-{block.number}", f"Hardly moved: {names}." if names else ""
     return sortable_table(key, caption, heads, rows, muted=muted, style="stacked")
-
-
-def _still(block: MovementBlock) -> str:
-    """The angles of a block that hardly moved and are in neither table."""
-    still = [one for one in block.ranges.values() if one.hardly_moved and not one.well_measured]
-    told = ", ".join(f"{escape(plain(one.name))} {within(one)}" for one in still)
-    return f"Hardly moved: {told}." if told else ""
 
 
 def _apart(movement: MovementAnalysis, apart: Sequence[tuple[MovementBlock | None, MotionRange]]) -> str:
     if not apart:
         return ""
-    rows = []
-    for block, one in apart:
-        rows.append(
-            [
-                _head(movement, one),
-                *([str(block.number)] if movement.several and block else []),
-                f"{fixed(one.range_deg, 1)} ± {fixed(one.half_deg, 1)}",
-                fixed(one.range_deg + one.half_deg, 0),
-                "the movement is small" if one.hardly_moved else one.cause,
-            ]
-        )
+    rows = [
+        [
+            _head(movement, one),
+            *([str(block.number)] if movement.several and block else []),
+            f"{fixed(one.range_deg, 1)} ± {fixed(one.half_deg, 1)}",
+            fixed(one.range_deg + one.half_deg, 0),
+            "the movement is small" if one.hardly_moved else one.cause,
+        ]
+        for block, one in apart
+    ]
     why = (
-        f"Half of the 95 % interval is more than {100.0 * WELL_SHARE:g} % of the range, or the angle itself is not "
-        f"known to {WITHIN_DEG:.0f}°, drifts, passes the limits of its joint, or is beside such a joint or unit. Where "
-        "other angles change with it, errors of mounts and headings do not cancel."
+        f"Half of the 95 % interval is more than {100.0 * WELL_SHARE:g} % of the range, or single values of the "
+        f"angle are less certain than ± {WITHIN_DEG:.0f}°, or it drifts, passes the limits of its joint, or is beside "
+        "such a joint or unit. Where other angles change with it, errors of mounts and headings do not cancel."
     )
     if movement.nominal:
         why += (

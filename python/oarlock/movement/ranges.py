@@ -25,7 +25,7 @@ CAUSES = {
     LIMITS: "it passes the limits of its joint",
     BESIDE: "a joint beside it passes its limits",
     DRIFTS: "it drifts",
-    WIDE: f"it is not known to {WITHIN_DEG:.0f}°",
+    WIDE: f"its single values are less certain than ± {WITHIN_DEG:.0f}°",
     "axes": "other angles change with it",
     "skin": "units move with the skin",
     "ends": "the estimate drifts",
@@ -33,7 +33,8 @@ CAUSES = {
 }
 """What makes an angle, or its range, uncertain."""
 LEAST_MOVEMENT_DEG = 5.0
-"""Angles that move less hardly moved: they are grey, and not drawn over cycles."""
+"""Angles that move less hardly moved: they are grey, and not drawn over cycles. Middles that wander by less are not
+reported."""
 LEAST_STEEP = 0.1
 """Change of an angle by a rotation of the segments, deg/deg, below which its errors have another cause."""
 WELL_SHARE = 0.25
@@ -185,9 +186,9 @@ def ranges_of_motion(angles: Sequence[MovementAngle]) -> dict[str, MotionRange]:
     found = {}
     for angle in angles:
         ends = np.array([[np.nanargmin(angle.value_deg), np.nanargmax(angle.value_deg)]])
-        one = _range(
-            angle.name, angle.value_deg[ends], angle.std_deg[ends], _at(angle, ends), WANDER_IN_TRACK
-        )
+        told = angle.sensitivity
+        at = None if told is None else (told.turns[ends], told.posture_rad[ends])
+        one = _range(angle.name, angle.value_deg[ends], angle.std_deg[ends], at, WANDER_IN_TRACK)
         found[angle.name] = replace(one, doubt=angle.doubt or _band_doubt(angle.std_deg))
     return found
 
@@ -230,11 +231,6 @@ def _band_doubt(std_deg: Floats) -> str:
     if max(halves_deg, default=0.0) <= WITHIN_DEG:
         return ""
     return DRIFTS if halves_deg[0] <= WITHIN_DEG < halves_deg[-1] else WIDE
-
-
-def _at(angle: MovementAngle, rows: Ints) -> tuple[Floats, Floats] | None:
-    told = angle.sensitivity
-    return None if told is None else (told.turns[rows], told.posture_rad[rows])
 
 
 def _range(

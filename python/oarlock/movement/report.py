@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from oarlock import Evaluation, Track
+from oarlock import Track
+from oarlock.evaluation import Evaluation
 from oarlock.movement.front import front_of
 from oarlock.movement.movement import cycles_table, movement_of
 from oarlock.movement.sections import sections_of

@@ -45,7 +45,7 @@ def sections_of(movement: MovementAnalysis, csv_name: str) -> list[Section]:
     parts = [
         ("moving", "The movement", _player(movement)),
         ("ranges", "Range of motion", ranges_markup(movement)),
-        ("cycles", "Over a cycle", _cycles(movement, csv_name)),
+        ("cycles", "Over a cycle", "".join(_cycles(movement, one, csv_name) for one in movement.blocks)),
         ("sides", "Right and left", _sides(movement)),
     ]
     sections = [Section(key, name, markup, folded=key in FOLDED) for key, name, markup in parts if markup]
@@ -66,13 +66,14 @@ def _player(movement: MovementAnalysis) -> str:
         name = f"block {block.number}, {plain(block.repetition.lead)}" if movement.several else "cycle"
         pairs = enumerate(pairwise(block.repetition.begins_s), 1)
         marks += [(float(a), float(b), f"{name} {k}") for k, (a, b) in pairs if a >= start and b <= end]
-    curves = _curves(movement)
-    shown = scene(track, marks=marks, curves=curves, start_s=start, end_s=end)
+    shown = scene(track, marks=marks, curves=_curves(movement), start_s=start, end_s=end)
     hint = ""
     if start > track.time_s[0] or end < last:
-        hint = f"It shows {fixed(start, 0)} to {fixed(end, 0)} s; <code>oarlock view</code> shows the whole track."
-    shown_hint = f'<p class="hint">{hint}</p>' if hint else ""
-    return shown_hint + embed(shown, "player") + folded_help(HELP)
+        hint = (
+            f'<p class="hint">It shows {fixed(start, 0)} to {fixed(end, 0)} s; <code>oarlock view</code> shows the '
+            "whole track.</p>"
+        )
+    return hint + embed(shown, "player") + folded_help(HELP)
 
 
 def _curves(movement: MovementAnalysis) -> list[Curve]:
@@ -81,27 +82,14 @@ def _curves(movement: MovementAnalysis) -> list[Curve]:
     for angle in movement.angles:
         joint, space, axis = angle.name.partition(" ")
         side, stem = side_of(joint)
-        found.append(
-            Curve(
-                angle.name,
-                side or plain(angle.name),
-                "deg",
-                angle.value_deg,
-                angle.std_deg,
-                stem + space + axis if side else "",
-                side,
-                angle.label,
-            )
-        )
+        panel, label = (stem + space + axis, side) if side else ("", plain(angle.name))
+        values, std = angle.value_deg, angle.std_deg
+        found.append(Curve(angle.name, label, "deg", values, std, panel, side, angle.label))
     return found
 
 
-def _cycles(movement: MovementAnalysis, csv_name: str) -> str:
-    """Mean courses of each block."""
-    return "".join(_block(movement, block, csv_name) for block in movement.blocks)
-
-
-def _block(movement: MovementAnalysis, block: MovementBlock, csv_name: str) -> str:
+def _cycles(movement: MovementAnalysis, block: MovementBlock, csv_name: str) -> str:
+    """Mean courses of a block."""
     one = block.repetition
     hint = (
         f"Means over {one.count} cycles; 0 % is where {escape(plain(one.lead))} is largest. Tinted: plus and minus "

@@ -36,18 +36,15 @@ def counts_from(movement: MovementAnalysis) -> str:
 
 def repeats(movement: MovementAnalysis) -> list[str]:
     """What repeats, in sentences."""
-    if not movement.several:
-        return [_repeat(one.repetition) for one in movement.blocks]
-    return [f"{len(movement.blocks)} blocks of repeated movement, each from its first to its last peak."]
-
-
-def _repeat(one: Repetition) -> str:
-    spread = f", SD {fixed(float(one.durations_s.std(ddof=1)), 2)} s" if one.count > 1 else ""
-    return (
-        f"The movement repeats from {one.begins_s[0]:.0f} to {one.begins_s[-1]:.0f} s: {one.peaks} repetitions of "
-        f"{plain(one.lead)}, which are {one.count} whole cycles of {fixed(one.period_s, 2)} s from peak to "
-        f"peak{spread} ({fixed(60.0 / one.period_s, 0)} per minute)."
-    )
+    if movement.several:
+        return [f"{len(movement.blocks)} blocks of repeated movement, each from its first to its last peak."]
+    return [
+        f"The movement repeats from {span(block)}: {one.peaks} repetitions of {plain(one.lead)}, which are {one.count} "
+        f"whole cycles of {fixed(one.period_s, 2)} s from peak to peak, SD "
+        f"{fixed(float(one.durations_s.std(ddof=1)), 2)} s ({fixed(60.0 / one.period_s, 0)} per minute)."
+        for block in movement.blocks
+        for one in [block.repetition]
+    ]
 
 
 def span(block: MovementBlock) -> str:
@@ -78,7 +75,7 @@ def key_figures(movement: MovementAnalysis) -> list[KeyFigure]:
     """Number and duration of cycles, and the largest ranges that are measured well; of several blocks their leads."""
     if movement.several:
         return [
-            _lead_figure(movement, block, block.lead)
+            _figure(movement, block.lead, block)
             for block in movement.blocks
             if block.lead is not None and block.lead.well_measured
         ]
@@ -135,23 +132,18 @@ def within(one: MotionRange) -> str:
     return f"{fixed(one.range_deg, 0)}{half}°"
 
 
-def _figure(movement: MovementAnalysis, one: MotionRange) -> KeyFigure:
+def _figure(movement: MovementAnalysis, one: MotionRange, led: MovementBlock | None = None) -> KeyFigure:
+    """A range with its ends, or with the time of the block that it leads."""
     half = f"± {fixed(one.half_deg, 1)}°" if isfinite(one.half_deg) else ""
-    if half and movement.nominal:
-        half += ", mounts not calibrated"
-    in_cycle = any(one.name in block.ranges for block in movement.blocks)
-    meaning = RANGE_IN_CYCLE if in_cycle else RANGE
+    if led is None:
+        mounts = ", mounts not calibrated" if half and movement.nominal else ""
+        parts = [f"{fixed(one.lowest_deg, 0)} to {fixed(one.highest_deg, 0)}°", half + mounts]
+    else:
+        parts = [half, span(led)]
+    meaning = RANGE_IN_CYCLE if any(one.name in block.ranges for block in movement.blocks) else RANGE
     if movement.nominal:
         meaning += f" {MOUNTS}"
-    detail = "; ".join(filter(None, (_ends(one), half)))
-    return KeyFigure(plain(one.name), f"{fixed(one.range_deg, 0)}°", detail, meaning)
-
-
-def _lead_figure(movement: MovementAnalysis, block: MovementBlock, one: MotionRange) -> KeyFigure:
-    """The range of a leading angle, with the time of its block."""
-    figure = _figure(movement, one)
-    half = f"± {fixed(one.half_deg, 1)}°; " if isfinite(one.half_deg) else ""
-    return figure._replace(detail=f"{half}{span(block)}")
+    return KeyFigure(plain(one.name), f"{fixed(one.range_deg, 0)}°", "; ".join(filter(None, parts)), meaning)
 
 
 def plain(name: str) -> str:
@@ -177,10 +169,6 @@ def heading(movement: MovementAnalysis) -> str | None:
     return f"movement, most in {plain(most.name)}"
 
 
-def _ends(one: MotionRange) -> str:
-    return f"{fixed(one.lowest_deg, 0)} to {fixed(one.highest_deg, 0)}°"
-
-
 def named(one: CycleChange) -> str:
     """What a change compares, for people."""
     return f"range of {plain(one.angle)}" if one.angle else "cycle time"
@@ -189,8 +177,3 @@ def named(one: CycleChange) -> str:
 def sized(one: CycleChange, value: float) -> str:
     """A value in the unit of the change: `0.05 s`, `3.1°`."""
     return f"{fixed(value, 1)}°" if one.angle else f"{fixed(value, 2)} s"
-
-
-def signed(one: CycleChange) -> str:
-    """The change with its sign."""
-    return f"{'+' if one.difference >= 0.0 else ''}{sized(one, one.difference)}"

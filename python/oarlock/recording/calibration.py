@@ -8,7 +8,7 @@ from functools import partial
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from oarlock.recording.calibration_file import document_of, fields_of, read_calibration, write_calibration
 from oarlock.recording.calibration_html import calibration_html
@@ -35,47 +35,42 @@ if TYPE_CHECKING:
 
 __all__ = ["Calibration", "Clock", "EncoderScale", "Mount", "load_calibration"]
 
+BySensor: TypeAlias = Mapping[str, FloatArray]
+
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """Values that replace the nominal ones of the model. Parameters and sensors without an entry keep theirs.
+    """Values that replace the nominal ones of the model; a wrong shape or range is a DataError.
 
     Args:
-        parameters: parameter name -> value, in the parameter's unit (m, rad).
-        mounts: sensor name -> (link_from_sensor (3, 3) rotation, offset (3,) in m in the link's axes).
-        noted: how the values were found, for the report; free keys.
-        mag_offsets_ut: sensor name -> (3,) constant part of a magnetometer's readings, uT in sensor axes (hard
-            iron). `oarlock.track` and a live `Tracker` subtract it; the recording itself is not changed.
-        parameter_stds: parameter name -> standard deviation, in the parameter's unit (m, rad). For a length that the
-            filter estimates, this is the initial standard deviation.
-        mount_stds_rad: sensor name -> (3,) standard deviations of the mount's rotation about the link's axes, rad.
-        mount_offset_stds_m: sensor name -> (3,) standard deviations of the mount's offset along these axes, m.
-        gyro_biases_rad_s: sensor name -> (3,) constant part of a gyroscope's readings, rad/s in sensor axes.
-        gyro_bias_stds_rad_s: sensor name -> (3,) standard deviations of the gyroscope biases, rad/s.
-        accel_biases_m_s2: sensor name -> (3,) constant part of an accelerometer's readings, m/s2 in sensor axes.
-        accel_scales: sensor name -> (3,) scale factors: ``true = (reading - bias) / scale``, per axis.
-        mag_matrices: sensor name -> (3, 3) correction of soft iron: ``true = matrix @ (reading - mag_offset)``. It
-            mixes the axes, so a reading with one missing axis counts as missing.
-        clocks: stream name -> `Clock`: offset and drift of the time stamps.
-        encoders: stream name -> `EncoderScale`: ``value = scale * (reading - zero)``.
-
-    Raises:
-        DataError: A value is not a finite number or has the wrong shape, a mount is not a rotation, or a standard
-            deviation is negative.
+        parameters: by parameter, m or rad.
+        mounts: by sensor: link_from_sensor (3, 3), and offset (3,) in the link's axes, m.
+        noted: how the values were obtained, for the report.
+        mag_offsets_ut: hard iron by sensor, (3,), sensor axes.
+        parameter_stds: standard deviations, m or rad; of estimated lengths at the start.
+        mount_stds_rad: (3,) about the link's axes.
+        mount_offset_stds_m: (3,) along them.
+        gyro_biases_rad_s: (3,), sensor axes.
+        gyro_bias_stds_rad_s: (3,).
+        accel_biases_m_s2: (3,), sensor axes.
+        accel_scales: (3,): ``true = (reading - bias) / scale``.
+        mag_matrices: soft iron, (3, 3): ``true = matrix @ (reading - offset)``.
+        clocks: by stream, `Clock`.
+        encoders: by stream: ``value = scale * (reading - zero)``.
     """
 
     parameters: Mapping[str, float] = field(default_factory=dict)
     mounts: Mapping[str, Mount] = field(default_factory=dict)
     noted: Mapping[str, object] = field(default_factory=dict)
-    mag_offsets_ut: Mapping[str, FloatArray] = field(default_factory=dict)
+    mag_offsets_ut: BySensor = field(default_factory=dict)
     parameter_stds: Mapping[str, float] = field(default_factory=dict)
-    mount_stds_rad: Mapping[str, FloatArray] = field(default_factory=dict)
-    mount_offset_stds_m: Mapping[str, FloatArray] = field(default_factory=dict)
-    gyro_biases_rad_s: Mapping[str, FloatArray] = field(default_factory=dict)
-    gyro_bias_stds_rad_s: Mapping[str, FloatArray] = field(default_factory=dict)
-    accel_biases_m_s2: Mapping[str, FloatArray] = field(default_factory=dict)
-    accel_scales: Mapping[str, FloatArray] = field(default_factory=dict)
-    mag_matrices: Mapping[str, FloatArray] = field(default_factory=dict)
+    mount_stds_rad: BySensor = field(default_factory=dict)
+    mount_offset_stds_m: BySensor = field(default_factory=dict)
+    gyro_biases_rad_s: BySensor = field(default_factory=dict)
+    gyro_bias_stds_rad_s: BySensor = field(default_factory=dict)
+    accel_biases_m_s2: BySensor = field(default_factory=dict)
+    accel_scales: BySensor = field(default_factory=dict)
+    mag_matrices: BySensor = field(default_factory=dict)
     clocks: Mapping[str, Clock] = field(default_factory=dict)
     encoders: Mapping[str, EncoderScale] = field(default_factory=dict)
 
@@ -90,33 +85,21 @@ class Calibration:
         return Calibration, tuple(dict(getattr(self, f.name)) for f in fields(self))
 
     def corrected(self, recording: Recording) -> Recording:
-        """The recording with the corrections of this calibration applied to time stamps and readings.
+        """The recording with corrected time stamps and readings, except for `mag_offsets_ut`; not resampled.
 
-        `oarlock.track` and `oarlock.Tracker` apply the corrections themselves: give them the recording as measured.
-        This function applies clocks, encoders, biases and scales of gyroscopes and accelerometers, and `mag_matrices`.
-        It does not subtract `mag_offsets_ut`. It does not resample. It ignores streams without an entry, and entries
-        without a stream.
-
-        Args:
-            recording: as measured. It is not modified.
-
-        Returns:
-            The corrected recording, or the same object if nothing is corrected.
-
-        Raises:
-            DataError: an entry does not fit its stream, such as a gyroscope's bias for an encoder.
+        `track` and `Tracker` correct by themselves: give them recordings as measured.
         """
         return corrected(recording, self)
 
     def for_corrected(self) -> Calibration:
-        """This calibration without the corrections that `corrected` applies: use it with the corrected recording."""
+        """The calibration for a `corrected` recording."""
         return replace(self, **{name: {} for name in CORRECTING})
 
     def _repr_html_(self) -> str:
         return calibration_html({f.name: getattr(self, f.name) for f in fields(self)})
 
     def save(self, file: str | PathLike[str]) -> None:
-        """Write as a TOML file. `load_calibration` reads back identical values."""
+        """Write a TOML file for `load_calibration`."""
         write_calibration({f.name: getattr(self, f.name) for f in fields(self)}, Path(file))
 
 
@@ -124,7 +107,7 @@ def load_calibration(file: str | PathLike[str]) -> Calibration:
     """Read a calibration file.
 
     Raises:
-        DataError: The file cannot be read, a key is unknown, or `Calibration` refuses a value.
+        DataError: an unreadable file, an unknown key or a wrong value.
     """
     return Calibration(**read_calibration(place_of(file)))
 

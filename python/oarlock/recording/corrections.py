@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Protocol
 
+import numpy as np
+
 from oarlock import _core
 from oarlock.recording.recording import Recording
 from oarlock.recording.stream_scales import Clock, EncoderScale
@@ -98,6 +100,34 @@ def correction_notes(recording: Recording, calibration: Corrections | None) -> t
         if names:
             notes.append(text.format(", ".join(names)))
     return tuple(notes)
+
+
+def as_measured(recording: Recording, calibration: Corrections | None) -> Recording:
+    """True readings and times with the errors of a calibration: the inverse of `corrected`, and of the offsets."""
+    if calibration is None:
+        return recording
+    return Recording([_measured_stream(stream, calibration) for stream in recording], recording.meta)
+
+
+def _measured_stream(stream: Stream, calibration: Corrections) -> Stream:
+    name, clock = stream.name, calibration.clocks.get(stream.name)
+    time_s = stream.time_s if clock is None else clock.stamps_s(stream.time_s)
+    encoder = calibration.encoders.get(name)
+    if isinstance(stream, ImuStream):
+        accel_scale = calibration.accel_scales.get(name, np.ones(3))
+        soft_iron = np.linalg.inv(calibration.mag_matrices.get(name, np.eye(3)))
+        errors = {
+            "gyro_rad_s": (np.eye(3), calibration.gyro_biases_rad_s),
+            "accel_m_s2": (np.diag(accel_scale), calibration.accel_biases_m_s2),
+            "mag_ut": (soft_iron, calibration.mag_offsets_ut),
+        }
+        values = {
+            f: v @ errors[f][0].T + errors[f][1].get(name, np.zeros(3)) for f, v in stream.values.items()
+        }
+        return ImuStream(name, time_s, **values)
+    if isinstance(stream, ScalarStream) and encoder is not None:
+        return ScalarStream(name, time_s, stream.value / encoder.scale + encoder.zero, stream.unit)
+    return replace(stream, time_s=time_s)
 
 
 def _corrected_stream(stream: Stream, calibration: Corrections) -> Stream:

@@ -1,5 +1,7 @@
 """`Recording`: the streams of one trial. Importers and simulators create recordings; `oarlock.track` tracks them."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from os import PathLike
@@ -24,19 +26,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
 class Recording:
-    """Streams of one trial on one clock. They may differ in rate, start and end.
+    """Streams of one trial on one clock; rates, starts and ends may differ. Immutable.
 
-    If all time stamps are seconds since 1970 (between 1990 and 2100), they are shifted to start at 0 s, `epoch` keeps
-    the moment, and a track has a note.
+    Time stamps since 1970 are shifted to start at 0 s.
 
     Args:
-        streams: the streams, each with its own name.
-        meta: further information (``source``, ``athlete`` as a pseudonym, ``rig``, ``clock``): texts, numbers,
-            booleans, and lists and tables of these, so that `save` can write them.
+        streams: each with its own name, at most `MOST_STREAMS`.
+        meta: further information for TOML, such as ``athlete`` (a pseudonym), ``rig``, ``clock``.
 
     Raises:
-        DataError: There is no stream, an element is not a stream, two streams have the same name, or there are more
-            than `MOST_STREAMS`.
+        DataError: a name twice, an unknown name, or no stream left.
     """
 
     streams: tuple[Stream, ...]
@@ -52,27 +51,19 @@ class Recording:
     @classmethod
     def from_arrays(
         cls, streams: Mapping[str, Mapping[str, ArrayLike | str]], meta: Mapping[str, object] | None = None
-    ) -> "Recording":
-        """Streams by sensor, each with `time_s` and the fields of its kind.
+    ) -> Recording:
+        """Streams by sensor, such as `{"back": {"time_s": t, "gyro_rad_s": g}}`.
 
-        `Recording.from_arrays({"upper": {"time_s": t, "gyro_rad_s": g, "accel_m_s2": a}, "elbow": {"time_s": t,
-        "value": angle, "unit": "rad"}})`: `gyro_rad_s`, `accel_m_s2` and `mag_ut` (T, 3) of a unit, `value` (T,) of an
-        encoder or (T, 3) of a position, `quat_wxyz` (T, 4) of an orientation.
-
-        Raises:
-            DataError: a stream lacks `time_s` or has fields of no kind; otherwise as the streams.
+        A unit has `gyro_rad_s`, `accel_m_s2`, `mag_ut` (T, 3); an encoder `value` (T,) and `unit`; a position `value`
+        (T, 3); an orientation `quat_wxyz` (T, 4).
         """
         return cls([stream_of(name, fields) for name, fields in streams.items()], meta)
 
     @classmethod
     def from_pandas(
-        cls, frames: "Mapping[str, pd.DataFrame]", meta: Mapping[str, object] | None = None
-    ) -> "Recording":
-        """A table for each sensor, with columns as those of `to_pandas` of a stream: `time_s`, `gyro_rad_s_x`, ...
-
-        Raises:
-            DataError: as `from_arrays`.
-        """
+        cls, frames: Mapping[str, pd.DataFrame], meta: Mapping[str, object] | None = None
+    ) -> Recording:
+        """Streams by sensor from tables with columns as in a stream's `to_pandas`."""
         return cls.from_arrays(
             {
                 name: fields_of_columns({column: frame[column].to_numpy() for column in frame.columns})
@@ -105,38 +96,31 @@ class Recording:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The streams' names, in order."""
+        """Names of the streams."""
         return tuple(s.name for s in self.streams)
 
     @property
     def epoch(self) -> str | None:
-        """The moment of `time_s` = 0 as ISO text, from ``meta["clock"]["zero"]``; None if it is not known.
-
-        It ends with "Z" in UTC, has no suffix in local time, and has no date if the device gave a time of day only.
-        """
+        """The moment of 0 s, ISO; "Z" means UTC; None if unknown."""
         return epoch_of(self.meta)
 
     @property
     def start_s(self) -> float:
-        """Earliest time stamp in s."""
+        """Earliest time stamp."""
         return float(min(s.time_s[0] for s in self.streams))
 
     @property
     def end_s(self) -> float:
-        """Latest time stamp in s."""
+        """Latest time stamp."""
         return float(max(s.time_s[-1] for s in self.streams))
 
     @property
     def duration_s(self) -> float:
-        """Time from the earliest to the latest time stamp in s."""
+        """From `start_s` to `end_s`."""
         return self.end_s - self.start_s
 
     def sensor(self, name: str) -> Stream:
-        """The stream of one sensor.
-
-        Raises:
-            DataError: There is no such stream. The text suggests the most similar name.
-        """
+        """The stream of a sensor."""
         for stream in self.streams:
             if stream.name == name:
                 return stream
@@ -157,11 +141,8 @@ class Recording:
     def __len__(self) -> int:
         return len(self.streams)
 
-    def slice(self, start_s: float = -np.inf, end_s: float = np.inf) -> "Recording":
-        """The samples with start_s <= time_s < end_s, with unchanged time stamps.
-
-        A stream without a sample in this interval is left out. Adjacent slices share no sample.
-        """
+    def slice(self, start_s: float = -np.inf, end_s: float = np.inf) -> Recording:
+        """The samples with start_s <= time_s < end_s."""
         cut = [part for s in self.streams if (part := s.between(start_s, end_s)) is not None]
         if not cut:
             raise DataError(
@@ -170,37 +151,19 @@ class Recording:
             )
         return Recording(cut, self.meta)
 
-    def low_passed(self, cutoff_hz: float) -> "Recording":
-        """Inertial units without what is faster than a cut-off, at four or more samples a period of it.
-
-        For units on clothes and soft tissue, which vibrate at every step: a person moves below 6 Hz. Butterworth of
-        fourth order, forward and backward, so nothing is delayed; it needs the whole recording. Other streams stay.
-
-        Args:
-            cutoff_hz: frequency at which the amplitude falls to 1/sqrt(2), Hz.
-
-        Raises:
-            DataError: no positive cut-off, or a unit with too few samples for it.
-        """
+    def low_passed(self, cutoff_hz: float) -> Recording:
+        """Inertial units without vibration above `cutoff_hz`, not delayed (Butterworth, fourth order, both ways)."""
         from oarlock.recording.low_pass import low_passed
 
         return Recording(low_passed(self.streams, cutoff_hz), self.meta)
 
-    def only(self, names: Iterable[str]) -> "Recording":
-        """The recording with only the streams of these names, in the order of the recording.
-
-        Raises:
-            DataError: There is no stream of one of the names, or no name is given.
-        """
+    def only(self, names: Iterable[str]) -> Recording:
+        """The streams of these names."""
         kept = {self.sensor(name).name for name in ([names] if isinstance(names, str) else names)}
         return Recording([s for s in self.streams if s.name in kept], self.meta)
 
-    def without(self, names: Iterable[str]) -> "Recording":
-        """The recording without the streams of these names.
-
-        Raises:
-            DataError: There is no stream of one of the names, or none would be left.
-        """
+    def without(self, names: Iterable[str]) -> Recording:
+        """The streams of other names."""
         dropped = {self.sensor(name).name for name in ([names] if isinstance(names, str) else names)}
         return self.only(name for name in self.names if name not in dropped)
 
@@ -211,33 +174,17 @@ class Recording:
         *,
         force: bool = False,
     ) -> None:
-        """Write a recording folder: recording.toml and one file for each stream.
+        """Write a folder for `load_recording`; an earlier recording there is replaced, other files only by `force`.
 
-        `load_recording` reads back identical values. A recording that was saved there before is replaced as a whole.
-
-        Args:
-            folder: created if it does not exist.
-            file_format: of the stream files. Both formats are exact.
-            force: replace files that are not Oarlock's, too.
+        Both formats are exact.
 
         Raises:
-            DataError: The folder cannot be written, another process writes into it, a file that is not Oarlock's would
-                be replaced, or `meta` contains a value that TOML cannot store. The folder is unchanged then.
+            DataError: the folder cannot be written; it is unchanged.
         """
         write_folder(self.streams, self.meta, folder, file_format, force)
 
-    def plot(self, names: str | Iterable[str] | None = None) -> "list[Axes]":
-        """Draw the readings of streams over time, a panel for each quantity (needs the extra `oarlock[plot]`).
-
-        Args:
-            names: of the streams; None draws the first.
-
-        Returns:
-            The axes of matplotlib, one for each panel.
-
-        Raises:
-            DataError: matplotlib is not installed, or there is no stream of one of the names.
-        """
+    def plot(self, names: str | Iterable[str] | None = None) -> list[Axes]:
+        """Draw streams (None: the first) and return the axes of matplotlib, one a quantity."""
         from oarlock.recording.plot import plot_streams
 
         return plot_streams((self.only(self.names[:1] if names is None else names)).streams)
@@ -261,12 +208,9 @@ class Recording:
 
 
 def load_recording(path: str | PathLike[str]) -> Recording:
-    """Read a recording folder, as `Recording.save` and ``oarlock import`` write it.
-
-    Args:
-        path: the folder, or its recording.toml.
+    """Read a folder that `Recording.save` or ``oarlock import`` wrote.
 
     Raises:
-        DataError: A file, column or key is missing or unknown, or a unit is not the required one.
+        DataError: a missing or unknown file, column or key, or a wrong unit.
     """
     return Recording(*read_folder(path))

@@ -3,8 +3,7 @@
 A field of application, such as rowing, builds its own sections from these names.
 """
 
-from oarlock.report.chart import Series
-from oarlock.report.course import Axis, Mark, Zone, course_chart, plane_chart, row_chart
+from oarlock.report.chart import Axis, Mark, Series, Zone, course_chart, plane_chart, row_chart
 from oarlock.report.front import (
     Course,
     Front,
@@ -16,11 +15,18 @@ from oarlock.report.front import (
     named_file,
     who_and_when,
 )
-from oarlock.report.markup import Column, folded_help, grid, notes_list
+from oarlock.report.markup import (
+    Column,
+    folded_help,
+    grid,
+    notes_list,
+    sort_script,
+    sortable_table,
+    value_cell,
+)
 from oarlock.report.markup import table as plain_table
 from oarlock.report.page import belief_of, doubtful_sensors, shell, who_in_words
 from oarlock.report.section import KeyFigure, Section, tiles
-from oarlock.report.sortable import sort_script, sortable_table, value_cell
 from oarlock.report.summary_page import write_summary
 from oarlock.report.text import capital, day_text, fixed
 from oarlock.report.trust import Trust

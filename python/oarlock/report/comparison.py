@@ -8,8 +8,6 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from oarlock.report.markup import bar_legend, figure, notes_list, table
 from oarlock.report.page import shell
 from oarlock.report.plot import Panel, drawing, label
@@ -48,7 +46,11 @@ def write_comparison(found: Comparison, path: str | Path, title: str) -> Path:
 
 def _page(found: Comparison, title: str) -> str:
     sections = (
-        ("errors", "Errors and times", _legend() + _pictures(found)),
+        (
+            "errors",
+            "Errors and times",
+            bar_legend((_style_of(f), _MEANING[f]) for f in FAMILIES) + _pictures(found),
+        ),
         ("numbers", "All numbers", _numbers(found)),
         ("estimators", "Definitions", _what(found)),
         ("notes", "Notes", _notes(found)),
@@ -85,10 +87,6 @@ def _named(names: tuple[str, ...]) -> str:
     if len(names) == 1:
         return escape(names[0])
     return f"{escape(names[0])} (level: {escape(', '.join(names[1:]))})"
-
-
-def _legend() -> str:
-    return bar_legend((_style_of(family), _MEANING[family]) for family in FAMILIES)
 
 
 def _style_of(family: str) -> str:
@@ -226,14 +224,11 @@ def _what(found: Comparison) -> str:
 
 def _notes(found: Comparison) -> str:
     texts = [f"{name} was not run: {why}" for name, why in found.left_out.items()]
-    texts += [f"{row.name}: {row.joints} of {len(found.joints)} joints estimated" for row in _partial(found)]
+    most = len(found.joints)
+    partial = [row for row in found.scores if row.joints < most and not math.isnan(row.mean_rmse_deg)]
+    texts += [f"{row.name}: {row.joints} of {most} joints estimated" for row in partial]
     texts.append(
         "Filters on single units are given the azimuth of the magnetic field, which the others estimate; they use no "
         "lengths, closures or base accelerations, and encoders are read directly."
     )
     return notes_list(texts)
-
-
-def _partial(found: Comparison) -> list[Score]:
-    most = len(found.joints)
-    return [row for row in found.scores if row.joints < most and not np.isnan(row.mean_rmse_deg)]

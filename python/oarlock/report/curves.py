@@ -24,6 +24,11 @@ DETAIL_S = 3.0
 """Length of the interval in which the error is drawn, s."""
 SETTLED_SHARE = 0.05
 """The scale of a band's width ignores this first share of the time, in which the filter converges."""
+SINGULAR_HINT = (
+    '<p class="hint">Tinted grey: the middle angle of a ball or free joint is within 15 deg of a pole. Its first '
+    "and last angle are not unique there, only their sum or difference; bands and errors are not shown. The "
+    "orientation itself is not affected.</p>"
+)
 
 
 @dataclass(frozen=True)
@@ -32,7 +37,6 @@ class ErrorCurve:
 
     name: str
     unit: str
-    factor: float
     time_s: Floats
     value: Floats
     half_band: Floats
@@ -52,11 +56,13 @@ def curves_section(track: Track, truth: Track | None, evaluation: Evaluation | N
     reference = "truth" if evaluation is None or evaluation.reference == "truth" else "reference"
     window = detail_window(track, truth)
     drawn = [curve for part in parts(track.coordinate_names) for curve in _curves(track, truth, part)]
+    scored = evaluation.joints if evaluation else ()
+    scores = {part.name: part for score in reversed(scored) for part in reversed((score, *score.parts))}
     figures = [
-        _figure(i, replace(curve, reference=reference), window, _score(evaluation, curve.name))
-        for i, curve in enumerate(drawn)
+        figure(f"joint-{i}", replace(c, reference=reference), window, _headline(c, scores.get(c.name)))
+        for i, c in enumerate(drawn)
     ]
-    near = _singular_hint() if any(curve.near_singular.any() for curve in drawn) else ""
+    near = SINGULAR_HINT if any(curve.near_singular.any() for curve in drawn) else ""
     shown = reference if truth is not None else None
     return f"{legend(shown, window)}{near}{markup.grid(figures, 'tall')}"
 
@@ -85,46 +91,19 @@ def _curves(track: Track, truth: Track | None, part: JointPart) -> list[ErrorCur
         names = tuple(track.coordinate_names[column] for column in columns)
         value, std = track.q[:, columns], track.q_std[:, columns]
         error = None if truth is None else part_error(track, truth, part)
-    unit = part_unit(track, part)
-    return [
-        _curve(
-            track,
-            name,
-            unit,
-            (value[:, k], std[:, k], None if error is None else error[:, k]),
-            observed,
-            near,
-        )
-        for k, name in enumerate(names)
-    ]
-
-
-def _curve(
-    track: Track,
-    name: str,
-    si_unit: str,
-    series: tuple[Floats, Floats, Floats | None],
-    observed: Bools,
-    near_singular: Bools,
-) -> ErrorCurve:
-    value, std, error = series
-    angle = si_unit == "rad"
-    travel = float(np.nanmax(value) - np.nanmin(value)) if np.isfinite(value).any() else 0.0
-    unit, factor = ("deg", 180 / math.pi) if angle else (("m", 1.0) if travel > 0.1 else ("mm", 1e3))
-    shown = _unwrapped(value) if angle else value
-    half = BAND_95 * std * factor
-    scaled = None if error is None else error * factor
-    return ErrorCurve(name, unit, factor, track.time_s, shown * factor, half, scaled, observed, near_singular)
-
-
-def _unwrapped(angle_rad: Floats) -> Floats:
-    result, good = angle_rad.copy(), np.isfinite(angle_rad)
-    result[good] = np.unwrap(angle_rad[good])
-    return result
-
-
-def _figure(i: int, curve: ErrorCurve, window: Interval, score: JointScore | None) -> str:
-    return figure(f"joint-{i}", curve, window, _headline(curve, score))
+    si_unit = part_unit(track, part)
+    found = []
+    for k, name in enumerate(names):
+        shown, good = value[:, k].copy(), np.isfinite(value[:, k])
+        if si_unit == "rad":
+            unit, factor = "deg", 180 / math.pi
+            shown[good] = np.unwrap(shown[good])
+        else:
+            unit, factor = ("m", 1.0) if good.any() and np.ptp(shown[good]) > 0.1 else ("mm", 1e3)
+        half = BAND_95 * std[:, k] * factor
+        scaled = None if error is None else error[:, k] * factor
+        found.append(ErrorCurve(name, unit, track.time_s, shown * factor, half, scaled, observed, near))
+    return found
 
 
 def figure(key: str, curve: ErrorCurve, window: Interval, headline: str) -> str:
@@ -207,7 +186,9 @@ def _error_strip(curve: ErrorCurve, window: Interval, top: float) -> str:
     factor, unit = _fine(curve)
     inside = window.of(curve.time_s)
     time_s, error, half = curve.time_s[inside], curve.error[inside] * factor, curve.half_band[inside] * factor
-    reach = _reach(error, half)
+    # the band, and the errors unless they are much larger
+    largest = [float(np.nanmax(v)) for v in (np.abs(error), half) if np.isfinite(v).any()]
+    reach = 1.15 * max(largest, default=1.0) or 1.0
     panel = plot.Panel(
         LEFT, top, WIDTH - LEFT - RIGHT, STRIP_HEIGHT, (window.start_s, window.end_s), (-reach, reach)
     )
@@ -241,12 +222,6 @@ def _fine(curve: ErrorCurve) -> tuple[float, str]:
     return (1e3, "mm") if curve.unit == "m" else (1.0, curve.unit)
 
 
-def _reach(error: Floats, half: Floats) -> float:
-    """Half the height of the error strip: the band, and the errors unless they are much larger."""
-    shown = [float(np.nanmax(v)) for v in (np.abs(error), half) if np.isfinite(v).any()]
-    return 1.15 * max(shown, default=1.0) or 1.0
-
-
 def _panel(curve: ErrorCurve, top: float, height: float, y_range: tuple[float, float]) -> plot.Panel:
     return plot.over_time(curve.time_s, (LEFT, top, WIDTH - LEFT - RIGHT, height), y_range)
 
@@ -255,20 +230,6 @@ def _spans(panel: plot.Panel, time_s: Floats, marked: Bools, style: str) -> str:
     edges = np.flatnonzero(np.diff(np.concatenate([[False], marked, [False]]).astype(np.int8)))
     pairs = edges.reshape(-1, 2)[:200]
     return "".join(plot.span(panel, time_s[a], time_s[b - 1], style) for a, b in pairs)
-
-
-def _singular_hint() -> str:
-    return (
-        '<p class="hint">Tinted grey: the middle angle of a ball or free joint is within 15 deg of a pole. Its first '
-        "and last angle are not unique there, only their sum or difference; bands and errors are not shown. The "
-        "orientation itself is not affected.</p>"
-    )
-
-
-def _score(evaluation: Evaluation | None, name: str) -> JointScore | None:
-    scores = evaluation.joints if evaluation else ()
-    shown = [part for score in scores for part in (score, *score.parts)]
-    return next((score for score in shown if score.name == name), None)
 
 
 def clip_definition() -> str:
@@ -283,7 +244,9 @@ def legend(reference: str | None, window: Interval) -> str:
     entries = [("estimate", "estimate"), ("band", "95 % band")]
     if reference is not None:
         entries += [("truth", reference), ("error", f"estimate {MINUS} {reference}")]
-    keys = [(_key(key), text) for key, text in entries]
+    lines = '<path class="{}" d="M0 6H28"/>'
+    band = '<rect class="band strong" width="28" height="12"/>'
+    keys = [(band if style == "band" else lines.format(style), text) for style, text in entries]
     style = "with-truth" if reference is not None else "alone"
     below = (
         f"Below each curve: its error from {window.start_s:.1f} to {window.end_s:.1f} s (tinted above), "
@@ -293,9 +256,3 @@ def legend(reference: str | None, window: Interval) -> str:
     )
     hint = f"{below} Hatched: not observed during this time."
     return f'{markup.legend(keys, style=style)}<p class="hint">{hint}</p>'
-
-
-def _key(style: str) -> str:
-    if style == "band":
-        return '<rect class="band strong" width="28" height="12"/>'
-    return f'<path class="{style}" d="M0 6H28"/>'

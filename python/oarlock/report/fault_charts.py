@@ -73,7 +73,8 @@ def panel_of(
         heights = np.array([scale.shown(dose.median_deg) for dose in own])
         across = np.arange(count, dtype=np.float64)
         parts.append(plot.line(panel, across, heights, f"series s{k}") if fault.ordered else "")
-        parts += [_mark(panel, j, dose, scale, k) for j, dose in enumerate(own)]
+        places = zip(panel.x(across), panel.y(heights), own, strict=True)
+        parts += [symbol(float(x), float(y), k, dose.lost > 0) for x, y, dose in places]
         parts.append(_inside(strip, own, k, fault.ordered))
     return "".join(parts)
 
@@ -154,11 +155,6 @@ def _range(panel: Panel, doses: Sequence[Dose], scale: Scale) -> str:
     return "".join(f'<path class="seeds" d="M{x:.1f} {a:.1f}V{b:.1f}"/>' for x, a, b in bars)
 
 
-def _mark(panel: Panel, place: int, dose: Dose, scale: Scale, k: int) -> str:
-    x, y = float(panel.x(float(place))), float(panel.y(scale.shown(dose.median_deg)))
-    return symbol(x, y, k, dose.lost > 0)
-
-
 def symbol(x: float, y: float, k: int, lost: bool = False) -> str:
     """The mark of a setting; a cross where a seed was lost."""
     shape, style = (CROSS, "cross") if lost else (SHAPES[k % len(SHAPES)], "dot")
@@ -217,13 +213,12 @@ def _upright(panel: Panel, scale: Scale, clean_deg: float) -> str:
     return "".join(parts) + f'<path class="clean" d="M{x:.1f} {panel.top:.1f}V{bottom:.1f}"/>'
 
 
-def legend(settings: Sequence[str], seeds: int) -> str:
-    """The legend of marks, bands and lines."""
-    keys = [f'<path class="series s{k}" d="M0 6H28"/>{symbol(14, 6, k)}' for k in range(len(settings))]
-    entries = [*zip(keys, settings, strict=True)]
-    entries.append(
-        ('<rect class="series-band s0" width="28" height="12"/>', f"range over {plural(seeds, 'seed')}")
-    )
-    entries.append(('<path class="clean" d="M0 6H28"/>', "without a fault"))
-    entries.append((f'<path class="cross s0" transform="translate(14 6)" d="{CROSS}"/>', "a seed was lost"))
-    return markup.legend(entries)
+def legend_entries(settings: Sequence[str], seeds: int) -> list[tuple[str, str]]:
+    """Marks, bands and lines, 28 wide and 12 high, with their names."""
+    marks = enumerate(settings)
+    return [
+        *((f'<path class="series s{k}" d="M0 6H28"/>{symbol(14, 6, k)}', name) for k, name in marks),
+        ('<rect class="series-band s0" width="28" height="12"/>', f"range over {plural(seeds, 'seed')}"),
+        ('<path class="clean" d="M0 6H28"/>', "without a fault"),
+        (f'<path class="cross s0" transform="translate(14 6)" d="{CROSS}"/>', "a seed was lost"),
+    ]

@@ -22,21 +22,21 @@ def write_report(
     progress: Progress = None,
     **of_rowers: Any,
 ) -> list[Path]:
-    """Write the report of any track: strokes and technique of a rower, else ranges and cycles of the movement.
+    """Write the report of any track: strokes of a rower, else ranges and cycles.
 
     Args:
         result: the track.
-        path: the file to write, or an existing folder, which gets report.html.
-        evaluation: scores against the truth; computed if only `truth` is given.
-        truth: reference that is drawn beside the estimate.
-        progress: True shows a bar or lines; a function is called regularly with the share done, 0 to 1.
-        of_rowers: further keywords of `oarlock.rowing.report.write.write_rowing_report`.
+        path: a file, or a folder for report.html.
+        evaluation: scores; computed if only `truth` is given.
+        truth: drawn beside the estimate.
+        progress: True shows a bar.
+        of_rowers: keywords of `oarlock.rowing.report.write.write_rowing_report`.
 
     Returns:
-        list: the written files, the report first.
+        The files, the report first.
 
     Raises:
-        DataError: the track has no samples, or keywords of rowers were given and it is none.
+        DataError: no samples, or keywords of rowers for another track.
     """
     # Fields of use stand above this room, so no import names them.
     rowing = import_module("oarlock.rowing.report.write")

@@ -139,18 +139,13 @@ def belief_markup(trust: Trust, anchor: str) -> str:
     return rendered("belief", trust=trust, anchor=anchor)
 
 
-def front_markup(
-    front: Front,
-    warnings: Sequence[str] = (),
-    sentences: Sequence[str] = (),
-    others: Sequence[KeyFigure] = (),
-) -> str:
+def front_markup(front: Front, warnings: Sequence[str] = (), sentences: Sequence[str] = ()) -> str:
     """What was done: `warnings` and `sentences` (markup), figures, what stands out, against earlier."""
     told = [*warnings, *([escape(front.did)] if front.did else []), *sentences]
     return rendered(
         "front",
         sentences=told,
-        tiles=tiles([*front.figures, *others]),
+        tiles=tiles(front.figures),
         points=list(front.points)[:MOST_POINTS],
         more=max(len(front.points) - MOST_POINTS, 0),
         front=front,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,17 +27,21 @@ SMOOTHING_S = 0.5
 
 def health_table(scores: tuple[SensorScore, ...]) -> str:
     """NIS per reading of each sensor and closure, and the readings of each stream."""
-    shown = [column for column in _COLUMNS if not column.optional or any(map(column.cell, _counts(scores)))]
-    rows = [[breakable(s.name), fixed(s.nis, 2), *_cells(s.count, shown)] for s in scores]
+    counts = [score.count for score in scores if score.count is not None]
+    shown = [column for column in _COLUMNS if not column.optional or any(map(column.cell, counts))]
+    rows = [
+        [breakable(s.name), fixed(s.nis, 2), *((c.cell(s.count) if s.count else "") or DASH for c in shown)]
+        for s in scores
+    ]
     caption = (
         "Readings of each stream: single numbers, such as one axis of a gyroscope. Expected are those that the stream "
         "gives at its own rate from the first to the last sample of the recording. Rejected are outliers and faulty "
         "readings. Closures (two points coincide, such as a hand and its handle) have a NIS but no stream."
     )
     heads = [Column("sensor"), Column("NIS", meaning=NIS_MEANING), *(column.head for column in shown)]
-    together = [k for k, score in enumerate(scores) if score.name == ALL_INERTIAL]
-    for k in together:
-        rows[k][0] = f'<span title="{ALL_MEANING}">{rows[k][0]}</span>'
+    for row, score in zip(rows, scores, strict=True):
+        if score.name == ALL_INERTIAL:
+            row[0] = f'<span title="{ALL_MEANING}">{row[0]}</span>'
     return table("sensors", caption, heads, rows)
 
 
@@ -91,14 +95,6 @@ _COLUMNS = (
     ),
     _Counted(Column("share"), lambda c: _bar(c)),
 )
-
-
-def _counts(scores: tuple[SensorScore, ...]) -> list[StreamCount]:
-    return [score.count for score in scores if score.count is not None]
-
-
-def _cells(count: StreamCount | None, shown: Sequence[_Counted]) -> list[str]:
-    return [(column.cell(count) if count else "") or DASH for column in shown]
 
 
 def _bar(count: StreamCount) -> str:

@@ -22,6 +22,7 @@ from oarlock.storage.write_file import write_file
 WIDTH, HEIGHT, FOOT = 400.0, 96.0, 20.0
 PLACE = (44.0, 6.0, WIDTH - 52.0, HEIGHT)
 ROW, NAMES = 13.0, 86.0
+_DETERMINED = "<p>Every joint was determined in every frame.</p>"
 
 
 def write_marker_report(study: MarkerStudy, path: str | Path, title: str = "Marker session") -> Path:
@@ -38,7 +39,7 @@ def write_marker_report(study: MarkerStudy, path: str | Path, title: str = "Mark
     target = Path(path)
     target = target / "report.html" if target.is_dir() else target
     sections = [
-        ("notes", "Notes", _notes(study)),
+        ("notes", "Notes", notes_list(study.fit.notes) if study.fit.notes else _DETERMINED),
         ("curves", "Joints", _curves(study)),
         ("seen", "Markers", _seen(study) + _residuals(study)),
         ("gaps", "Gaps", _gaps(study.gaps)),
@@ -59,12 +60,6 @@ def _lead(study: MarkerStudy) -> str:
         f"<p>Residuals are {fixed(fit.noise_scale, 2)} times the standard deviations in the attachments. "
         f"Simulated from this movement: {escape(', '.join(study.recording.names))}.</p>"
     )
-
-
-def _notes(study: MarkerStudy) -> str:
-    if not study.fit.notes:
-        return "<p>Every joint was determined in every frame.</p>"
-    return notes_list(study.fit.notes)
 
 
 def _curves(study: MarkerStudy) -> str:

@@ -5,9 +5,11 @@ Jinja escapes every value. A template marks a value as `safe` if it is already m
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from html import escape
+from importlib.resources import files
 from typing import TYPE_CHECKING, NamedTuple
 
 from oarlock.report.text import breakable
@@ -123,4 +125,38 @@ def table(
         styles=styles or {},
         foot=foot,
         style=style,
+    )
+
+
+def sort_script() -> str:
+    """The script that the page needs once for all its sortable tables."""
+    return files(__package__).joinpath("sort.js").read_text(encoding="utf-8")
+
+
+def value_cell(value: float, text: str) -> str:
+    """The markup inside a cell that shows the text and is sorted by the number."""
+    return f'<data value="{"nan" if math.isnan(value) else f"{value:.9g}"}">{escape(text)}</data>'
+
+
+def sortable_table(
+    key: str,
+    caption: str,
+    columns: Sequence[Column],
+    rows: Sequence[Sequence[str]],
+    foot: Sequence[Sequence[str]] = (),
+    muted: Sequence[int] = (),
+    style: str = "",
+) -> str:
+    """A table whose first column is a row header; cells are markup. `foot` stays at the end; `muted` rows are grey.
+
+    `style`: further classes; a "stacked" table has its rows as blocks on a telephone.
+    """
+    return table(
+        key,
+        caption,
+        columns,
+        rows,
+        dict.fromkeys(muted, "muted"),
+        foot=foot,
+        style=f"sortable {style}".strip(),
     )

@@ -47,13 +47,12 @@ def render(
     own = _sections(track, evaluation, truth, sensors, [note for section in handed for note in section.notes])
     refuse_doubles(handed, [*(key for key, _, _ in own), *OWN_KEYS])
     sentences = [sentence for section in handed for sentence in section.sentences]
-    figures = [figure for section in handed for figure in section.figures]
     front = front or Front()
     belief = trust(track, evaluation, sensors, front.direct, front.caution)
     heading, rest = heading_of(track, title)
     anchor = "measured-in" if handed else "measured"
     suspects = verdict.suspect_sentences(track.notes)
-    answers = front_markup(front, suspects, sentences, figures)
+    answers = front_markup(front, suspects, sentences)
     line = belief_markup(belief, anchor)
     lead = line + rest if belief.level == "bad" else rest + line
     beside = bool(handed) and not handed[0].folded

@@ -67,8 +67,7 @@ def clip(key: str, place: tuple[float, float, float, float]) -> str:
 
 def padded(values: Sequence[Floats], least: float = 0.0, share: float = 0.06) -> tuple[float, float]:
     """Range of all finite values with a margin; at least ``least`` wide."""
-    finite = [v[np.isfinite(v)] for v in values]
-    joined = np.concatenate(finite) if finite else np.empty(0)
+    joined = np.concatenate([v[np.isfinite(v)] for v in values])
     low, high = (float(joined.min()), float(joined.max())) if len(joined) else (-1.0, 1.0)
     margin = max(share * (high - low), (least - (high - low)) / 2, 1e-12 * max(abs(low), abs(high), 1e-3))
     return low - margin, high + margin
@@ -93,11 +92,11 @@ def tick_labels(values: Sequence[float]) -> list[str]:
     return [f"{v if abs(v) > 1e-9 * step else 0.0:.{decimals}f}".replace("-", MINUS) for v in values]
 
 
-def decimate(x: Floats, y: Floats, buckets: int = BUCKETS) -> tuple[Floats, Floats]:
+def decimate(x: Floats, y: Floats) -> tuple[Floats, Floats]:
     """At most two samples per column: the smallest and the largest, in order of time. NaN marks a gap."""
-    if len(x) <= 2 * buckets:
+    if len(x) <= 2 * BUCKETS:
         return x, y
-    places, is_in = _buckets(len(x), buckets)
+    places, is_in = _buckets(len(x))
     values, good = y[places], np.isfinite(y[places]) & is_in
     lowest = np.argmin(np.where(good, values, np.inf), axis=1)
     highest = np.argmax(np.where(good, values, -np.inf), axis=1)
@@ -110,11 +109,11 @@ def decimate(x: Floats, y: Floats, buckets: int = BUCKETS) -> tuple[Floats, Floa
     return x[kept][chosen], heights[chosen]
 
 
-def envelope(x: Floats, low: Floats, high: Floats, buckets: int = BUCKETS) -> tuple[Floats, Floats, Floats]:
+def envelope(x: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats, Floats]:
     """A band with one pair of bounds per bucket, never narrower than the band itself."""
-    if len(x) <= buckets:
+    if len(x) <= BUCKETS:
         return x, low, high
-    places, is_in = _buckets(len(x), buckets)
+    places, is_in = _buckets(len(x))
     good = np.isfinite(low[places]) & np.isfinite(high[places]) & is_in
     lower = np.where(good, low[places], np.inf).min(axis=1)
     upper = np.where(good, high[places], -np.inf).max(axis=1)
@@ -124,9 +123,9 @@ def envelope(x: Floats, low: Floats, high: Floats, buckets: int = BUCKETS) -> tu
     return middle, lower, upper
 
 
-def _buckets(samples: int, count: int) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-    """(count, n) indices of the samples of each bucket, and which of them are its own: n is that of the longest."""
-    edges = np.linspace(0, samples, count + 1).astype(int)
+def _buckets(samples: int) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    """(BUCKETS, n) indices of the samples of each bucket, and which of them are its own: n is that of the longest."""
+    edges = np.linspace(0, samples, BUCKETS + 1).astype(int)
     places = edges[:-1, None] + np.arange(np.diff(edges).max())
     return np.minimum(places, samples - 1), places < edges[1:, None]
 

@@ -24,14 +24,13 @@ class KeyFigure(NamedTuple):
 
 @dataclass(frozen=True)
 class Section:
-    """A section of the page, with its sentences and figures for the summary.
+    """A section of the page, with its sentences for the summary.
 
     Attributes:
         key: prefix of its anchor and of all ids in it: small letters, digits and hyphens.
         name: its heading and its link at the top.
         markup: its content, HTML that is well-formed and whose ids begin with `key`.
         sentences: its sentences in the summary, after suspects; markup each.
-        figures: key figures, below the summary.
         style: additional CSS rules.
         script: JavaScript without markup, run once after the page has loaded. The page must be readable without it.
         folded: only its heading is shown until the reader opens it, or follows a link to its content. A page stays
@@ -43,7 +42,6 @@ class Section:
     name: str
     markup: str
     sentences: tuple[str, ...] = ()
-    figures: tuple[KeyFigure, ...] = ()
     style: str = ""
     script: str = ""
     folded: bool = False

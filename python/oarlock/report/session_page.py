@@ -13,7 +13,7 @@ from oarlock.report.markup import bar_legend, rendered, table
 from oarlock.report.page import shell
 from oarlock.report.section import KeyFigure, tiles
 from oarlock.report.text import DASH, breakable, fixed, listing, number, plural
-from oarlock.report.worn_section import worn_section
+from oarlock.report.worn_picture import worn_section
 from oarlock.storage.errors import DataError
 from oarlock.storage.write_file import write_file
 
@@ -45,9 +45,8 @@ def write_session_page(
     Raises:
         DataError: the calibration was not made by a session.
     """
-    target = Path(path)
-    write_file(target, session_page(calibration, model, pose))
-    return target
+    write_file(Path(path), session_page(calibration, model, pose))
+    return Path(path)
 
 
 def session_page(
@@ -67,28 +66,27 @@ def session_page(
     checks: Sequence[Check] = session["check"]
     again = [c for c in checks if c["outcome"] == "redo"]
     sections = [("worn", "Units on the body", worn_section(calibration, model, pose))] if model else []
-    sections += [("again", "Steps to repeat", _again(again))] if again else []
+    if again:
+        repeated = rendered("session_again", checks=[(check, _figures_of(check)) for check in again])
+        sections.append(("again", "Steps to repeat", repeated))
     sections.append(("steps", "Steps", _steps(session)))
     sections.append(("units", "Sensors", _units(checks)))
-    others = [c for c in checks if not c["subject"] or not _is_unit(c, checks)]
+    units = {c["subject"] for c in checks if c["what"] == "mount"}
+    others = [c for c in checks if not c["subject"] or c["subject"] not in units]
     if others:
         sections.append(("others", "Streams and magnetic field", _table("others", "", others, "about")))
     sections.append(("reading", "How to read this page", rendered("session_reading")))
-    lead = f'<div class="lead">{_lead(session, again)}</div>{_figures(checks)}'
+    steps = list(dict.fromkeys(str(c["step"]) for c in again))
+    failing = list(dict.fromkeys(str(c["subject"]) for c in again if c["subject"]))
+    failed = plural(len(again), "check") if again else ""
+    said = rendered("session_lead", failed=failed, steps=listing(steps), units=listing(failing))
+    lead = f'<div class="lead">{said}</div>{_figures(checks)}'
     return shell(f"Calibration session: {session['plan']}", lead, sections)
 
 
-def _lead(session: Mapping[str, Any], again: Sequence[Check]) -> str:
-    steps = list(dict.fromkeys(str(c["step"]) for c in again))
-    units = list(dict.fromkeys(str(c["subject"]) for c in again if c["subject"]))
-    failed = plural(len(again), "check") if again else ""
-    return rendered("session_lead", failed=failed, steps=listing(steps), units=listing(units))
-
-
 def _figures(checks: Sequence[Check]) -> str:
-    cards = []
     passed = sum(c["outcome"] == "pass" for c in checks)
-    cards.append(KeyFigure("checks", f"{passed} of {len(checks)}", "passed"))
+    cards = [KeyFigure("checks", f"{passed} of {len(checks)}", "passed")]
     for what, name, unit in (
         ("mount", "worst mount", "deg"),
         ("gyroscope's bias", "worst gyroscope", "mrad/s"),
@@ -103,10 +101,6 @@ def _figures(checks: Sequence[Check]) -> str:
         strength, _, direction = field["found"].partition(", ")
         cards.append(KeyFigure("magnetic field", strength, direction))
     return tiles(cards)
-
-
-def _again(checks: Sequence[Check]) -> str:
-    return rendered("session_again", checks=[(check, _figures_of(check)) for check in checks])
 
 
 def _figures_of(check: Check) -> str:
@@ -171,10 +165,6 @@ def _timeline(steps: Sequence[Mapping[str, Any]]) -> str:
 # --- units --------------------------------------------------------------------------------------------
 
 
-def _is_unit(check: Check, checks: Sequence[Check]) -> bool:
-    return any(c["what"] == "mount" and c["subject"] == check["subject"] for c in checks)
-
-
 def _units(checks: Sequence[Check]) -> str:
     names = [c["subject"] for c in checks if c["what"] == "mount"]
     blocks = []
@@ -191,17 +181,11 @@ def _table(key: str, caption: str, checks: Sequence[Check], first: str) -> str:
     for c in checks:
         label = c["what"] if first == "what" else f"{c['subject']} {c['what']}".strip()
         about = c["step"] if c["what"] in ("movement", "posture", "zero", "sign", "zero and scale") else ""
-        rows.append(
-            [
-                f"{escape(label)}" + (f' <span class="spread">{escape(about)}</span>' if about else ""),
-                escape(c["found"]) if c["found"] != "-" else DASH,
-                f"{number(c['std'], 2)}" if "std" in c else DASH,
-                f"{number(c['limit'], 2)}" if "limit" in c else DASH,
-                escape(c["unit"]),
-                _outcome(c["outcome"]),
-                escape(c["sentence"]),
-            ]
-        )
+        head = escape(label) + (f' <span class="spread">{escape(about)}</span>' if about else "")
+        found = escape(c["found"]) if c["found"] != "-" else DASH
+        std, limit = (number(c[key], 2) if key in c else DASH for key in ("std", "limit"))
+        end = [escape(c["unit"]), _outcome(c["outcome"]), escape(c["sentence"])]
+        rows.append([head, found, std, limit, *end])
     listed = table(key, caption, [first, "found", "std", "limit", "unit", "", "in words"], rows)
     return f'<div class="session">{listed}</div>'
 

@@ -63,7 +63,11 @@ def _figure(key: int, time_s: Floats, name: str, lines: Lines, true: list[tuple[
     description = f"Estimate with its 95 % band; at the end {ends} {unit}."
     size = (WIDTH, PLACE[1] + HEIGHT + FOOT)
     svg = plot.drawing(f"slow-{key}", size, f"{name} over time", description, content)
-    keys = "".join(_axis_key(axis) for axis, _, _ in scaled if axis)
+    swatch = (
+        '<span class="axis"><svg viewBox="0 0 22 10" width="22" height="10" aria-hidden="true">'
+        '<path class="slow axis-{0}" d="M0 5H22"/></svg>{0}</span>'
+    )
+    keys = "".join(swatch.format(axis) for axis, _, _ in scaled if axis)
     return figure(name, svg, unit=unit, fact=keys, style="with-truth" if true else "alone")
 
 
@@ -80,12 +84,6 @@ def _content(
         parts.append(plot.line(panel, time_s, value, f"slow axis-{axis or 'only'}"))
     parts += [plot.line(panel, at_s, value, "truth") for at_s, value in true]
     return "".join(parts) + "</g>"
-
-
-def _axis_key(axis: str) -> str:
-    swatch = f'<path class="slow axis-{axis}" d="M0 5H22"/>'
-    svg = f'<svg viewBox="0 0 22 10" width="22" height="10" aria-hidden="true">{swatch}</svg>'
-    return f'<span class="axis">{svg}{axis}</span>'
 
 
 def _last(value: Floats) -> float:

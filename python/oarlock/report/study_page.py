@@ -11,10 +11,9 @@ import numpy as np
 from oarlock.evaluation.study.result import StudyResult
 from oarlock.evaluation.study.run import MEAN
 from oarlock.report import chart
-from oarlock.report.fault_page import fault_page
+from oarlock.report.fault_page import fault_page, last_sections
 from oarlock.report.markup import grid, table
 from oarlock.report.page import shell
-from oarlock.report.study_sections import failures, settings_section
 from oarlock.report.text import DASH, breakable, fixed, number, percent, plural
 
 MOST_LINES = 6
@@ -29,12 +28,12 @@ def study_page(result: StudyResult) -> str:
         return fault_page(result)
     summary = result.summary()
     sections = [("scenarios", "Scenarios", _scenarios(result, summary))]
-    if numeric := _numeric(result):
+    # keys with several numbers become axes
+    if numeric := [
+        key for key, values in study.grid.items() if len(values) > 1 and all(map(_is_number, values))
+    ]:
         sections.append(("curves", "Error over the varied settings", _charts(summary, numeric)))
-    sections.append(("intervals", "All scenarios", _intervals(summary)))
-    if result.complaints:
-        sections.append(("failures", "What failed", failures(result)))
-    sections.append(("settings", "What was run", settings_section(result)))
+    sections += [("intervals", "All scenarios", _intervals(summary)), *last_sections(result)]
     about = f"<p>{escape(study.about)}</p>" if study.about else ""
     return shell(study.title, f'<div class="lead">{about}<p>{_sentence(result)}</p></div>', sections)
 
@@ -83,12 +82,6 @@ def _scenarios(result: StudyResult, summary: Sequence[Mapping[str, Any]]) -> str
 
 
 # --- against a number ---------------------------------------------------------------------------------
-
-
-def _numeric(result: StudyResult) -> list[str]:
-    """Keys of the grid with three or more numbers, or else with two; they become axes."""
-    study = result.study
-    return [key for key, values in study.grid.items() if len(values) > 1 and all(map(_is_number, values))]
 
 
 def _is_number(value: object) -> bool:

@@ -28,11 +28,8 @@ def joints_table(track: Track, evaluation: Evaluation | None) -> str:
 
     Rows of components and named angles follow a ball joint, a position and the rotation of a free joint.
     """
-    scores = (
-        {score.name: score for joint in evaluation.joints for score in (joint, *joint.parts)}
-        if evaluation
-        else {}
-    )
+    scored = evaluation.joints if evaluation else ()
+    scores = {score.name: score for joint in scored for score in (joint, *joint.parts)}
     after_s = evaluation.start_s if evaluation else 0.0
     kept = track.time_s >= track.time_s[0] + after_s
     rows: list[list[str]] = []
@@ -99,20 +96,13 @@ def _shown(track: Track, part: JointPart, kept: Bools) -> list[_Shown]:
     if part.kind == "position":
         return [_Shown(part.name, unit, DASH, claimed), *single]
     angles = named_angles(track, part)
+    clear = kept & ~angles.near_singular
     named = [
-        _Shown(
-            name,
-            unit,
-            _extent(angles.value[kept, k], unit),
-            _nanmean(angles.std[kept & ~angles.near_singular, k]),
-        )
+        _Shown(name, unit, _extent(angles.value[kept, k], unit), _nanmean(angles.std[clear, k]))
         for k, name in enumerate(angles.names)
     ]
-    return [
-        _Shown(part.name, unit, _reach(value), claimed),
-        *(replace(s, extent=DASH) for s in single),
-        *named,
-    ]
+    plain = [replace(s, extent=DASH) for s in single]
+    return [_Shown(part.name, unit, _reach(value), claimed), *plain, *named]
 
 
 def _reach(rotvec_rad: Floats) -> str:
@@ -177,8 +167,7 @@ def positions_table(scores: Sequence[PositionScore]) -> str:
     head = [
         "frame",
         "RMSE 3D",
-        *(f"RMSE {k}" for k in "xyz"),
-        *(f"correlation {k}" for k in "xyz"),
+        *(f"{what} {k}" for what in ("RMSE", "correlation") for k in "xyz"),
         "in 95 % band",
     ]
     rows = [

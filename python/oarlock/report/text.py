@@ -27,11 +27,11 @@ def number(value: float, digits: int = 3) -> str:
     return f"{value:,.{max(digits - 1 - power, 0)}f}".replace("-", MINUS)
 
 
-def decimals(value: float, digits: int = 3) -> int:
-    """Number of decimals for ``digits`` significant digits of a value; at most 6."""
+def decimals(value: float) -> int:
+    """Number of decimals for three significant digits of a value; at most 6."""
     if not math.isfinite(value) or value == 0:
         return 0
-    return min(max(digits - 1 - math.floor(math.log10(abs(value))), 0), 6)
+    return min(max(2 - math.floor(math.log10(abs(value))), 0), 6)
 
 
 def fixed(value: float, places: int) -> str:

@@ -112,9 +112,8 @@ def _good(evaluation: Evaluation | None) -> str:
 
 
 def _worst(track: Track, evaluation: Evaluation | None) -> list[str]:
-    found = [
-        f"{_short(note.removeprefix(SUSPECT_NOTE))}" for note in track.notes if note.startswith(SUSPECT_NOTE)
-    ]
+    suspects = [note.removeprefix(SUSPECT_NOTE) for note in track.notes if note.startswith(SUSPECT_NOTE)]
+    found = [text.split(". ")[0].rstrip(".") + "." for text in suspects]
     share = evaluation.mean_coverage() if evaluation else math.nan
     if share < MISLEADING_COVERAGE:
         found.append(f"the 95 % bands contain the reference only {percent(share)} of the time.")
@@ -125,7 +124,13 @@ def _reasons(
     track: Track, evaluation: Evaluation | None, sensors: Sequence[SensorScore], direct: str
 ) -> list[str]:
     share = evaluation.mean_coverage() if evaluation else math.nan
-    found = [_not_calibrated(track, direct, is_sure=not doubtful(sensors)), *_loud(sensors)]
+    suspicious = doubtful(sensors)
+    found = [_not_calibrated(track, direct, is_sure=not suspicious)]
+    found += [
+        f"the sensor {loud.name} is doubtful: it differs from the prediction by {math.sqrt(loud.nis):.1f} times the "
+        "expected error. Check how it is mounted."
+        for loud in suspicious[:1]
+    ]
     if share < NARROW_COVERAGE:
         found.append(f"the 95 % bands contain the reference only {percent(share)} of the time.")
     total = readings(track.counts)
@@ -141,14 +146,6 @@ def doubtful(sensors: Sequence[SensorScore]) -> list[SensorScore]:
     return sorted((one for one in sensors if one.count and one.nis > LOUD), key=lambda one: -one.nis)
 
 
-def _loud(sensors: Sequence[SensorScore]) -> list[str]:
-    return [
-        f"the sensor {loud.name} is doubtful: it differs from the prediction by {math.sqrt(loud.nis):.1f} times the "
-        "expected error. Check how it is mounted."
-        for loud in doubtful(sensors)[:1]
-    ]
-
-
 def _not_calibrated(track: Track, direct: str, is_sure: bool) -> str:
     """`is_sure`: whether nothing speaks against what encoders measure."""
     units = len(track.provenance.get("nominal_mounts") or ())
@@ -161,8 +158,3 @@ def _not_calibrated(track: Track, direct: str, is_sure: bool) -> str:
         )
     what = "the unit on the body was" if units == 1 else f"the {units} units on the body were"
     return f"angles can be several degrees off, because {what} not calibrated; changes of an angle are better known."
-
-
-def _short(text: str) -> str:
-    """The first sentence of a note."""
-    return text.split(". ")[0].rstrip(".") + "."

@@ -26,8 +26,10 @@ NIS_QUIET = 0.25
 
 def sentences(track: Track, evaluation: Evaluation | None, sensors: tuple[SensorScore, ...]) -> list[str]:
     """What was tracked, its errors, and the coverage of the bands; markup each."""
-    found = (_what(track), _how_well(evaluation), _verdict(evaluation, sensors))
-    return [sentence for sentence in found if sentence]
+    parts = filter(None, [_bands(evaluation), _readings(sensors) if sensors else ""])
+    reliable = " ".join(parts)
+    verdict = [f"<strong>Reliability.</strong> {reliable}"] if reliable else []
+    return [_what(track), _how_well(evaluation), *verdict]
 
 
 def suspect_sentences(notes: Sequence[str]) -> list[str]:
@@ -68,7 +70,10 @@ def key_figures(track: Track, evaluation: Evaluation | None) -> list[KeyFigure]:
 
 
 def _what(track: Track) -> str:
-    seen = len(observed_joints(track))
+    seen, total = len(observed_joints(track)), len(track.joint_names)
+    observed = "All joints were observed."
+    if seen < total:
+        observed = f"{seen} of {total} joints were observed, the others for less than half of the time."
     name = escape(str(getattr(track.model, "name", "") or track.provenance.get("model", "")))
     body = f"the model <b>{name}</b>" if name else "the model"
     duration = float(track.time_s[-1] - track.time_s[0])
@@ -84,14 +89,8 @@ def _what(track: Track) -> str:
     since = f", from {begin}" if begin else ""
     return (
         f"{plural(len(track.joint_names), 'joint')} of {body} over {number(duration, 4)} s{since} "
-        f"({plural(len(track.time_s), 'row')}{rate}{streams}), {how}. {_seen_words(seen, len(track.joint_names))}"
+        f"({plural(len(track.time_s), 'row')}{rate}{streams}), {how}. {observed}"
     )
-
-
-def _seen_words(seen: int, total: int) -> str:
-    if seen == total:
-        return "All joints were observed."
-    return f"{seen} of {total} joints were observed, the others for less than half of the time."
 
 
 def _how_well(evaluation: Evaluation | None) -> str:
@@ -114,12 +113,6 @@ def _how_well(evaluation: Evaluation | None) -> str:
         f"over {plural(len(turning), noun)}, without the first {evaluation.start_s:g} s); the largest is "
         f"{number(math.degrees(worst.rmse), 2)}° at {escape(worst.name)}."
     )
-
-
-def _verdict(evaluation: Evaluation | None, sensors: tuple[SensorScore, ...]) -> str:
-    parts = [_bands(evaluation), _readings(sensors) if sensors else ""]
-    text = " ".join(part for part in parts if part)
-    return f"<strong>Reliability.</strong> {text}" if text else ""
 
 
 def _bands(evaluation: Evaluation | None) -> str:

@@ -1,15 +1,18 @@
-"""A body in a still pose with its units: where each sits and which way its axes point. For pages of sessions."""
+"""The section of a session's page with the units on the body: verdicts, a picture of the still pose, axes in words."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from oarlock.calibration.static.pose_mounts import rest_posture
+from oarlock.recording.calibration import Calibration
 from oarlock.recording.unit_names import place_of_name
+from oarlock.report.markup import rendered, table
 from oarlock.report.pose_picture.skeleton import SkeletonLine, StickFigure, Vector, View, skeleton
 
 if TYPE_CHECKING:
@@ -162,19 +165,18 @@ def _panel(
     near = np.cross(view.right, view.up)
     limbs = "".join(_limb(links, worn.body.up, place, scale) for links in _limbs(worn, near))
     marks = "".join(_unit(unit, view, near, place) for unit in sorted(units, key=lambda u: u.point @ near))
-    top = _top(worn, place) if _wide(high - low) else PAD
+    top = PAD
+    if _wide(high - low):
+        # below what reaches into the columns of the labels
+        ends = [place(point) for link in worn.body.links for point in (link.start, link.end)]
+        aside = [y for x, y in ends if not MARGIN < x < WIDTH - MARGIN]
+        top = max(aside, default=0.0) + AXIS_PX + LABEL_PX
     height = 2 * PAD + max(scale * float(high[1] - low[1]), top - PAD + LABEL_PX * (len(units) + 1) / 2.0)
     return (
         f'<figure><figcaption><span class="name">{escape(view.title)}</span></figcaption>'
         f'<svg viewBox="0 0 {WIDTH:.0f} {height:.0f}" role="img" aria-label="The units on the body, '
         f'{escape(view.title)}">{limbs}{_labels(units, place, top, height)}{marks}</svg></figure>'
     )
-
-
-def _top(worn: WornBody, place: Place) -> float:
-    """Below what reaches into the columns of the labels, px."""
-    points = [place(point) for link in worn.body.links for point in (link.start, link.end)]
-    return max((y for x, y in points if not MARGIN < x < WIDTH - MARGIN), default=0.0) + AXIS_PX + LABEL_PX
 
 
 def _limbs(worn: WornBody, near: Vector) -> list[list[SkeletonLine]]:
@@ -193,20 +195,14 @@ def _limb(links: Sequence[SkeletonLine], up: Vector, place: Place, scale: float)
     for link in links:
         (x1, y1), (x2, y2) = place(link.start), place(link.end)
         segment = place_of_name(link.frame).segment
-        thick_m = THICK_M.get(segment, OTHER_THICK_M)
-        if segment in LIMBS["trunk"] and _across(link, up):
+        thick_m, way = THICK_M.get(segment, OTHER_THICK_M), link.end - link.start
+        if segment in LIMBS["trunk"] and abs(float(way @ up)) < 0.7 * float(np.linalg.norm(way)):
             thick_m = ACROSS_M
         lines.append(
             (f'x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}" stroke-width', scale * thick_m)
         )
     edges = "".join(f'<line class="limb-edge" {line}="{thick + 2.5:.1f}"/>' for line, thick in lines)
     return edges + "".join(f'<line class="limb" {line}="{thick:.1f}"/>' for line, thick in lines)
-
-
-def _across(link: SkeletonLine, up: Vector) -> bool:
-    """Whether a link runs rather sideways than up."""
-    way = link.end - link.start
-    return abs(float(way @ up)) < 0.7 * float(np.linalg.norm(way))
 
 
 def _unit(unit: WornUnit, view: View, near: Vector, place: Place) -> str:
@@ -294,3 +290,66 @@ def pointing(axis: Vector, body: StickFigure, right: Vector) -> str:
     order = sorted(named, key=lambda name: -float(named[name] @ axis))
     off_deg = float(np.degrees(np.arccos(np.clip(named[order[0]] @ axis, -1.0, 1.0))))
     return order[0] if off_deg < STRAIGHT_DEG else f"{order[0]}, {off_deg:.0f}° {order[1]}"
+
+
+Check = Mapping[str, Any]
+
+
+def worn_section(calibration: Calibration, model: Model, pose: Mapping[str, float] | None = None) -> str:
+    """The section as markup.
+
+    Args:
+        calibration: of a session.
+        model: the body.
+        pose: the still pose by coordinate, rad and m; the others are as at rest.
+    """
+    q = np.asarray(rest_posture(model, dict(pose) if pose else None))
+    stds = heading_stds_deg(calibration, model, q)
+    noted: Any = calibration.noted["session"]
+    verdicts = unit_verdicts(noted["check"], stds)
+    worn = WornBody.of(model, q, calibration, verdicts)
+    styles = {style: sum(unit.style == style for unit in worn.units) for style in MARKS}
+    lead = rendered("session_worn", styles=styles, marks=MARKS)
+    rows = [_row(unit, worn, stds) for unit in worn.units]
+    heads = ["unit", "result", "x points", "y points", "z points", "heading std, deg"]
+    listed = table("worn-axes", "Axes of each sensor in the still pose, seen from the person.", heads, rows)
+    return f'{lead}{worn_picture(worn)}<div class="compared">{listed}</div>'
+
+
+def heading_stds_deg(calibration: Calibration, model: Model, q: Vector) -> dict[str, float]:
+    """Unit -> standard deviation of its mount about the vertical in a posture, deg."""
+    poses, up = np.asarray(model.forward_kinematics(q)), np.asarray(model.describe().world.up)
+    found = {}
+    for sensor in model.describe().inertial_units:
+        std_rad = calibration.mount_stds_rad.get(sensor.name)
+        if std_rad is not None:
+            in_link = poses[model.frame_names.index(sensor.frame), :3, :3].T @ up
+            found[sensor.name] = float(np.degrees(np.linalg.norm(in_link * np.asarray(std_rad))))
+    return found
+
+
+def unit_verdicts(checks: Sequence[Check], heading_deg: Mapping[str, float]) -> dict[str, tuple[str, str]]:
+    """Unit -> (style, words). A mount that is unsure mostly about the vertical is an uncertain heading."""
+    found = {}
+    for mount in (check for check in checks if check["what"] == "mount"):
+        name, std = mount["subject"], mount.get("std", float("nan"))
+        failed = [c for c in checks if c["subject"] == name and c["outcome"] == "redo"]
+        heading = heading_deg.get(name, 0.0)
+        if not failed:
+            found[name] = ("good", f"± {std:.1f}°")
+        elif all(check is mount for check in failed) and heading >= HEADING_SHARE * std:
+            found[name] = ("unsure", f"heading ± {heading:.0f}°")
+        else:
+            what = "mount" if any(check is mount for check in failed) else failed[0]["what"]
+            found[name] = ("bad", f"± {std:.0f}°" if what == "mount" else str(what))
+    return found
+
+
+HEADING_SHARE = 0.8
+
+
+def _row(unit: WornUnit, worn: WornBody, stds: Mapping[str, float]) -> list[str]:
+    style = "open" if unit.style == "unsure" else unit.style
+    verdict = f'<span class="verdict {style}">{MARKS[unit.style]} {escape(unit.verdict)}</span>'
+    axes = [escape(pointing(axis, worn.body, worn.right)) for axis in unit.root_from_sensor.T]
+    return [escape(unit.name), verdict, *axes, f"{stds[unit.name]:.1f}" if unit.name in stds else "–"]

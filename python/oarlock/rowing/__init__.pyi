@@ -15,7 +15,7 @@ from .exports.load import EXPORT_FORMATS, ExportFormat, load_export, load_stroke
 from .field.effects import FieldEffects
 from .field.trial import FieldTrial, simulate_field
 from .figure.shapes import LiveLook, live_look, rowing_look, stroke_marks
-from .report.crew.write import write_crew_report
+from .report.crew_page import write_crew_report
 from .report.export_page import write_strokes_report
 from .report.live import StrokeFollower
 from .simulation.anthropometry import anthropometry

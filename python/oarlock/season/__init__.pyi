@@ -5,7 +5,7 @@ from .athletes import Athlete, NamesFile
 from .database import Database, Selection
 from .earlier import EarlierPieces, earlier_pieces
 from .page import write_season_page
-from .questions import QUESTIONS, Change, Question, Trend, ask, trend
+from .questions import QUESTIONS, Change, Question, Trend, ask, left_out, trend
 from .records import Entry, RunRecord, Setup
 from .store import Season, create_season, open_season
 from .tables import SeasonSummary, season_summary
@@ -31,6 +31,7 @@ __all__ = [
     "changed_athlete",
     "create_season",
     "earlier_pieces",
+    "left_out",
     "open_season",
     "season_summary",
     "trend",

@@ -10,7 +10,6 @@ import secrets
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 
 from oarlock.season.records import parsed_toml
 from oarlock.storage.errors import DataError
@@ -22,7 +21,8 @@ PSEUDONYM_LETTERS = "ABCDEFGHJKMNPQRSTVWXYZ23456789"
 PSEUDONYM_LENGTH = 6
 SCOPES = ("coaching", "research", "sharing")
 """What an athlete may consent to."""
-_ATTRIBUTES = ("stature_m", "mass_kg")
+ATTRIBUTES = {"stature_m": (0.5, 2.5), "mass_kg": (10.0, 250.0)}
+"""Smallest and largest number of a person."""
 _NAMES_FORMAT = 1
 
 
@@ -32,7 +32,7 @@ class Athlete:
 
     Args:
         pseudonym: random, the only name in the season.
-        attributes: numbers by name: ``stature_m``, ``mass_kg``.
+        attributes: numbers by the names of `ATTRIBUTES`.
         consent: for each scope of `SCOPES` the day on which it was given, as ISO text.
         withdrawn: the day on which all consent was withdrawn; empty if it was not.
         guardian: whether a guardian gave the consent.
@@ -40,8 +40,8 @@ class Athlete:
     """
 
     pseudonym: str
-    attributes: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
-    consent: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    attributes: Mapping[str, float] = field(default_factory=dict)
+    consent: Mapping[str, str] = field(default_factory=dict)
     withdrawn: str = ""
     guardian: bool = False
     setup: str = ""
@@ -59,12 +59,12 @@ class Athlete:
     def parsed(cls, contents: bytes, pseudonym: str, where: str) -> Athlete:
         """The athlete of a file."""
         table = parsed_toml(contents, where)
-        table.check_keys((*_ATTRIBUTES, "setup", "consent"))
+        table.check_keys((*ATTRIBUTES, "setup", "consent"))
         consent = table.table("consent", {})
         consent.check_keys((*SCOPES, "withdrawn", "guardian"))
         return cls(
             pseudonym,
-            {key: table.number(key, 0.0) for key in _ATTRIBUTES if key in table.values},
+            {key: table.number(key, 0.0) for key in ATTRIBUTES if key in table.values},
             {key: checked_day(consent.string(key), where) for key in SCOPES if key in consent.values},
             consent.string("withdrawn", ""),
             consent.boolean("guardian", False),
@@ -75,17 +75,16 @@ class Athlete:
 def new_pseudonym(taken: Mapping[str, object]) -> str:
     """A random pseudonym that is not in use."""
     while True:
-        found = "".join(secrets.choice(PSEUDONYM_LETTERS) for _ in range(PSEUDONYM_LENGTH))
-        if found not in taken and not found.isdigit():
-            return found
+        pseudonym = "".join(secrets.choice(PSEUDONYM_LETTERS) for _ in range(PSEUDONYM_LENGTH))
+        if pseudonym not in taken and not pseudonym.isdigit():
+            return pseudonym
 
 
 def check_scope(scope: str) -> None:
     """Raises a DataError if `scope` is not one of `SCOPES`."""
     if scope not in SCOPES:
-        raise DataError(
-            f'"{scope}" is not a scope of consent; choose {", ".join(SCOPES[:-1])} or {SCOPES[-1]}'
-        )
+        scopes = f"{', '.join(SCOPES[:-1])} or {SCOPES[-1]}"
+        raise DataError(f'"{scope}" is not a scope of consent; choose {scopes}')
 
 
 def checked_day(text: str, where: str) -> str:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import hashlib
 import time
 import tomllib
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from oarlock.evaluation.consistency import sensor_scores
 from oarlock.evaluation.interval import Interval
 from oarlock.recording.calibration import calibration_text, parsed_calibration
 from oarlock.rowing import StrokeTable, load_export, technique
+from oarlock.rowing.alongside.course import course_of
 from oarlock.rowing.analysis.rower_places import RowerFrames
 from oarlock.rowing.strokes.files import strokes_parquet
 from oarlock.season.records import SEASON_FILE, STROKES_FILE, Entry, RunRecord, Setup
@@ -63,6 +64,7 @@ def choose_setup(season: Season, setup: Setup, athlete: str | None = None) -> Se
     return season
 
 
+@lru_cache(maxsize=64)
 def opened_setup(setup: Setup) -> tuple[Model, Calibration | None, Config]:
     """What the files of a setup contain."""
     model = Model.from_toml(setup.model.decode(), "model.toml", {})
@@ -72,52 +74,66 @@ def opened_setup(setup: Setup) -> tuple[Model, Calibration | None, Config]:
     return model, calibration, Config(**settings)
 
 
-@dataclass(frozen=True)
-class Tools:
-    """What the recordings of one setup are computed with; no model for exports."""
-
-    season: Season
-    setup: Setup
-    model: Model | None
-    calibration: Calibration | None
-    config: Config
-
-
-@dataclass(frozen=True)
-class StrokesAndHealth:
-    """Strokes of a recording, None where it has none, and numbers about its sensors by name."""
-
-    strokes: StrokeTable | None
-    health: dict[str, float]
-
-
-Compute = Callable[[Entry, Tools], StrokesAndHealth]
+StrokesAndHealth: TypeAlias = tuple[StrokeTable | None, Mapping[str, float]]
+"""Strokes of a recording, None where it has none, and numbers about its sensors by name."""
+Compute: TypeAlias = Callable[[Season, Entry, Setup], StrokesAndHealth]
 
 
 def run_job(job: Job, compute: Compute | None = None) -> Reply:
     """Compute a recording and store its result, or the reason why there is none; tests compute otherwise."""
-    if (other := _other_versions(job)) is not None:
-        return Reply("refused", other)
+    here = dict(versions())
+    for name, version in job.versions:
+        if here[name] != version:
+            return Reply(
+                "refused",
+                f"the process that computes has {name} {here[name]}, and this command {version}; their results "
+                "would differ. Install the same versions everywhere and start the workers again",
+            )
     try:
-        tools = _tools(job.season, job.setup, job.athlete)
-        if _has_ended(tools.season, job):
-            return Reply("there")
-        entry = tools.season.entry(job.athlete, job.recording)
+        season, setup = _opened(job.season, job.setup, job.athlete)
+        if setup.model:
+            opened_setup(setup)
+        with suppress(DataError):  # damaged: it is computed again
+            record = season.run_record(job.athlete, job.recording, job.run)
+            if record is not None and not (job.again and record.status == "failed"):
+                return Reply("there")
+        entry = season.entry(job.athlete, job.recording)
     except (ValueError, TypeError, OSError) as error:
         return Reply("refused", str(error))
     if entry is None or not entry.files:
         return Reply("removed", "its raw data are not there any more")
     began = time.perf_counter()
     try:
-        record, files = _recorded(job, entry, tools, compute or computed)
+        record, files = _recorded(job, season, entry, setup, compute or computed)
         computed_s = time.perf_counter() - began
-        is_new = commit(tools.season, job, record, files, tools.setup)
+        is_new = commit(season, job, record, files, setup)
     except (DataError, OSError) as error:
         return Reply("refused", str(error))
     return Reply(record.status, record.fault, computed_s) if is_new else Reply("there", "", computed_s)
 
 
-def computed(entry: Entry, tools: Tools) -> StrokesAndHealth:
+def _recorded(
+    job: Job, season: Season, entry: Entry, setup: Setup, compute: Compute
+) -> tuple[RunRecord, dict[str, bytes]]:
+    try:
+        table, health = compute(season, entry, setup)
+    except _NOT_ITS_FAULT:
+        raise
+    except MemoryError:
+        return failed_record(job, setup, "it needs more memory than there is"), {}
+    except BaseException as error:  # a panic of the engine is no Exception
+        words = str(error) if isinstance(error, DataError) else f"{type(error).__name__}: {error}"
+        return failed_record(job, setup, words), {}
+    engine = dict(job.versions)["oarlock"]
+    if table is None or not len(table):
+        return RunRecord.done(job.recording, setup, engine, b"", 0, health), {}
+    strokes = strokes_parquet(table)
+    left_out = int((table["in_averages"] == 0.0).sum()) if "in_averages" in table else 0
+    record = RunRecord.done(job.recording, setup, engine, strokes, len(table), health, left_out)
+    return record, {STROKES_FILE: strokes}
+
+
+def computed(season: Season, entry: Entry, setup: Setup) -> StrokesAndHealth:
     """Strokes of a recording or an export.
 
     Curves of strokes are left out: they are 9 of 10 bytes.
@@ -125,26 +141,29 @@ def computed(entry: Entry, tools: Tools) -> StrokesAndHealth:
     with TemporaryDirectory() as scratch:
         folder = Path(scratch, "recording")
         try:
-            fetch(tools.season, entry, folder)
+            fetch(season, entry, folder)
             if entry.kind == "export":
-                found = load_export(folder / next(iter(entry.files)))
-                return StrokesAndHealth(found if isinstance(found, StrokeTable) else None, {})
-            assert tools.model is not None
-            smoothed = smooth(track(tools.model, load_recording(folder), tools.calibration, tools.config))
-            table = technique(smoothed, calibration=tools.calibration).strokes
-            return StrokesAndHealth(replace(table, curves={}), sensor_health(smoothed))
+                export = load_export(folder / next(iter(entry.files)))
+                if not isinstance(export, StrokeTable):
+                    return None, {}
+                counts = course_of(export).steady.astype(np.float64)
+                return replace(export, columns={**export.columns, "in_averages": counts}), {}
+            model, calibration, config = opened_setup(setup)
+            smoothed = smooth(track(model, load_recording(folder), calibration, config))
+            table = technique(smoothed, calibration=calibration).strokes
+            return replace(table, curves={}), sensor_health(smoothed)
         except (DataError, DivergedError) as error:
             words = str(error) if isinstance(error, DataError) else f"the filter diverged: {error}"
             raise DataError(words.replace(str(folder), entry.folder)) from error
 
 
-def sensor_health(found: Track) -> dict[str, float]:
+def sensor_health(smoothed: Track) -> dict[str, float]:
     """Numbers of each sensor: ``NAME.missing`` and ``NAME.rejected`` are shares of the readings expected and received.
 
     ``NAME.nis`` is the normalised innovation squared per reading, 1 where the model fits (`sensor_scores`).
     """
     health: dict[str, float] = {}
-    for score in sensor_scores(found, Interval(-np.inf, np.inf)):
+    for score in sensor_scores(smoothed, Interval(-np.inf, np.inf)):
         if np.isfinite(score.nis):
             health[f"{score.name}.nis"] = float(score.nis)
         if (count := score.count) is not None:
@@ -155,61 +174,14 @@ def sensor_health(found: Track) -> dict[str, float]:
 
 def fetch(season: Season, entry: Entry, folder: Path) -> None:
     """Copy the files of a recording into a new folder and compare them with their hashes."""
-    for name, expected in entry.files.items():
-        full = f"{entry.folder}/{name}"
-        advice = "restore it from a backup, then run with --again-failed"
-        try:
-            contents = season.place.read(full)
-        except FileNotFoundError:
-            raise DataError(f"{full}: is missing; {advice}") from None
-        except OSError as error:
-            raise DataError(f"{full}: cannot be read ({error.strerror}); {advice}") from error
-        if hashlib.sha256(contents).hexdigest() != expected:
-            raise DataError(f"{full}: is damaged: its SHA-256 differs from the recorded one; {advice}")
+    advice = "; restore it from a backup, then run with --again-failed"
+    for name, sha256 in entry.files.items():
+        contents = season.read_checked(f"{entry.folder}/{name}", sha256, advice)
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(contents)
 
 
-def _recorded(job: Job, entry: Entry, tools: Tools, compute: Compute) -> tuple[RunRecord, dict[str, bytes]]:
-    try:
-        found = compute(entry, tools)
-    except _NOT_ITS_FAULT:
-        raise
-    except MemoryError:
-        return failed_record(job, tools.setup, "it needs more memory than there is"), {}
-    except BaseException as error:  # a panic of the engine is no Exception
-        words = str(error) if isinstance(error, DataError) else f"{type(error).__name__}: {error}"
-        return failed_record(job, tools.setup, words), {}
-    count = 0 if found.strokes is None else len(found.strokes)
-    strokes = b"" if found.strokes is None else strokes_parquet(found.strokes)
-    engine = dict(job.versions)["oarlock"]
-    record = RunRecord.done(job.recording, tools.setup, engine, strokes, count, found.health)
-    return record, {STROKES_FILE: strokes} if count else {}
-
-
 @lru_cache(maxsize=64)
-def _tools(address: str, setup: str, athlete: str) -> Tools:
+def _opened(address: str, setup: str, athlete: str) -> tuple[Season, Setup]:
     season = open_season(address)
-    if setup == Setup().name:
-        return Tools(season, Setup(), None, None, Config())
-    files = season.load_setup(setup, athlete)
-    return Tools(season, files, *opened_setup(files))
-
-
-def _has_ended(season: Season, job: Job) -> bool:
-    try:
-        record = season.run_record(job.athlete, job.recording, job.run)
-    except DataError:  # damaged: it is computed again
-        return False
-    return record is not None and not (job.again and record.status == "failed")
-
-
-def _other_versions(job: Job) -> str | None:
-    here = dict(versions())
-    for name, version in job.versions:
-        if here[name] != version:
-            return (
-                f"the process that computes has {name} {here[name]}, and this command {version}; their results would "
-                "differ. Install the same versions everywhere and start the workers again"
-            )
-    return None
+    return season, season.load_setup(setup, athlete)

@@ -6,10 +6,10 @@ import datetime
 import re
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,16 +17,8 @@ import numpy as np
 from oarlock.rowing.crew.matching import delays
 from oarlock.rowing.crew.seats import seat_place
 from oarlock.season.athletes import check_scope
-from oarlock.season.records import Entry, RunRecord
 from oarlock.season.store import Season, in_threads, not_in_season
-from oarlock.season.tables import (
-    KEYS,
-    Catalogue,
-    athlete_rows,
-    recording_rows,
-    run_rows,
-    update_tables,
-)
+from oarlock.season.tables import KEYS, Catalogue, athlete_rows, recording_rows, run_rows, update_tables
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
 
@@ -40,10 +32,11 @@ _SETTINGS: dict[str, Any] = {
     "python_enable_replacements": False,
     "temp_directory": "",
 }
-_SIDED = " right minus left"
-_MOST_DF = 300
+SIDED = " right minus left"
+"""Ends the name of a metric of which both sides are compared."""
 _UNIT = re.compile(r"_(rad|deg|per_min|m_s2|m_s|rad_s|m2|s|m|w|n|j)$")
-_TO = re.compile(r"^\s*(\d+(?:\.\d+)?)\s*(?:-|to|\.\.)\s*(\d+(?:\.\d+)?)\s*$")
+_RATES = re.compile(r"^\s*(\d+(?:\.\d+)?)\s*(?:-|to|\.\.)\s*(\d+(?:\.\d+)?)\s*$")
+_LEAST_VARIANCE = 1e-24
 
 
 @dataclass(frozen=True)
@@ -66,53 +59,34 @@ class Selection:
     until: datetime.date | None = None
     scope: str | None = None
 
-    def selects(self, entry: Entry, run: RunRecord | None) -> bool:
-        """Whether a recording with its current run is asked of."""
-        day = None if entry.start is None else entry.start.date()
-        return (
-            self.boat in (None, entry.session.get("boat"))
-            and self.comparable in (None, None if run is None else run.comparable)
-            and (self.since is None or (day is not None and self.since <= day))
-            and (self.until is None or (day is not None and day <= self.until))
-        )
-
     def __str__(self) -> str:
         named = {"boat": self.boat, "class": self.comparable, "since": self.since, "until": self.until}
         parts = [self.athlete, *(f"{name} {value}" for name, value in named.items() if value is not None)]
         return ", ".join(part for part in parts if part) or "the season"
 
 
-@dataclass(frozen=True)
-class Rates:
-    """Stroke rates, 1/min, both included; None does not restrict."""
-
-    low: float | None = None
-    high: float | None = None
-
-    @classmethod
-    def parsed(cls, text: str | None) -> Rates:
-        """Rates of a text such as "20-24"."""
-        if text is None:
-            return cls()
-        found = _TO.match(text)
-        if found is None or float(found[1]) >= float(found[2]):
-            raise DataError(f'"{text}" is no range of stroke rates; expected one such as 20-24')
-        return cls(float(found[1]), float(found[2]))
+def rate_range(text: str | None) -> tuple[float | None, float | None]:
+    """Stroke rates of a text such as "20-24", 1/min, both included; None does not restrict."""
+    if text is None:
+        return None, None
+    ends = _RATES.match(text)
+    if ends is None or float(ends[1]) >= float(ends[2]):
+        raise DataError(f'"{text}" is no range of stroke rates; expected one such as 20-24')
+    return float(ends[1]), float(ends[2])
 
 
 def metric_named(text: str, metrics: Sequence[str]) -> str:
     """The metric of a name, which may lack its unit: `Catch angle` and `catch_angle_rad` are the same."""
-    asked = re.sub(r"[\s\-]+", "_", text.strip()).casefold()
-    if asked in metrics:
-        return asked
-    found = [name for name in metrics if _UNIT.sub("", name) == _UNIT.sub("", asked)]
-    if len(found) == 1:
-        return found[0]
-    if found:
-        raise DataError(f'"{text}" may be {" or ".join(found)}; give one of them')
-    raise DataError(
-        f'"{text}" is no metric of this season. {did_you_mean(asked, (_UNIT.sub("", name) for name in metrics))}'
-    )
+    name = re.sub(r"[\s\-]+", "_", text.strip()).casefold()
+    if name in metrics:
+        return name
+    alike = [metric for metric in metrics if _UNIT.sub("", metric) == _UNIT.sub("", name)]
+    if len(alike) == 1:
+        return alike[0]
+    if alike:
+        raise DataError(f'"{text}" may be {" or ".join(alike)}; give one of them')
+    known = (_UNIT.sub("", metric) for metric in metrics)
+    raise DataError(f'"{text}" is no metric of this season. {did_you_mean(name, known)}')
 
 
 class Database:
@@ -132,7 +106,13 @@ class Database:
         self, season: Season, selection: Selection | None = None, tables: Catalogue | None = None
     ) -> None:
         self.season, self.selection = season, selection or Selection()
-        self._connection = _connected(season.place.address)
+        try:
+            import duckdb
+        except ImportError:
+            raise DataError(
+                f'{season.place.address}: questions need one more package: pip install "oarlock[season]"'
+            ) from None
+        self._duckdb, self._connection = duckdb, duckdb.connect(":memory:", config=_SETTINGS)
         try:
             self._open(update_tables(season, self.selection.athlete) if tables is None else tables)
         except BaseException:
@@ -142,9 +122,7 @@ class Database:
     def __enter__(self) -> Database:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     def close(self) -> None:
@@ -157,28 +135,22 @@ class Database:
         Raises:
             DataError: the statement is wrong, would change something, or reads what is no table of the season.
         """
-        import duckdb
-
-        kinds = (duckdb.StatementType.SELECT, duckdb.StatementType.EXPLAIN)
+        kinds = (self._duckdb.StatementType.SELECT, self._duckdb.StatementType.EXPLAIN)
         try:
             statements = self._connection.extract_statements(sql)
             if len(statements) != 1 or statements[0].type not in kinds:
                 raise DataError(
                     "a question is one statement that reads, such as SELECT, DESCRIBE or SUMMARIZE; got "
-                    + (", then ".join(one.type.name for one in statements) or "none")
+                    + (", then ".join(statement.type.name for statement in statements) or "none")
                 )
             return self._connection.sql(sql).to_arrow_table()
-        except duckdb.Error as error:
+        except self._duckdb.Error as error:
             raise DataError(f"the question cannot be answered: {error}{self._advice(error)}") from None
 
-    def _advice(self, error: BaseException) -> str:
-        """What to do where DuckDB could not read a file; empty for other errors."""
-        import duckdb
-
-        own = (duckdb.ParserException, duckdb.BinderException, duckdb.CatalogException)
-        if isinstance(error, (*own, duckdb.PermissionException)):
-            return ""
-        return f". If a table is damaged: `oarlock season check {self.season.place.address} --repair`"
+    def rows(self, sql: str) -> list[dict[str, Any]]:
+        """As `table`, a dictionary a row."""
+        rows: list[dict[str, Any]] = self.table(sql).to_pylist()
+        return rows
 
     def metric(self, text: str) -> str:
         """The column of a metric's name.
@@ -194,142 +166,164 @@ class Database:
 
     def classes(self) -> dict[str, tuple[str, int]]:
         """Engine and number of recordings of each class of runs among the strokes, most recordings first."""
-        rows = self.table("FROM classes").to_pylist()
-        return {row["comparable"]: (row["engine"], row["recordings"]) for row in rows}
+        return {row["comparable"]: (row["engine"], row["recordings"]) for row in self.rows("FROM classes")}
 
-    def _open(self, found: Catalogue) -> None:
-        here = in_threads(self._path, [one.file for one in found.of])
+    def _advice(self, error: BaseException) -> str:
+        """What to do where DuckDB could not read a file; empty for other errors."""
+        kinds = ("Parser", "Binder", "Catalog", "Permission")
+        if isinstance(error, tuple(getattr(self._duckdb, f"{kind}Exception") for kind in kinds)):
+            return ""
+        return f". If a table is damaged: `oarlock season check {self.season.place.address} --repair`"
+
+    def _run(self, sql: str, *values: object) -> None:
+        try:
+            self._connection.execute(sql, values or None)
+        except self._duckdb.Error as error:
+            raise DataError(f"{self.season.place.address}: {error}{self._advice(error)}") from error
+
+    def _open(self, tables: Catalogue) -> None:
+        here = in_threads(self._path, [data.file for data in tables.of])
         # An athlete whose table is gone was erased meanwhile.
-        found = Catalogue([one for one, path in zip(found.of, here, strict=True) if path is not None])
-        self._check_named(found)
-        asked = self._selected(found)
+        stored = Catalogue([data for data, path in zip(tables.of, here, strict=True) if path is not None])
+        self._check_athlete(stored)
+        scope = self.selection.scope
+        stored = Catalogue([data for data in stored.of if scope is None or data.athlete.allows(scope)])
         self._run("SET TimeZone = 'UTC'")
-        tables = {"athletes": athlete_rows, "recordings": recording_rows, "runs": run_rows}
-        for name, rows in tables.items():
-            self._create(name, rows(asked))
-        paths = [_text(str(path)) for path in here if path is not None]
-        self._strokes(f"read_parquet([{', '.join(paths)}], union_by_name = true, hive_partitioning = false)")
-        self._run(f"SET allowed_paths = [{', '.join(paths)}]")
+        for name, rows in (("athletes", athlete_rows), ("recordings", recording_rows), ("runs", run_rows)):
+            self._create(name, rows(stored))
+        self._select()
+        paths = ", ".join(_quoted(str(path)) for path in here if path is not None)
+        self._strokes(
+            f"read_parquet([{paths}], union_by_name = true, hive_partitioning = false)" if paths else ""
+        )
+        self._run(f"SET allowed_paths = [{paths}]")
         self._run("SET enable_external_access = false")
         self._run("SET lock_configuration = true")
 
-    def _selected(self, found: Catalogue) -> Catalogue:
-        """What is asked of: athletes who consent, recordings, and the runs over these."""
-        asked, selected = self.selection, []
-        for one in found.of:
-            if asked.scope is not None and not one.athlete.allows(asked.scope):
-                continue
-            runs = one.current()
-            entries = {name: it for name, it in one.entries.items() if asked.selects(it, runs.get(name))}
-            records = [record for record in one.records if record.recording in entries]
-            selected.append(replace(one, entries=entries, records=records))
-        return Catalogue(selected)
+    def _path(self, file: str) -> Path | None:
+        with suppress(FileNotFoundError):
+            return self.season.place.on_disk(file)
+        return None
+
+    def _check_athlete(self, stored: Catalogue) -> None:
+        athlete, scope = self.selection.athlete, self.selection.scope
+        if scope is not None:
+            check_scope(scope)
+        if athlete is not None and not stored.of:
+            raise not_in_season("athlete", athlete, self.season.athletes())
+        if athlete is not None and scope and not stored.of[0].athlete.allows(scope):
+            raise DataError(f"{athlete} has not consented to {scope}")
 
     def _create(self, name: str, rows: pa.Table) -> None:
         self._connection.register("rows", rows)
         self._run(f"CREATE TABLE {name} AS FROM rows")
         self._connection.unregister("rows")
 
-    def _path(self, file: str) -> Path | None:
-        try:
-            return self.season.place.on_disk(file)
-        except FileNotFoundError:
-            return None
+    def _select(self) -> None:
+        """Keep only the recordings of the selection, and the runs over these."""
+        selection = self.selection
+        boats, classes = "FROM recordings SELECT boat", "FROM runs SELECT comparable"
+        for what, name, known in (
+            ("boat", selection.boat, boats),
+            ("class of runs", selection.comparable, classes),
+        ):
+            names = {next(iter(row.values())) for row in self.rows(known)} if name is not None else {name}
+            if name not in names:
+                raise not_in_season(what, str(name), filter(None, names))
+        for condition, value in (
+            ("boat = ?", selection.boat),
+            ("comparable = ?", selection.comparable),
+            ("started::DATE >= ?", selection.since),
+            ("started::DATE <= ?", selection.until),
+        ):
+            if value is not None:
+                self._run(f"DELETE FROM recordings WHERE NOT coalesce({condition}, false)", value)
+        self._run("DELETE FROM runs WHERE recording NOT IN (SELECT recording FROM recordings)")
 
     def _strokes(self, files_: str) -> None:
         """The view of strokes, and all questions."""
-        from scipy.special import stdtrit
-
         # A macro is bound when it is made; on an empty table that needs no file. The view replaces it.
-        is_empty = files_.startswith("read_parquet([]")
-        if is_empty:
-            self._create("strokes", KEYS.empty_table())
-        else:
+        if files_:
             self._run(f"CREATE TABLE strokes AS FROM {files_} LIMIT 0")
-        columns = [row[0] for row in self._connection.execute("DESCRIBE strokes").fetchall()]
+        else:
+            self._create("strokes", KEYS.empty_table())
+        columns = [row["column_name"] for row in self.rows("DESCRIBE strokes")]
         self.metrics = [name for name in columns if not name.endswith("_std") and name not in KEYS.names]
         self._run(_stroke_values(set(columns), self.metrics))
-        for name, share in (("t95", 0.975), ("t999", 0.9995)):  # quantiles of Student's t
-            quantiles = [round(float(one), 6) for one in stdtrit(np.arange(1, _MOST_DF + 1), share)]
-            case = f"CASE WHEN df >= 1 THEN {quantiles}[least(df, {_MOST_DF})::INTEGER] END"
-            self._run(f"CREATE MACRO {name}(df) AS {case}")
-        add_crew_functions(self._connection)
+        add_functions(self._connection)
         self._run(files("oarlock.season").joinpath("views.sql").read_text(encoding="utf-8"))
-        if not is_empty:
+        if files_:
             self._run("DROP TABLE strokes")
             only = "" if self.selection == Selection() else "SEMI JOIN recordings USING (recording)"
             self._run(f"CREATE VIEW strokes AS FROM {files_} {only}")
 
-    def _check_named(self, found: Catalogue) -> None:
-        asked = self.selection
-        if asked.scope is not None:
-            check_scope(asked.scope)
-        if asked.athlete is not None and not found.of:
-            raise not_in_season("athlete", asked.athlete, self.season.athletes())
-        if asked.athlete is not None and asked.scope and not found.of[0].athlete.allows(asked.scope):
-            raise DataError(f"{asked.athlete} has not consented to {asked.scope}")
-        boats = {entry.session["boat"] for entry in found.entries.values() if entry.session.get("boat")}
-        classes = {record.comparable for record in found.records}
-        for what, name, known in (("boat", asked.boat, boats), ("class of runs", asked.comparable, classes)):
-            if name is not None and name not in known:
-                raise not_in_season(what, name, known)
-
-    def _run(self, sql: str) -> None:
-        import duckdb
-
-        try:
-            self._connection.execute(sql)
-        except duckdb.Error as error:
-            raise DataError(f"{self.season.place.address}: {error}{self._advice(error)}") from error
-
-
-def _connected(address: str) -> Any:
-    try:
-        import duckdb
-    except ImportError:
-        raise DataError(
-            f'{address}: questions need one more package: pip install "oarlock[season]"'
-        ) from None
-    return duckdb.connect(":memory:", config=_SETTINGS)
-
 
 def _stroke_values(columns: set[str], metrics: Sequence[str]) -> str:
-    """The macro that gives one metric of each stroke; DuckDB reads just the columns of the metric asked for."""
+    """The macro that gives one metric of each stroke that counts; DuckDB reads just the columns of the metric."""
     values, stds = {}, {}
     for name in metrics:
         values[name], stds[name] = f'"{name}"', f'"{name}_std"' if f"{name}_std" in columns else "NULL"
         right, left = f"r_{name}", f"l_{name}"
         if {right, left} <= columns:
-            values[name + _SIDED] = f'"{right}" - "{left}"'
+            values[name + SIDED] = f'"{right}" - "{left}"'
             known = {f"{right}_std", f"{left}_std"} <= columns
-            stds[name + _SIDED] = (
-                f'sqrt("{right}_std" * "{right}_std" + "{left}_std" * "{left}_std")' if known else "NULL"
-            )
+            square = f'"{right}_std" * "{right}_std" + "{left}_std" * "{left}_std"'
+            stds[name + SIDED] = f"sqrt({square})" if known else "NULL"
     rate = "rate_per_min" if "rate_per_min" in columns else "NULL::FLOAT"
-    counted = "coalesce(in_averages, 1) > 0" if "in_averages" in columns else "true"
+    counts = "coalesce(in_averages, 1) > 0" if "in_averages" in columns else "true"
     return (
         "CREATE MACRO stroke_values(metric, rate_from := NULL, rate_to := NULL) AS TABLE "
         f"SELECT recording, comparable, athlete, boat, seat, rig, started, stroke, {rate}::DOUBLE AS rate, "
-        f"({_choice(values)})::DOUBLE AS value, ({_choice(stds)})::DOUBLE AS std FROM strokes WHERE {counted} "
+        f"({_choice(values)})::DOUBLE AS value, ({_choice(stds)})::DOUBLE AS std FROM strokes WHERE {counts} "
         f"AND (rate_from IS NULL OR {rate} >= rate_from) AND (rate_to IS NULL OR {rate} <= rate_to)"
     )
 
 
 def _choice(by_name: dict[str, str]) -> str:
-    cases = " ".join(f"WHEN {_text(name)} THEN {value}" for name, value in by_name.items())
+    cases = " ".join(f"WHEN {_quoted(name)} THEN {value}" for name, value in by_name.items())
     return f"CASE metric {cases} END" if by_name else "NULL"
 
 
-def _text(text: str) -> str:
+def _quoted(text: str) -> str:
     """A text of SQL."""
     return "'" + text.replace("'", "''") + "'"
 
 
-def add_crew_functions(connection: Any) -> None:
-    """Registers `seat_place(seat)` and `delays(leader, own, after_s)` with DuckDB."""
-    kept = {"null_handling": "special"}
-    connection.create_function("seat_place", _place, ["VARCHAR"], "DOUBLE", **kept)
-    connection.create_function("delays", _delays, ["DOUBLE[]", "DOUBLE[]", "DOUBLE"], "DOUBLE[]")
+def add_functions(connection: Any) -> None:
+    """Registers the functions that `views.sql` calls with DuckDB."""
+    nulls = {"null_handling": "special"}
+    lists = ["DOUBLE[]", "DOUBLE[]"]
+    connection.create_function("seat_place", _place, ["VARCHAR"], "DOUBLE", **nulls)
+    connection.create_function("delays", _delays, [*lists, "DOUBLE"], "DOUBLE[]")
+    connection.create_function("pooled", pooled, lists, "STRUCT(mean DOUBLE, se DOUBLE)")
+    for name, share in (("t95", 0.975), ("t999", 0.9995)):
+        connection.create_function(name, partial(_student, share), ["DOUBLE"], "DOUBLE", **nulls)
+    connection.create_function("chance", _chance, ["DOUBLE", "DOUBLE"], "DOUBLE")
+
+
+def _student(share: float, df: float | None) -> float | None:
+    """Quantile of Student's t by degrees of freedom; None below 1."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(df, share)) if df is not None and df >= 1.0 else None
+
+
+def _chance(t: float, df: float) -> float:
+    """Probability that Student's t is larger than this, on either side."""
+    from scipy.special import stdtr
+
+    return 2.0 * float(stdtr(df, -t))
+
+
+def pooled(means: list[float], ses: list[float]) -> dict[str, float]:
+    """Mean of several sessions with its standard error, from the mean and the standard error of each.
+
+    A model of random effects (DerSimonian and Laird 1986), the variance between sessions by Hedges' moments.
+    """
+    mean, variance = np.asarray(means), np.square(ses)
+    between = max(np.var(mean, ddof=1) - variance.mean(), 0.0) if len(mean) > 1 else 0.0
+    weight = 1.0 / np.maximum(variance + between, _LEAST_VARIANCE)
+    return {"mean": float((weight * mean).sum() / weight.sum()), "se": float(weight.sum() ** -0.5)}
 
 
 def _place(seat: str | None) -> float | None:
@@ -344,5 +338,5 @@ def _delays(leader_s: list[float], own_s: list[float], after_s: float) -> list[f
 
     Times are of the own recording each, which starts `after_s` after the leader's.
     """
-    late = delays(np.asarray(leader_s), np.asarray(own_s) + after_s)
-    return [None if np.isnan(one) else float(one) for one in late]
+    late_s = delays(np.asarray(leader_s), np.asarray(own_s) + after_s)
+    return [None if np.isnan(late) else float(late) for late in late_s]

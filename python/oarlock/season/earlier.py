@@ -83,9 +83,9 @@ def earlier_pieces(
         return EarlierPieces(
             notes=(f'Not compared: the season "{season.name}" has no earlier piece of this athlete.',)
         )
-    found, notes = search.last() if last else (None, [])
-    record, more = search.best(efforts, found) if best else (None, [])
-    return EarlierPieces(found, record, (*notes, *more))
+    latest, notes = search.last() if last else (None, [])
+    record, more = search.best(efforts, latest) if best else (None, [])
+    return EarlierPieces(latest, record, (*notes, *more))
 
 
 class _NotComparedError(Exception):
@@ -114,35 +114,34 @@ class _Search:
                 'the date of this piece is not known. Write date = "2026-05-01" into its session.toml.'
             )
         try:
-            found = find_strokes(track)
+            strokes = find_strokes(track)
             kind = kind_of(track.joint_names)
-            self.rowed = Rowed.of_table(found.table(), found.in_averages, kind, found.source)
+            self.rowed = Rowed.of_table(strokes.table(), strokes.in_averages, kind, strokes.source)
         except DataError as error:
             raise _NotComparedError(f"no strokes were found in this piece: {error}") from error
         if not len(self.rowed.numbers):
             raise _NotComparedError("no stroke of this piece counts in averages.")
         self.start, self.engine = start, str(about.get("oarlock", ""))
         self.nominal = frozenset(about.get("nominal_mounts", ()))
-        self._setup = cache(self._opened)
-        self._piece: dict[str, StoredPiece | str] = {}
+        self._setup, self._piece = cache(self._opened), dict[str, StoredPiece | str]()
 
     def follows(self, row: Row) -> bool:
         """Whether a recording ended before this one; where only days are known, on a day before."""
-        days = [self._local(row), self.start.astimezone(self.season.zone())]
-        if any(day.time() == _NOON for day in days):
-            return days[0].date() < days[1].date()
+        then, now = self._local(row), self.start.astimezone(self.season.zone())
+        if _NOON in (then.time(), now.time()):
+            return then.date() < now.date()
         return bool(row["started"] + datetime.timedelta(seconds=row["duration_s"] or 0.0) <= self.start)
 
     def last(self) -> tuple[StoredPiece | None, list[str]]:
         """The latest that compares, and notes."""
         reasons: list[str] = []
         for row in self.rows:
-            found = self.piece(row)
-            if isinstance(found, StoredPiece):
+            piece = self.piece(row)
+            if isinstance(piece, StoredPiece):
                 rule = "the latest earlier piece of the same kind, signal and about the same rate"
-                note = f"Last time: {found.name}; {rule} in the season."
-                return found, [note, *_listed(reasons, "Later, but not compared")]
-            reasons.append(f"{self._when(row)} {found}")
+                note = f"Last time: {piece.name}; {rule} in the season."
+                return piece, [note, *_listed(reasons, "Later, but not compared")]
+            reasons.append(f"{self._when(row)} {piece}")
         note = "Last time: no earlier piece in the season compares."
         return None, [note, *_listed(reasons, "Not compared")]
 
@@ -158,13 +157,13 @@ class _Search:
         )
         known = [row for row in self.rows if row["recording"] in efforts and self._is_alike(row)]
         for row in sorted(known, key=lambda row: -efforts[row["recording"]]):
-            found = self.piece(row)
-            if isinstance(found, StoredPiece):
-                same = " It is last time's piece." if found is last else ""
+            piece = self.piece(row)
+            if isinstance(piece, StoredPiece):
+                same = " It is last time's piece." if piece is last else ""
                 wind = " Wind and stream are not removed." if is_speed else ""
                 value = f"{efforts[row['recording']]:.{digits}f} {unit}"
-                note = f"Own best: {found.name}, {value}; {rule} among earlier pieces.{wind}{same}"
-                return (None if same else found), [note]
+                note = f"Own best: {piece.name}, {value}; {rule} among earlier pieces.{wind}{same}"
+                return (None if same else piece), [note]
         return None, [
             f"Own best: none is claimed. It would be {rule}; the season has no such earlier piece with "
             "a device's export of the same time (`oarlock season add`)."
@@ -215,9 +214,9 @@ class _Search:
         except (DataError, FileNotFoundError):
             return "is damaged: `oarlock season check`"
         name = f"{self._when(row)}, {row['counted']} strokes at {row['rate']:.0f}/min"
-        found = StoredPiece(name, table, kind, f"{self._local(row):%Y-%m-%d}")
-        source, own = found.rowed().source, self.rowed.source
-        return found if source == own else f"has strokes found in {source}, this piece in {own}"
+        piece = StoredPiece(name, table, kind, f"{self._local(row):%Y-%m-%d}")
+        source, own = piece.rowed().source, self.rowed.source
+        return piece if source == own else f"has strokes found in {source}, this piece in {own}"
 
     def _mounts_differ(self, model: Model, calibration: Calibration | None) -> str:
         """Why mounts differ; "" if they do not. Errors of nominal ones, several degrees, would look like a change."""
@@ -245,34 +244,32 @@ class _Search:
         return day if local.time() == _NOON else f"{day}, {local:%H:%M}"
 
 
-def _rows(database: Database) -> list[Row]:
+def _rows(database: Database) -> list[dict[str, Any]]:
     """The recordings of the athlete, the latest first, with counted strokes and their usual rate."""
-    rows: list[Row] = database.table(
+    return database.rows(
         "SELECT r.recording, r.run, r.started, r.duration_s, r.status, r.engine, u.setup, s.counted, s.rate "
         "FROM recordings r LEFT JOIN runs u USING (recording, run) LEFT JOIN ("
         "SELECT recording, count(*) AS counted, median(rate) AS rate FROM stroke_values('rate_per_min') "
         "GROUP BY recording) s USING (recording) "
         "WHERE r.kind = 'recording' AND r.started IS NOT NULL ORDER BY r.started DESC, recording"
-    ).to_pylist()
-    return rows
+    )
 
 
 def _efforts(database: Database, measure: str) -> dict[str, float]:
     """Mean boat speed or power of each recording, of the export that covers most of it, at least 80 %, with 6 strokes.
 
-    Rates beside 14 to 50/min are paddling or misread. An export whose clock restarts is left out: when its strokes
-    were rowed is not known.
+    An export whose clock restarts is left out: when its strokes were rowed is not known.
     """
-    columns = set(database.table("DESCRIBE strokes")["column_name"].to_pylist())
-    times = [name for name in _TIMES if name in columns]
-    if not times or not {measure, "rate_per_min"} <= columns:
+    times = [name for name in _TIMES if name in database.metrics]
+    if not times or measure not in database.metrics:
         return {}
-    rows = database.table(f"""
+    rows = database.rows(f"""
         WITH e AS (
-            SELECT recording AS export, epoch(s.started) + coalesce({", ".join(times)}) AS at_s, {measure} AS value,
+            SELECT recording AS export, epoch(s.started) + coalesce({", ".join(times)}) AS at_s, v.value,
                 at_s - lag(at_s) OVER (PARTITION BY recording ORDER BY stroke) AS step_s
-            FROM strokes s JOIN recordings r USING (recording)
-            WHERE r.kind = 'export' AND at_s IS NOT NULL AND {measure} > 0 AND rate_per_min BETWEEN 14 AND 50
+            FROM stroke_values('{measure}') v JOIN strokes s USING (recording, stroke)
+                JOIN recordings r USING (recording)
+            WHERE r.kind = 'export' AND at_s IS NOT NULL AND v.value > 0
         ),
         p AS (
             SELECT recording, export, avg(value) AS value, max(at_s) - min(at_s) AS covered_s
@@ -282,7 +279,7 @@ def _efforts(database: Database, measure: str) -> dict[str, float]:
             GROUP BY recording, export, duration_s HAVING count(*) >= 6 AND covered_s >= 0.8 * duration_s
         )
         SELECT recording, arg_max(value, covered_s)::DOUBLE AS value FROM p GROUP BY recording""")
-    return dict(zip(rows["recording"].to_pylist(), rows["value"].to_pylist(), strict=True))
+    return {row["recording"]: row["value"] for row in rows}
 
 
 def _listed(reasons: Sequence[str], head: str) -> list[str]:

@@ -32,15 +32,14 @@ class Erasure:
 
     @property
     def is_proven(self) -> bool:
-        """Whether the listings found nothing of the athlete."""
+        """Whether the listings have nothing of the athlete."""
         return not self.is_dry_run and not self.left
 
 
 def erase(season: Season, athlete: str, *, dry_run: bool = True) -> Erasure:
     """Erase an athlete, or say what would be removed. An erasure that was interrupted continues when it is repeated."""
     place, folder = season.place, athlete_folder(athlete)
-    versions = FormerVersions(place, folder)
-    notes = export_notes(season, athlete)
+    versions, notes = FormerVersions(place, folder), export_notes(season, athlete)
     removed = {
         "recordings": len(season.recordings_of(athlete)),
         "results": len(season.results_of(athlete)),
@@ -57,8 +56,7 @@ def erase(season: Season, athlete: str, *, dry_run: bool = True) -> Erasure:
     elsewhere = [words for note in notes for words in remove_export(season, athlete, note)]
     for _ in range(_ROUNDS):
         place.remove_folder(folder)
-        left = [name for name, _ in place.files(folder)]
-        if not left:
+        if not (left := [name for name, _ in place.files(folder)]):
             break
     others = [athlete_folder(name) for name in season.folders() if name != athlete]
     removed["copies in the cache"] = place.forget_copies(others)

@@ -1,11 +1,12 @@
 """`export_athlete`: everything of an athlete as CSV and as stored, in a folder outside the season.
 
-A note in the athlete's folder says where, so that `erase` finds the export, or names it if it is out of reach.
+A note in the athlete's folder says where, so that `erase` removes the export, or names it if it is out of reach.
 """
 
 from __future__ import annotations
 
 import datetime
+import io
 import secrets
 import socket
 from collections.abc import Callable, Iterable, Iterator
@@ -14,15 +15,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pyarrow as pa
-from pyarrow import csv
 
-from oarlock.season.arrow_table import read_table, with_plain_texts
+from oarlock.season.add import check_outside
 from oarlock.season.athletes import check_scope
 from oarlock.season.gps import CUT_FILES, GpsCut
 from oarlock.season.records import athlete_folder
-from oarlock.season.storage import OWN_WORK
 from oarlock.season.store import Season, not_in_season
-from oarlock.season.tables import recording_rows, run_rows, update_tables
+from oarlock.season.tables import arrow_table, recording_rows, run_rows, update_tables
+from oarlock.storage.arrow_csv import write_arrow_csv
 from oarlock.storage.errors import DataError
 from oarlock.storage.toml import TomlTable, toml_text, write_toml
 from oarlock.storage.write_file import write_file
@@ -47,7 +47,7 @@ def may_share(season: Season, scope: str) -> tuple[list[str], list[str]]:
     """Who consents to a use, and who does not, or not any more."""
     check_scope(scope)
     athletes = season.athletes()
-    willing = [name for name, one in sorted(athletes.items()) if one.allows(scope)]
+    willing = [name for name, athlete in sorted(athletes.items()) if athlete.allows(scope)]
     return willing, sorted(athletes.keys() - set(willing))
 
 
@@ -60,34 +60,34 @@ def export_athlete(
     progress: Callable[[float], None] = lambda share: None,
 ) -> Exported:
     """Write everything of an athlete into `out/PSEUDONYM`; positions so near to the ends of a track are removed, m."""
-    found = update_tables(season, athlete)
-    if not found.of:
+    stored = update_tables(season, athlete)
+    if not stored.of:
         raise not_in_season("athlete", athlete, season.athletes())
-    target = _free(season, out / athlete)
-    # The note comes first: an export that is interrupted is known.
-    note = f"{_NOTES}/{secrets.token_hex(8)}.toml"
-    place = {"folder": str(target), "host": socket.gethostname(), "exported": _now()}
-    written: dict[str, int] = {}
-    is_here = season.write(athlete, note, toml_text(place).encode())
+    target = (out / athlete).resolve()
+    check_outside(season, target, "choose another place")
+    if target.exists() and (not target.is_dir() or any(target.iterdir())):
+        raise DataError(f"{target}: is there already; choose another folder")
     cut = None if cut_gps_m is None else GpsCut(cut_gps_m, f"{season.id} {athlete}".encode())
+    now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+    # The note comes first: an export that is interrupted is known.
+    note = {"folder": str(target), "host": socket.gethostname(), "exported": now}
+    season.write(athlete, f"{_NOTES}/{secrets.token_hex(8)}.toml", toml_text(note).encode())
     top = athlete_folder(athlete)
-    names = [name for name, _ in season.place.files(top)]
+    names = [name for name, _ in season.place.files(top) if not name.startswith(f"{top}/{_NOTES}/")]
+    written: dict[str, int] = {}
     for done, name in enumerate(names, start=1):
-        short = name.removeprefix(f"{top}/")
-        if not short.startswith((f"{_NOTES}/", f"{OWN_WORK}/")):
-            for file, contents in _file(season, name, short, cut):
-                write_file(target / file, contents)
-                written[file] = len(contents)
+        for file, contents in _files(season, name, name.removeprefix(f"{top}/"), cut):
+            write_file(target / file, contents)
+            written[file] = len(contents)
         progress(done / len(names))
-    runs = run_rows(found).drop_columns(["health"])
-    for file, table in (("csv/recordings.csv", recording_rows(found)), ("csv/runs.csv", runs)):
-        write_file(target / file, contents := _csv(table))
-        written[file] = len(contents)
-    about = {"format": _FORMAT, "season": season.id, "athlete": athlete, "exported": _now()}
+    for kind, rows in (("recordings", recording_rows(stored)), ("runs", run_rows(stored))):
+        contents = _csv(rows)
+        write_file(target / f"csv/{kind}.csv", contents)
+        written[f"csv/{kind}.csv"] = len(contents)
+    about = {"format": _FORMAT, "season": season.id, "athlete": athlete, "exported": now}
     write_toml(target / EXPORT_FILE, {**about, "files": sorted(written)})
-    if not (is_here and season.is_here(athlete)):
+    if not season.is_here(athlete):
         _remove_files(target, [*written, EXPORT_FILE])
-        season.place.remove_empty(top)
         raise DataError(
             f"{athlete} was erased from this season during the export; the exported files were removed"
         )
@@ -113,62 +113,41 @@ def remove_export(season: Season, athlete: str, note: str) -> list[str]:
         return [f"{where} on {host}: an export; remove it there"]
     if not where.exists():
         return [f"{where}: an export that was moved or removed; if it was moved, remove it there"]
-    try:
+    with suppress(DataError):
         about = TomlTable.read(where / EXPORT_FILE)
-        is_ours = (about.string("season"), about.string("athlete")) == (season.id, athlete)
         names = about.values.get("files", [])
-    except DataError:
-        is_ours, names = False, []
-    if not is_ours:
-        return [f"{where}: an export without a readable {EXPORT_FILE}; remove it by hand"]
-    _remove_files(where, [*map(str, names if isinstance(names, list) else ()), EXPORT_FILE])
-    return [f"{where}: contains files that were not exported; look at them"] if where.exists() else []
+        if (about.string("season"), about.string("athlete")) == (season.id, athlete):
+            _remove_files(where, [*map(str, names if isinstance(names, list) else ()), EXPORT_FILE])
+            is_left = where.exists()
+            return [f"{where}: contains files that were not exported; look at them"] if is_left else []
+    return [f"{where}: an export without a readable {EXPORT_FILE}; remove it by hand"]
 
 
-def _file(season: Season, full: str, name: str, cut: GpsCut | None) -> Iterator[tuple[str, bytes]]:
+def _files(season: Season, full: str, name: str, cut: GpsCut | None) -> Iterator[tuple[str, bytes]]:
     """A file as it is stored, and what is Parquet as CSV too."""
-    try:
+    with suppress(FileNotFoundError):  # gone meanwhile
         contents = season.place.read(full)
-    except FileNotFoundError:
-        return  # gone meanwhile
-    if cut is not None and name.lower().endswith(CUT_FILES):
-        contents = cut.file(contents, season.where(full))
-    yield f"stored/{name}", contents
-    if name.endswith(".parquet"):
-        with suppress(DataError):  # damaged; it is there as stored
-            table = with_plain_texts(read_table(contents, where=full, without_lists=True), full)
-            yield f"csv/{name.removesuffix('.parquet')}.csv", _csv(table)
+        if cut is not None and name.lower().endswith(CUT_FILES):
+            contents = cut.file(contents, season.where(full))
+        yield f"stored/{name}", contents
+        if name.endswith(".parquet"):
+            with suppress(DataError):  # damaged; it is there as stored
+                yield f"csv/{name.removesuffix('.parquet')}.csv", _csv(arrow_table(contents, full))
 
 
 def _csv(table: pa.Table) -> bytes:
-    sink = pa.BufferOutputStream()
-    csv.write_csv(table, sink)
-    return bytes(sink.getvalue().to_pybytes())
-
-
-def _free(season: Season, target: Path) -> Path:
-    whole = target.resolve()
-    if "://" not in season.place.address:
-        inside = Path(season.place.address).resolve()
-        if inside == whole or inside in whole.parents:
-            raise DataError(f"{target}: lies inside the season; choose another place")
-    if whole.exists() and (not whole.is_dir() or any(whole.iterdir())):
-        raise DataError(f"{target}: is there already; choose another folder")
-    return whole
-
-
-def _now() -> str:
-    return datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+    """As CSV, without columns of lists and maps."""
+    plain = [column.name for column in table.schema if not pa.types.is_nested(column.type)]
+    out = io.BytesIO()
+    write_arrow_csv(table.select(plain), out)
+    return out.getvalue()
 
 
 def _remove_files(folder: Path, names: Iterable[str]) -> None:
     """Remove these files, and folders that are empty then."""
     for name in names:
-        file = folder / name
-        if folder in file.resolve().parents:
-            file.unlink(missing_ok=True)
-    for place in sorted((one for one in folder.rglob("*") if one.is_dir()), key=lambda one: -len(one.parts)):
-        if not any(place.iterdir()):
+        if folder in (folder / name).resolve().parents:
+            (folder / name).unlink(missing_ok=True)
+    for place in [*sorted(folder.rglob("*"), key=lambda place: -len(place.parts)), folder]:
+        if place.is_dir() and not any(place.iterdir()):
             place.rmdir()
-    if folder.is_dir() and not any(folder.iterdir()):
-        folder.rmdir()

@@ -10,35 +10,31 @@ import csv
 import hashlib
 import io
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.compute as pc
 from numpy.typing import NDArray
-from pyarrow import parquet
 
-from oarlock.season.arrow_table import read_table
 from oarlock.storage.errors import DataError
 
 EARTH_RADIUS_M = 6_371_008.8
 """Mean radius (IUGG)."""
-CUT_FILES = (".parquet", ".csv", ".tsv", ".txt", ".tcx", ".gpx", ".xml", ".fit")
-"""Files in which `GpsCut.file` looks for positions."""
+CUT_FILES = (".csv", ".tsv", ".txt", ".tcx", ".xml", ".fit")
+"""Exports, in which `GpsCut.file` looks for positions; recordings and results have none."""
 _PREFIX = r"^\W*(?:gps|start|end|position)?[\W_]*"
 _LATITUDE = re.compile(_PREFIX + r"lat(?:itude)?(?![a-z])", re.IGNORECASE)
 _LONGITUDE = re.compile(_PREFIX + r"(?:lng|lon|long|longitude)(?![a-z])", re.IGNORECASE)
 _POINT = re.compile(
     rb"<Position>\s*<LatitudeDegrees>([^<]*)</LatitudeDegrees>\s*<LongitudeDegrees>([^<]*)</LongitudeDegrees>\s*</Position>"
 )
-_GPX_POINT = re.compile(rb'<(?:trkpt|rtept|wpt)\s+lat="([^"]*)"\s+lon="([^"]*)"')
 _WIDER = 1.5
 
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
-def kept_positions(
-    latitude_deg: NDArray[np.float64], longitude_deg: NDArray[np.float64], cut_m: float, secret: bytes = b""
-) -> NDArray[np.bool_]:
+
+def far_from_ends(latitude_deg: Floats, longitude_deg: Floats, cut_m: float, secret: bytes = b"") -> Mask:
     """Which positions of a track may be shown, (T,); False where there is none.
 
     Args:
@@ -48,17 +44,19 @@ def kept_positions(
         secret: from which the centres of the circles are moved; the same for all tracks of an athlete.
     """
     latitude_deg, longitude_deg = np.asarray(latitude_deg, float), np.asarray(longitude_deg, float)
-    known = np.isfinite(latitude_deg) & np.isfinite(longitude_deg)
-    if not known.any():
-        return known
-    first, last = np.flatnonzero(known)[[0, -1]]
-    kept = known.copy()
-    for name, at in ((b"start", first), (b"end", last)):
-        north_m, east_m = _metres(latitude_deg, longitude_deg, at)
-        move_m, angle_rad = _moved(secret, cut_m * (_WIDER - 1.0), name)
-        distance_m = np.hypot(north_m - move_m * np.cos(angle_rad), east_m - move_m * np.sin(angle_rad))
-        kept &= ~(distance_m <= cut_m * _WIDER)
-    return kept
+    far = np.isfinite(latitude_deg) & np.isfinite(longitude_deg)
+    for name, end in zip((b"start", b"end"), np.flatnonzero(far)[[0, -1]] if far.any() else (), strict=False):
+        # On the tangent plane, which some kilometres away is wrong by less than 1 m.
+        north_m = EARTH_RADIUS_M * np.radians(latitude_deg - latitude_deg[end])
+        turned_deg = (longitude_deg - longitude_deg[end] + 180.0) % 360.0 - 180.0
+        east_m = EARTH_RADIUS_M * np.radians(turned_deg) * np.cos(np.radians(latitude_deg[end]))
+        if secret:
+            digest = hashlib.sha256(secret + name).digest()
+            share, angle = (int.from_bytes(part, "big") / 2.0**64 for part in (digest[:8], digest[8:16]))
+            move_m, angle_rad = cut_m * (_WIDER - 1.0) * share**0.5, 2.0 * np.pi * angle
+            north_m, east_m = north_m - move_m * np.cos(angle_rad), east_m - move_m * np.sin(angle_rad)
+        far &= ~(np.hypot(north_m, east_m) <= cut_m * _WIDER)
+    return far
 
 
 @dataclass(frozen=True)
@@ -79,98 +77,52 @@ class GpsCut:
         name = where.lower()
         if name.endswith(".fit"):
             raise DataError(f"{where}: positions in FIT files are not cut; export it as TCX or CSV first")
-        if name.endswith(".parquet"):
-            return self._parquet(contents, where)
-        if name.endswith((".tcx", ".gpx", ".xml")):
-            return self._xml(contents, where)
-        return self._table(contents, where)
+        return (self._xml if name.endswith((".tcx", ".xml")) else self._csv)(contents, where)
 
-    def _kept(self, cells: Sequence[tuple[str, str]], where: str) -> NDArray[np.bool_]:
-        degrees = np.array([(_degrees(first), _degrees(second)) for first, second in cells]).reshape(-1, 2)
+    def _far(self, positions: Sequence[Sequence[str]], where: str) -> Mask:
+        degrees = np.array([[_degrees(text) for text in position] for position in positions]).reshape(-1, 2)
         if (np.abs(degrees) > 360.0).any():
             raise DataError(f"{where}: its positions are not in degrees, so they cannot be cut")
-        return kept_positions(degrees[:, 0], degrees[:, 1], self.cut_m, self.secret)
+        return far_from_ends(degrees[:, 0], degrees[:, 1], self.cut_m, self.secret)
 
     def _xml(self, contents: bytes, where: str) -> bytes:
-        if _GPX_POINT.search(contents):
-            raise DataError(f"{where}: positions in GPX files are not cut; export it as TCX or CSV first")
-        points = [
-            (one[1].decode("ascii", "replace"), one[2].decode("ascii", "replace"))
-            for one in _POINT.finditer(contents)
-        ]
+        points = [[text.decode("ascii", "replace") for text in pair] for pair in _POINT.findall(contents)]
         if len(points) != contents.count(b"<Position>"):
             raise DataError(f"{where}: has positions that cannot be read, so they cannot be cut")
-        kept = iter(self._kept(points, where))
-        return _POINT.sub(lambda one: one[0] if next(kept) else b"", contents)
+        far = iter(self._far(points, where))
+        return _POINT.sub(lambda point: point[0] if next(far) else b"", contents)
 
-    def _parquet(self, contents: bytes, where: str) -> bytes:
-        pairs = list(_pairs(read_table(contents, where=where, without_lists=True).column_names))
-        if not pairs:
+    def _csv(self, contents: bytes, where: str) -> bytes:
+        lines = contents.decode("utf-8", "surrogateescape").splitlines(keepends=True)
+        if (head := _header(lines)) is None:
             return contents
-        table = read_table(contents, "; positions beside lists are not cut", where)
-        for pair in pairs:
-            degrees = [table.column(k).cast(pa.float64()).to_numpy() for k in pair]
-            kept = kept_positions(degrees[0], degrees[1], self.cut_m, self.secret)
-            for k in pair:
-                missing = pa.scalar(float("nan"), table.schema.field(k).type)
-                column = pc.if_else(pa.array(kept), table.column(k), missing)
-                table = table.set_column(k, table.schema.field(k), column)
-        sink = pa.BufferOutputStream()
-        parquet.write_table(table, sink)
-        return bytes(sink.getvalue().to_pybytes())
-
-    def _table(self, contents: bytes, where: str) -> bytes:
-        text = contents.decode("utf-8", "surrogateescape")
-        lines = text.splitlines(keepends=True)
-        head = _header(lines)
-        if head is None:
-            return contents
-        at, split, columns = head
-        rows = [(k, next(csv.reader([lines[k]], delimiter=split), [])) for k in range(at + 1, len(lines))]
-        for latitude, longitude in columns:
-            shown = [(k, cells) for k, cells in rows if len(cells) > max(latitude, longitude)]
-            kept = self._kept([(cells[latitude], cells[longitude]) for _, cells in shown], where)
-            for (k, cells), is_kept in zip(shown, kept, strict=True):
-                if not is_kept:
-                    cells[latitude] = cells[longitude] = ""
-                    lines[k] = _line(cells, split) + _ending(lines[k])
+        first, split, columns = head
+        rows = [(k, next(csv.reader([lines[k]], delimiter=split), [])) for k in range(first + 1, len(lines))]
+        for pair in columns:
+            whole = [(k, cells) for k, cells in rows if len(cells) > max(pair)]
+            far = self._far([[cells[column] for column in pair] for _, cells in whole], where)
+            for (k, cells), is_far in zip(whole, far, strict=True):
+                if not is_far:
+                    cells[pair[0]] = cells[pair[1]] = ""
+                    text = io.StringIO()
+                    ending = lines[k][len(lines[k].rstrip("\r\n")) :]
+                    csv.writer(text, delimiter=split, lineterminator=ending).writerow(cells)
+                    lines[k] = text.getvalue()
         return "".join(lines).encode("utf-8", "surrogateescape")
-
-
-def _metres(
-    latitude_deg: NDArray[np.float64], longitude_deg: NDArray[np.float64], at: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """North and east of one position; on the tangent plane, which some kilometres away is wrong by less than 1 m."""
-    north_rad = np.radians(latitude_deg - latitude_deg[at])
-    turned = (longitude_deg - longitude_deg[at] + 180.0) % 360.0 - 180.0
-    east_rad = np.radians(turned) * np.cos(np.radians(latitude_deg[at]))
-    return EARTH_RADIUS_M * north_rad, EARTH_RADIUS_M * east_rad
-
-
-def _moved(secret: bytes, most_m: float, name: bytes) -> tuple[float, float]:
-    """How far a centre is moved, m, and where to, rad."""
-    if not secret:
-        return 0.0, 0.0
-    digest = hashlib.sha256(secret + name).digest()
-    share, angle = (int.from_bytes(part, "big") / 2.0**64 for part in (digest[:8], digest[8:16]))
-    return most_m * share**0.5, 2.0 * np.pi * angle
 
 
 def _header(lines: Sequence[str]) -> tuple[int, str, list[tuple[int, int]]] | None:
     """The line of the columns' names, what separates them, and the columns of latitude and longitude."""
-    for at, line in enumerate(lines):
+    for k, line in enumerate(lines):
         for split in (",", ";", "\t"):
-            cells = next(csv.reader([line], delimiter=split), [])
-            pairs = list(_pairs(cells))
-            if pairs:
-                return at, split, pairs
+            if pairs := _pairs(next(csv.reader([line], delimiter=split), [])):
+                return k, split, pairs
     return None
 
 
-def _pairs(cells: Sequence[str]) -> Iterator[tuple[int, int]]:
-    latitudes = [k for k, cell in enumerate(cells) if _LATITUDE.search(cell)]
-    longitudes = [k for k, cell in enumerate(cells) if _LONGITUDE.search(cell)]
-    yield from zip(latitudes, longitudes, strict=False)
+def _pairs(names: Sequence[str]) -> list[tuple[int, int]]:
+    columns = [[k for k, name in enumerate(names) if kind.search(name)] for kind in (_LATITUDE, _LONGITUDE)]
+    return list(zip(*columns, strict=False))
 
 
 def _degrees(text: str) -> float:
@@ -178,13 +130,3 @@ def _degrees(text: str) -> float:
         return float(text.strip().replace(",", "."))
     except ValueError:
         return float("nan")
-
-
-def _line(cells: Sequence[str], split: str) -> str:
-    out = io.StringIO()
-    csv.writer(out, delimiter=split, lineterminator="").writerow(cells)
-    return out.getvalue()
-
-
-def _ending(line: str) -> str:
-    return line[len(line.rstrip("\r\n")) :]

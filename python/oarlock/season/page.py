@@ -16,14 +16,13 @@ from typing import Any
 import numpy as np
 
 from oarlock.report import markup, plot
-from oarlock.report.markup import BAR_SWATCH, Column, grid, legend, notes_list, table
+from oarlock.report.markup import BAR_SWATCH, Column, grid, legend, notes_list, sort_script, table, value_cell
 from oarlock.report.page import shell
 from oarlock.report.plot import Floats, Panel
 from oarlock.report.section import KeyFigure, tiles
-from oarlock.report.sortable import sort_script, value_cell
 from oarlock.report.text import DASH, fixed, number, plural
 from oarlock.season.database import Database, Selection
-from oarlock.season.questions import MONTHS_FOR_CHANGE, shown_metric
+from oarlock.season.questions import MONTHS_FOR_CHANGE, left_out, shown_metric
 from oarlock.season.store import Season, not_in_season
 from oarlock.storage.errors import DataError
 from oarlock.storage.write_file import write_file
@@ -51,72 +50,29 @@ _MONTHS = ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct",
 Row = Mapping[str, Any]
 
 
-@dataclass(frozen=True)
-class AthleteComparison:
-    """A change of an athlete with its 95 % band, in the unit of the column.
-
-    Its kind is "trend", from the first month to the last, or "rig", after a change of rig against before. `chance` is
-    the probability of a change of this size or larger without a true one (two-sided).
-    """
-
-    athlete: str
-    metric: str
-    kind: str
-    change: float
-    low: float
-    high: float
-    chance: float
-    sessions: int
-    period: str
-
-    @property
-    def against_band(self) -> float:
-        """Size of the change in half widths of its band; above 1 the band does not contain 0."""
-        return abs(self.change) / max(0.5 * (self.high - self.low), 1e-300)
-
-
-def _comparison(metric: str, kind: str, row: Row) -> AthleteComparison | None:
-    """A row of the question `changes` or `rig`; None if there are too few months or sessions."""
-    from scipy.special import stdtr
-
-    if row["se"] is None or not row["se"] > 0.0 or row["low"] is None:
-        return None
-    if kind == "trend":
-        if row["months"] < MONTHS_FOR_CHANGE or not row["per_month"]:
-            return None
-        scale, freedom, sessions = row["change"] / row["per_month"], row["months"] - 2, row["sessions"]
-        period = f"{row['first_month']} to {row['last_month']}"
-    else:
-        before, after = row["n_before"], row["n_after"]
-        scale, freedom, sessions = 1.0, min(before, after) - 1, before + after
-        period = f"{row['before']} to {row['after']}, {row['day']}"
-    chance = 2.0 * float(stdtr(max(freedom, 1), -abs(row["change"] / (row["se"] * scale))))
-    low, high = row["low"] * scale, row["high"] * scale
-    return AthleteComparison(row["athlete"], metric, kind, row["change"], low, high, chance, sessions, period)
-
-
-def beyond_chance(
-    comparisons: Sequence[AthleteComparison], false_share: float = FALSE_SHARE
-) -> list[AthleteComparison]:
+def beyond_chance(comparisons: Sequence[Row], false_share: float = FALSE_SHARE) -> list[Row]:
     """Those that stay after a correction for the number of comparisons, largest against their band first.
 
     The procedure of Benjamini and Hochberg (1995) limits the expected share of false ones among those listed.
     """
-    chances = np.sort(np.array([one.chance for one in comparisons]))
-    limits = false_share * np.arange(1, len(chances) + 1) / max(len(chances), 1)
-    under = np.flatnonzero(chances <= limits)
-    if not len(under):
-        return []
-    limit = chances[under[-1]]
-    found = [one for one in comparisons if one.chance <= limit]
-    return sorted(found, key=lambda one: (-one.against_band, one.athlete, one.metric))
+    chances = np.sort([row["chance"] for row in comparisons])
+    under = np.flatnonzero(chances <= false_share * np.arange(1, len(chances) + 1) / max(len(chances), 1))
+    limit = chances[under[-1]] if len(under) else -1.0
+    listed = [row for row in comparisons if row["chance"] <= limit]
+    return sorted(listed, key=lambda row: (-against_band(row), row["athlete"], row["metric"]))
+
+
+def against_band(row: Row) -> float:
+    """Size of a change in half widths of its band; above 1 the band does not contain 0."""
+    return float(abs(row["change"]) / max(0.5 * (row["high"] - row["low"]), 1e-300))
 
 
 @dataclass(frozen=True)
 class SeasonPageData:
     """What a page shows: rows of the questions of these names, in SI units and radians.
 
-    `comparable` is the class of runs whose numbers are shown, `changes` are the comparisons beyond chance.
+    `comparable` is the class of runs whose numbers are shown, `changes` are the comparisons beyond chance, `left_out`
+    are sentences by metric.
     """
 
     athletes: Sequence[str]
@@ -125,45 +81,41 @@ class SeasonPageData:
     classes: Sequence[Row]
     comparable: str | None
     trends: Mapping[tuple[str, str], Sequence[Row]]
-    compared: Sequence[AthleteComparison]
-    changes: Sequence[AthleteComparison]
+    compared: Sequence[Row]
+    changes: Sequence[Row]
     health: Sequence[Row]
     failed: Sequence[Row]
+    left_out: Mapping[str, Sequence[str]]
 
 
 def gathered(
     database: Database, metrics: Sequence[str] | None = None, comparable: str | None = None
 ) -> SeasonPageData:
     """Ask for everything; without names the usual metrics, without a class the one with most recordings."""
-    recordings = database.table(
-        "SELECT athlete, started, strftime(started, '%Y-%m-%d') AS day, "
+    recordings = database.rows(
+        "SELECT athlete, strftime(started, '%Y-%m-%d') AS day, "
         "strftime(date_trunc('week', started), '%Y-%m-%d') AS week, duration_s, status, "
-        "coalesce(strokes, 0) AS strokes, comparable FROM recordings ORDER BY athlete, started"
-    ).to_pylist()
+        "coalesce(strokes, 0) AS strokes, coalesce(left_out, 0) AS left_out FROM recordings ORDER BY athlete, started"
+    )
     if not recordings:
         raise DataError(f"{database.selection}: has no recordings to show; add some: `oarlock season add`")
-    classes = database.table("FROM classes").to_pylist()
+    classes = database.rows("FROM classes")
     names = [row["comparable"] for row in classes]
     if comparable is not None and comparable not in names:
         raise not_in_season("class of runs", comparable, names)
     shown = comparable or (names[0] if names else None)
-    columns: list[str] = []
-    if shown and metrics:
+    columns = [name for name in USUAL_METRICS if name in database.metrics] or list(database.metrics[:6])
+    if metrics:
         columns = list(dict.fromkeys(database.metric(name) for name in metrics))
-    elif shown:
-        usual = [name for name in USUAL_METRICS if name in database.metrics]
-        columns = usual or list(database.metrics[:6])
+    columns = columns if shown else []
     trends: dict[tuple[str, str], list[Row]] = {}
-    compared: list[AthleteComparison] = []
+    compared: list[Row] = []
     for column in columns:
-        for question, kind in (("trend", ""), ("changes", "trend"), ("rig", "rig")):
-            for row in database.table(f"FROM {question}('{column}')").to_pylist():
-                if row["comparable"] != shown:
-                    continue
-                if not kind:
-                    trends.setdefault((row["athlete"], column), []).append(row)
-                elif (found := _comparison(column, kind, row)) is not None:
-                    compared.append(found)
+        for row in database.rows(f"FROM trend('{column}')"):
+            if row["comparable"] == shown and row["at_s"] is not None:
+                trends.setdefault((row["athlete"], column), []).append(row)
+        rows = database.rows(f"FROM comparisons('{column}')")
+        compared += [row for row in rows if row["comparable"] == shown]
     return SeasonPageData(
         athletes=sorted({row["athlete"] for row in recordings}),
         metrics=columns,
@@ -173,25 +125,31 @@ def gathered(
         trends=trends,
         compared=compared,
         changes=beyond_chance(compared),
-        health=database.table("FROM sensor_health").to_pylist(),
-        failed=database.table("FROM failed").to_pylist(),
+        health=database.rows(
+            "SELECT number, sum(recordings)::BIGINT AS recordings, sum(recordings * mean) / sum(recordings) AS mean, "
+            "max(worst) AS worst, arg_max(athlete, worst) AS athlete, arg_max(month, worst) AS month, "
+            "arg_max(worst_recording, worst) AS recording FROM sensor_health GROUP BY number ORDER BY number"
+        ),
+        failed=database.rows(
+            "SELECT *, coalesce(strftime(started, '%Y-%m-%d'), '\N{EN DASH}') AS day FROM failed "
+            "ORDER BY count(*) OVER (PARTITION BY fault) DESC, fault, started"
+        ),
+        left_out={column: left_out(database, "trend", column) for column in columns},
     )
 
 
-def heat_map(found: SeasonPageData) -> str:
+def heat_map(data: SeasonPageData) -> str:
     """The table; a week with a failed recording has a mark at its foot."""
-    known = [row["week"] for row in found.recordings if row["week"]]
+    known = [row["week"] for row in data.recordings if row["week"]]
     if not known:
         return "<p>No recording has a date.</p>"
     first, last = (datetime.date.fromisoformat(end) for end in (min(known), max(known)))
     weeks = [str(first + datetime.timedelta(weeks=k)) for k in range((last - first).days // 7 + 1)]
-    by_athlete: dict[str, list[Row]] = {name: [] for name in found.athletes}
-    for row in found.recordings:
-        by_athlete[row["athlete"]].append(row)
-    changes = Counter(one.athlete for one in found.changes)
+    changes = Counter(row["athlete"] for row in data.changes)
     rows = []
-    for name, own in by_athlete.items():
-        strokes = sum(row["strokes"] for row in own)
+    for name, group in groupby(data.recordings, key=lambda row: str(row["athlete"])):
+        own = list(group)
+        strokes = sum(row["strokes"] - row["left_out"] for row in own)
         counts = [value_cell(len(own), f"{len(own):,}"), value_cell(strokes, f"{strokes:,}")]
         changed = value_cell(changes[name], str(changes[name] or ""))
         rows.append([escape(name), _cells(name, own, weeks), *counts, changed])
@@ -202,7 +160,7 @@ def heat_map(found: SeasonPageData) -> str:
         Column("Athlete"),
         Column("Weeks", f"{_day(weeks[0])[-8:]} to {_day(weeks[-1])[-8:]}"),
         Column("Sessions", meaning="Recordings with and without a result"),
-        Column("Strokes"),
+        Column("Strokes", meaning="Those that count in means"),
         Column("Changes", meaning="Changes that are listed below"),
     ]
     caption = (
@@ -214,156 +172,93 @@ def heat_map(found: SeasonPageData) -> str:
 def _cells(name: str, rows: Sequence[Row], weeks: Sequence[str]) -> str:
     count = Counter(row["week"] for row in rows)
     failed = Counter(row["week"] for row in rows if row["status"] == "failed")
-    parts = []
-    for k, week in enumerate(weeks):
-        if not count[week]:
-            continue
+    parts = [f'<rect class="heat-0" width="{len(weeks)}" height="10"/>']
+    rowed = [(k, week) for k, week in enumerate(weeks) if count[week]]
+    for k, week in rowed:
         lost = f", {failed[week]} failed" if failed[week] else ""
         words = f"<title>Week of {week}: {plural(count[week], 'session')}{lost}</title>"
-        parts.append(
-            f'<rect class="heat-{min(count[week], _MOST)}" x="{k}" width="1" height="10">{words}</rect>'
-        )
-        if failed[week]:
-            parts.append(f'<rect class="heat-failed" x="{k}" y="6" width="1" height="4"/>')
-    active = plural(sum(1 for week in weeks if count[week]), "week")
-    return (
-        f'<svg class="weeks" viewBox="0 0 {len(weeks)} 10" preserveAspectRatio="none" role="img" '
-        f'aria-label="{escape(name)}: rowed in {active} of {len(weeks)}">'
-        f'<rect class="heat-0" width="{len(weeks)}" height="10"/>{"".join(parts)}</svg>'
-    )
+        place = f'x="{k}" width="1"'
+        parts.append(f'<rect class="heat-{min(count[week], _MOST)}" {place} height="10">{words}</rect>')
+        parts += [f'<rect class="heat-failed" {place} y="6" height="4"/>'] if lost else []
+    active = f"{escape(name)}: rowed in {plural(len(rowed), 'week')} of {len(weeks)}"
+    box = f'viewBox="0 0 {len(weeks)} 10" preserveAspectRatio="none"'
+    return f'<svg class="weeks" {box} role="img" aria-label="{active}">{"".join(parts)}</svg>'
 
 
 def trend_chart(key: str, athlete: str, metric: str, rows: Sequence[Row]) -> str:
     """A chart; `rows` are months of the question `trend`."""
     shown = shown_metric(metric)
     x = np.array([12 * int(row["month"][:4]) + int(row["month"][5:]) - 1 for row in rows], dtype=float)
-    mean, low, high = (
-        shown.scale * np.array([np.nan if row[name] is None else row[name] for row in rows], dtype=float)
-        for name in ("mean", "low", "high")
-    )
+    values = np.array([[row[name] for name in ("mean", "low", "high")] for row in rows], dtype=float)
+    mean, low, high = shown.scale * values.T
     span = (float(x.min()) - 0.5, float(x.max()) + 0.5)
     panel = Panel(*_PLACE, span, plot.padded([mean, low, high], least=1e-6))
-    content = _grid(panel) + _month_names(panel, x, [row["sessions"] for row in rows])
-    dots = []
-    for a, value, b, c, row in zip(x, mean, low, high, rows, strict=True):
-        at = f"{float(panel.x(a)):.1f}"
-        if np.isfinite(b) and np.isfinite(c):
-            ends = f"{float(panel.y(b)):.1f}V{float(panel.y(c)):.1f}"
-            content += f'<path class="interval" d="M{at} {ends}"/>'
-        words = f"{row['month']}: {value:.4g} {shown.unit} ({b:.4g} to {c:.4g}), n = {row['sessions']}"
-        place = f'cx="{at}" cy="{float(panel.y(value)):.1f}" r="2.8"'
+    bars, dots = [], []
+    for at, value, bottom, top, row in zip(panel.x(x), mean, low, high, rows, strict=True):
+        band = "no band: no month has two sessions"
+        if np.isfinite(bottom):
+            band = f"{bottom:.4g} to {top:.4g}"
+            ends = f"{float(panel.y(bottom)):.1f}V{float(panel.y(top)):.1f}"
+            bars.append(f'<path class="interval" d="M{at:.1f} {ends}"/>')
+        words = f"{row['month']}: {value:.4g} {shown.unit} ({band}), n = {row['sessions']}"
+        place = f'cx="{at:.1f}" cy="{float(panel.y(value)):.1f}" r="2.8"'
         dots.append(f'<circle class="dot s0" {place}><title>{escape(words)}</title></circle>')
-    content += plot.line(panel, x, mean, "series s0") + "".join(dots)
-    drawn = plot.drawing(
-        key, _SIZE, f"{athlete}: {shown.label}", f"Mean of each month with 95 % band, {shown.unit}", content
-    )
-    return markup.figure(f"{athlete}: {shown.label}", drawn, unit=shown.unit)
+    line = plot.line(panel, x, mean, "series s0")
+    content = "".join([_axes(panel, x, [row["sessions"] for row in rows]), *bars, line, *dots])
+    title = f"{athlete}: {shown.label}"
+    drawing = plot.drawing(key, _SIZE, title, f"Mean of each month with 95 % band, {shown.unit}", content)
+    return markup.figure(title, drawing, unit=shown.unit)
 
 
-def _grid(panel: Panel) -> str:
-    values = plot.ticks(*panel.y_range, wanted=4)
-    return "".join(
-        f'<path class="grid" d="M{panel.left:g} {float(panel.y(value)):.1f}h{panel.width:g}"/>'
-        + plot.label(panel.left - 5, float(panel.y(value)) + 3.5, name, anchor="end")
-        for value, name in zip(values, plot.tick_labels(values), strict=True)
-    )
-
-
-def _month_names(panel: Panel, x: Floats, sessions: Sequence[int]) -> str:
+def _axes(panel: Panel, x: Floats, sessions: Sequence[int]) -> str:
+    """Grid of the values, names of the months, and numbers of sessions."""
+    values, parts = plot.ticks(*panel.y_range, wanted=4), []
+    for value, name in zip(values, plot.tick_labels(values), strict=True):
+        y = float(panel.y(value))
+        parts.append(f'<path class="grid" d="M{panel.left:g} {y:.1f}h{panel.width:g}"/>')
+        parts.append(plot.label(panel.left - 5, y + 3.5, name, anchor="end"))
     bottom, every = panel.top + panel.height, 1 + (len(x) - 1) // _MOST_LABELS
-    parts = [plot.label(panel.left - 5, bottom + 33, "n", anchor="end")]
+    parts.append(plot.label(panel.left - 5, bottom + 33, "n", anchor="end"))
+    letters = 3 if len(x) <= 9 else 1
     for k in range(0, len(x), every):
-        at, month = float(panel.x(x[k])), int(x[k])
-        parts.append(
-            plot.label(at, bottom + 17, _MONTHS[month % 12][: 3 if len(x) <= 9 else 1], "", "middle")
-        )
+        at, name = float(panel.x(x[k])), _MONTHS[int(x[k]) % 12][:letters]
+        parts.append(plot.label(at, bottom + 17, name, "", "middle"))
         parts.append(plot.label(at, bottom + 33, str(sessions[k]), "", "middle"))
-    first, last = (f"{_MONTHS[int(one) % 12]} {int(one) // 12}" for one in (x[0], x[-1]))
+    first, last = (f"{_MONTHS[int(month) % 12]} {int(month) // 12}" for month in (x[0], x[-1]))
     parts.append(plot.label(panel.left, bottom + 49, first))
-    if len(x) > 1:
-        parts.append(plot.label(panel.left + panel.width, bottom + 49, last, anchor="end"))
+    parts += [plot.label(panel.left + panel.width, bottom + 49, last, anchor="end")] if len(x) > 1 else []
     return "".join(parts)
 
 
-def changes_section(found: SeasonPageData) -> str:
+def changes_section(data: SeasonPageData) -> str:
     """Changes beyond chance, largest against their band first."""
-    if not found.changes:
-        return f"<p>No change is beyond chance among {plural(len(found.compared), 'comparison')}.</p>"
-    count = len(found.changes)
-    caption = plural(count, "change")
-    if count > _OPEN_ROWS:
-        caption = f"The largest {_OPEN_ROWS} of {count} changes."
+    if not data.changes:
+        return f"<p>{_changed(data)}</p>"
+    count = len(data.changes)
+    caption = (
+        f"The largest {_OPEN_ROWS} of {count} changes." if count > _OPEN_ROWS else plural(count, "change")
+    )
     content = (
         '<p class="hint">Each athlete is compared with itself: months over the season, and 60 days after a change of '
-        f"rig with 60 days before. {plural(len(found.compared), 'comparison')} were made, so some would be beyond "
+        f"rig with 60 days before. {plural(len(data.compared), 'comparison')} were made, so some would be beyond "
         "their 95 % band by chance alone. The list is corrected for that (Benjamini and Hochberg 1995): of the changes "
         "listed, about 1 in 20 is expected to be false. The largest against its band comes first.</p>"
-        + _changes_table("changes", found.changes[:_OPEN_ROWS], caption)
+        + _changes_table("changes", data.changes[:_OPEN_ROWS], caption)
     )
-    largest = list(dict.fromkeys((one.athlete, one.metric) for one in found.changes))[:_DRAWN]
-    drawn = [
-        trend_chart(f"changed-{k}", *one, found.trends[one])
-        for k, one in enumerate(largest)
-        if one in found.trends
-    ]
-    if rest := found.changes[_OPEN_ROWS:]:
+    largest = list(dict.fromkeys((row["athlete"], row["metric"]) for row in data.changes))[:_DRAWN]
+    if rest := data.changes[_OPEN_ROWS:]:
         content += (
             f"<details><summary>{plural(len(rest), 'smaller change')}</summary>"
             f"{_changes_table('more-changes', rest, 'The others, in the same order.')}</details>"
         )
-    return content + grid(drawn)
+    return content + grid(
+        trend_chart(f"changed-{k}", *whose, data.trends[whose])
+        for k, whose in enumerate(largest)
+        if whose in data.trends
+    )
 
 
-def trends_section(found: SeasonPageData) -> str:
-    """Trends of all metrics; of several athletes each is folded."""
-    changes = {name: sum(one.athlete == name for one in found.changes) for name in found.athletes}
-    parts = ['<p class="hint">Means of months with 95 % bands; n is the number of sessions.</p>']
-    for k, name in enumerate(found.athletes):
-        charts = [
-            trend_chart(f"trend-{k}-{j}", name, metric, rows)
-            for j, metric in enumerate(found.metrics)
-            if (rows := found.trends.get((name, metric)))
-        ]
-        content = grid(charts) if charts else "<p>No session has 10 strokes or more.</p>"
-        if len(found.athletes) > 1:
-            more = f", {plural(changes[name], 'change')}" if changes[name] else ""
-            content = f"<details><summary>{escape(name)}{more}</summary>{content}</details>"
-        parts.append(content)
-    return "".join(parts)
-
-
-def health_section(found: SeasonPageData) -> str:
-    """Numbers about the sensors: mean over all recordings, and the worst recording."""
-    if not found.health:
-        return "<p>The results contain no numbers about the sensors.</p>"
-    ordered = sorted(found.health, key=lambda row: str(row["number"]))
-    rows = [
-        _health_row(name, list(group)) for name, group in groupby(ordered, key=lambda row: str(row["number"]))
-    ]
-    caption = "A large worst value names the recording to look at first."
-    heads = ("Number", Column("Recordings"), Column("Mean"), Column("Worst"), "Athlete", "Month", "Recording")
-    return table("sensors", caption, heads, rows)
-
-
-def failed_section(found: SeasonPageData) -> str:
-    """Recordings without a result, by reason."""
-    if not found.failed:
-        return "<p>No recording failed.</p>"
-    parts = []
-    ordered = sorted(found.failed, key=lambda row: str(row["fault"]))
-    groups = [(fault, list(rows)) for fault, rows in groupby(ordered, key=lambda row: str(row["fault"]))]
-    for k, (fault, rows) in enumerate(sorted(groups, key=lambda group: -len(group[1]))):
-        cells = [
-            [escape(row["recording"][:8]), escape(row["athlete"]), f"{row['started'] or DASH!s:.10}"]
-            for row in rows
-        ]
-        listed = table(f"failed-{k}", fault, ("Recording", "Athlete", "Day"), cells)
-        title = f"{plural(len(rows), 'recording')}: {escape(fault)}"
-        parts.append(f"<details><summary>{title}</summary>{listed}</details>")
-    return "".join(parts)
-
-
-def _changes_table(key: str, changes: Sequence[AthleteComparison], caption: str) -> str:
+def _changes_table(key: str, changes: Sequence[Row], caption: str) -> str:
     heads = (
         Column("Athlete"),
         Column("Metric"),
@@ -373,38 +268,78 @@ def _changes_table(key: str, changes: Sequence[AthleteComparison], caption: str)
         Column("n", meaning="Sessions"),
         Column("From, to"),
     )
-    return table(key, caption, heads, [_change_row(one) for one in changes], style="sortable changes")
+    return table(key, caption, heads, list(map(_change_row, changes)), style="sortable changes")
 
 
-def _change_row(one: AthleteComparison) -> list[str]:
-    shown = shown_metric(one.metric)
-    change, low, high = (shown.scale * value for value in (one.change, one.low, one.high))
-    places = _places(high - low)
+def _change_row(row: Row) -> list[str]:
+    shown = shown_metric(row["metric"])
+    change, low, high = (shown.scale * row[key] for key in ("change", "low", "high"))
+    # Decimals that show the band with two digits.
+    places = 3 if high <= low else max(0, min(4, 1 - floor(log10(high - low))))
     return [
-        escape(one.athlete),
-        escape(shown.label + ("" if one.kind == "trend" else " (rig)")),
+        escape(row["athlete"]),
+        escape(shown.label + ("" if row["kind"] == "trend" else " (rig)")),
         value_cell(change, f"{'+' if change > 0 else ''}{fixed(change, places)} {shown.unit}".rstrip()),
         escape(f"{fixed(low, places)} to {fixed(high, places)}"),
-        value_cell(one.against_band, f"{one.against_band:.1f}"),
-        value_cell(one.sessions, str(one.sessions)),
-        escape(one.period),
+        value_cell(against_band(row), f"{against_band(row):.1f}"),
+        value_cell(row["sessions"], str(row["sessions"])),
+        escape(row["period"]),
     ]
 
 
-def _health_row(name: str, rows: Sequence[Row]) -> list[str]:
-    recordings = sum(row["recordings"] for row in rows)
-    mean = sum(row["recordings"] * row["mean"] for row in rows) / recordings
-    worst = max(rows, key=lambda row: float(row["worst"]))
-    share = name.endswith("_share")
-    values = [f"{100 * value:.2f} %" if share else number(value) for value in (mean, worst["worst"])]
-    label = name.removesuffix("_share").replace("_", " ") if share else name
-    where = [escape(str(worst[name] or DASH)) for name in ("athlete", "month")]
-    return [escape(label), f"{recordings:,}", *values, *where, escape(worst["worst_recording"][:8])]
+def trends_section(data: SeasonPageData) -> str:
+    """Trends of all metrics, of several athletes each is folded; and what is in none."""
+    changes = Counter(row["athlete"] for row in data.changes)
+    parts = ['<p class="hint">Means of months with 95 % bands; n is the number of sessions.</p>']
+    for k, name in enumerate(data.athletes):
+        content = grid(
+            trend_chart(f"trend-{k}-{j}", name, metric, rows)
+            for j, metric in enumerate(data.metrics)
+            if (rows := data.trends.get((name, metric)))
+        )
+        content = content or "<p>No session with a date has 10 strokes that count.</p>"
+        if len(data.athletes) > 1:
+            more = f", {plural(changes[name], 'change')}" if changes[name] else ""
+            content = f"<details><summary>{escape(name)}{more}</summary>{content}</details>"
+        parts.append(content)
+    for metric, sentences in data.left_out.items():
+        label = f"Left out of {escape(shown_metric(metric).label)}"
+        parts += (
+            [f"<details><summary>{label}</summary>{notes_list(sentences)}</details>"] if sentences else []
+        )
+    return "".join(parts)
 
 
-def _places(width: float) -> int:
-    """Decimals that show a band with two digits."""
-    return 3 if width <= 0.0 else max(0, min(4, 1 - floor(log10(width))))
+def health_section(data: SeasonPageData) -> str:
+    """Numbers about the sensors: mean over all recordings, and the worst recording."""
+    if not data.health:
+        return "<p>The results contain no numbers about the sensors.</p>"
+    rows = []
+    for row in data.health:
+        name, worst = row["number"], row["worst"]
+        label, values = name, [number(value) for value in (row["mean"], worst)]
+        if name.endswith("_share"):
+            label = name.removesuffix("_share").replace("_", " ")
+            values = [f"{100.0 * value:.2f} %" for value in (row["mean"], worst)]
+        where = [row["athlete"], row["month"], row["recording"][:8]]
+        rows.append([escape(label), f"{row['recordings']:,}", *values, *map(escape, where)])
+    caption = "A large worst value names the recording to look at first."
+    heads = ("Number", Column("Recordings"), Column("Mean"), Column("Worst"), "Athlete", "Month", "Recording")
+    return table("sensors", caption, heads, rows)
+
+
+def failed_section(data: SeasonPageData) -> str:
+    """Recordings without a result, by reason."""
+    parts = []
+    for k, (fault, group) in enumerate(groupby(data.failed, key=lambda row: str(row["fault"]))):
+        rows = [
+            [escape(row["recording"][:8]), escape(row["source"] or DASH), escape(row["athlete"]), row["day"]]
+            for row in group
+        ]
+        listed = table(f"failed-{k}", fault, ("Recording", "Source", "Athlete", "Day"), rows)
+        title = f"{plural(len(rows), 'recording')}: {escape(fault)}"
+        parts.append(f"<details><summary>{title}</summary>{listed}</details>")
+    return "".join(parts) or "<p>No recording failed.</p>"
 
 
 def write_season_page(
@@ -432,113 +367,97 @@ def write_season_page(
     with Database(season, selection) as database:
         page = season_page(season.name, gathered(database, metrics, comparable), database.selection)
     target = Path(path)
-    if target.is_dir():
-        target = target / "season.html"
+    target = target / "season.html" if target.is_dir() else target
     target.parent.mkdir(parents=True, exist_ok=True)
     write_file(target, page)
     return target
 
 
-def season_page(name: str, found: SeasonPageData, selection: Selection) -> str:
+def season_page(name: str, data: SeasonPageData, selection: Selection) -> str:
     """The page as text."""
     sections = [
-        ("changes", "What changed", changes_section(found)),
-        ("sessions", "Sessions", heat_map(found)),
-        ("trends", "Trends", trends_section(found)),
-        ("health", "Sensor health", health_section(found)),
-        ("failed", "Failed recordings", failed_section(found)),
-        ("basis", "How to read this page", notes_list(_basis(found))),
+        ("changes", "What changed", changes_section(data)),
+        ("sessions", "Sessions", heat_map(data)),
+        ("trends", "Trends", trends_section(data)),
+        ("health", "Sensor health", health_section(data)),
+        ("failed", "Failed recordings", failed_section(data)),
+        ("basis", "How to read this page", notes_list(_basis(data))),
     ]
     style = files("oarlock.season").joinpath("page.css").read_text(encoding="utf-8")
     heading = f"{name}: {selection.athlete}" if selection.athlete else f"Season: {name}"
-    texts = (_rowed(found), _changed(found), _believed(found))
-    paragraphs = "".join(f"<p>{escape(text)}</p>" for text in texts)
-    lead = f'<div class="lead">{paragraphs}</div>{tiles(_figures(found))}'
-    folded = ("trends",) if len(found.athletes) > 1 else ()
+    paragraphs = "".join(f"<p>{escape(text)}</p>" for text in (_rowed(data), _changed(data), _believed(data)))
+    lead = f'<div class="lead">{paragraphs}</div>{tiles(_figures(data))}'
+    folded = ("trends",) if len(data.athletes) > 1 else ()
     return shell(heading, lead, sections, style=style, scripts=(sort_script(),), folded=folded)
 
 
-def _rowed(found: SeasonPageData) -> str:
-    count = Counter(row["athlete"] for row in found.recordings)
-    days = [row["day"] for row in found.recordings if row["day"]]
+def _rowed(data: SeasonPageData) -> str:
+    days = [row["day"] for row in data.recordings if row["day"]]
     when = f" from {_day(min(days))} to {_day(max(days))}" if days else ""
-    if len(count) == 1:
-        name, sessions = count.most_common()[0]
-        return f"{name} rowed {plural(sessions, 'session')}{when}."
-    ordered = count.most_common()
-    (most, many), (least, few) = ordered[0], ordered[-1]
-    middle = ordered[len(ordered) // 2][1]
-    each = (
-        f"Each rowed {few}."
-        if few == many
-        else f"Most: {most} ({many}). Fewest: {least} ({few}). Median: {middle}."
-    )
-    return f"{plural(len(count), 'athlete')} rowed {plural(len(found.recordings), 'session')}{when}. {each}"
+    who = data.athletes[0] if len(data.athletes) == 1 else plural(len(data.athletes), "athlete")
+    return f"{who} rowed {plural(len(data.recordings), 'session')}{when}."
 
 
-def _changed(found: SeasonPageData) -> str:
-    if not found.compared:
-        return "A change cannot be stated yet: that needs 4 months with results of one athlete."
-    if not found.changes:
-        return f"Nothing changed beyond chance, in {plural(len(found.compared), 'comparison')}."
-    people = len({one.athlete for one in found.changes})
-    metrics = Counter(shown_metric(one.metric).label for one in found.changes)
+def _changed(data: SeasonPageData) -> str:
+    if not data.compared:
+        return f"A change cannot be stated yet: that needs {MONTHS_FOR_CHANGE} months with results of one athlete."
+    comparisons = plural(len(data.compared), "comparison")
+    if not data.changes:
+        return f"Nothing changed beyond chance, in {comparisons}."
+    people = len({row["athlete"] for row in data.changes})
+    metrics = Counter(shown_metric(row["metric"]).label for row in data.changes)
     most = ", ".join(f"{label} ({count})" for label, count in metrics.most_common(3))
-    whose = f" of {plural(people, 'athlete')}" if len(found.athletes) > 1 else ""
-    return (
-        f"{plural(len(found.changes), 'change')}{whose} {'is' if len(found.changes) == 1 else 'are'} beyond chance "
-        f"in {plural(len(found.compared), 'comparison')}. By metric: {most}."
-    )
+    whose = f" of {plural(people, 'athlete')}" if len(data.athletes) > 1 else ""
+    are = "is" if len(data.changes) == 1 else "are"
+    changes = plural(len(data.changes), "change")
+    return f"{changes}{whose} {are} beyond chance in {comparisons}. By metric: {most}."
 
 
-def _believed(found: SeasonPageData) -> str:
-    failed, all_ = len(found.failed), len(found.recordings)
-    texts = [
-        f"{failed} of {plural(all_, 'recording')} failed ({100 * failed / all_:.1f} %)."
-        if failed
-        else "No recording failed."
-    ]
-    if waiting := sum(row["status"] not in ("done", "failed") for row in found.recordings):
+def _believed(data: SeasonPageData) -> str:
+    recordings = plural(len(data.recordings), "recording")
+    failed, share = len(data.failed), 100.0 * len(data.failed) / len(data.recordings)
+    texts = [f"{failed} of {recordings} failed ({share:.1f} %)." if failed else "No recording failed."]
+    if waiting := sum(row["status"] == "waiting" for row in data.recordings):
         texts.append(
             f"Without a result yet: {plural(waiting, 'recording')}. Compute with oarlock season run."
         )
-    if len(found.classes) > 1:
-        others = sum(row["recordings"] for row in found.classes if row["comparable"] != found.comparable)
-        used = next(row for row in found.classes if row["comparable"] == found.comparable)
+    if len(data.classes) > 1:
+        counts = {row["comparable"]: row["recordings"] for row in data.classes}
+        used = counts.pop(data.comparable)
         texts.append(
-            f"Results of {len(found.classes)} classes, which engine, model, settings or calibration keep apart, must "
-            f"not be compared. Trends and changes use class {found.comparable} "
-            f"({plural(used['recordings'], 'recording')}); "
-            f"{plural(others, 'recording')} of other classes are left out. To make them alike: oarlock season run."
+            f"Results of {len(data.classes)} classes, which engine, model, settings or calibration keep apart, must "
+            f"not be compared. Trends and changes use class {data.comparable} ({plural(used, 'recording')}); "
+            f"{plural(sum(counts.values()), 'recording')} of other classes are left out. To make them alike: "
+            "oarlock season run."
         )
-    elif found.classes:
+    elif data.classes:
         texts.append("All results are comparable: same engine, model, settings and kind of calibration.")
     return " ".join(texts)
 
 
-def _figures(found: SeasonPageData) -> list[KeyFigure]:
-    strokes = sum(row["strokes"] for row in found.recordings)
-    time_s = sum(row["duration_s"] or 0.0 for row in found.recordings)
+def _figures(data: SeasonPageData) -> list[KeyFigure]:
+    beside = sum(row["left_out"] for row in data.recordings)
+    strokes = sum(row["strokes"] for row in data.recordings) - beside
+    time_s = sum(row["duration_s"] or 0.0 for row in data.recordings)
     time = f"{time_s / 3600.0:,.0f} h" if time_s >= 7200.0 else f"{time_s / 60.0:.0f} min"
-    failed = len(found.failed)
+    others = f"; {beside:,} more do not count" if beside else ""
+    metrics, failed = plural(len(data.metrics), "metric"), len(data.failed)
     return [
-        KeyFigure("Sessions", f"{len(found.recordings):,}", plural(len(found.athletes), "athlete")),
-        KeyFigure("Strokes", f"{strokes:,}", f"in {time} of recordings"),
-        KeyFigure(
-            "Changes beyond chance", str(len(found.changes)), f"in {plural(len(found.metrics), 'metric')}"
-        ),
-        KeyFigure("Failed recordings", str(failed), f"{100 * failed / len(found.recordings):.1f} %"),
+        KeyFigure("Sessions", f"{len(data.recordings):,}", plural(len(data.athletes), "athlete")),
+        KeyFigure("Strokes", f"{strokes:,}", f"in {time} of recordings{others}"),
+        KeyFigure("Changes beyond chance", str(len(data.changes)), f"in {metrics}"),
+        KeyFigure("Failed recordings", str(failed), f"{100 * failed / len(data.recordings):.1f} %"),
     ]
 
 
-def _basis(found: SeasonPageData) -> list[str]:
+def _basis(data: SeasonPageData) -> list[str]:
     return [
         "A stroke counts by its measured uncertainty, a session by its own and by how much sessions differ. Means are "
-        "brought to the athlete's usual stroke rate.",
+        "brought to the athlete's usual stroke rate. Misread strokes, paddling and starts count in no mean.",
         "The bands do not contain an error that all sessions share, such as a wrong length. It cancels in changes.",
         "A table cannot say why something changed: a change of rig or the training of those weeks may be the cause.",
         "Metrics: "
-        + ", ".join(shown_metric(name).label for name in found.metrics)
+        + ", ".join(shown_metric(name).label for name in data.metrics)
         + ". Choose others with --metric.",
         "Athletes appear by their pseudonyms. This file is a copy outside the season: after oarlock season erase, "
         "delete it and write it again.",

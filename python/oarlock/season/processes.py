@@ -19,18 +19,17 @@ import tempfile
 import threading
 import time
 import weakref
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 
-from oarlock.season.run import Ended, Job, Loss, Reply, Task
+from oarlock.season.run import Ended, Job, Reply, Task
 from oarlock.storage.errors import DataError
 from oarlock.storage.regular_file import read_bytes
 
 START_LIMIT_S = 300.0
 _DYING_S = 5.0
-_LOOK_S = 0.5
-_STOP_S = 5.0
 _IDLE_S = 600.0
 """A process that gets no job for so long ends: a worker of a cluster may stay for days."""
 _REMOVALS = 3
@@ -40,6 +39,7 @@ _READY = "ready"
 _COMMAND = "from oarlock.season.processes import child_main; child_main()"
 _ONE_THREAD = ("RAYON_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 _TEMPORARY = ("TMPDIR", "TEMP", "TMP")
+_LOCAL = threading.local()
 
 
 class Child:
@@ -62,7 +62,7 @@ class Child:
         number = os.getpid() if self._process is None else self._process.pid
         return Ended(job, reply, socket.gethostname(), number, time.monotonic() - began_s)
 
-    def ask(self, job: Job) -> Reply | Loss:
+    def ask(self, job: Job) -> Reply:
         """Do a job; returns when there is a reply, the process ended, or the job's time limit is over.
 
         Raises:
@@ -76,18 +76,17 @@ class Child:
             if is_late:  # it was killed after its answer
                 self._end()
             return reply
-        try:
-            status = process.wait(_DYING_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            status = process.wait()
-        detail = self._errors()
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(_DYING_S)
+        process.kill()
+        status, detail = process.wait(), self._errors()
         self._end()
-        how = f"it was not done after {job.limit_s:g} s" if is_late else _how(status)
-        return Loss(is_late, how, detail)
+        if is_late:
+            return Reply("hung", f"it was not done after {job.limit_s:g} s", detail=detail)
+        return Reply("lost", _how(status), detail=detail)
 
     def stop(self) -> None:
-        """Kill the process; whoever waits for a reply gets a `Loss`. It does not start again."""
+        """Kill the process; whoever waits for a reply gets one that it is lost. It does not start again."""
         with self._lock:
             self._is_stopped = True
             if self._process is not None:
@@ -139,8 +138,7 @@ class Child:
 
 def _answer(process: subprocess.Popen[bytes], question: object, limit_s: float) -> tuple[object, bool]:
     """The answer of a process, None if it ended; and whether it was killed because the time limit was over."""
-    assert process.stdin is not None
-    assert process.stdout is not None
+    assert process.stdin is not None and process.stdout is not None
     is_late = threading.Event()
 
     def kill() -> None:
@@ -210,46 +208,41 @@ def _leave() -> None:
     os._exit(0)
 
 
+def in_child(task: Task, job: Job) -> Ended:
+    """Do a job in the process that belongs to this thread."""
+    child: Child | None = getattr(_LOCAL, "child", None)
+    if child is None or child.task is not task:
+        if child is not None:
+            child.close()
+        child = _LOCAL.child = Child(task)
+    return child.ended(job)
+
+
 class Processes:
     """An `Executor` with `workers` processes for a task; a thread looks after each."""
 
     def __init__(self, task: Task, workers: int) -> None:
-        self._waiting: queue.SimpleQueue[Job | None] = queue.SimpleQueue()
-        self._ended: queue.SimpleQueue[Ended] = queue.SimpleQueue()
-        self._open = 0
-        self._is_cancelled = False
-        self._children = [Child(task) for _ in range(workers)]
-        self._threads = [threading.Thread(target=self._serve, args=(c,), daemon=True) for c in self._children]
-        for thread in self._threads:
-            thread.start()
+        self._task, self._children = task, list[Child]()
+        self._threads = ThreadPoolExecutor(workers, initializer=self._begin)
 
-    def submit(self, job: Job) -> None:
-        """As `Executor.submit`."""
-        self._open += 1
-        self._waiting.put(job)
+    def _begin(self) -> None:
+        _LOCAL.child = Child(self._task)
+        self._children.append(_LOCAL.child)
 
-    def as_completed(self) -> Iterator[Ended]:
-        """As `Executor.as_completed`."""
-        while self._open and not self._is_cancelled:
-            with suppress(queue.Empty):
-                ended = self._ended.get(timeout=_LOOK_S)
-                self._open -= 1
-                yield ended
+    def run(self, jobs: Sequence[Job]) -> Iterator[Ended]:
+        """As `Executor.run`."""
+        completed: queue.SimpleQueue[Future[Ended]] = queue.SimpleQueue()
+        for job in jobs:
+            self._threads.submit(in_child, self._task, job).add_done_callback(completed.put)
+        for _ in jobs:
+            with suppress(CancelledError):
+                yield completed.get().result()
 
     def cancel(self) -> None:
         """As `Executor.cancel`."""
-        self._is_cancelled = True
+        self._threads.shutdown(wait=False, cancel_futures=True)
         for child in self._children:
             child.stop()
-        for _ in self._threads:
-            self._waiting.put(None)
-        ends_s = time.monotonic() + _STOP_S
-        for thread in self._threads:
-            thread.join(max(0.0, ends_s - time.monotonic()))
-
-    def _serve(self, child: Child) -> None:
-        try:
-            while (job := self._waiting.get()) is not None and not self._is_cancelled:
-                self._ended.put(child.ended(job))
-        finally:
+        self._threads.shutdown()
+        for child in self._children:
             child.close()

@@ -1,18 +1,22 @@
-"""`ask` and `trend`: the ready questions to a season from Python, and how their metrics are shown."""
+"""`ask`, `trend` and `left_out`: the ready questions to a season from Python, and how their metrics are shown."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
-from oarlock.season.database import Database, Rates, Selection
+from oarlock.report.text import listing, plural
+from oarlock.season.database import SIDED, Database, Selection, rate_range
 from oarlock.season.store import Season
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
 
 if TYPE_CHECKING:
     import pyarrow as pa
+
+MONTHS_FOR_CHANGE = 4
 
 
 @dataclass(frozen=True)
@@ -39,8 +43,8 @@ class Question:
         if not self.of_metric:
             return f"FROM {self.name}()"
         assert metric is not None
-        given = {"rate_from": low, "rate_to": high}
-        rates = "".join(f", {name} := {value!r}" for name, value in given.items() if value is not None)
+        limits = {"rate_from": low, "rate_to": high}
+        rates = "".join(f", {name} := {value!r}" for name, value in limits.items() if value is not None)
         return f"FROM {self.name}('{metric}'{rates})"
 
 
@@ -61,9 +65,24 @@ QUESTIONS = (
     Question("outings", "Catch relative to the stroke seat; one row a recording.", of_metric=False),
 )
 """All ready questions that a season answers, with one line each."""
+_BASES = {
+    **dict.fromkeys(("drift", "session_drifts"), "session_drifts"),
+    **dict.fromkeys(("consistency", "same_rate"), "pieces"),
+    **dict.fromkeys(("crew", "outings"), "outings"),
+}
+"""The macro with a row for each recording that is part of the answer to a question; of others `sessions`."""
+_NEEDS = {
+    "sessions": "10 strokes that count",
+    "session_drifts": "10 strokes that count in the first and in the last third",
+    "pieces": "10 strokes that count at one rate",
+    "outings": "10 strokes that count beside a recording of the same boat, of a seat nearer to the stern",
+}
+_LACKS = {
+    "changes": ("started IS NULL", "no date"),
+    "rig": ("(started IS NULL OR boat IS NULL OR rig IS NULL)", "no date, no boat or no rig"),
+}
+"""What else a session may lack that a question needs: condition and words."""
 
-
-MONTHS_FOR_CHANGE = 4
 _SCALED = (
     *("mean", "low", "high", "per_month", "change", "sd"),
     *("noise", "first", "last", "drift", "difference", "se"),
@@ -84,12 +103,10 @@ def shown_metric(column: str) -> ShownMetric:
     """How a column is shown; one that Oarlock does not define is shown as it is."""
     from oarlock.rowing import FEATURES
 
-    feature = FEATURES.get(column)
-    if feature is None:
+    if (feature := FEATURES.get(column)) is None:
         return ShownMetric(column, "", 1.0)
-    return ShownMetric(
-        feature.label, "" if feature.shown_unit == "1" else feature.shown_unit, feature.shown_scale
-    )
+    unit = "" if feature.shown_unit == "1" else feature.shown_unit
+    return ShownMetric(feature.label, unit, feature.shown_scale)
 
 
 def is_scaled(column: str) -> bool:
@@ -125,7 +142,7 @@ class Trend:
         comparable: class of all runs that were used.
         months: one row a month: `month`, `sessions`, `strokes`, `rate`, `mean`, `low` and `high` (95 % band), `se`.
         change: None with fewer than 4 months.
-        notes: sentences on what else differs between the recordings.
+        notes: sentences on what is left out, and on what else differs between the recordings.
     """
 
     athlete: str
@@ -153,7 +170,7 @@ def ask(
         selection: of whom, of which days and of which class of runs.
 
     Returns:
-        The rows; SI and radians.
+        The rows; SI and radians. `left_out` says which sessions have none, and why.
 
     Raises:
         DataError: there is no such question, metric, athlete or class, or the runs are of several classes.
@@ -170,18 +187,64 @@ def answer(
     if asked.of_metric and metric is None:
         raise DataError(f"the question {asked.name} needs a metric, such as catch_angle")
     column = database.metric(metric) if asked.of_metric and metric is not None else None
-    limits = Rates.parsed(rates)
+    low, high = rate_range(rates)
     if asked.compares:
         one_class(database)
-    return database.table(asked.sql(column, limits.low, limits.high))
+    return database.table(asked.sql(column, low, high))
+
+
+def left_out(
+    database: Database, question: str, metric: str | None = None, rates: str | None = None
+) -> list[str]:
+    """Sentences on strokes, sessions and athletes that are not part of the answer to a ready question, and why."""
+    asked = question_named(question)
+    if not asked.compares:
+        return []
+    macro = _BASES.get(asked.name, "sessions")
+    column = database.metric(metric) if asked.of_metric and metric is not None else "catch_time_s"
+    values = column + SIDED if asked.name == "sides" else column
+    low, high = rate_range(rates)
+    base = replace(asked, name=macro).sql(values, low, high)
+    counted = Question("stroke_values", "").sql(values, low, high)
+    lack, words = _LACKS.get(asked.name, ("false", ""))
+    (total,) = database.rows(
+        "SELECT count(*) AS n, sum(strokes) AS strokes, sum(left_out) AS k FROM recordings"
+    )
+    lines = []
+    if total["k"]:
+        beside = f"{total['k']:,} of {total['strokes']:,} strokes"
+        lines.append(f"{beside} do not count: misread ones, paddling, starts (`in_averages`).")
+    rows = database.rows(f"""
+        SELECT coalesce(file, device, recording[:8]) AS source, started, strokes, n, CASE
+            WHEN status = 'failed' THEN 'failed; `oarlock season questions SEASON failed` says why'
+            WHEN status = 'waiting' THEN 'no result yet; `oarlock season run` computes it'
+            WHEN strokes = 0 THEN 'no strokes'
+            WHEN coalesce(n, 0) = 0 THEN 'no stroke that counts has this number'
+            WHEN recording NOT IN (SELECT recording {base}) THEN 'fewer than {_NEEDS[macro]}'
+            ELSE '{words}' END AS why
+        FROM recordings LEFT JOIN (SELECT recording, count(value) AS n {counted} GROUP BY recording)
+            USING (recording)
+        WHERE recording NOT IN (SELECT recording {base}) OR {lack} ORDER BY why, started, recording""")
+    for why, group in groupby(rows, key=lambda row: row["why"]):
+        names = [_named(row) for row in group]
+        lines.append(f"{len(names)} of {plural(total['n'], 'session')} left out, {why}: {listing(names)}.")
+    if asked.name == "changes":
+        changes = database.rows(asked.sql(column, low, high))
+        few = [row["athlete"] for row in changes if row["months"] < MONTHS_FOR_CHANGE]
+        why = f"not known, because it needs results in {MONTHS_FOR_CHANGE} months"
+        lines += [f"Change {why}: {listing(few)}."] if few else []
+    if asked.name == "rig":
+        lines.append("A change of rig needs two sessions in the 60 days before it, and two after it.")
+    return lines
+
+
+def _named(row: Mapping[str, Any]) -> str:
+    day = f" of {row['started']:%Y-%m-%d}" if row["started"] else ""
+    return f"{row['source']}{day}" + (f" ({row['n']} of {row['strokes']} strokes)" if row["n"] else "")
 
 
 def trend(
-    season: Season,
-    athlete: str,
-    metric: str,
-    rates: str | None = None,
-    selection: Selection | None = None,
+    season: Season, athlete: str, metric: str, rates: str | None = None, selection: Selection | None = None
 ) -> Trend:
     """How a metric of one athlete went over the months.
 
@@ -202,42 +265,43 @@ def trend(
         column = database.metric(metric)
         comparable = one_class(database)
         months = answer(database, "trend", column, rates)
+        beside = left_out(database, "trend", column, rates)
         if not months.num_rows:
-            raise DataError(f"{database.selection}: has no session with 10 strokes of {column} or more")
-        row = answer(database, "changes", column, rates).to_pylist()[:1]
-        return Trend(athlete, column, comparable, months, _change(row), _notes(database, months.num_rows))
+            words = f"has no session with 10 strokes of {column} or more that count"
+            raise DataError(" ".join([f"{database.selection}: {words}.", *beside]))
+        (row,) = answer(database, "changes", column, rates).to_pylist()[:1] or [{"low": None}]
+        change = None
+        if row["low"] is not None:
+            change = Change(**{key: row[key] for key in ("per_month", "low", "high", "change", "changed")})
+        notes = [*_notes(database, months.num_rows), *beside]
+        return Trend(athlete, column, comparable, months, change, notes)
 
 
 def question_named(name: str) -> Question:
     """A ready question."""
-    for one in QUESTIONS:
-        if one.name == name.replace("-", "_"):
-            return one
-    raise DataError(f'"{name}" is no ready question. {did_you_mean(name, (one.name for one in QUESTIONS))}')
+    for question in QUESTIONS:
+        if question.name == name.replace("-", "_"):
+            return question
+    known = (question.name for question in QUESTIONS)
+    raise DataError(f'"{name}" is no ready question. {did_you_mean(name, known)}')
 
 
 def one_class(database: Database) -> str:
     """The class of all runs asked."""
-    found = database.classes()
-    if not found:
+    classes = database.classes()
+    if not classes:
         raise DataError(f"{database.selection}: has no results; compute them: `oarlock season run`")
-    if len(found) > 1:
+    first = next(iter(classes))
+    if len(classes) > 1:
         each = "; ".join(
-            f"{name} (oarlock {engine}, {count} recordings)" for name, (engine, count) in found.items()
+            f"{name} (oarlock {engine}, {count} recordings)" for name, (engine, count) in classes.items()
         )
         raise DataError(
-            f"{database.selection}: the results are of {len(found)} classes (engine, model, settings or "
-            f"calibration differ) and cannot be compared: {each}. Choose one with --class {next(iter(found))}, or "
+            f"{database.selection}: the results are of {len(classes)} classes (engine, model, settings or "
+            f"calibration differ) and cannot be compared: {each}. Choose one with --class {first}, or "
             f"compute all of them in the same way: `oarlock season run {database.season.place.address}`."
         )
-    return next(iter(found))
-
-
-def _change(rows: Sequence[Mapping[str, Any]]) -> Change | None:
-    if not rows or rows[0]["low"] is None or rows[0]["months"] < MONTHS_FOR_CHANGE:
-        return None
-    row = rows[0]
-    return Change(row["per_month"], row["low"], row["high"], row["change"], bool(row["changed"]))
+    return first
 
 
 def _notes(database: Database, months: int) -> list[str]:
@@ -245,18 +309,16 @@ def _notes(database: Database, months: int) -> list[str]:
     if months < MONTHS_FOR_CHANGE:
         notes.append(f"A change is stated from {MONTHS_FOR_CHANGE} months on; here are {months}.")
     done = "FROM recordings WHERE status = 'done'"
-    boats = database.table(f"SELECT DISTINCT boat {done} AND boat IS NOT NULL ORDER BY boat")[
-        "boat"
-    ].to_pylist()
+    boats = database.rows(f"SELECT DISTINCT boat {done} AND boat IS NOT NULL ORDER BY boat")
     if len(boats) > 1:
-        notes.append(f"Rowed in several boats: {', '.join(boats)}. Choose one with --boat.")
-    rigs = database.table(
+        names = ", ".join(row["boat"] for row in boats)
+        notes.append(f"Rowed in several boats: {names}. Choose one with --boat.")
+    rigs = database.rows(
         f"SELECT boat, rig, strftime(min(started), '%Y-%m-%d') AS day {done} AND rig IS NOT NULL "
         "GROUP BY boat, rig QUALIFY row_number() OVER (PARTITION BY boat ORDER BY min(started)) > 1 ORDER BY day"
-    ).to_pylist()
-    for row in rigs:
-        notes.append(
-            f"The rig of {row['boat'] or 'the boat'} changed to {row['rig']} on {row['day']}, which may explain a "
-            "change. The question `rig` compares before and after."
-        )
-    return notes
+    )
+    return notes + [
+        f"The rig of {row['boat'] or 'the boat'} changed to {row['rig']} on {row['day']}, which may explain a "
+        "change. The question `rig` compares before and after."
+        for row in rigs
+    ]

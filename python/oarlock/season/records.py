@@ -1,15 +1,6 @@
-"""Records of a season: `Entry` of a recording, `Setup` and `RunRecord` of a result, and the names of folders and files.
+"""Records of a season: `Entry` of a recording, `Setup` and `RunRecord` of a result; names of folders and files.
 
-- `season.toml`: name, id, retention, the setup that `run` uses
-- `setups/SETUP/`: the model, calibration and settings of runs of everybody, named by their contents
-- `logs/`: when runs began and ended
-- `athlete=PSEUDONYM/`: everything of one athlete; it exists while its `athlete.toml` does
-    - `athlete.toml`: attributes, consent, the athlete's own setup; never a name
-    - `recordings/ID/`: a recording's folder or a device's export, named by its contents; `entry.toml` is written last
-    - `results/ID.RUN/`: what one run found in one recording; `run.toml` is written last
-    - `setups/SETUP/`: the setups of these results
-    - `strokes.parquet`: the table of all strokes, made from the results
-    - `exports/`, `logs/`: notes of where exports lie; times, hosts and durations of computations
+[What lies where](../../../docs/season.md#what-lies-where) in a season. The commit record of a folder is written last.
 """
 
 from __future__ import annotations
@@ -32,9 +23,10 @@ ENTRY_FILE: Final = "entry.toml"
 RUN_FILE: Final = "run.toml"
 """Commit record of a result."""
 STROKES_FILE: Final = "strokes.parquet"
-MODEL_FILE, CALIBRATION_FILE, SETTINGS_FILE = "model.toml", "calibration.toml", "settings.toml"
 ENTRY_FORMAT: Final = 1
 RUN_FORMAT: Final = 1
+_EXPORT_RULES: Final = 2
+"""Part of the name of an export's run: results of other rules are made again. 2: with `in_averages`."""
 _DIGITS = 20
 """Hexadecimal digits of a name made of contents: among a billion, two are alike with a chance of 1 in 2 million."""
 
@@ -66,8 +58,7 @@ def named_by(*parts: bytes) -> str:
     return total.hexdigest()[:_DIGITS]
 
 
-def named_by_document(document: object) -> str:
-    """A name made of a document of texts, numbers, lists and tables, whatever the order of its keys."""
+def _named_by_document(document: Mapping[str, object]) -> str:
     return named_by(json.dumps(document, sort_keys=True, ensure_ascii=True, allow_nan=False).encode())
 
 
@@ -81,6 +72,8 @@ class Entry:
         start: the moment at which it began, UTC; None if nothing says so.
         session: texts of `session.toml`, with the pseudonym.
         files: SHA-256 by name in its folder.
+        device: the device or the format of its source; empty if the source does not say.
+        file: name of its source, a file or folder; empty unless it was compared with the names of people.
     """
 
     recording: str
@@ -90,6 +83,8 @@ class Entry:
     duration_s: float | None
     session: Mapping[str, str] = field(default_factory=dict)
     files: Mapping[str, str] = field(default_factory=dict)
+    device: str = ""
+    file: str = ""
 
     @property
     def month(self) -> str:
@@ -103,26 +98,19 @@ class Entry:
 
     def toml(self) -> bytes:
         """The commit record."""
-        known = {
-            "format": ENTRY_FORMAT,
-            "recording": self.recording,
-            "athlete": self.athlete,
-            "kind": self.kind,
-            "start": None if self.start is None else self.start.isoformat(),
-            "duration_s": self.duration_s,
-            "session": dict(self.session),
+        values = {
+            **vars(self),
+            "start": self.start and self.start.isoformat(),
             "files": dict(sorted(self.files.items())),
         }
-        return toml_text({key: value for key, value in known.items() if value is not None}).encode()
+        known = {key: value for key, value in values.items() if value not in (None, "")}
+        return toml_text({"format": ENTRY_FORMAT, **known}).encode()
 
     @classmethod
     def parsed(cls, contents: bytes, where: str) -> Entry:
         """The entry of a commit record."""
         table = parsed_toml(contents, where)
         table.check_format(ENTRY_FORMAT)
-        kind = table.string("kind")
-        if kind not in ("recording", "export"):
-            raise DataError(f'{table.where("kind")}: is "{kind}"; expected recording or export')
         length, start = table.number("duration_s", -1.0), table.string("start", "")
         try:
             moment = datetime.datetime.fromisoformat(start) if start else None
@@ -133,11 +121,13 @@ class Entry:
         return cls(
             table.string("recording"),
             table.string("athlete"),
-            cast(Kind, kind),
+            cast(Kind, _choice(table, "kind", "recording", "export")),
             moment,
             None if length < 0.0 else length,
             _texts(table.table("session", {})),
             _texts(table.table("files", {})),
+            table.string("device", ""),
+            table.string("file", ""),
         )
 
     def shown_session(self) -> dict[str, str | None]:
@@ -167,17 +157,22 @@ class Setup:
     @property
     def files(self) -> dict[str, bytes]:
         """Contents by name of the files that are there."""
-        named = {MODEL_FILE: self.model, CALIBRATION_FILE: self.calibration, SETTINGS_FILE: self.settings}
-        return {name: contents for name, contents in named.items() if contents}
+        return {f"{name}.toml": contents for name, contents in vars(self).items() if contents}
 
     def run(self, engine: str) -> str:
         """Name of the run of this setup by an engine of this version."""
-        return named_by_document({"engine": engine, "setup": self.name, "format": RUN_FORMAT})
+        return run_name(engine, self.name)
 
     def comparable(self, engine: str) -> str:
         """Name of the runs whose numbers may be compared: one engine, model, settings and kind of calibration."""
         same = {"engine": engine, "model": named_by(self.model), "settings": named_by(self.settings)}
-        return named_by_document({**same, "calibrated": bool(self.calibration)})[:8]
+        return _named_by_document({**same, "calibrated": bool(self.calibration)})[:8]
+
+
+def run_name(engine: str, setup: str) -> str:
+    """Name of the run of a setup of this name by an engine of this version."""
+    rules = {"rules": _EXPORT_RULES} if setup == Setup().name else {}
+    return _named_by_document({"engine": engine, "setup": setup, "format": RUN_FORMAT, **rules})
 
 
 @dataclass(frozen=True)
@@ -187,8 +182,10 @@ class RunRecord:
     Args:
         comparable: numbers of runs with the same text may be compared.
         fault: why it failed, a sentence; empty if it did not.
+        strokes: rows of its file of strokes.
         files: SHA-256 by name in the result's folder.
         health: numbers about the sensors, by name.
+        left_out: strokes that count in no mean: misread ones, paddling, starts (`in_averages`).
     """
 
     recording: str
@@ -201,6 +198,7 @@ class RunRecord:
     strokes: int = 0
     files: Mapping[str, str] = field(default_factory=dict)
     health: Mapping[str, float] = field(default_factory=dict)
+    left_out: int = 0
 
     @classmethod
     def done(
@@ -211,36 +209,32 @@ class RunRecord:
         strokes: bytes,
         count: int,
         health: Mapping[str, float],
+        left_out: int = 0,
     ) -> RunRecord:
         """The record of a run with a file of `count` strokes; without strokes no file is stored."""
         files = {STROKES_FILE: hashlib.sha256(strokes).hexdigest()} if count else {}
         run, comparable = setup.run(engine), setup.comparable(engine)
-        return cls(recording, run, engine, setup.name, comparable, "done", "", count, files, health)
+        return cls(recording, run, engine, setup.name, comparable, "done", "", count, files, health, left_out)
 
     def toml(self) -> bytes:
         """The commit record."""
-        keys = ("recording", "run", "engine", "setup", "comparable", "status", "fault", "strokes")
-        tables = {"files": dict(sorted(self.files.items())), "health": dict(sorted(self.health.items()))}
-        return toml_text(
-            {"format": RUN_FORMAT, **{key: getattr(self, key) for key in keys}, **tables}
-        ).encode()
+        ordered = {key: dict(sorted(getattr(self, key).items())) for key in ("files", "health")}
+        return toml_text({"format": RUN_FORMAT, **vars(self), **ordered}).encode()
 
     @classmethod
     def parsed(cls, contents: bytes, where: str) -> RunRecord:
         """The record of a file."""
         table = parsed_toml(contents, where)
         table.check_format(RUN_FORMAT)
-        status = table.string("status")
-        if status not in ("done", "failed"):
-            raise DataError(f'{table.where("status")}: is "{status}"; expected done or failed')
         health = table.table("health", {})
         return cls(
             **{key: table.string(key) for key in ("recording", "run", "engine", "setup", "comparable")},
-            status=cast(Status, status),
+            status=cast(Status, _choice(table, "status", "done", "failed")),
             fault=table.string("fault"),
             strokes=table.integer("strokes", 0),
             files=_texts(table.table("files", {})),
             health={key: health.number(key, 0.0) for key in health.values},
+            left_out=table.integer("left_out", 0),
         )
 
 
@@ -250,6 +244,12 @@ def parsed_toml(contents: bytes, where: str) -> TomlTable:
         return TomlTable.parsed(contents.decode(), Path(where))
     except UnicodeDecodeError as error:
         raise DataError(f"{where}: is not UTF-8 text (byte {error.start}); the file is damaged") from None
+
+
+def _choice(table: TomlTable, key: str, *choices: str) -> str:
+    if (text := table.string(key)) not in choices:
+        raise DataError(f'{table.where(key)}: is "{text}"; expected {" or ".join(choices)}')
+    return text
 
 
 def _texts(table: TomlTable) -> dict[str, str]:

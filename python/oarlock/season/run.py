@@ -11,21 +11,23 @@ import random
 import secrets
 import socket
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cache
+from itertools import chain
 from pathlib import Path
 from typing import Literal, Protocol, TypeAlias
 
 from oarlock import _core
-from oarlock.season.records import Entry, RunRecord, Setup
-from oarlock.season.store import Season
+from oarlock.season.records import Entry, RunRecord, Setup, run_name
+from oarlock.season.store import ErasedError, Season
 from oarlock.season.tables import catalogue
 from oarlock.storage.errors import DataError
 
 LIMIT_S, LIMIT_SHARE = 300.0, 10.0
 """A computation hangs if it is not done after so long, and so many times its recording: it usually takes a tenth."""
-EXPORT_S = 0.1
+_EXPORT_S = 0.1
 """Reading a device's export takes as long as so much of a recording."""
 _LONGEST_FAULT = 600
 _LOG_EVERY_S = 5.0
@@ -58,26 +60,16 @@ class Job:
 
 @dataclass(frozen=True)
 class Reply:
-    """What a task answers to a job, with the reason in words.
+    """What became of a job, with the reason in words.
 
     ``done`` and ``failed`` are stored; ``there``: the result was stored before; ``removed``: the raw data are gone;
-    ``refused``: the job cannot be done here, and no recording is to blame.
+    ``refused``: the job cannot be done here, and no recording is to blame; ``lost``: its process ended; ``hung``: the
+    time limit ended its process. Words do not differ from machine to machine; `detail` is the last of its error output.
     """
 
-    status: Literal["done", "failed", "there", "removed", "refused"]
+    status: Literal["done", "failed", "there", "removed", "refused", "lost", "hung"]
     words: str = ""
     computed_s: float = 0.0
-
-
-@dataclass(frozen=True)
-class Loss:
-    """A job without a reply: `hung` if the time limit ended its process, else the process ended.
-
-    `words` say how, without what differs from machine to machine; `detail` is the last of its error output.
-    """
-
-    hung: bool
-    words: str
     detail: str = ""
 
 
@@ -86,7 +78,7 @@ class Ended:
     """A job that ended, where, and after how long."""
 
     job: Job
-    reply: Reply | Loss
+    reply: Reply
     host: str = ""
     process: int = 0
     seconds: float = 0.0
@@ -96,16 +88,13 @@ Task: TypeAlias = Callable[[Job], Reply]
 
 
 class Executor(Protocol):
-    """Where jobs are computed. Jobs begin in the order in which they are submitted."""
+    """Where jobs are computed."""
 
-    def submit(self, job: Job) -> None:
-        """Take a job."""
-
-    def as_completed(self) -> Iterator[Ended]:
-        """Jobs as they end, until none is left; more may be submitted meanwhile. DataError if what computes is gone."""
+    def run(self, jobs: Sequence[Job]) -> Iterator[Ended]:
+        """Begin jobs in this order; gives them as they end. DataError if what computes is gone."""
 
     def cancel(self) -> None:
-        """Stop at once; nothing further comes from `as_completed`."""
+        """Stop at once; nothing further comes from `run`."""
 
 
 @cache
@@ -142,39 +131,36 @@ def make_plan(season: Season, again: bool = False, limit_s: float | None = None)
     """
     jobs, failed, without_setup, there, removed = list[Job](), dict[str, str](), list[str](), 0, 0
     for data in catalogue(season).of:
-        name = data.athlete.pseudonym
-        status = {(record.recording, record.run): record for record in data.records}
-        runs = {"export": Setup().run(_core.__version__)}
-        if data.setup:
-            runs["recording"] = season.load_setup(data.setup, name).run(_core.__version__)
-        wanted = []
-        for entry in data.entries.values():
-            if entry.kind not in runs:
-                without_setup.append(entry.recording)
+        records = {(record.recording, record.run): record for record in data.records}
+        setups = {"export": Setup().name} | ({"recording": data.setup} if data.setup else {})
+        runs = {kind: run_name(_core.__version__, setup) for kind, setup in setups.items()}
+        due = []
+        for name, entry in data.entries.items():
+            if entry.kind not in setups:
+                without_setup.append(name)
                 continue
-            record = status.get((entry.recording, runs[entry.kind]))
+            record = records.get((name, runs[entry.kind]))
             if record is None or (record.status == "failed" and again):
-                wanted.append(entry.recording)
+                due.append(name)
             elif record.status == "failed":
-                failed[entry.recording] = record.fault
+                failed[name] = record.fault
             else:
                 there += 1
         # Tables do not say whether raw data are there.
-        present = [entry for entry in season.entries(name, wanted) if entry.files]
-        removed += len(wanted) - len(present)
-        jobs += [_job(season, data.setup, entry, runs[entry.kind], again, limit_s) for entry in present]
+        present = [entry for entry in season.entries(data.athlete.pseudonym, due) if entry.files]
+        removed += len(due) - len(present)
+        jobs += [_job(season, e, setups[e.kind], runs[e.kind], again, limit_s) for e in present]
     # The longest first, by powers of two; by chance among them, so that two runs at once share the work.
     jobs.sort(key=lambda job: (-math.frexp(job.duration_s)[1], random.random()))
     return Plan(jobs, there, failed, without_setup, removed)
 
 
-def _job(season: Season, setup: str, entry: Entry, run: str, again: bool, limit_s: float | None) -> Job:
+def _job(season: Season, entry: Entry, setup: str, run: str, again: bool, limit_s: float | None) -> Job:
     address = season.place.address
     where = address if "://" in address else str(Path(address).absolute())
-    name = Setup().name if entry.kind == "export" else setup
-    length_s = EXPORT_S if entry.duration_s is None else entry.duration_s
+    length_s = _EXPORT_S if entry.duration_s is None else entry.duration_s
     limit = LIMIT_S + LIMIT_SHARE * length_s if limit_s is None else limit_s
-    return Job(where, entry.athlete, entry.recording, name, run, versions(), length_s, limit, again)
+    return Job(where, entry.athlete, entry.recording, setup, run, versions(), length_s, limit, again)
 
 
 @dataclass
@@ -203,81 +189,52 @@ def run_season(
 
     The executor is cancelled at the end. `look_again` says what is missing when all is done.
     """
-    log, outcome, asked = RunLog(season), RunCounts(), set[str]()
-    outcome.log = log.name
+    log = RunLog(season)
+    counts, begun = RunCounts(log=log.name), set[str]()
     log.add("begun", versions=dict(versions()), jobs=len(plan.jobs))
     try:
         jobs = plan.jobs
         while jobs:
-            asked |= {job.recording for job in jobs}
-            _run_jobs(season, jobs, executor, log, outcome, progress)
+            begun |= {job.recording for job in jobs}
+            total_s, done_s, suspects = sum(job.duration_s for job in jobs), 0.0, list[Job]()
+            for part in chain([jobs], ([replace(job, alone=True)] for job in suspects)):
+                for ended in executor.run(part):
+                    log.add_job(ended)
+                    if ended.reply.status == "lost" and not ended.job.alone:
+                        suspects.append(ended.job)
+                        continue
+                    _count(season, ended, counts)
+                    done_s += ended.job.duration_s
+                    progress(done_s / total_s)
             more = () if look_again is None else look_again().jobs
-            jobs = [job for job in more if job.recording not in asked]
-        log.add("finished", computed=outcome.computed, failed=len(outcome.failed))
+            jobs = [job for job in more if job.recording not in begun]
+        log.add("finished", computed=counts.computed, failed=len(counts.failed))
     except BaseException as error:
         log.add("stopped", words=type(error).__name__)  # its words may name an athlete
         raise
     finally:
         executor.cancel()
         log.write()
-    return outcome
+    return counts
 
 
-def _run_jobs(
-    season: Season,
-    jobs: Sequence[Job],
-    executor: Executor,
-    log: RunLog,
-    outcome: RunCounts,
-    progress: Callable[[float], None],
-) -> None:
-    suspects = list[Job]()
-    total_s, done_s = sum(job.duration_s for job in jobs), 0.0
-    for ended in _completed(executor, jobs):
-        log.add_job(ended)
-        if isinstance(ended.reply, Loss) and not ended.reply.hung:
-            suspects.append(ended.job)
-            continue
-        _count(season, ended, outcome)
-        done_s += ended.job.duration_s
-        progress(done_s / total_s)
-    for job in suspects:
-        for ended in _completed(executor, [replace(job, alone=True)]):
-            log.add_job(ended)
-            _count(season, ended, outcome)
-
-
-def _completed(executor: Executor, jobs: Iterable[Job]) -> Iterable[Ended]:
-    for job in jobs:
-        executor.submit(job)
-    return executor.as_completed()
-
-
-def _count(season: Season, ended: Ended, outcome: RunCounts) -> None:
-    reply, job = ended.reply, ended.job
-    if isinstance(reply, Loss):
-        words = (
-            f"hangs: {reply.words}; a longer --task-limit-s with --again-failed gives it more time"
-            if reply.hung
-            else f"ends its process, again when it was computed alone: {reply.words}"
-        )
-        setup = Setup() if job.setup == Setup().name else season.load_setup(job.setup, job.athlete)
-        commit(season, job, failed_record(job, setup, words), {}, setup)
-        outcome.failed[job.recording] = words
-        return
+def _count(season: Season, ended: Ended, counts: RunCounts) -> None:
+    reply, job, words = ended.reply, ended.job, ended.reply.words
     if reply.status == "refused":
-        raise DataError(
-            f"{reply.words}. All finished results are stored; run the same command again to continue"
-        )
-    outcome.computed_s += reply.computed_s
-    if reply.status == "failed":
-        outcome.failed[job.recording] = reply.words
-    elif reply.status == "done":
-        outcome.computed += 1
-    elif reply.status == "there":
-        outcome.there += 1
+        raise DataError(f"{words}. All finished results are stored; run the same command again to continue")
+    counts.computed_s += reply.computed_s
+    if reply.status in ("lost", "hung"):
+        words = f"ends its process, again when it was computed alone: {words}"
+        if reply.status == "hung":
+            words = f"hangs: {reply.words}; a longer --task-limit-s with --again-failed gives it more time"
+        setup = season.load_setup(job.setup, job.athlete)
+        commit(season, job, failed_record(job, setup, words), {}, setup)
+    if reply.status in ("lost", "hung", "failed"):
+        counts.failed[job.recording] = words
     else:
-        outcome.removed += 1
+        counts.computed += reply.status == "done"
+        counts.there += reply.status == "there"
+        counts.removed += reply.status == "removed"
 
 
 def commit(season: Season, job: Job, record: RunRecord, files: Mapping[str, bytes], setup: Setup) -> bool:
@@ -287,8 +244,8 @@ def commit(season: Season, job: Job, record: RunRecord, files: Mapping[str, byte
     """
     try:
         before = season.run_record(job.athlete, record.recording, record.run)
-        gives_way = before is not None and before.status == "failed"
-        gives_way = gives_way and (job.again or record.status == "done")
+        is_failure = before is not None and before.status == "failed"
+        gives_way = is_failure and (job.again or record.status == "done")
     except DataError:  # damaged
         gives_way = True
     return season.put_result(job.athlete, record, files, setup, replaces=gives_way)
@@ -297,9 +254,9 @@ def commit(season: Season, job: Job, record: RunRecord, files: Mapping[str, byte
 def failed_record(job: Job, setup: Setup, fault: str) -> RunRecord:
     """The record of a run without a result, and why."""
     engine = dict(job.versions)["oarlock"]
-    return RunRecord(
-        job.recording, job.run, engine, job.setup, setup.comparable(engine), "failed", fault[:_LONGEST_FAULT]
-    )
+    comparable = setup.comparable(engine)
+    fault = fault[:_LONGEST_FAULT]
+    return RunRecord(job.recording, job.run, engine, job.setup, comparable, "failed", fault)
 
 
 class RunLog:
@@ -330,12 +287,9 @@ class RunLog:
     def add_job(self, ended: Ended) -> None:
         """Add the line of a job."""
         reply, job = ended.reply, ended.job
-        about: dict[str, object] = {"recording": job.recording, "run": job.run, "host": ended.host}
-        about |= {"process": ended.process, "seconds": round(ended.seconds, 3), "words": reply.words}
-        if isinstance(reply, Loss):
-            self.add("lost", job.athlete, **about, detail=reply.detail)
-        else:
-            self.add(reply.status, job.athlete, **about, computed_s=round(reply.computed_s, 3))
+        about = {"recording": job.recording, "run": job.run, "host": ended.host, "process": ended.process}
+        about |= {"seconds": round(ended.seconds, 3), "computed_s": round(reply.computed_s, 3)}
+        self.add(reply.status, job.athlete, **about, words=reply.words, detail=reply.detail)
 
     def write(self) -> None:
         """Write what has new lines; nothing of athletes who were erased meanwhile."""
@@ -344,6 +298,7 @@ class RunLog:
             if not athlete:
                 self._season.place.write(self.name, contents)
             elif self._season.is_here(athlete):
-                self._season.write(athlete, self.name, contents)
+                with suppress(ErasedError):
+                    self._season.write(athlete, self.name, contents)
         self._changed.clear()
         self._written_s = time.monotonic()

@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import TypeVar
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
@@ -31,12 +30,12 @@ from oarlock.season.records import (
     recording_folder,
     result_folder,
 )
-from oarlock.season.storage import OWN_WORK, SeasonStorage
+from oarlock.season.storage import SeasonStorage
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
-from oarlock.storage.toml import TomlTable, toml_text
+from oarlock.storage.toml import toml_text
 
-READERS = 16
+_READERS = 16
 """Threads that read small files: on an object store each waits for its answer."""
 _FORMAT = 1
 _PREFIX = athlete_folder("")
@@ -62,8 +61,6 @@ class Season:
     retention: Mapping[str, int] = field(default_factory=dict)
     setup: str = ""
 
-    # ---- athletes
-
     def folders(self) -> list[str]:
         """Pseudonyms of which there is a folder, of an interrupted erasure too."""
         names = self.place.children("")
@@ -71,16 +68,13 @@ class Season:
 
     def athletes(self) -> dict[str, Athlete]:
         """All athletes by pseudonym."""
-        found = in_threads(self.athlete, self.folders())
-        return {one.pseudonym: one for one in found if one is not None}
+        athletes = in_threads(self.athlete, self.folders())
+        return {athlete.pseudonym: athlete for athlete in athletes if athlete is not None}
 
     def athlete(self, pseudonym: str) -> Athlete | None:
         """One athlete; None if nobody has this pseudonym, or the athlete was erased."""
         file = f"{athlete_folder(pseudonym)}/{ATHLETE_FILE}"
-        try:
-            return Athlete.parsed(self.place.read(file), pseudonym, self.where(file))
-        except FileNotFoundError:
-            return None
+        return self._read(file, lambda contents, where: Athlete.parsed(contents, pseudonym, where))
 
     def put_athlete(self, athlete: Athlete) -> None:
         """Store an athlete, or what changed about one."""
@@ -90,45 +84,41 @@ class Season:
         """Whether this athlete is in the season; to be asked after something was stored."""
         return self.place.exists(f"{athlete_folder(athlete)}/{ATHLETE_FILE}")
 
-    def write(self, athlete: str, name: str, contents: bytes) -> bool:
-        """Write or replace a file in an athlete's folder; False if the athlete was erased meanwhile."""
+    def write(self, athlete: str, name: str, contents: bytes) -> None:
+        """Write or replace a file in an athlete's folder.
+
+        Raises:
+            ErasedError: the athlete was erased meanwhile; the file is not there.
+        """
         file = f"{athlete_folder(athlete)}/{name}"
-        fault = None
-        try:
-            self.place.write(file, contents)
-        except DataError as error:  # perhaps because an erasure removes the folder
-            fault = error
-        if self.is_here(athlete):
-            if fault is not None:
-                raise fault
-            return True
-        self.place.remove([file])
-        self.place.remove_empty(athlete_folder(athlete))
-        return False
 
-    def _put(self, athlete: str, folder: str, files: Mapping[str, bytes], record: str) -> bool:
-        """As `SeasonStorage.put_folder`, in an athlete's folder."""
+        self._store(
+            athlete, file, lambda: self.place.write(file, contents), lambda: self.place.remove([file])
+        )
+
+    def _store(
+        self, athlete: str, name: str, store: Callable[[], bool | None], remove: Callable[[], None]
+    ) -> bool:
+        """Whether something was stored, not False; it is removed if the athlete was erased meanwhile."""
+        is_new, fault = True, None
         try:
-            is_new, fault = self.place.put_folder(folder, files, record), None
+            is_new = store() is not False
         except DataError as error:  # perhaps because the erasure removed what was half written
-            is_new, fault = True, error
-        if self.is_here(athlete):
-            if fault is not None:
-                raise fault
-            return is_new
-        if is_new:
-            self.place.remove_folder(folder, record)
-        self.place.remove_folder(f"{athlete_folder(athlete)}/{OWN_WORK}")
-        self.place.remove_empty(athlete_folder(athlete))
-        raise ErasedError(f"{athlete} was erased from this season meanwhile; {folder} was not stored")
-
-    # ---- recordings and results
+            fault = error
+        if not self.is_here(athlete):
+            if is_new:
+                remove()
+            self.place.remove_empty(athlete_folder(athlete))
+            raise ErasedError(f"{athlete} was erased from this season meanwhile; {name} was not stored")
+        if fault is not None:
+            raise fault
+        return is_new
 
     def recordings(self) -> dict[str, str]:
         """The athlete of each recording, finished or not, by its name."""
         here = self.folders()
-        found = in_threads(lambda name: self.recordings_of(name) if self.is_here(name) else [], here)
-        return {recording: athlete for athlete, own in zip(here, found, strict=True) for recording in own}
+        names = in_threads(lambda name: self.recordings_of(name) if self.is_here(name) else [], here)
+        return {recording: athlete for athlete, own in zip(here, names, strict=True) for recording in own}
 
     def recordings_of(self, athlete: str) -> list[str]:
         """Names of an athlete's recordings, finished or not."""
@@ -141,19 +131,16 @@ class Season:
 
     def entry(self, athlete: str, recording: str) -> Entry | None:
         """What is known of a recording; None if it is not there, or not yet as a whole."""
-        file = f"{recording_folder(athlete, recording)}/{ENTRY_FILE}"
-        try:
-            return Entry.parsed(self.place.read(file), self.where(file))
-        except FileNotFoundError:
-            return None
+        return self._read(f"{recording_folder(athlete, recording)}/{ENTRY_FILE}", Entry.parsed)
 
     def run_record(self, athlete: str, recording: str, run: str) -> RunRecord | None:
         """How a run ended; None if it has not."""
-        file = f"{result_folder(athlete, recording, run)}/{RUN_FILE}"
-        try:
-            return RunRecord.parsed(self.place.read(file), self.where(file))
-        except FileNotFoundError:
-            return None
+        return self._read(f"{result_folder(athlete, recording, run)}/{RUN_FILE}", RunRecord.parsed)
+
+    def _read(self, file: str, parse: Callable[[bytes, str], Answer]) -> Answer | None:
+        with suppress(FileNotFoundError):
+            return parse(self.place.read(file), self.where(file))
+        return None
 
     def entries(self, athlete: str, recordings: Iterable[str]) -> Iterator[Entry]:
         """The entries of these, without those that are unfinished or damaged; `check` names the damaged."""
@@ -162,6 +149,22 @@ class Season:
     def run_records(self, athlete: str, results: Iterable[tuple[str, str]]) -> Iterator[RunRecord]:
         """The records of these, without those that are unfinished or damaged; `check` names the damaged."""
         return _readable(lambda name: self.run_record(athlete, *name), list(results))
+
+    def read_checked(self, name: str, sha256: str, advice: str = "") -> bytes:
+        """The contents of a file of a recording or a result.
+
+        Raises:
+            DataError: it is missing or differs from its hash; with the `advice`.
+        """
+        try:
+            contents = self.place.read(name)
+        except FileNotFoundError:
+            raise DataError(f"{name}: is missing{advice}") from None
+        except OSError as error:
+            raise DataError(f"{name}: cannot be read ({error.strerror}){advice}") from error
+        if hashlib.sha256(contents).hexdigest() != sha256:
+            raise DataError(f"{name}: is damaged: its SHA-256 differs from the recorded one{advice}")
+        return contents
 
     def put_recording(self, entry: Entry, files: Mapping[str, bytes]) -> Entry | None:
         """Store the files of a recording; returns the entry with their hashes, None if it was there."""
@@ -186,13 +189,18 @@ class Season:
         folder = result_folder(athlete, record.recording, record.run)
         if replaces:
             self.place.remove_folder(folder, RUN_FILE)
-        try:
+        with suppress(ErasedError):
             self.put_setup(setup, athlete)
             return self._put(athlete, folder, {**files, RUN_FILE: record.toml()}, RUN_FILE)
-        except ErasedError:
-            return False
+        return False
 
-    # ---- setups
+    def _put(self, athlete: str, folder: str, files: Mapping[str, bytes], record: str) -> bool:
+        return self._store(
+            athlete,
+            folder,
+            lambda: self.place.put_folder(folder, files, record),
+            lambda: self.place.remove_folder(folder, record),
+        )
 
     def put_setup(self, setup: Setup, athlete: str = "") -> str:
         """Store the files of a setup, of everybody or of an athlete; returns its name."""
@@ -205,21 +213,21 @@ class Season:
         return setup.name
 
     def load_setup(self, name: str, athlete: str = "") -> Setup:
-        """A setup that was stored, of an athlete or else of everybody."""
+        """A setup that was stored, of an athlete or else of everybody; the empty one of exports is not stored."""
+        if name == Setup().name:
+            return Setup()
         for top in (f"{athlete_folder(athlete)}/", "") if athlete else ("",):
-            folder, found = f"{top}setups/{name}", {}
-            for file in self.place.children(folder):
-                key = file.removesuffix(".toml")
-                if key in ("model", "calibration", "settings"):
-                    found[key] = self.place.read(f"{folder}/{file}")
-            if (setup := Setup(**found)).name == name:
+            folder = f"{top}setups/{name}"
+            files = set(self.place.children(folder)) & {"model.toml", "calibration.toml", "settings.toml"}
+            setup = Setup(
+                **{file.removesuffix(".toml"): self.place.read(f"{folder}/{file}") for file in files}
+            )
+            if setup.name == name:
                 return setup
         raise DataError(
             f"{self.where(folder)}: is damaged or missing. Store it again with the same model, calibration and "
             "settings: `oarlock season setup`"
         )
-
-    # ---- its own file
 
     def where(self, name: str) -> str:
         """The full name of a file, for an error."""
@@ -264,23 +272,19 @@ def open_season(address: str) -> Season:
         DataError: there is none, or its season.toml is damaged.
     """
     place = open_storage(address)
-    where = f"{place.address}/{SEASON_FILE}"
     try:
-        table = parsed_toml(place.read(SEASON_FILE), where)
+        table = parsed_toml(place.read(SEASON_FILE), f"{place.address}/{SEASON_FILE}")
     except FileNotFoundError:
         raise DataError(
             f"{address}: is not a season. To begin one: `oarlock season init {address}`"
         ) from None
     table.check_keys(("format", "name", "id", "time_zone", "retention", "setup"))
     table.check_format(_FORMAT)
-    return Season(
-        place,
-        table.string("name"),
-        table.string("id"),
-        table.string("time_zone", "UTC"),
-        _retention(table.table("retention", {})),
-        table.string("setup", ""),
-    )
+    months = table.table("retention", {})
+    months.check_keys(("raw_months", "results_months"))
+    retention = {key.removesuffix("_months"): months.integer(key, 0) for key in months.values}
+    zone, setup = table.string("time_zone", "UTC"), table.string("setup", "")
+    return Season(place, table.string("name"), table.string("id"), zone, retention, setup)
 
 
 def not_in_season(what: str, name: str, known: Iterable[str]) -> DataError:
@@ -299,23 +303,17 @@ def checked_zone(name: str, where: str) -> ZoneInfo:
 
 
 def in_threads(read: Callable[[Item], Answer], items: Sequence[Item]) -> list[Answer]:
-    """The answers to all items, in their order, by `READERS` threads."""
+    """The answers to all items, in their order, by `_READERS` threads."""
     if len(items) < 2:
-        return [read(one) for one in items]
-    with ThreadPoolExecutor(READERS) as pool:
+        return [read(item) for item in items]
+    with ThreadPoolExecutor(_READERS) as pool:
         return list(pool.map(read, items))
 
 
 def _readable(read: Callable[[Item], Answer | None], items: Sequence[Item]) -> Iterator[Answer]:
-    def found(item: Item) -> Answer | None:
+    def answer(item: Item) -> Answer | None:
         with suppress(DataError):
             return read(item)
         return None
 
-    return (one for one in in_threads(found, items) if one is not None)
-
-
-def _retention(table: TomlTable) -> dict[str, int]:
-    table.check_keys(("raw_months", "results_months"))
-    read = partial(table.integer, default=0)
-    return {key.removesuffix("_months"): read(key) for key in table.values}
+    return (each for each in in_threads(answer, items) if each is not None)

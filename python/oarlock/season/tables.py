@@ -11,57 +11,51 @@ import datetime
 import io
 import json
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import groupby
 from typing import Any, Final
 
 import pyarrow as pa
 import pyarrow.compute as pc
 from pyarrow import parquet
 
-from oarlock.season.arrow_table import read_table, with_plain_texts
-from oarlock.season.athletes import Athlete
-from oarlock.season.records import STROKES_FILE, Entry, RunRecord, athlete_folder, result_folder
-from oarlock.season.store import Season, in_threads
+from oarlock.season.athletes import ATTRIBUTES, Athlete
+from oarlock.season.records import STROKES_FILE, Entry, RunRecord, athlete_folder, result_folder, run_name
+from oarlock.season.store import ErasedError, Season, in_threads
 from oarlock.storage.errors import DataError
+from oarlock.storage.regular_file import open_regular
 
-SCHEMA: Final = 2
+SCHEMA: Final = 3
 """Version of the columns below. Tables of another version are made anew from the results."""
 _ABOUT: Final = b"season"
 """Key of the metadata: what a table was made from."""
+# Names of columns that are no UTF-8 come as UnicodeDecodeError.
+_UNREADABLE = (OSError, pa.ArrowException, TypeError, UnicodeDecodeError)
+_STARTED = pa.timestamp("us", tz="UTC")
 
-KEYS: Final = pa.schema(
-    [
-        *(
-            (name, pa.string())
-            for name in ("recording", "run", "comparable", "athlete", "boat", "seat", "rig")
-        ),
-        ("started", pa.timestamp("us", tz="UTC")),
-        ("stroke", pa.int32()),
-    ]
-)
+
+def _schema(texts: str, **others: pa.DataType) -> pa.Schema:
+    return pa.schema([*((name, pa.string()) for name in texts.split()), *others.items()])
+
+
+KEYS: Final = _schema("recording run comparable athlete boat seat rig", started=_STARTED, stroke=pa.int32())
 """First columns of `strokes`; what follows are the numbers of a stroke and their standard deviations, float32."""
-RECORDINGS: Final = pa.schema(
-    [
-        *((name, pa.string()) for name in ("recording", "athlete", "kind", "boat", "seat", "rig")),
-        ("started", pa.timestamp("us", tz="UTC")),
-        ("month", pa.string()),
-        ("duration_s", pa.float64()),
-        *((name, pa.string()) for name in ("run", "status", "fault", "comparable", "engine")),
-        ("strokes", pa.int32()),
-    ]
+RECORDINGS: Final = _schema(
+    "recording athlete kind device file boat seat rig month run status fault comparable engine",
+    started=_STARTED,
+    duration_s=pa.float64(),
+    strokes=pa.int32(),
+    left_out=pa.int32(),
 )
 """One row a recording, with its current run; `status` is done, failed, or waiting."""
-RUNS: Final = pa.schema(
-    [
-        *(
-            (name, pa.string())
-            for name in ("recording", "run", "engine", "setup", "comparable", "status", "fault")
-        ),
-        ("strokes", pa.int32()),
-        ("health", pa.map_(pa.string(), pa.float64())),
-    ]
+RUNS: Final = _schema(
+    "recording run engine setup comparable status fault",
+    strokes=pa.int32(),
+    left_out=pa.int32(),
+    health=pa.map_(pa.string(), pa.float64()),
 )
 """One row a run of a recording, superseded ones too."""
 
@@ -91,60 +85,49 @@ class AthleteData:
 
         A run that was done stands before one that failed.
         """
-        best: dict[str, RunRecord] = {}
-        for record in self.records:
-            held = best.get(record.recording)
-            if held is None or self._rank(record) > self._rank(held):
-                best[record.recording] = record
-        return best
+        return {record.recording: record for record in sorted(self.records, key=self._rank)}
 
     def _rank(self, record: RunRecord) -> tuple[object, ...]:
         parts = record.engine.replace("-", ".").split(".")
         version = tuple(int(part) if part.isdigit() else -1 for part in parts)
-        return record.setup == self.setup, record.status == "done", version, record.run
+        is_own = record.run == run_name(record.engine, record.setup)  # of these rules
+        return record.setup == self.setup, record.status == "done", version, is_own, record.run
 
-    def document(self) -> bytes:
-        """For the metadata of the table."""
-        entries = [
-            {**vars(one), "start": one.start and one.start.isoformat()} for one in self.entries.values()
-        ]
+    def metadata(self) -> dict[bytes, bytes]:
+        """For the table."""
+        entries = [{**vars(e), "start": e.start and e.start.isoformat()} for e in self.entries.values()]
         about = {"schema": SCHEMA, "setup": self.setup, "entries": entries}
-        return json.dumps({**about, "records": list(map(vars, self.records))}).encode()
+        return {_ABOUT: json.dumps({**about, "records": list(map(vars, self.records))}).encode()}
 
     def before(self, season: Season) -> AthleteData | None:
         """What the table was made from; None if there is no table, or it is damaged or of another version."""
         moment = datetime.datetime.fromisoformat
         try:
-            table = read_table(season.place.on_disk(self.file), columns=[])
-            about: dict[str, Any] = json.loads((table.schema.metadata or {})[_ABOUT])
+            with open_regular(season.place.on_disk(self.file)) as file:
+                about: dict[str, Any] = json.loads((parquet.read_schema(file).metadata or {})[_ABOUT])
             if about["schema"] != SCHEMA:
                 return None
-            entries = [
-                Entry(**{**one, "start": None if one["start"] is None else moment(one["start"])})
-                for one in about["entries"]
-            ]
-            records = [RunRecord(**one) for one in about["records"]]
-            return AthleteData(self.athlete, about["setup"], {one.recording: one for one in entries}, records)
-        except (OSError, DataError, KeyError, ValueError, TypeError):
+            entries = [Entry(**{**e, "start": e["start"] and moment(e["start"])}) for e in about["entries"]]
+            records = [RunRecord(**record) for record in about["records"]]
+        except (*_UNREADABLE, KeyError, ValueError):
             return None
+        return AthleteData(self.athlete, about["setup"], {e.recording: e for e in entries}, records)
 
     def now(self, season: Season, before: AthleteData | None) -> AthleteData:
         """What is stored now; commit records are read of what is new, unfinished or failed."""
         name, old = self.athlete.pseudonym, before or self
         here, results = season.recordings_of(name), set(season.results_of(name))
-        entries = {one: old.entries[one] for one in here if one in old.entries}
-        for entry in season.entries(name, [one for one in here if one not in entries]):
+        entries = {recording: old.entries[recording] for recording in here if recording in old.entries}
+        for entry in season.entries(name, [recording for recording in here if recording not in entries]):
             shown = {key: text for key, text in entry.shown_session().items() if text is not None}
             entries[entry.recording] = replace(entry, session=shown, files={})
-        records = [one for one in old.records if one.status == "done" and (one.recording, one.run) in results]
-        known = {(one.recording, one.run) for one in records}
-        records += [replace(one, files={}) for one in season.run_records(name, sorted(results - known))]
-        records = [one for one in records if one.recording in entries]
-        return replace(
-            self,
-            entries=dict(sorted(entries.items())),
-            records=sorted(records, key=lambda one: (one.recording, one.run)),
-        )
+        records = {(r.recording, r.run): r for r in old.records if r.status == "done"}
+        records = {pair: record for pair, record in records.items() if pair in results}
+        records |= {
+            (r.recording, r.run): r for r in season.run_records(name, sorted(results - records.keys()))
+        }
+        own = [record for _, record in sorted(records.items()) if record.recording in entries]
+        return replace(self, entries=dict(sorted(entries.items())), records=own)
 
 
 @dataclass(frozen=True)
@@ -154,28 +137,23 @@ class Catalogue:
     of: Sequence[AthleteData]
 
     @property
-    def athletes(self) -> dict[str, Athlete]:
-        """All athletes by pseudonym."""
-        return {one.athlete.pseudonym: one.athlete for one in self.of}
-
-    @property
     def entries(self) -> dict[str, Entry]:
         """All recordings by name."""
-        return {name: entry for one in self.of for name, entry in one.entries.items()}
+        return {name: entry for data in self.of for name, entry in data.entries.items()}
 
     @property
     def records(self) -> list[RunRecord]:
         """All runs."""
-        return [record for one in self.of for record in one.records]
+        return [record for data in self.of for record in data.records]
 
     def current(self) -> dict[str, RunRecord]:
         """The run of each recording that counts."""
-        return {name: record for one in self.of for name, record in one.current().items()}
+        return {name: record for data in self.of for name, record in data.current().items()}
 
 
 def catalogue(season: Season, athlete: str | None = None) -> Catalogue:
     """What is stored at this moment, of all athletes or of one."""
-    return Catalogue(in_threads(lambda one: one.now(season, one.before(season)), _all(season, athlete)))
+    return Catalogue(in_threads(lambda data: data.now(season, data.before(season)), _all(season, athlete)))
 
 
 def update_tables(season: Season, athlete: str | None = None) -> Catalogue:
@@ -185,83 +163,66 @@ def update_tables(season: Season, athlete: str | None = None) -> Catalogue:
     """
     here = _all(season, athlete)
     if athlete is None:
-        season.place.forget_copies([athlete_folder(one.athlete.pseudonym) for one in here])
+        season.place.forget_copies([athlete_folder(data.athlete.pseudonym) for data in here])
 
-    def updated(one: AthleteData) -> AthleteData | None:
-        before = one.before(season)
-        now = one.now(season, before)
-        return now if now == before else _written(season, now, before)
+    def updated(data: AthleteData) -> AthleteData | None:
+        before = data.before(season)
+        now = data.now(season, before)
+        with suppress(ErasedError):
+            return now if now == before else _written(season, now, before)
+        return None
 
-    found = in_threads(updated, here)
-    return Catalogue([one for one in found if one is not None])
+    return Catalogue([data for data in in_threads(updated, here) if data is not None])
 
 
 def _all(season: Season, athlete: str | None) -> list[AthleteData]:
-    if athlete is None:
-        here = list(season.athletes().values())
-    else:
-        here = [one for one in (season.athlete(athlete),) if one is not None]
-    return [AthleteData(one, one.setup or season.setup) for one in here]
+    here = season.athletes().values() if athlete is None else [season.athlete(athlete)]
+    return [AthleteData(each, each.setup or season.setup) for each in here if each is not None]
 
 
-def _written(season: Season, now: AthleteData, before: AthleteData | None) -> AthleteData | None:
-    """What is in the table that was written; None if the athlete was erased meanwhile."""
-    current = [one for one in now.current().values() if one.status == "done" and one.strokes]
-    kept = None if before is None else _kept(season, now, current)
-    have = set() if kept is None else _pairs(kept)
-    new = [one for one in current if (one.recording, one.run) not in have]
-    tables = in_threads(partial(_strokes_of, season, now), new)
-    faults = {(one.recording, one.run): one for one in tables if isinstance(one, RunRecord)}
-    if faults:
-        marked = [faults.get((one.recording, one.run), one) for one in now.records]
+def _written(season: Season, now: AthleteData, before: AthleteData | None) -> AthleteData:
+    """What is in the table that was written: former rows that are still valid, and those of new runs."""
+    current = {name: run for name, run in now.current().items() if run.status == "done" and run.strokes}
+    valid: list[str] = []
+    tables: list[pa.Table] = []
+    if before is not None:
+        with suppress(DataError, OSError, KeyError):
+            former = before.current()
+            same = [name for name, run in current.items() if former.get(name) == run]
+            table = arrow_table(season.place.read(now.file), now.file)
+            tables = [table.filter(pc.is_in(table["recording"], pa.array(same, pa.string())))]
+            valid = same
+    new = [run for name, run in current.items() if name not in valid]
+    rows = in_threads(partial(_strokes_of, season, now), new)
+    if faults := {(run.recording, run.run): run for run in rows if isinstance(run, RunRecord)}:
+        marked = [faults.get((record.recording, record.run), record) for record in now.records]
         return _written(season, replace(now, records=marked), before)
-    whole = joined([one for one in (kept, *tables) if isinstance(one, pa.Table)])
-    name = now.athlete.pseudonym
-    return now if season.write(name, STROKES_FILE, table_bytes(whole, now)) else None
+    contents = table_bytes(joined([*tables, *rows]), now)
+    season.write(now.athlete.pseudonym, STROKES_FILE, contents)
+    return now
 
 
-def _kept(season: Season, now: AthleteData, current: Iterable[RunRecord]) -> pa.Table | None:
-    """The rows of the former table that are still valid."""
-    try:
-        table = with_plain_texts(read_table(season.place.on_disk(now.file)), now.file)
-        text = pc.binary_join_element_wise(table["recording"], table["run"], ".")
-    except (DataError, OSError, KeyError):
-        return None
-    return table.filter(
-        pc.is_in(text, pa.array([f"{one.recording}.{one.run}" for one in current], pa.string()))
-    )
-
-
-def _pairs(table: pa.Table) -> set[tuple[str, str]]:
-    found = table.group_by(["recording", "run"]).aggregate([])
-    return set(zip(found["recording"].to_pylist(), found["run"].to_pylist(), strict=True))
-
-
-def _strokes_of(season: Season, data: AthleteData, record: RunRecord) -> pa.Table | RunRecord:
+def _strokes_of(season: Season, data: AthleteData, run: RunRecord) -> pa.Table | RunRecord:
     """Rows of a result; or, where it is damaged, the record of its failure."""
-    name = f"{result_folder(data.athlete.pseudonym, record.recording, record.run)}/{STROKES_FILE}"
+    name = f"{result_folder(data.athlete.pseudonym, run.recording, run.run)}/{STROKES_FILE}"
     try:
-        return stroke_rows(
-            season.place.read(name), data.entries[record.recording], record, season.where(name)
-        )
-    except FileNotFoundError:
-        fault = f"{season.where(name)}: is missing"
+        contents = season.read_checked(name, run.files[STROKES_FILE])
+        return stroke_rows(contents, data.entries[run.recording], run, season.where(name))
     except DataError as error:
-        fault = str(error)
-    return replace(record, status="failed", fault=f"damaged: {fault}", strokes=0)
+        advice = "`oarlock season check` lists all damaged files"
+        return replace(run, status="failed", fault=f"damaged: {error}; {advice}", strokes=0)
 
 
 def stroke_rows(contents: bytes, entry: Entry, run: RunRecord, where: str) -> pa.Table:
     """Rows of `strokes` of one result; `joined` brings their numbers to float32."""
-    advice = "; `oarlock season check` lists all damaged files"
-    found = read_table(contents, advice, where, without_lists=True)
-    names = [one.name for one in found.schema if _is_number(one.type)]
-    keys = {key: getattr(run, key) for key in ("recording", "run", "comparable")}
-    keys |= {"athlete": entry.athlete, **entry.shown_session(), "started": entry.start}
-    count = found.num_rows
-    columns = [pa.repeat(pa.scalar(keys[one.name], one.type), count) for one in KEYS if one.name != "stroke"]
-    columns.append(pa.array(range(1, count + 1), pa.int32()))
-    return pa.Table.from_arrays([*columns, *(found[name] for name in names)], [*KEYS.names, *names])
+    table = arrow_table(contents, where)
+    names = [column.name for column in table.schema if _is_number(column.type)]
+    keys = {**vars(run), "athlete": entry.athlete, **entry.shown_session(), "started": entry.start}
+    columns = [
+        pa.repeat(pa.scalar(keys[key.name], key.type), len(table)) for key in KEYS if key.name != "stroke"
+    ]
+    columns.append(pa.array(range(1, len(table) + 1), pa.int32()))
+    return pa.Table.from_arrays([*columns, *(table[name] for name in names)], [*KEYS.names, *names])
 
 
 def joined(tables: Sequence[pa.Table]) -> pa.Table:
@@ -269,76 +230,85 @@ def joined(tables: Sequence[pa.Table]) -> pa.Table:
     if not tables:
         return KEYS.empty_table()
     whole = pa.concat_tables(tables, promote_options="permissive")
-    columns = [
-        column if name in KEYS.names else _without_nan(column)
-        for name, column in zip(whole.column_names, whole.columns, strict=True)
-    ]
-    order = [(key, "ascending") for key in ("started", "recording", "stroke")]
-    return pa.table(columns, whole.column_names).sort_by(order)
+    for k, name in enumerate(whole.column_names):
+        if name not in KEYS.names:  # NaN is missing, because DuckDB would carry it into every mean
+            plain = whole.column(k).cast(pa.float32())
+            number = pc.if_else(pc.is_nan(plain), pa.scalar(None, pa.float32()), plain)
+            whole = whole.set_column(k, name, number)
+    return whole.sort_by([(key, "ascending") for key in ("started", "recording", "stroke")])
 
 
 def table_bytes(strokes: pa.Table, data: AthleteData) -> bytes:
     """The file of an athlete's strokes: float columns split by bytes, texts as indices."""
-    numbers = [one.name for one in strokes.schema if pa.types.is_floating(one.type)]
-    texts = [one.name for one in strokes.schema if pa.types.is_string(one.type)]
-    out = io.BytesIO()
-    parquet.write_table(
-        strokes.replace_schema_metadata({_ABOUT: data.document()}),
-        out,
+    numbers = [column.name for column in strokes.schema if pa.types.is_floating(column.type)]
+    return parquet_bytes(
+        strokes.replace_schema_metadata(data.metadata()),
         compression="zstd",
-        use_dictionary=texts,
+        use_dictionary=[column.name for column in strokes.schema if pa.types.is_string(column.type)],
         column_encoding=dict.fromkeys(numbers, "BYTE_STREAM_SPLIT"),
         row_group_size=20_000,
     )
+
+
+def parquet_bytes(table: pa.Table, **options: Any) -> bytes:
+    """A Parquet file of a table."""
+    out = io.BytesIO()
+    parquet.write_table(table, out, **options)
     return out.getvalue()
 
 
-def recording_rows(found: Catalogue) -> pa.Table:
+def arrow_table(contents: bytes, where: str, advice: str = "") -> pa.Table:
+    """The table of a Parquet file of a season; Oarlock wrote it.
+
+    Raises:
+        DataError: it is damaged; with the advice.
+    """
+    try:
+        return parquet.read_table(pa.BufferReader(contents))
+    except _UNREADABLE as error:
+        raise DataError(f"{where}: cannot be read as Parquet ({error}){advice}") from error
+
+
+def recording_rows(stored: Catalogue) -> pa.Table:
     """The table of recordings, by athlete and time."""
-    rows, current = [], found.current()
-    for entry in found.entries.values():
-        run = current.get(entry.recording)
-        keys = ("run", "status", "fault", "comparable", "engine", "strokes")
-        known = {key: getattr(run, key) for key in keys} if run else {"status": "waiting"}
-        plain = {key: getattr(entry, key) for key in ("recording", "athlete", "kind", "month", "duration_s")}
-        rows.append({**plain, **entry.shown_session(), "started": entry.start, **known})
+    current = stored.current()
+    rows = [
+        {
+            **(vars(run) if (run := current.get(name)) else {"status": "waiting"}),
+            **vars(entry),
+            **entry.shown_session(),
+            **{key: getattr(entry, key) or None for key in ("device", "file")},
+            "started": entry.start,
+            "month": entry.month,
+        }
+        for name, entry in stored.entries.items()
+    ]
     order = [(key, "ascending") for key in ("athlete", "started", "recording")]
     return pa.Table.from_pylist(rows, RECORDINGS).sort_by(order)
 
 
-def run_rows(found: Catalogue) -> pa.Table:
+def run_rows(stored: Catalogue) -> pa.Table:
     """The table of runs."""
-    rows = [{**vars(one), "health": list(one.health.items())} for one in found.records]
+    rows = [{**vars(record), "health": list(record.health.items())} for record in stored.records]
     return pa.Table.from_pylist(rows, RUNS).sort_by([("recording", "ascending"), ("run", "ascending")])
 
 
-def athlete_rows(found: Catalogue) -> pa.Table:
+def athlete_rows(stored: Catalogue) -> pa.Table:
     """The table of athletes; those who withdrew consent to nothing."""
+    athletes = sorted((data.athlete for data in stored.of), key=lambda athlete: athlete.pseudonym)
     rows = [
         {
-            "athlete": name,
-            **{key: one.attributes.get(key) for key in ("stature_m", "mass_kg")},
-            "consent": "" if one.withdrawn else ", ".join(one.consent),
+            "athlete": athlete.pseudonym,
+            **athlete.attributes,
+            "consent": "" if athlete.withdrawn else ", ".join(athlete.consent),
         }
-        for name, one in sorted(found.athletes.items())
+        for athlete in athletes
     ]
-    kinds = {
-        "athlete": pa.string(),
-        "stature_m": pa.float64(),
-        "mass_kg": pa.float64(),
-        "consent": pa.string(),
-    }
-    return pa.Table.from_pylist(rows, pa.schema(list(kinds.items())))
+    return pa.Table.from_pylist(rows, _schema("athlete consent", **dict.fromkeys(ATTRIBUTES, pa.float64())))
 
 
 def _is_number(kind: pa.DataType) -> bool:
     return bool(pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind))
-
-
-def _without_nan(column: pa.ChunkedArray) -> pa.ChunkedArray:
-    """The numbers as float32; NaN is missing, because DuckDB would carry it into every mean."""
-    plain = column.cast(pa.float32())
-    return pc.if_else(pc.is_nan(plain), pa.scalar(None, pa.float32()), plain)
 
 
 @dataclass(frozen=True)
@@ -349,39 +319,45 @@ class SeasonSummary:
         counts: numbers by what they count, in words.
         athletes: of each who was recorded: athlete, recordings, hours, strokes, first and last day, UTC.
         faults: why a recording's current run failed, by recording.
+        recordings: of each, by athlete and time: athlete, started, device, file, status, strokes, left_out, recording.
     """
 
     name: str
     counts: Mapping[str, int]
     athletes: Sequence[Mapping[str, Any]]
     faults: Mapping[str, str]
+    recordings: Sequence[Mapping[str, Any]] = ()
 
 
 def season_summary(season: Season) -> SeasonSummary:
-    """Count what a season contains, and list why recordings failed."""
-    known = catalogue(season)
-    current = known.current()
-    status = Counter(current[name].status if name in current else "waiting" for name in known.entries)
+    """Count what a season contains, and list its recordings and why some failed."""
+    stored = catalogue(season)
+    rows = recording_rows(stored).to_pylist()
     athletes = []
-    for one in known.of:
-        entries = one.entries.values()
-        days = sorted(f"{entry.start:%Y-%m-%d}" for entry in entries if entry.start is not None) or [""]
-        row = {
-            "athlete": one.athlete.pseudonym,
-            "recordings": len(entries),
-            "hours": sum(entry.duration_s or 0.0 for entry in entries) / 3600.0,
-            "strokes": sum(record.strokes for record in one.current().values()),
-            "first": days[0],
-            "last": days[-1],
-        }
-        athletes += [row] if entries else []
+    for name, group in groupby(rows, key=lambda row: row["athlete"]):
+        own = list(group)
+        days = [f"{row['started']:%Y-%m-%d}" for row in own if row["started"]] or [""]
+        athletes.append(
+            {
+                "athlete": name,
+                "recordings": len(own),
+                "hours": sum(row["duration_s"] or 0.0 for row in own) / 3600.0,
+                "strokes": sum(row["strokes"] or 0 for row in own),
+                "first": min(days),
+                "last": max(days),
+            }
+        )
+    status = Counter(row["status"] for row in rows)
     counts = {
-        "athletes": len(known.of),
-        "recordings": len(known.entries),
+        "athletes": len(stored.of),
+        "recordings": len(rows),
         "with results": status["done"],
         "failed": status["failed"],
         "waiting for `oarlock season run`": status["waiting"],
-        "strokes": sum(record.strokes for record in current.values()),
+        "strokes": sum(row["strokes"] or 0 for row in rows),
+        "strokes that count in no mean": sum(row["left_out"] or 0 for row in rows),
     }
-    faults = {name: record.fault for name, record in sorted(current.items()) if record.status == "failed"}
-    return SeasonSummary(season.name, counts, athletes, faults)
+    faults = {row["recording"]: row["fault"] for row in rows if row["status"] == "failed"}
+    shown = ("athlete", "started", "device", "file", "status", "strokes", "left_out", "recording")
+    recordings = [{key: row[key] for key in shown} for row in rows]
+    return SeasonSummary(season.name, counts, athletes, dict(sorted(faults.items())), recordings)

@@ -1,10 +1,10 @@
 -- Questions to a season, as table macros of DuckDB. `database.py` has made the views `strokes`, `recordings`, `runs` and
--- `athletes` before, and the macros `stroke_values`, `t95` and `t999` from what is stored. Nothing here brings runs of two
--- classes (`comparable`) together.
+-- `athletes` before, the macro `stroke_values`, and the functions `pooled`, `t95` and `t999`. Nothing here brings runs of
+-- two classes (`comparable`) together.
 --
 -- Uncertainty. A stroke counts by 1 / (own variance of the session's strokes + its measured variance). A session counts by
--- 1 / (its variance + the variance between sessions): a model of random effects (DerSimonian and Laird 1986; Hedges' moments).
--- So a band covers what differs from session to session, errors of a calibration too, if they differ from session to session.
+-- 1 / (its variance + the variance between sessions): `pooled`. So a band covers what differs from session to session, errors
+-- of a calibration too, if they differ from session to session.
 
 CREATE MACRO weight(variance) AS 1.0 / greatest(variance, 1e-24);
 
@@ -27,18 +27,22 @@ WITH g AS (
         sum(value) FILTER (rate IS NOT NULL) AS x_with_rate
     FROM weighted_values(metric, rate_from := rate_from, rate_to := rate_to) GROUP BY recording HAVING count(*) >= 10
 )
-SELECT recording, comparable, athlete, boat, rig, started, month, n AS strokes, wx / w1 AS mean,
+SELECT recording, coalesce(file, device) AS source, comparable, athlete, boat, rig, started, month, n AS strokes,
+    wx / w1 AS mean,
     sqrt(greatest(wwxx * w1 * w1 - 2.0 * wx * w1 * wwx + wx * wx * w2, 0.0) * n / (n - 1)) / (w1 * w1) AS se,
-    sqrt(greatest(xx - x * x / n, 0.0) / (n - 1)) AS sd, sqrt(ss / nullif(stds, 0)) AS noise, r / nullif(rates, 0) AS rate, rx - r * x_with_rate / nullif(rates, 0) AS with_rate, rr - r * r / nullif(rates, 0) AS rate_spread
+    sqrt(greatest(xx - x * x / n, 0.0) / (n - 1)) AS sd, sqrt(ss / nullif(stds, 0)) AS noise, r / nullif(rates, 0) AS rate,
+    rx - r * x_with_rate / nullif(rates, 0) AS with_rate, rr - r * r / nullif(rates, 0) AS rate_spread
 FROM g JOIN recordings USING (recording);
 
--- The same with `level`: the mean as it would be at the athlete's usual rate, by the slope inside of sessions.
+-- The same with `level`: the mean as it would be at the athlete's usual rate, by the slope inside of sessions; the rate
+-- itself stays as it is.
 CREATE MACRO levels(metric, rate_from := NULL, rate_to := NULL) AS TABLE
 WITH s AS (FROM sessions(metric, rate_from := rate_from, rate_to := rate_to))
-SELECT *, mean - coalesce(per_rate * (rate - usual_rate), 0.0) AS level FROM (
-    SELECT *, sum(with_rate) OVER one / nullif(sum(rate_spread) OVER one, 0.0) AS per_rate,
-        sum(strokes * rate) OVER one / sum(strokes) OVER one AS usual_rate
-    FROM s WINDOW one AS (PARTITION BY athlete, comparable)
+SELECT *, mean - CASE WHEN metric = 'rate_per_min' THEN 0.0 ELSE coalesce(per_rate * (rate - usual_rate), 0.0) END AS level
+FROM (
+    SELECT *, sum(with_rate) OVER own / nullif(sum(rate_spread) OVER own, 0.0) AS per_rate,
+        sum(strokes * rate) OVER own / sum(strokes) OVER own AS usual_rate
+    FROM s WINDOW own AS (PARTITION BY athlete, comparable)
 );
 
 -- One row a month of an athlete. The variance between sessions is that inside of months, of all months together.
@@ -54,21 +58,21 @@ between_sessions AS (
 ),
 m AS (
     SELECT athlete, comparable, month, count(*) AS sessions, sum(strokes)::BIGINT AS strokes, avg(rate) AS rate,
-        sum(epoch(started) * weight(tau2 + se * se)) / sum(weight(tau2 + se * se)) AS at_s,
-        sum(level * weight(tau2 + se * se)) / sum(weight(tau2 + se * se)) AS mean,
-        1.0 / sqrt(sum(weight(tau2 + se * se))) AS se, any_value(df) AS df
-    FROM l JOIN between_sessions USING (athlete, comparable) GROUP BY athlete, comparable, month
+        sum(epoch(started) * w) / sum(w) AS at_s, sum(level * w) / sum(w) AS mean, 1.0 / sqrt(sum(w)) AS se,
+        any_value(df) AS df
+    FROM (SELECT *, weight(tau2 + se * se) AS w FROM l JOIN between_sessions USING (athlete, comparable))
+    GROUP BY athlete, comparable, month
 )
 SELECT athlete, comparable, month, sessions, strokes, rate, mean, mean - t95(df) * se AS low, mean + t95(df) * se AS high,
     se, at_s
 FROM m ORDER BY athlete, comparable, month;
 
--- One row an athlete: change a month over the time asked for. Its unit is the month: what sessions of a month have in common
--- counts once. `changed`: the 99.9 % band is beside zero, so that among 60 athletes a false one is rare; from 4 months on.
+-- One row an athlete: change a month over the time asked for; NULL with fewer than 4 months. Its unit is the month: what
+-- sessions of a month have in common counts once. `changed`: the 99.9 % band is beside zero, so that among 60 athletes a
+-- false one is rare. A change that float32, in which strokes are stored, does not resolve is 0.
 CREATE MACRO changes(metric, rate_from := NULL, rate_to := NULL) AS TABLE
 WITH m AS (
-    SELECT *, at_s / 2629800.0 AS x FROM trend(metric, rate_from := rate_from, rate_to := rate_to)
-    WHERE se > 0.0 AND at_s IS NOT NULL
+    SELECT *, at_s / 2629800.0 AS x FROM trend(metric, rate_from := rate_from, rate_to := rate_to) WHERE at_s IS NOT NULL
 ),
 plain AS (
     SELECT athlete, comparable, greatest(
@@ -77,95 +81,83 @@ plain AS (
     FROM m GROUP BY athlete, comparable
 ),
 c AS (
-    SELECT *, x - sum(w * x) OVER one / sum(w) OVER one AS dx, mean - sum(w * mean) OVER one / sum(w) OVER one AS dy
+    SELECT *, x - sum(w * x) OVER own / sum(w) OVER own AS dx, mean - sum(w * mean) OVER own / sum(w) OVER own AS dy
     FROM (SELECT *, weight(se * se + coalesce(theta2, 0.0)) AS w FROM m JOIN plain USING (athlete, comparable))
-    WINDOW one AS (PARTITION BY athlete, comparable)
+    WINDOW own AS (PARTITION BY athlete, comparable)
 ),
 line AS (
     SELECT athlete, comparable, count(*) AS months, sum(sessions)::BIGINT AS sessions, sum(strokes)::BIGINT AS strokes,
-        min(month) AS first_month, max(month) AS last_month, max(x) - min(x) AS span,
-        sum(w * dx * dy) / nullif(sum(w * dx * dx), 0.0) AS per_month, sum(w * dx * dx) AS sxx,
+        min(month) AS first_month, max(month) AS last_month, max(x) - min(x) AS span, max(abs(mean)) AS size,
+        sum(w * dx * dy) / nullif(sum(w * dx * dx), 0.0) AS slope, sum(w * dx * dx) AS sxx,
         sum(w * dy * dy) - sum(w * dx * dy) * sum(w * dx * dy) / nullif(sum(w * dx * dx), 0.0) AS rss, count(*) - 2 AS df
     FROM c GROUP BY athlete, comparable
 ),
-e AS (SELECT *, CASE WHEN df >= 2 THEN sqrt(greatest(rss, 0.0) / df / sxx) END AS se FROM line)
+e AS (
+    SELECT *, CASE WHEN df >= 2 THEN sqrt(greatest(rss, 0.0) / df / sxx) END AS se,
+        CASE WHEN df >= 2 THEN if(abs(slope * span) < size * 1.2e-7, 0.0, slope) END AS per_month
+    FROM line
+)
 SELECT athlete, comparable, months, sessions, strokes, first_month, last_month, per_month, per_month - t95(df) * se AS low,
     per_month + t95(df) * se AS high, se, per_month * span AS change, abs(per_month) > t999(df) * se AS changed
-FROM e ORDER BY changed DESC NULLS LAST, abs(per_month) / se DESC NULLS LAST, athlete;
+FROM e ORDER BY changed DESC NULLS LAST, abs(per_month) / nullif(se, 0.0) DESC NULLS LAST, athlete;
 
 -- One row a recording: mean of the last third of its strokes minus that of the first, at equal rate.
 CREATE MACRO session_drifts(metric, rate_from := NULL, rate_to := NULL) AS TABLE
-WITH v AS (
-    SELECT *, (stroke - 1) * 3 // last_stroke AS third
-    FROM weighted_values(metric, rate_from := rate_from, rate_to := rate_to)
-),
-t AS (
-    SELECT recording, third, count(*) AS n, sum(w * value) / sum(w) AS mean, sqrt(1.0 / sum(w)) AS se, avg(rate) AS rate,
+WITH t AS (
+    SELECT recording, (stroke - 1) * 3 // last_stroke AS third, count(*) AS n, sum(w * value) / sum(w) AS mean,
+        sqrt(1.0 / sum(w)) AS se, avg(rate) AS rate,
         sum(rate * value) - sum(rate) * avg(value) FILTER (rate IS NOT NULL) AS with_rate,
         sum(rate * rate) - sum(rate) * avg(rate) AS rate_spread
-    FROM v GROUP BY recording, third
+    FROM weighted_values(metric, rate_from := rate_from, rate_to := rate_to) GROUP BY ALL
 ),
 r AS (
-    SELECT athlete, comparable, sum(with_rate) / nullif(sum(rate_spread), 0.0) AS per_rate
+    SELECT athlete, comparable,
+        if(metric = 'rate_per_min', 0.0, sum(with_rate) / nullif(sum(rate_spread), 0.0)) AS per_rate
     FROM t JOIN recordings USING (recording) GROUP BY athlete, comparable
 )
-SELECT b.recording, k.comparable, k.athlete, k.started, a.n + b.n AS strokes, a.mean AS first, b.mean AS last,
-    b.mean - a.mean - coalesce(per_rate * (b.rate - a.rate), 0.0) AS drift, sqrt(a.se * a.se + b.se * b.se) AS se
+SELECT b.recording, coalesce(k.file, k.device) AS source, k.comparable, k.athlete, k.started, a.n + b.n AS strokes,
+    a.mean AS first, b.mean AS last, b.mean - a.mean - coalesce(per_rate * (b.rate - a.rate), 0.0) AS drift,
+    sqrt(a.se * a.se + b.se * b.se) AS se
 FROM t b JOIN t a ON a.recording = b.recording AND a.third = 0 AND b.third = 2 AND least(a.n, b.n) >= 10
 JOIN recordings k ON k.recording = b.recording
 JOIN r ON r.athlete = k.athlete AND r.comparable = k.comparable;
 
 -- One row an athlete: drift within a session, mean of its sessions.
 CREATE MACRO drift(metric, rate_from := NULL, rate_to := NULL) AS TABLE
-WITH d AS (
-    SELECT *, greatest(coalesce(var_samp(drift) OVER one - avg(se * se) OVER one, 0.0), 0.0) + se * se AS v
-    FROM session_drifts(metric, rate_from := rate_from, rate_to := rate_to)
-    WINDOW one AS (PARTITION BY athlete, comparable)
-),
-p AS (
+WITH p AS (
     SELECT athlete, comparable, count(*) AS sessions, sum(strokes)::BIGINT AS strokes,
-        sum(weight(v) * drift) / sum(weight(v)) AS mean, 1.0 / sqrt(sum(weight(v))) AS se
-    FROM d GROUP BY athlete, comparable
+        unnest(pooled(list(drift), list(se)))
+    FROM session_drifts(metric, rate_from := rate_from, rate_to := rate_to) GROUP BY athlete, comparable
 )
 SELECT athlete, comparable, sessions, strokes, mean, mean - t95(sessions - 1) * se AS low,
     mean + t95(sessions - 1) * se AS high, se, abs(mean) > t999(sessions - 1) * se AS changed
 FROM p ORDER BY changed DESC NULLS LAST, abs(mean) / se DESC NULLS LAST, athlete;
 
--- One row an athlete and class of rate, its middle +- 1/min: standard deviation of strokes within a piece (10 strokes or more at that
--- rate in one session); the band is of its geometric mean. `noise` is what the measurement adds to it.
+-- One row a recording and class of rate, its middle +- 1/min: a piece has 10 strokes or more at that rate.
+CREATE MACRO pieces(metric, rate_from := NULL, rate_to := NULL) AS TABLE
+SELECT recording, athlete, comparable, round(rate / 2.0) * 2.0 AS rate_class, count(*) AS strokes,
+    sum(w * value) / sum(w) AS mean, sqrt(1.0 / sum(w)) AS se, stddev_samp(value) AS sd, avg(std * std) AS noise2
+FROM weighted_values(metric, rate_from := rate_from, rate_to := rate_to) WHERE rate IS NOT NULL
+GROUP BY ALL HAVING count(*) >= 10;
+
+-- One row an athlete and class of rate: standard deviation of strokes within a piece; the band is of its geometric mean.
+-- `noise` is what the measurement adds to it.
 CREATE MACRO consistency(metric, rate_from := NULL, rate_to := NULL) AS TABLE
-WITH p AS (
-    SELECT recording, round(rate / 2.0) * 2.0 AS rate_class, count(*) AS strokes, stddev_samp(value) AS sd,
-        avg(std * std) AS noise2
-    FROM stroke_values(metric, rate_from := rate_from, rate_to := rate_to) WHERE value IS NOT NULL AND rate IS NOT NULL
-    GROUP BY ALL HAVING count(*) >= 10 AND stddev_samp(value) > 0.0
-),
-g AS (
-    SELECT athlete, comparable, rate_class, count(*) AS pieces, sum(p.strokes)::BIGINT AS strokes, avg(ln(sd)) AS mean,
+WITH g AS (
+    SELECT athlete, comparable, rate_class, count(*) AS pieces, sum(strokes)::BIGINT AS strokes, avg(ln(sd)) AS mean,
         stddev_samp(ln(sd)) / sqrt(count(*)) AS se, sqrt(avg(noise2)) AS noise
-    FROM p JOIN recordings USING (recording) GROUP BY athlete, comparable, rate_class
+    FROM pieces(metric, rate_from := rate_from, rate_to := rate_to) WHERE sd > 0.0 GROUP BY ALL
 )
 SELECT athlete, comparable, rate_class, pieces, strokes, exp(mean) AS sd,
     exp(mean - t95(pieces - 1) * se) AS low, exp(mean + t95(pieces - 1) * se) AS high, noise
 FROM g ORDER BY athlete, comparable, rate_class;
 
--- One row an athlete and class of rate, its middle +- 1/min: to compare athletes, or one athlete at several rates.
+-- One row an athlete and class of rate: to compare athletes, or one athlete at several rates.
 CREATE MACRO same_rate(metric, rate_from := NULL, rate_to := NULL) AS TABLE
-WITH p AS (
-    SELECT recording, round(rate / 2.0) * 2.0 AS rate_class, count(*) AS strokes, sum(w * value) / sum(w) AS mean,
-        sqrt(1.0 / sum(w)) AS se
-    FROM weighted_values(metric, rate_from := rate_from, rate_to := rate_to) WHERE rate IS NOT NULL
-    GROUP BY ALL HAVING count(*) >= 10
-),
-d AS (
-    SELECT *, greatest(coalesce(var_samp(mean) OVER one - avg(se * se) OVER one, 0.0), 0.0) + se * se AS v
-    FROM (SELECT p.*, athlete, comparable FROM p JOIN recordings USING (recording))
-    WINDOW one AS (PARTITION BY athlete, comparable, rate_class)
-),
-g AS (
+WITH g AS (
     SELECT athlete, comparable, rate_class, count(*) AS pieces, sum(strokes)::BIGINT AS strokes,
-        sum(weight(v) * mean) / sum(weight(v)) AS mean, 1.0 / sqrt(sum(weight(v))) AS se
-    FROM d GROUP BY athlete, comparable, rate_class
+        unnest(pooled(list(mean), list(se)))
+    FROM pieces(metric, rate_from := rate_from, rate_to := rate_to) GROUP BY athlete, comparable, rate_class
 )
 SELECT athlete, comparable, rate_class, pieces, strokes, mean,
     mean - t95(pieces - 1) * se AS low, mean + t95(pieces - 1) * se AS high, se
@@ -173,15 +165,11 @@ FROM g ORDER BY comparable, rate_class, athlete;
 
 -- One row an athlete: right minus left.
 CREATE MACRO sides(metric, rate_from := NULL, rate_to := NULL) AS TABLE
-WITH d AS (
-    SELECT *, greatest(coalesce(var_samp(mean) OVER one - avg(se * se) OVER one, 0.0), 0.0) + se * se AS v
-    FROM sessions(metric || ' right minus left', rate_from := rate_from, rate_to := rate_to)
-    WINDOW one AS (PARTITION BY athlete, comparable)
-),
-p AS (
+WITH p AS (
     SELECT athlete, comparable, count(*) AS sessions, sum(strokes)::BIGINT AS strokes,
-        sum(weight(v) * mean) / sum(weight(v)) AS mean, 1.0 / sqrt(sum(weight(v))) AS se
-    FROM d GROUP BY athlete, comparable
+        unnest(pooled(list(mean), list(se)))
+    FROM sessions(metric || ' right minus left', rate_from := rate_from, rate_to := rate_to)
+    GROUP BY athlete, comparable
 )
 SELECT athlete, comparable, sessions, strokes, mean, mean - t95(sessions - 1) * se AS low,
     mean + t95(sessions - 1) * se AS high, se, abs(mean) > t999(sessions - 1) * se AS different
@@ -191,44 +179,46 @@ FROM p ORDER BY abs(mean) DESC, athlete;
 -- `days` before and after.
 CREATE MACRO rig(metric, rate_from := NULL, rate_to := NULL, days := 60) AS TABLE
 WITH l AS (
-    SELECT * FROM levels(metric, rate_from := rate_from, rate_to := rate_to)
+    SELECT *, CASE WHEN rig IS DISTINCT FROM lag(rig) OVER own THEN 1 ELSE 0 END AS new
+    FROM levels(metric, rate_from := rate_from, rate_to := rate_to)
     WHERE rig IS NOT NULL AND boat IS NOT NULL AND started IS NOT NULL
+    WINDOW own AS (PARTITION BY athlete, boat, comparable ORDER BY started, recording)
 ),
 stretch AS (
-    SELECT *, sum(new) OVER (PARTITION BY athlete, boat, comparable ORDER BY started, recording) AS number FROM (
-        SELECT *, CASE WHEN rig IS DISTINCT FROM lag(rig) OVER (PARTITION BY athlete, boat, comparable
-            ORDER BY started, recording) THEN 1 ELSE 0 END AS new FROM l)
+    SELECT *, sum(new) OVER (PARTITION BY athlete, boat, comparable ORDER BY started, recording) AS number FROM l
 ),
 change AS (
     SELECT athlete, boat, comparable, number, min(started) AS changed_on FROM stretch WHERE number > 1 GROUP BY ALL
 ),
-side AS (
-    SELECT s.*, c.number AS change, c.changed_on, s.number = c.number AS after
-    FROM stretch s JOIN change c ON s.athlete = c.athlete AND s.boat = c.boat AND s.comparable = c.comparable
-        AND s.number IN (c.number, c.number - 1)
-    WHERE abs(epoch(s.started) - epoch(c.changed_on)) <= days * 86400.0
-),
-v AS (
-    SELECT *, greatest(coalesce(var_samp(level) OVER one - avg(se * se) OVER one, 0.0), 0.0) + se * se AS v FROM side
-    WINDOW one AS (PARTITION BY athlete, boat, comparable, change, after)
-),
 g AS (
-    SELECT athlete, boat, comparable, change, after, any_value(rig) AS rig, any_value(changed_on) AS changed_on,
-        count(*) AS sessions, sum(weight(v) * level) / sum(weight(v)) AS mean, 1.0 / sum(weight(v)) AS se2
-    FROM v GROUP BY athlete, boat, comparable, change, after
+    SELECT athlete, boat, comparable, c.number AS change, s.number = c.number AS after, any_value(rig) AS rig,
+        any_value(changed_on) AS changed_on, count(*) AS sessions, unnest(pooled(list(level), list(se)))
+    FROM stretch s JOIN change c USING (athlete, boat, comparable)
+    WHERE s.number IN (c.number, c.number - 1) AND abs(epoch(started) - epoch(changed_on)) <= days * 86400.0
+    GROUP BY athlete, boat, comparable, c.number, s.number
 ),
 b AS (
-    SELECT p.athlete, p.boat, p.comparable, strftime(p.changed_on, '%Y-%m-%d') AS day, a.rig AS before,
-        p.rig AS after, a.sessions AS n_before, p.sessions AS n_after, a.mean AS mean_before,
-        p.mean AS mean_after, p.mean - a.mean AS change, sqrt(a.se2 + p.se2) AS se,
-        least(a.sessions, p.sessions) - 1 AS df
-    FROM g p JOIN g a ON p.athlete = a.athlete AND p.boat = a.boat AND p.comparable = a.comparable
-        AND p.change = a.change AND p.after AND NOT a.after
-    WHERE a.sessions > 1 AND p.sessions > 1
+    SELECT athlete, boat, comparable, strftime(p.changed_on, '%Y-%m-%d') AS day, a.rig AS before, p.rig AS after,
+        a.sessions AS n_before, p.sessions AS n_after, a.mean AS mean_before, p.mean AS mean_after,
+        p.mean - a.mean AS change, sqrt(a.se * a.se + p.se * p.se) AS se, least(a.sessions, p.sessions) - 1 AS df
+    FROM g p JOIN g a USING (athlete, boat, comparable, change)
+    WHERE p.after AND NOT a.after AND least(a.sessions, p.sessions) > 1
 )
 SELECT * EXCLUDE (se, df), change - t95(df) * se AS low, change + t95(df) * se AS high, se,
     abs(change) > t999(df) * se AS changed
 FROM b ORDER BY athlete, boat, day;
+
+-- Changes over the months and with a rig, in one form: one row a comparison, with the probability `chance` of a change of this
+-- size or larger without a true one (two-sided).
+CREATE MACRO comparisons(metric) AS TABLE
+SELECT metric AS metric, 'trend' AS kind, athlete, comparable, change, low * change / per_month AS low,
+    high * change / per_month AS high, sessions, first_month || ' to ' || last_month AS period,
+    chance(abs(per_month) / se, months - 2) AS chance
+FROM changes(metric) WHERE se > 0.0 AND per_month <> 0.0
+UNION ALL
+SELECT metric, 'rig', athlete, comparable, change, low, high, n_before + n_after,
+    before || ' to ' || after || ', ' || day, chance(abs(change) / se, least(n_before, n_after) - 1)
+FROM rig(metric) WHERE se > 0.0;
 
 -- One row an outing and seat: catch relative to the stroke seat, s; positive is later. Recordings of a boat belong to one outing
 -- if they overlap in absolute time. The stroke seat is the one nearest to the stern of those that overlap. `delays` matches
@@ -262,24 +252,19 @@ g AS (
         stddev_samp(late_s) / sqrt(count(*)) AS se_s, avg(rate) AS rate, bool_and(one_start) AS one_start
     FROM d WHERE late_s IS NOT NULL GROUP BY recording HAVING count(*) >= 10
 )
-SELECT r.boat, r.started, r.comparable, r.athlete, r.seat, r.month, g.strokes, late_s, sd_s, se_s, rate, one_start
-FROM g JOIN recordings r USING (recording);
+SELECT recording, boat, started, comparable, athlete, seat, month, g.strokes, late_s, sd_s, se_s, rate, one_start
+FROM g JOIN recordings USING (recording);
 
 -- One row a boat, seat and month: catch relative to the stroke seat. Where `one_start` is false, an offset between the clocks of
 -- two loggers is in `late_s`; `sd_s`, the scatter, is free of it.
 CREATE MACRO crew() AS TABLE
-WITH d AS (
-    SELECT *, greatest(coalesce(var_samp(late_s) OVER one - avg(se_s * se_s) OVER one, 0.0), 0.0) + se_s * se_s AS v
-    FROM outings() WINDOW one AS (PARTITION BY boat, athlete, seat, comparable, month)
-),
-g AS (
+WITH g AS (
     SELECT boat, seat, athlete, comparable, month, count(*) AS outings, sum(strokes)::BIGINT AS strokes,
-        sum(weight(v) * late_s) / sum(weight(v)) AS late_s, 1.0 / sqrt(sum(weight(v))) AS se_s,
-        sqrt(avg(sd_s * sd_s)) AS sd_s, bool_and(one_start) AS one_start
-    FROM d GROUP BY boat, seat, athlete, comparable, month
+        unnest(pooled(list(late_s), list(se_s))), sqrt(avg(sd_s * sd_s)) AS sd_s, bool_and(one_start) AS one_start
+    FROM outings() GROUP BY boat, seat, athlete, comparable, month
 )
-SELECT boat, seat, athlete, comparable, month, outings, strokes, late_s, late_s - t95(outings - 1) * se_s AS low_s,
-    late_s + t95(outings - 1) * se_s AS high_s, sd_s, one_start
+SELECT boat, seat, athlete, comparable, month, outings, strokes, mean AS late_s, mean - t95(outings - 1) * se AS low_s,
+    mean + t95(outings - 1) * se AS high_s, sd_s, one_start
 FROM g ORDER BY boat, seat, comparable, month;
 
 -- One row an athlete, number about the sensors and month, of runs that count.
@@ -294,7 +279,8 @@ FROM h GROUP BY ALL ORDER BY athlete, number, month;
 
 -- One row a recording of which the run that counts has failed.
 CREATE VIEW failed AS
-SELECT recording, athlete, boat, started, run, fault FROM recordings WHERE status = 'failed' ORDER BY started, recording;
+SELECT recording, coalesce(file, device) AS source, athlete, boat, started, run, fault FROM recordings
+WHERE status = 'failed' ORDER BY started, recording;
 
 -- One row a class of runs: only numbers of one class are compared.
 CREATE VIEW classes AS

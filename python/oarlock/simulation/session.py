@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 from oarlock.calibration.session.plan import SessionPlan, default_plan
 from oarlock.model.description import ImuDescription, WorldDescription
 from oarlock.recording.calibration import Calibration
+from oarlock.recording.corrections import as_measured
 from oarlock.recording.recording import Recording
 from oarlock.recording.stream_scales import Clock
 from oarlock.recording.streams import ImuStream
@@ -141,7 +142,13 @@ def simulate_session(
     names = [s.name for s in units]
     azimuth = float(rng.uniform(-np.pi, np.pi))
     track, clean = simulate(
-        model, motion, names, rate_hz=rate_hz, calibration=truth, noise=False, azimuth_rad=azimuth
+        model,
+        motion,
+        names,
+        rate_hz=rate_hz,
+        calibration=Calibration(mounts=truth.mounts),
+        noise=False,
+        azimuth_rad=azimuth,
     )
     lying = any(s.kind == "turn" for s in plan.steps)
     tables = {n: table_course(rate_hz, rng) for n in names} if lying else {}
@@ -158,12 +165,11 @@ def simulate_session(
         time_s = stream.time_s + shift
         if lying:
             time_s, signals = _after_table(tables[sensor.name], description.world, azimuth, time_s, signals)
-        streams.append(_read(sensor, time_s, signals, truth, rng))
+        streams.append(_read(sensor, time_s, signals, rng))
     spans = {n: (a + shift, b + shift) for n, (a, b) in course.spans.items()}
     moved = replace(track, time_s=track.time_s + shift)
-    return SessionTrial(
-        Recording(streams, {"source": "simulated session", "seed": seed}), moved, truth, spans, plan
-    )
+    recording = as_measured(Recording(streams, {"source": "simulated session", "seed": seed}), truth)
+    return SessionTrial(recording, moved, truth, spans, plan)
 
 
 def _true_calibration(
@@ -234,23 +240,13 @@ def _read(
     sensor: ImuDescription,
     time_s: Array,
     signals: Mapping[str, Array],
-    truth: Calibration,
     rng: np.random.Generator,
 ) -> ImuStream:
-    """The readings of a unit for given ideal signals."""
-    name = sensor.name
+    """Ideal signals of a unit with its noise."""
     noise = {
         "gyro_rad_s": sensor.rest_std_rad_s or sensor.gyro_std_rad_s or 0.0,
         "accel_m_s2": min(sensor.accel_std_m_s2 or 0.0, 0.05),
         "mag_ut": sensor.mag_std_ut or 0.0,
     }
     read = {k: values + rng.normal(0.0, 1.0, values.shape) * noise[k] for k, values in signals.items()}
-    read["gyro_rad_s"] = read["gyro_rad_s"] + truth.gyro_biases_rad_s[name]
-    read["accel_m_s2"] = read["accel_m_s2"] * truth.accel_scales[name] + truth.accel_biases_m_s2[name]
-    if "mag_ut" in read:
-        read["mag_ut"] = (
-            np.linalg.solve(truth.mag_matrices[name], read["mag_ut"].T).T + truth.mag_offsets_ut[name]
-        )
-    clock = truth.clocks.get(name)
-    shown = time_s if clock is None else clock.stamps_s(time_s)
-    return ImuStream(name, shown, **read)
+    return ImuStream(sensor.name, time_s, **read)

@@ -19,6 +19,7 @@ from oarlock.model.description import (
     RangeDescription,
     SensorDescription,
 )
+from oarlock.recording.corrections import as_measured
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream, OrientationStream, ScalarStream, Stream, VectorStream
 from oarlock.storage.array_gate import real_array
@@ -56,28 +57,27 @@ def simulate(
     heading_rad: Mapping[str, float] | float = 0.0,
     progress: Progress = None,
 ) -> tuple[Track, Recording]:
-    """Simulate the sensors of a body along a motion: ground truth and recording.
+    """Simulate the sensors of a body along a motion.
 
     Args:
-        model: defines frames, mounts and the sensors' noise.
-        motion: joint values over time and the root's acceleration. Rates of ball joints are in the child's axes.
-        sensors: names of the sensors (and input joints) to simulate; None is all of them.
-        seed: seed of the noise; the same seed gives the same recording.
-        rate_hz: sample rate of all sensors, Hz.
-        calibration: true lengths and mounts, if they differ from the model's.
-        noise: white noise as the model file says (True), none (False), or by sensor `{"back": {"gyro_rad_s": 0.01}}`.
-        gyro_bias_rad_s: one number for every axis of every unit, or by sensor (a number or (3,)).
+        model: defines frames, mounts and noise.
+        motion: joint values and the root's acceleration.
+        sensors: sensors and input joints; None: all.
+        seed: of the noise.
+        rate_hz: of all sensors.
+        calibration: true lengths and mounts, if they differ from the model's, and errors of readings and clocks.
+        noise: of the model file (True), none (False), or by sensor `{"back": {"gyro_rad_s": 0.01}}`.
+        gyro_bias_rad_s: of every axis of every unit, or by sensor a number or (3,).
         accel_bias_m_s2: the same for accelerometers.
-        azimuth_rad: azimuth of the magnetic field, rad; None is the model's.
-        heading_rad: rotation about the vertical of the references of orientation sensors, rad, one number or by
-            sensor.
+        azimuth_rad: of the magnetic field; None: the model's.
+        heading_rad: rotation of the references of orientation sensors about the vertical, or by sensor.
         progress: True shows that it runs.
 
     Returns:
-        The ground truth as a Track (standard deviations are NaN) and the Recording.
+        Ground truth, with standard deviations NaN, and recording.
 
     Raises:
-        DataError: the model has no such sensor, or the motion lacks a joint.
+        DataError: an unknown sensor, or a joint that the motion lacks.
     """
     _check_settings(model, noise, gyro_bias_rad_s, accel_bias_m_s2)
     if calibration is not None and calibration.parameters:
@@ -107,7 +107,7 @@ def simulate(
             streams.append(_FROM_POSES[sensor.kind](sensor, truth, noise, random, placement))
         else:
             streams.append(_joint_stream(model, name, sensor, truth, noise, random))
-    return truth, Recording(streams)
+    return truth, as_measured(Recording(streams), calibration)
 
 
 _NOISE_FIELDS = ("gyro_rad_s", "accel_m_s2", "mag_ut", "quat_wxyz", "value")

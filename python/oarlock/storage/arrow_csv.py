@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import BinaryIO
 
 import pyarrow as pa
 from pyarrow import csv
@@ -10,7 +11,7 @@ from pyarrow import csv
 from oarlock.storage.csv_cells import inert
 
 
-def write_arrow_csv(table: pa.Table, file: Path) -> None:
+def write_arrow_csv(table: pa.Table, file: Path | BinaryIO) -> None:
     """Write an Arrow table; names of columns and texts that would run as formulas become inert."""
     columns = [_inert_column(column) for column in table.columns]
     csv.write_csv(pa.table(columns, names=[inert(name) for name in table.column_names]), file)

@@ -5,6 +5,7 @@ import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -86,7 +87,11 @@ class ColumnLayout:
     def index(self, column: str | int) -> int:
         """Position from 0 of a column given by name, or by number from 1."""
         if isinstance(column, int):
-            return self._by_number(column)
+            if 1 <= column <= self.width:
+                return column - 1
+            raise DataError(
+                f"{self.file}: has no column {column}; its rows have {self.width} fields, counted from 1"
+            )
         if not self.names:
             raise DataError(
                 f'{self.file}: has no header, so column "{column}" must be given by its number from 1'
@@ -107,31 +112,12 @@ class ColumnLayout:
 
     def batches(self, wanted: Sequence[int]) -> Iterator[Batch]:
         """The wanted columns, some thousand rows at a time; blank lines are passed over."""
-        to_skip = self.dialect.skip_after_header + 1 if self.dialect.header else 0
-        lines: list[int] = []
-        kept: list[list[str]] = []
+        start = self.dialect.skip_after_header + 1 if self.dialect.header else 0
         with _opened(self.file, self.dialect) as rows:
-            for line, row in rows:
-                if not row:
-                    continue
-                if to_skip:
-                    to_skip -= 1
-                    continue
-                self._check_width(row, line)
-                lines.append(line)
-                kept.append([row[i] for i in wanted])
-                if len(lines) == _ROWS_AT_ONCE:
-                    yield Batch(lines, _columns(kept))
-                    lines, kept = [], []
-        if lines:
-            yield Batch(lines, _columns(kept))
-
-    def _by_number(self, column: int) -> int:
-        if not 1 <= column <= self.width:
-            raise DataError(
-                f"{self.file}: has no column {column}; its rows have {self.width} fields, counted from 1"
-            )
-        return column - 1
+            data = islice((numbered for numbered in rows if numbered[1]), start, None)
+            while batch := [(n, self._cells(row, n, wanted)) for n, row in islice(data, _ROWS_AT_ONCE)]:
+                lines, cells = zip(*batch, strict=True)
+                yield Batch(list(lines), [list(column) for column in zip(*cells, strict=True)])
 
     def _hint(self, column: str) -> str:
         others = [d for d in ",;\t|" if d != self.dialect.delimiter and d in self.names[0]]
@@ -139,9 +125,9 @@ class ColumnLayout:
             return f"The header is one field; set delimiter = {others[0]!r}."
         return did_you_mean(column, self.names)
 
-    def _check_width(self, row: list[str], line: int) -> None:
+    def _cells(self, row: list[str], line: int, wanted: Sequence[int]) -> list[str]:
         if len(row) == self.width:
-            return
+            return [row[i] for i in wanted]
         expected = "the header" if self.names else "the first row"
         hint = (
             "Remove the last delimiter, or add one to the header." if row[-1] == "" else "Is the row cut off?"
@@ -209,10 +195,6 @@ def _number(layout: ColumnLayout, line: int, index: int, cell: str) -> float:
     elif text:
         hint = " If it marks a missing value, add it to missing = [...]."
     raise DataError(f'{layout.file}:{line}, {layout.label(index)}: "{text}" is not a number.{hint}')
-
-
-def _columns(rows: list[list[str]]) -> list[list[str]]:
-    return [list(column) for column in zip(*rows, strict=True)]
 
 
 @contextmanager

@@ -2,29 +2,25 @@
 
 
 class OarlockError(Exception):
-    """Root of all errors that the package raises on purpose. The text says what is wrong, where, and what to do."""
+    """Any error of the package; its text says what is wrong, where, and what to do."""
 
     __module__ = "oarlock"
 
 
 class ModelError(OarlockError, ValueError):
-    """The model file is wrong; the text says where and what to do."""
+    """The model file is wrong."""
 
     __module__ = "oarlock"
 
 
 class DataError(OarlockError, ValueError):
-    """The data or arguments are wrong; the text says where and what to do."""
+    """The data or arguments are wrong."""
 
     __module__ = "oarlock"
 
 
 class DivergedError(OarlockError, RuntimeError):
-    """The filter lost the track.
-
-    Attributes:
-        time_s: when, s.
-    """
+    """The filter diverged at `time_s`, s."""
 
     __module__ = "oarlock"
     time_s: float

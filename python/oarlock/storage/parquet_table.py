@@ -1,6 +1,6 @@
 """Reads and writes the Parquet files of recordings, tracks and live channels, with the engine.
 
-Tables of a season, which are of any type, are read with pyarrow (`season.arrow_table`).
+Tables of a season have moments and maps, too: pyarrow reads them (`season.tables`).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Converts paths that users give to `Path`, with checks."""
+"""Converts paths that users give to `Path`, with checks; names Oarlock's own places."""
 
 import errno
 import os
@@ -7,8 +7,12 @@ from pathlib import Path
 
 from oarlock.storage.errors import DataError
 
+AnyPath = str | PathLike[str]
+STAGED, COMMIT = Path(".oarlock/new"), Path(".oarlock/commit")
+"""In a folder that is written: its new files, and complete ones that are moved to their places."""
 
-def place_of(path: str | PathLike[str]) -> Path:
+
+def place_of(path: AnyPath) -> Path:
     """The path as a `Path`; it need not exist.
 
     Raises:

@@ -48,9 +48,10 @@ def mark(progress: Told | None, done: float) -> None:
 
 def display(text: str) -> AbstractContextManager[Callable[[float], None]]:
     """Progress where the user looks: a bar in a notebook or on a terminal, elsewhere lines on stderr."""
-    if _in_marimo():
+    marimo, ipython = sys.modules.get("marimo"), sys.modules.get("IPython")
+    if marimo is not None and marimo.running_in_notebook():
         return _marimo_bar(text)
-    if _in_jupyter():
+    if ipython is not None and type(ipython.get_ipython()).__name__ == "ZMQInteractiveShell":
         return _jupyter_bar(text)
     return _terminal_bar(text) if sys.stderr.isatty() else progress_lines(text)
 
@@ -108,16 +109,6 @@ def _terminal_bar(text: str) -> Iterator[Callable[[float], None]]:
 
 # --- notebooks ----------------------------------------------------------------------------------------
 # rich draws in Jupyter only with ipywidgets, and in marimo not at all.
-
-
-def _in_marimo() -> bool:
-    marimo = sys.modules.get("marimo")
-    return marimo is not None and bool(marimo.running_in_notebook())
-
-
-def _in_jupyter() -> bool:
-    shell = sys.modules.get("IPython")
-    return shell is not None and type(shell.get_ipython()).__name__ == "ZMQInteractiveShell"
 
 
 @contextmanager

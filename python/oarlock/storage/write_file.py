@@ -7,22 +7,19 @@ import os
 import secrets
 import stat
 from contextlib import suppress
-from itertools import pairwise
 from pathlib import Path
 
 from oarlock.storage.errors import DataError
 from oarlock.storage.names import check_text
+from oarlock.storage.paths import COMMIT, STAGED
 
 TEMPORARY = ".oarlock-"
-WORK = ".oarlock"
-"""Folder inside a folder that is being written: its lock, its new files, its files on their way."""
-STAGED = (WORK, "new")
 _ELSEWHERE = " Choose a folder that you may write into."
 
 
 def is_staged(folder: Path) -> bool:
     """Whether the folder lies among the new files of a folder, which are synced together before they are moved."""
-    return STAGED in pairwise(folder.absolute().parts)
+    return f"/{STAGED.as_posix()}/" in f"{folder.absolute().as_posix()}/"
 
 
 def write_file(file: Path, contents: str | bytes) -> None:
@@ -50,7 +47,7 @@ def write_file(file: Path, contents: str | bytes) -> None:
             stream.flush()
             sync(stream.fileno())
         os.replace(temporary, file)
-        sync_folder(file.parent)
+        sync_path(file.parent)
     except BaseException as error:
         with suppress(OSError):  # on a read-only disk even this fails
             temporary.unlink(missing_ok=True)
@@ -72,6 +69,25 @@ def check_replaceable(file: Path) -> None:
     if not (stat.S_ISREG(mode) or stat.S_ISLNK(mode)):
         what = "a folder" if stat.S_ISDIR(mode) else "a device or a pipe"
         raise DataError(f"{file}: is {what}, so it cannot be replaced by a file; choose another name")
+
+
+def check_empty(folder: Path, force: bool = False, beside: str = "") -> None:
+    """Refuse a folder that contains files, but for `beside`: nothing is replaced without `force`.
+
+    Raises:
+        DataError: it contains files, and `force` is not set; or it is a file.
+    """
+    if not os.path.lexists(folder):
+        return
+    if not folder.is_dir():
+        raise DataError(f"{folder} is a file; --out (out) names a folder")
+    # What a run that was killed has left does not count, unless it is complete.
+    files = (*folder.iterdir(), *folder.glob(str(COMMIT)))
+    if not force and any(file.name not in (STAGED.parts[0], beside) for file in files):
+        raise DataError(
+            f"{folder} exists and contains files\n"
+            "Choose another folder, or replace what Oarlock wrote there with --force (force=True)."
+        )
 
 
 def check_writable(folder: Path) -> None:
@@ -101,21 +117,16 @@ def sync(number: int) -> None:
         os.fsync(number)
 
 
-def sync_file(file: Path) -> None:
-    """Make the contents of a file last through a loss of power."""
-    with file.open("rb+") as stream:
-        sync(stream.fileno())
-
-
-def sync_folder(folder: Path) -> None:
-    """Make the names in a folder last through a loss of power, where the system can do it."""
-    if os.name == "nt":
+def sync_path(path: Path) -> None:
+    """Make a file, or the names in a folder, last through a loss of power, where the system can do it."""
+    is_folder = path.is_dir()
+    if is_folder and os.name == "nt":
         return
-    number = os.open(folder, os.O_RDONLY)
+    number = os.open(path, os.O_RDONLY if is_folder else os.O_RDWR)
     try:
         sync(number)
     except OSError as error:
-        if error.errno not in (errno.EINVAL, errno.ENOTSUP, errno.EROFS):
+        if not is_folder or error.errno not in (errno.EINVAL, errno.ENOTSUP, errno.EROFS):
             raise
     finally:
         os.close(number)

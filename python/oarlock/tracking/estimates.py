@@ -113,7 +113,7 @@ class Estimates(Mapping[str, Joint]):
             return value
 
     def __getstate__(self) -> dict[str, Any]:
-        """All fields except the engine's run. An unpickled track cannot be smoothed, like a track read from files."""
+        # An unpickled track cannot be smoothed, like a track read from files: the engine's run stays behind.
         whole = {name: getattr(self, name) for name in self.__dict__}
         plain = {name: dict(whole[name]) for name in ("slow", "angle_sequences", "provenance")}
         return whole | plain | {"run": None}
@@ -128,14 +128,7 @@ class Estimates(Mapping[str, Joint]):
     @overload
     def __getitem__(self, name: slice) -> Self: ...
     def __getitem__(self, name: str | slice) -> Joint | Self:
-        """The joint of this name, or `track[1.0:2.0]`, the part between two times in s.
-
-        `hinge`, `slide`, `ball` and `free` also check the kind of a joint.
-
-        Raises:
-            KeyError: no such joint. The text names the nearest one.
-            TypeError: a number. Rows have no numbers: cut by time.
-        """
+        """The joint of this name, else KeyError; or `track[1.0:2.0]`, the part between two times, s."""
         if isinstance(name, slice):
             if name.step is not None:
                 raise TypeError("track[start_s:end_s] has no step; track with output_rate_hz for fewer rows")
@@ -154,7 +147,7 @@ class Estimates(Mapping[str, Joint]):
         return self._ball(name, columns) if len(columns) == 3 else self._free(name, columns)
 
     def __getattr__(self, name: str) -> Joint:
-        """A joint as an attribute: `track.r_elbow_flexion` is `track["r_elbow_flexion"]`."""
+        """`track.trunk` is `track["trunk"]`."""
         joints = self.__dict__.get("joint_names", ())
         if name in joints:
             return self[name]
@@ -170,28 +163,23 @@ class Estimates(Mapping[str, Joint]):
         return list(self.joint_names)
 
     def hinge(self, name: str) -> HingeSeries:
-        """The hinge of this name: angle, rates and standard deviations, (T,) each.
-
-        Raises:
-            KeyError: no such joint.
-            DataError: the joint is no hinge.
-        """
+        """The hinge of this name; DataError if it is another joint."""
         return self._of_kind(name, HingeSeries)
 
     def slide(self, name: str) -> SlideSeries:
-        """The slide of this name; errors as `hinge`."""
+        """The slide of this name."""
         return self._of_kind(name, SlideSeries)
 
     def scalar(self, name: str) -> JointSeries:
-        """The hinge or slide of this name; errors as `hinge`."""
+        """The hinge or slide of this name."""
         return self._of_kind(name, JointSeries)
 
     def ball(self, name: str) -> BallSeries:
-        """The ball or free joint of this name; errors as `hinge`."""
+        """The ball or free joint of this name."""
         return self._of_kind(name, BallSeries)
 
     def free(self, name: str) -> FreeSeries:
-        """The free joint of this name; errors as `hinge`."""
+        """The free joint of this name."""
         return self._of_kind(name, FreeSeries)
 
     def _of_kind(self, name: str, kind: type[_Kind]) -> _Kind:
@@ -246,7 +234,7 @@ class Estimates(Mapping[str, Joint]):
 
     @property
     def epoch(self) -> str | None:
-        """The moment of `time_s` = 0 as ISO text, as `Recording.epoch`; None if it is not known."""
+        """As `Recording.epoch`."""
         return self.provenance.get("epoch")
 
     def __contains__(self, name: object) -> bool:
@@ -256,18 +244,14 @@ class Estimates(Mapping[str, Joint]):
         return iter(self.joint_names)
 
     def __len__(self) -> int:
-        """Number of joints; `len(track.time_s)` is that of rows."""
+        """Number of joints."""
         return len(self.joint_names)
 
     __eq__ = object.__eq__
     __hash__ = object.__hash__
 
     def between(self, start_s: float | None = None, end_s: float | None = None) -> Self:
-        """The part from `start_s` to `end_s`, both included; it cannot be smoothed and has no counts of streams.
-
-        Raises:
-            DataError: no row is in this time.
-        """
+        """The part from `start_s` to `end_s`, both included; it cannot be smoothed."""
         first = -np.inf if start_s is None else start_s
         last = np.inf if end_s is None else end_s
         rows = (self.time_s >= first) & (self.time_s <= last)

@@ -33,9 +33,9 @@ class JointAngle:
 
     Args:
         name: such as `knee_flexion_r`.
-        angle_rad: (T,), continuous over time; NaN where not estimated.
-        std_rad: (T,) standard deviation. Near a singular pose of the sequence it grows without bound.
-        observed: (T,) true where the sensors determine the joint.
+        angle_rad: (T,), continuous; NaN where not estimated.
+        std_rad: (T,), unbounded near a singularity.
+        observed: (T,) true where sensors determine it.
         near_singular: (T,) true where the angle, not the rotation, is unreliable.
     """
 
@@ -101,20 +101,11 @@ def named_rotation(joint: str, is_free: bool, shoulder: str = "YXY") -> NamedRot
 
 
 def joint_angles(track: Track, shoulder: str = "YXY") -> dict[str, JointAngle]:
-    """All angles of a track of one of the shipped bodies, by name.
-
-    Hinges keep their names. A shoulder gives `shoulder_plane_r`, `shoulder_elevation_r` and `shoulder_rotation_r`; the
-    free segment `pelvis_rotation`, `pelvis_obliquity` and `pelvis_tilt` (or `thorax_...`). An elbow that is a ball
-    (`with_ball_joint`) gives only `elbow_flexion_r`, the angle between both segments.
-    docs/bodies.md has the signs.
+    """Angles of a shipped body by name; docs/bodies.md explains them.
 
     Args:
-        track: of a body such as "full_body"; ball joints under other names are left out.
-        shoulder: "YXY" as the society says, singular while the arm hangs; "XZY" (Phadke et al. 2011) singular with
-            the arm forward and level, or "ZXY" singular with the arm sideways and level: abduction, flexion, rotation.
-
-    Raises:
-        DataError: another sequence.
+        track: of a body such as "full_body".
+        shoulder: "YXY", "XZY" or "ZXY" (Phadke et al. 2011); another sequence is a DataError.
     """
     if shoulder not in _SHOULDER:
         raise DataError(f"shoulder: {shoulder!r}; expected {', '.join(_SHOULDER)}")

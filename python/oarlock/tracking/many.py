@@ -63,28 +63,23 @@ def track_many(
     on_error: Literal["raise", "return"] = "raise",
     progress: Progress = None,
 ) -> list[Track] | list[Track | Failure]:
-    """Track recordings of one model on several cores. Each result is bit for bit that of `track`.
-
-    No result depends on the number of threads. A recording that fails does not stop the others.
+    """Track recordings of one model on several cores, with the same results as `track`.
 
     Args:
-        model: the body and its sensors, the same for all.
-        recordings: the recordings, such as the trials of a season or simulations with different seeds.
-        calibration: one for all, or one (or None) for each recording.
-        config: one for all, or one (or None) for each recording.
-        smooth: smooth each track, as `oarlock.smooth` does. The filtered tracks are discarded.
-        threads: number of recordings tracked at a time; None uses all cores.
-        on_error: "raise" raises the first error, in the order of the recordings, after all others are tracked
-            (immediately if a recording is refused before tracking starts). "return" returns each error
-            instead of its track.
-        progress: True shows a bar or lines; a function is called regularly with the share of all work done, 0 to 1.
+        model: the same for all.
+        recordings: such as trials of a season.
+        calibration: for all, or one each.
+        config: for all, or one each.
+        smooth: smooth each track.
+        threads: recordings at a time; None: all cores.
+        on_error: "raise" the first after all are tracked, or "return" each in place of its track.
+        progress: True shows a bar.
 
     Returns:
-        Tracks in the order given. All are in memory at the same time, with their samples: track a season in parts.
+        Tracks in the same order, all in memory.
 
     Raises:
-        DataError: the lists have different lengths, an argument has the wrong type; or as `track`. The text names
-            the recording's index and, if known, its source.
+        DataError: as `track`, with the recording's index; or lengths that differ.
         DivergedError: as `track`.
     """
     given = _checked(model, recordings, threads, on_error)

@@ -9,6 +9,8 @@ from types import MappingProxyType
 CODES: Mapping[str, str] = MappingProxyType(
     {
         "nominal_mounts": "mounts: nominal for",
+        "heading_undetermined": "the heading of its mount is not determined",
+        "encoder_as_read": "the value is the reading of the encoder",
         "not_observed": "not observed",
         "joints_contradict_unit": "its joints contradict the unit's own readings",
         "sensor_suspect": "no known fault explains it|look exchanged|looks stuck|deg about its|in other axes \\(|"
@@ -17,7 +19,7 @@ CODES: Mapping[str, str] = MappingProxyType(
         "readings_not_used": "readings are not used because the model's|never used \\(|not used by strapdown links",
         "beyond_limits": "beyond its soft limits",
         "beyond_range": "beyond its range \\(",
-        "rejected": "were rejected; check its mount",
+        "rejected": "were rejected",
         "fast_vibration": "vibrated faster than limbs move",
         "time_order": "time stamps did not increase",
         "magnetic_disturbance": "magnetic field disturbed in|a magnet or iron near|"

@@ -44,13 +44,14 @@ if TYPE_CHECKING:
 
 
 class Track(Estimates):
-    """Estimates over `time_s` (T,), with the fields of `Estimates`.
+    """Estimates over `time_s` (T,), with the fields of `Estimates`. Immutable.
 
-    A track is immutable; `oarlock.smooth` returns a new one.
+    Positions, in m, and rotations of frames are relative to frame `relative_to`. They are NaN where a reading is
+    missing; a joint without any reading counts as 0. DataError: no such frame, or no model.
     """
 
     def with_notes(self, *sentences: str) -> Track:
-        """The same track with these sentences in front of its notes."""
+        """The track with these sentences before its notes."""
         return self._changed({"notes": tuple(dict.fromkeys((*map(Note, sentences), *self.notes)))})
 
     def __repr__(self) -> str:
@@ -60,67 +61,34 @@ class Track(Estimates):
         return f"Track({kind}, {rows} samples, {span}, {len(self)} joints)"
 
     def frame_positions(self, frame: str, relative_to: str = "root") -> Floats:
-        """Origin of a frame over time, (T, 3) in m, in the axes of frame `relative_to`.
-
-        Lengths that the filter estimated are those of each sample. A joint without any reading in the whole recording
-        (such as the rotation of a grip) is assumed to be 0. Where a required reading is missing, the position is NaN.
-
-        Raises:
-            DataError: no such frame, or the track has no model.
-        """
+        """Origin of a frame, (T, 3), with estimated lengths."""
         own, reference = self._frames("frame_positions", frame, relative_to)
         return relative_positions(poses_of(self), [own], reference)[:, 0]
 
     def positions_of(self, frames: Sequence[str], relative_to: str = "root") -> Floats:
-        """`frame_positions` of several frames, (T, K, 3) in m; the poses are computed once.
-
-        Raises:
-            DataError: no such frame, or the track has no model.
-        """
+        """Origins of K frames, (T, K, 3)."""
         *own, reference = self._frames("positions_of", *frames, relative_to)
         return relative_positions(poses_of(self), own, reference)
 
     def frame_position_spread(self, frame: str, relative_to: str = "root") -> PositionSpread:
-        """Covariances (T, 3, 3) in m2 of `frame_positions`, and their source.
-
-        Raises:
-            DataError: no such frame, or the track has no model.
-        """
+        """Covariances (T, 3, 3) of `frame_positions`, m2, and their source."""
         own, reference = self._frames("frame_position_spread", frame, relative_to)
         covariance, source = position_spreads(self, [own], reference)
         return PositionSpread(covariance[:, 0], source)
 
     def frame_position_stds(self, frame: str, relative_to: str = "root") -> Floats:
-        """Standard deviations of `frame_positions` along its three axes, (T, 3) in m.
-
-        `frame_position_spread` returns the covariance, and whether correlations were available.
-
-        Raises:
-            DataError: no such frame, or the track has no model.
-        """
+        """Standard deviations (T, 3) of `frame_positions`."""
         return self.frame_position_spread(frame, relative_to).std_m
 
     def frame_quat_wxyz(self, frame: str, relative_to: str = "root") -> Floats:
-        """Orientation of a frame over time, (T, 4): the rotation `relative_to`-from-`frame`, signs continuous.
-
-        Joints without a reading are treated as in `frame_positions`.
-
-        Raises:
-            DataError: no such frame, or the track has no model.
-        """
+        """Rotation `relative_to`-from-`frame`, (T, 4), signs continuous."""
         own, reference = self._frames("frame_quat_wxyz", frame, relative_to)
         poses = poses_of(self)[..., :3, :3]
         turned = np.einsum("tji,tjk->tik", poses[:, reference], poses[:, own])
         return continuous_quat(quat_from_matrix(turned))
 
     def frame_rotation_stds(self, frame: str, relative_to: str = "root") -> Floats:
-        """Standard deviations of the rotation `relative_to`-from-`frame`, (T, 3) in rad about the axes of `frame`.
-
-        Correlations between joints come from the stored beliefs, as in `frame_position_spread`.
-
-        Raises:
-            DataError: no such frame, or the track has no model.
-        """
+        """Standard deviations (T, 3) of `frame_quat_wxyz` about the axes of `frame`, rad."""
         own, reference = self._frames("frame_rotation_stds", frame, relative_to)
         return rotation_stds(self, own, reference)
 
@@ -133,35 +101,26 @@ class Track(Estimates):
         return [names.index(name) for name in frames]
 
     def columns(self) -> dict[str, Floats]:
-        """Every array under a column name with its unit, (T,) each, `time_s` first.
-
-        The columns of a ball joint are its rotation vector, rates and standard deviations by coordinate
-        (`shoulder.rx_rad`, `shoulder.rx_velocity_rad_s`), its quaternion (`shoulder_quat_w`), its named angles with
-        their sequence (`shoulder_YXY_y1_rad`, `shoulder_YXY_y1_std_rad`), and a flag where these are near singular.
-        """
+        """Arrays (T,) by names with unit, such as `trunk_rad`, `shoulder_quat_w`."""
         return columns_of(self)
 
     def column(self, name: str) -> Floats:
-        """One of `columns`, (T,), such as `trunk_velocity_rad_s`.
-
-        Raises:
-            DataError: no such column. The text names the nearest one.
-        """
+        """One of `columns`."""
         columns = self.columns()
         if name not in columns:
             raise DataError(f"no column '{name}'. {did_you_mean(name, columns)}")
         return columns[name]
 
     def to_pandas(self) -> pd.DataFrame:
-        """All columns as a pandas DataFrame (needs the extra `oarlock[dataframe]`)."""
+        """A DataFrame of `columns`."""
         return pandas_table(self.columns())
 
     def to_polars(self) -> pl.DataFrame:
-        """All columns as a polars DataFrame (needs the extra `oarlock[polars]`). Missing numbers are NaN, not null."""
+        """A DataFrame of `columns`; missing numbers are NaN."""
         return polars_table(self.columns())
 
     def to_xarray(self) -> xr.Dataset:
-        """All columns over the coordinate `time_s`, with their units (needs the extra `oarlock[xarray]`)."""
+        """A Dataset of `columns` with units."""
         return xarray_dataset(self.columns(), unit_of)
 
     def plot(
@@ -171,23 +130,10 @@ class Track(Estimates):
         truth: Track | None = None,
         axes: Sequence[Axes] | None = None,
     ) -> list[Axes]:
-        """Draw joints over time with their 95 % bands, deg and cm (needs the extra `oarlock[plot]`).
+        """Draw joints with 95 % bands, deg and cm; dotted where the sensors do not determine them.
 
-        Dotted where the sensors do not determine the joint. A ball joint is drawn as its three named angles, without
-        the instants near a singularity; of a free joint the position is drawn.
-
-        Args:
-            joints: names; joints in a tuple share a panel. None draws the observed joints, right and left together, in
-                at most twelve panels.
-            truth: ground truth, drawn dashed.
-            axes: of matplotlib, to draw into; one for each panel. None makes a figure.
-
-        Returns:
-            The axes, one for each panel; `axes[0].figure.savefig(...)` saves the figure.
-
-        Raises:
-            DataError: matplotlib is not installed, joints of one panel have different units, or too few axes.
-            KeyError: no such joint.
+        Joints in a tuple share a panel; None draws all observed ones. `truth` is dashed; `axes` are of matplotlib,
+        one a panel.
         """
         return plot_track(self, joints, truth, axes)
 
@@ -195,31 +141,19 @@ class Track(Estimates):
         return track_html(self)
 
     def save(self, folder: str | PathLike[str], *, force: bool = False) -> None:
-        """Write track, sensors and beliefs (.parquet), model.toml, calibration.toml and run.toml into a folder.
-
-        A track that was saved there before is replaced as a whole, with its pages.
-
-        Args:
-            folder: created if it does not exist.
-            force: replace files that are not Oarlock's, too.
+        """Write a folder for `load_track`; an earlier track there is replaced, other files only by `force`.
 
         Raises:
-            DataError: a file that is not Oarlock's would be replaced, another process writes into the folder, or it
-                cannot be written. The folder is unchanged then.
+            DataError: the folder cannot be written; it is unchanged.
         """
         write_track(self, folder, force)
 
-    @staticmethod
-    def load(folder: str | PathLike[str]) -> Track:
-        """Read what `save` wrote; the same as `oarlock.load_track`."""
-        return load_track(folder)
-
 
 def load_track(folder: str | PathLike[str]) -> Track:
-    """Read a track from a folder that `Track.save` wrote.
+    """Read a folder that `Track.save` wrote.
 
     Raises:
-        DataError: the folder contains no track, or a file in it is damaged.
+        DataError: no track, or a damaged file.
     """
     return Track(**read_track(folder))
 

@@ -19,6 +19,7 @@ from oarlock.recording.epoch import shift_notes
 from oarlock.recording.plausibility import SignalFinding, require_plausible
 from oarlock.recording.recording import Recording
 from oarlock.recording.session_info import SESSION_KEY, session_info
+from oarlock.recording.undetermined_mounts import mount_notes
 from oarlock.storage.errors import DataError, DivergedError
 from oarlock.storage.progress import Progress, shown
 from oarlock.tracking.counts import count_streams
@@ -48,23 +49,19 @@ def track(
 ) -> Track:
     """Track a recording: a loop over `Tracker.step`.
 
-    `track(model, recording, smooth=True, filter="ekf")`: settings of the filter are keywords (`Settings`).
-
     Args:
         model: the body and its sensors.
-        recording: measured streams; absent streams and NaN are missing data.
-        calibration: lengths and mounts of this session, and corrections of time stamps and readings, which the engine
-            applies to each sample. None uses the model's nominal values and adds a note.
-        config: settings of the filter that several runs share; None uses the defaults. Keywords replace single ones.
-        smooth: return the smoothed track, as `oarlock.smooth` makes it.
-        start: continue from this state estimate (`Track.last_belief`) instead of fitting the first samples.
-        progress: True shows a bar or lines; a function is called regularly with the share done, 0 to 1.
-        settings: of the filter, such as `filter="ekf"`, `closures=False`, `output_rate_hz=100.0`.
+        recording: as measured; NaN and absent streams are missing data.
+        calibration: of this session; None: nominal values, with a note.
+        config: settings for several runs; keywords replace single ones.
+        smooth: return the smoothed track.
+        start: continue from this `Track.last_belief`.
+        progress: True shows a bar.
+        settings: of the filter (`Settings`), such as `filter="ekf"`.
 
     Raises:
-        DataError: no stream has a sensor in the model, or a name is probably misspelt; time stamps out of order, or
-            values in a wrong unit. Other streams without a sensor are left out with a note.
-        DivergedError: the filter diverged; `time_s` is the time at which it did.
+        DataError: no stream of a sensor, a misspelt name, wrong time stamps or units.
+        DivergedError: the filter diverged.
     """
     config = checked_config(config, settings)
     require_model(model)
@@ -159,6 +156,7 @@ def finished(
         **({} if recording.epoch is None else {"epoch": recording.epoch}),
         **({SESSION_KEY: dict(session)} if (session := session_info(recording.meta)) else {}),
         "config": run.config.to_dict(),
+        "structure": run.structure,
         "nominal_mounts": run.nominal_mounts,
         "steps": run.steps,
         "wall_s": wall_s,
@@ -174,6 +172,7 @@ def finished(
         *run_notes,
         *shift_notes(recording.meta),
         *correction_notes(recording, calibration),
+        *mount_notes(recording, calibration),
         *(f"{f.sensor}: {f.message}" for f in findings),
     )
     counts = count_streams(corrected(recording, calibration), run.counts())
@@ -181,20 +180,15 @@ def finished(
 
 
 def smooth(track: Track, recording: Recording | None = None, *, progress: Progress = None) -> Track:
-    """Rauch-Tung-Striebel smoothing (Rauch, Tung and Striebel 1965) over the whole track.
-
-    Each estimate then uses all samples, earlier and later ones; the last estimate is unchanged. If a track is long and
-    its arrays have not been read, smoothing frees their memory. Reading them later runs the filter again, with
-    identical results.
+    """Smooth a track (Rauch, Tung and Striebel 1965): each estimate uses later samples, too.
 
     Args:
         track: a result of `track`.
-        recording: what a track that was read from a folder was made of; the filter runs over it again.
-        progress: True shows a bar or lines; a function is called regularly with the share done, 0 to 1.
+        recording: of a track from a folder, which has no samples.
+        progress: True shows a bar.
 
     Raises:
-        DataError: the track is already smoothed; or it was read from a folder, which contains no samples, and
-            `recording` is missing or another one.
+        DataError: smoothed already, or `recording` is missing or another.
     """
     if track.run is None and recording is not None:
         track = _again(track, recording, progress)

@@ -15,6 +15,16 @@ pub enum Structure {
     Tree,
 }
 
+impl Structure {
+    /// Its name in model files and settings.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Structure::Strapdown => "strapdown",
+            Structure::Tree => "tree",
+        }
+    }
+}
+
 /// Kinds of joints that a `[links]` table names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum JointsOf {

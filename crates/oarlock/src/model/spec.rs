@@ -36,7 +36,8 @@ pub(super) struct Spec {
     pub(super) base_accelerations: Vec<(Named, BaseAcceleration)>,
 }
 
-const STRUCTURES: [(&str, Structure); 2] = [("strapdown", Structure::Strapdown), ("tree", Structure::Tree)];
+const STRUCTURES: [(&str, Structure); 2] =
+    [(Structure::Strapdown.name(), Structure::Strapdown), (Structure::Tree.name(), Structure::Tree)];
 /// The version of the file format that this code reads.
 const FORMAT: f64 = 1.0;
 const KEYS: [&str; 13] = [

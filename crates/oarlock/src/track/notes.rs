@@ -8,13 +8,17 @@ use super::loops::dependence;
 use super::magnetic::Field;
 use super::run::{Run, Spell, StreamCount};
 use crate::config::{Config, Magnetometer};
-use crate::model::{Fixing, JointKind, Model};
+use crate::model::{Fixing, JointKind, Model, Sensor};
 use crate::recording::input_joint;
 use crate::state::{LENGTHS, MOUNTS};
 use crate::strapdown::check::Check;
 
 /// Share of rejected readings above which a note reports a sensor.
 const REJECTED_SHARE: f64 = 0.05;
+/// So many samples in a row with outliers are no single jumps: the gate may reject an abrupt movement.
+const OUTLIERS_IN_A_ROW: u64 = 3;
+/// Standard deviation of a mount in the model file, rad, up to which it is known.
+const KNOWN_MOUNT_RAD: f64 = 0.05;
 
 /// All notes on a run.
 pub fn notes(run: &Run) -> Vec<String> {
@@ -27,6 +31,7 @@ pub fn notes(run: &Run) -> Vec<String> {
     notes.extend(no_magnetometers(run, &counts));
     notes.extend(fixing(run));
     notes.extend(not_for_links(run));
+    notes.extend(not_fused(run));
     notes.extend(rejections(&counts, &field));
     notes.extend(disturbances(&counts, &field));
     notes.extend(faults(&counts));
@@ -63,11 +68,12 @@ fn contradicted(run: &Run) -> Vec<String> {
     worst.map(text).collect()
 }
 
-/// Names of the sensors that are used with their nominal mount.
+/// Names of the sensors that are used with their nominal mount, which the model file does not say is known.
 pub fn at_nominal_mounts(run: &Run) -> Vec<String> {
     let model = &run.tracker().body().model;
     let streams: Vec<&str> = run.recording().names().collect();
-    let nominal = model.sensors.iter().filter(|s| s.kind.mount().is_some()).map(|s| s.name.clone());
+    let is_doubtful = |s: &&Sensor| s.kind.mount().is_some_and(|mount| mount.std_rad > KNOWN_MOUNT_RAD);
+    let nominal = model.sensors.iter().filter(is_doubtful).map(|s| s.name.clone());
     nominal.filter(|n| !run.calibration().mounts.contains_key(n) && streams.contains(&n.as_str())).collect()
 }
 
@@ -75,7 +81,10 @@ fn nominal_mounts(run: &Run) -> Option<String> {
     let names = at_nominal_mounts(run);
     let list = names.join(", ");
     (!names.is_empty()).then(|| {
-        format!("mounts: nominal for {list}; a sensor mounted 5 deg off causes errors of several degrees; run `oarlock calibrate`")
+        format!(
+            "mounts: nominal for {list}; a sensor mounted 5 deg off causes errors of several degrees; run `oarlock calibrate`; if a \
+             drawing gives the mounts, write `std_rad = 0.02` into each mount of the model file"
+        )
     })
 }
 
@@ -144,9 +153,16 @@ fn rejections(counts: &[StreamCount], field: &str) -> Vec<String> {
         } else {
             String::new()
         };
-        (share > REJECTED_SHARE).then(|| {
+        let (first_s, in_a_row) = count.outliers;
+        let (row, abrupt) = if in_a_row < OUTLIERS_IN_A_ROW {
+            (String::new(), "")
+        } else {
+            let text = "; if it moved abruptly then, raise `density` of its joints in the model file, or track with `--set gate=false`";
+            (format!(", {in_a_row} samples in a row from {first_s:.2} s"), text)
+        };
+        (share > REJECTED_SHARE || !row.is_empty()).then(|| {
             format!(
-                "{}: {} of {} readings ({:.1} %) were rejected; check its mount and its units{magnetometer}",
+                "{}: {} of {} readings ({:.1} %) were rejected{row}; check its mount and its units{magnetometer}{abrupt}",
                 count.name,
                 count.rejected,
                 count.received,
@@ -257,6 +273,20 @@ fn not_for_links(run: &Run) -> Vec<String> {
     let unused = estimate.map(|name| format!("estimate = {name}")).chain(settings);
     let text = |what| format!("not used by strapdown links: {what}; structure = \"tree\" uses it");
     unused.map(text).collect()
+}
+
+/// Joints whose angle is the reading of their encoder, if nobody chose the structure.
+fn not_fused(run: &Run) -> Option<String> {
+    let model = &run.tracker().body().model;
+    let links = run.last()?.links.as_ref().filter(|_| run.config().structure.or(model.structure).is_none())?;
+    let names = links.joints_as_encoded(run.tracker());
+    (!names.is_empty()).then(|| {
+        format!(
+            "{}: the value is the reading of the encoder, because no inertial unit is on the link; structure = \"tree\" in the model \
+             file, or `--set structure=tree`, estimates it from all sensors",
+            names.join(", ")
+        )
+    })
 }
 
 fn losses(run: &Run) -> Option<String> {

@@ -13,7 +13,7 @@ use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::estimate::belief::Belief;
 use crate::estimate::filter::Info;
-use crate::model::Model;
+use crate::model::{Model, Structure};
 use crate::motion::{is_observed, is_turn_observed};
 use crate::recording::{Cursor, Gathering, Recording, Sample, Stream};
 use counts::Tally;
@@ -200,6 +200,15 @@ impl Run {
     /// The tracker in its state before the first sample.
     pub fn tracker(&self) -> &Tracker {
         &self.tracker
+    }
+
+    /// How the model is tracked.
+    pub fn structure(&self) -> Structure {
+        if self.tracker.strapdown.is_some() {
+            Structure::Strapdown
+        } else {
+            Structure::Tree
+        }
     }
 
     /// The recording.

@@ -80,6 +80,20 @@ impl LinkState {
         units.zip(&self.checks).map(|(unit, check)| (sources[unit.source].name.clone(), *check)).collect()
     }
 
+    /// Names of the joints, inputs aside, whose values are readings of their encoders.
+    pub(super) fn joints_as_encoded(&self, tracker: &Tracker) -> Vec<String> {
+        let mut tracker = tracker.clone();
+        if tracker.build_filter(&self.present).is_err() {
+            return Vec::new();
+        }
+        let is_encoded = |first: usize| {
+            let mut sensors = tracker.strapdown_filter().skeleton.sensors.iter();
+            sensors.any(|sensor| matches!(sensor.measures, Measures::Input(c) if c == first))
+        };
+        let joints = tracker.subject.body.model.joints.iter().filter(|joint| !joint.input && is_encoded(joint.first));
+        joints.map(|joint| joint.name.clone()).collect()
+    }
+
     /// Time of the last sample that was taken in, s.
     pub(super) fn taken_s(&self) -> f64 {
         self.taken_s

@@ -50,6 +50,13 @@ class FaultCorrection:
     matrix: FloatArray | float = 1.0
     rarity: float = 1.0
 
+    @property
+    def of_force(self) -> FloatArray | None:
+        """(3, 3) that readings of accelerometers are multiplied by; None if they stay."""
+        if "accel_m_s2" not in self.fields:
+            return None
+        return self.matrix * np.eye(3) if isinstance(self.matrix, float) else self.matrix
+
     def applied(self, recording: Recording) -> Recording:
         """The recording with the fault corrected."""
         return Recording([self._mended(s) if s.name in self.streams else s for s in recording.streams])

@@ -29,6 +29,7 @@ from oarlock.evaluation.suspects.changes import (
     turns,
     unit_signs,
 )
+from oarlock.evaluation.suspects.rest_gravity import RestGravity
 from oarlock.evaluation.suspects.suspect import Suspect, of_units
 from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec
 from oarlock.recording.butterworth import passed_twice
@@ -280,6 +281,7 @@ class _Cause:
     error_rad: float
     change: Readings
     rarity: float = 1.0
+    of_force: FloatArray | None = None
 
 
 def _discrete(names: Sequence[str]) -> Iterator[_Cause]:
@@ -290,8 +292,9 @@ def _discrete(names: Sequence[str]) -> Iterator[_Cause]:
         )
         if error_rad is None:
             error_rad = float(np.arccos(np.clip((np.trace(change.matrix) - 1.0) / 2.0, -1.0, 1.0)))
+        changed = partial(_changed, change)
         yield _Cause(
-            change.fault, change.streams, change.text, error_rad, partial(_changed, change), change.rarity
+            change.fault, change.streams, change.text, error_rad, changed, change.rarity, change.of_force
         )
 
 
@@ -314,7 +317,8 @@ def _mounted(forces: JointForces, name: str) -> _Cause:
         f"{name} sits turned by about {np.degrees(angle_rad):.0f} deg against its mount: check how it is worn, and "
         "calibrate mounts (`oarlock calibrate`)."
     )
-    return _Cause("mount", (name,), text, angle_rad, turn(best), LESS_USUAL)
+    matrix = matrix_from_quat(quat_from_rotvec(best))
+    return _Cause("mount", (name,), text, angle_rad, turn(best), LESS_USUAL, matrix)
 
 
 def _biased(forces: JointForces, name: str) -> _Cause:
@@ -408,7 +412,7 @@ def _lags(forces: JointForces, name: str) -> _Lags:
 
 
 def joint_suspects(
-    forces: JointForces, deadline: Callable[[], bool], most: int = 3
+    forces: JointForces, gravity: RestGravity, deadline: Callable[[], bool], most: int = 3
 ) -> tuple[list[Suspect], bool]:
     """What explains that units contradict each other, the largest first, and whether all was tried in time."""
     suspects: list[Suspect] = []
@@ -416,8 +420,8 @@ def joint_suspects(
         part, from_s = _worst_part(forces)
         if deadline():
             return suspects, False
-        whole = _best(forces, None)
-        tries = [(whole, forces), (None if from_s is None else _best(part, from_s), part)]
+        whole = _best(forces, gravity, None)
+        tries = [(whole, forces), (None if from_s is None else _best(part, gravity, from_s), part)]
         both = [(*best, units) for best, units in tries if best is not None]
         if not both:
             break
@@ -445,7 +449,7 @@ def _worst_part(forces: JointForces) -> tuple[JointForces, float | None]:
     ].start / RATE_HZ
 
 
-def _best(forces: JointForces, from_s: float | None) -> tuple[Suspect, _Cause] | None:
+def _best(forces: JointForces, gravity: RestGravity, from_s: float | None) -> tuple[Suspect, _Cause] | None:
     misfits = forces.misfits()
     unusual = [k for k, misfit in enumerate(misfits) if misfit > UNUSUAL]
     if not unusual:
@@ -466,7 +470,8 @@ def _best(forces: JointForces, from_s: float | None) -> tuple[Suspect, _Cause] |
         # A change that leaves too little to compare explains nothing: it has no number.
         after = float(sum(forces.misfit(k, units) for k in own)) * cause.rarity
         left = REST_OF_CLOCKS if cause.fault in ("clock", "exchanged") else REST
-        if after * EXPLAINS < before and before > UNUSUAL and after < left * len(own) and _is_large(cause):
+        explains = after * EXPLAINS < before and before > UNUSUAL and after < left * len(own)
+        if explains and _is_large(cause) and not gravity.contradicts(cause.streams, cause.of_force, from_s):
             tried.append((before - after, before, after, cause))
     if not tried:
         return None

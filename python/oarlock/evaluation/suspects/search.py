@@ -21,6 +21,7 @@ from oarlock.evaluation.suspects.changes import (
     value_changes,
 )
 from oarlock.evaluation.suspects.fit import Misfit, MisfitEvaluator, has_magnetometers, without_magnetometers
+from oarlock.evaluation.suspects.rest_gravity import RestGravity
 from oarlock.evaluation.suspects.suspect import USUAL
 from oarlock.recording.recording import Recording
 
@@ -54,12 +55,13 @@ Ranking: TypeAlias = list[tuple[FaultCorrection, Misfit]]
 class Second:
     """One second of readings on a fine grid, and on a coarse one for the first selection.
 
-    `agreeing` units are not suspected.
+    `agreeing` units are not suspected. `gravity` refuses changes that contradict it.
     """
 
     model: Model
     fine: Recording
     coarse: Recording
+    gravity: RestGravity
     agreeing: frozenset[str] = frozenset()
 
     @property
@@ -130,7 +132,9 @@ def _ranked(judge: MisfitEvaluator, second: Second, misfit: Misfit) -> Ranking:
     """The changes that reduce the misfit most; rare kinds are tried only if no common one suffices."""
     ranked: Ranking = []
     for family in (_units, _usual, _rare):
-        changes = _preselected(judge, second, list(family(judge, second, misfit)))
+        tried = family(judge, second, misfit)
+        possible = [c for c in tried if not second.gravity.contradicts(c.streams, c.of_force)]
+        changes = _preselected(judge, second, possible)
         fits = judge.misfits([change.applied(second.fine) for change in changes])
         ranked = sorted(
             [*ranked, *zip(changes, fits, strict=True)], key=lambda pair: pair[1].total * pair[0].rarity

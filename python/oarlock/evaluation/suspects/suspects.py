@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from oarlock.evaluation.suspects.fit import MisfitEvaluator, Spent
 from oarlock.evaluation.suspects.joint_forces import JointForces, joint_suspects
+from oarlock.evaluation.suspects.rest_gravity import RestGravity
 from oarlock.evaluation.suspects.search import RATE_HZ, SCREEN_HZ, CorrectionFit, SearchResult, Second, search
 from oarlock.evaluation.suspects.second import most_motion, on_grid
 from oarlock.evaluation.suspects.suspect import Suspect
@@ -16,6 +17,7 @@ from oarlock.recording.corrections import corrected
 from oarlock.recording.plausibility import plausibility
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
+from oarlock.recording.undetermined_mounts import undetermined_mounts
 from oarlock.storage.progress import Progress, shown
 
 if TYPE_CHECKING:
@@ -47,7 +49,9 @@ def find_suspects(
     If nothing is found, a filter tracks the second with the most movement, which expects the usual errors of real
     recordings: mounts 5 deg off, soft tissue, nearby iron. If the misfit is large, the second is tracked again with
     each of about a hundred faults corrected. The fault is reported whose correction gives a usual misfit and a smaller
-    one than any other correction. The search then continues, for up to three faults.
+    one than any other correction. The search then continues, for up to three faults. Corrections that
+    gravity contradicts where a unit rests are not tried. Units whose mounts have no known heading are not compared
+    with others.
 
     Args:
         model: the body and its sensors.
@@ -104,9 +108,15 @@ def _by_units(
         for suspect, scale in faults
         if suspect.fault != "scale" or whole is None or whole.fits_scale(suspect.streams[0], scale)
     ]
-    others = [s for s in sound if all(s.name not in e.streams or e.fault == "bias" for e in own)]
+    unknown = undetermined_mounts(calibration)
+    others = [
+        s
+        for s in sound
+        if s.name not in unknown and all(s.name not in e.streams or e.fault == "bias" for e in own)
+    ]
     forces = JointForces.of(model, Recording(others), calibration) if others else None
-    joints, is_whole = ([], True) if forces is None else joint_suspects(forces, spent)
+    gravity = RestGravity.of(model, recording, calibration)
+    joints, is_whole = ([], True) if forces is None else joint_suspects(forces, gravity, spent)
     agreeing = frozenset() if forces is None else forces.agreeing()
     return [*own, *joints], agreeing, is_whole
 
@@ -128,12 +138,17 @@ def _by_tracking(
 ) -> list[Suspect]:
     """`limits`: when the search ends, s, and units that are not suspected."""
     end_s, agreeing = limits
+    comparable = [name for name in recording.names if name not in undetermined_mounts(calibration)]
+    if not comparable:
+        return []
+    recording = recording.only(comparable)
     start_s, motion_score = most_motion(recording, seconds)
     grids = [on_grid(recording, start_s, seconds, rate) for rate in (RATE_HZ, SCREEN_HZ)]
     if grids[0] is None or grids[1] is None:
         return []
     judge = MisfitEvaluator(model, calibration, config.closures if config is not None else True, end_s)
-    outcome = search(judge, Second(model, grids[0], grids[1], agreeing))
+    gravity = RestGravity.of(model, recording, calibration)
+    outcome = search(judge, Second(model, grids[0], grids[1], gravity, agreeing))
     return _suspects_of(outcome, start_s, motion_score)
 
 

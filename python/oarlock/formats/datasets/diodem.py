@@ -47,9 +47,8 @@ def read_diodem(
 
     Args:
         folder: the trial's folder.
-        mounted: "rigid" for the units that are screwed to the segments, "foam" for those on foam.
-        mag_unit_ut: size of one unit of the magnetometers' columns, uT: the files contain arbitrary units. None
-            leaves the magnetometers out.
+        mounted: which inertial units: rigid, screwed to the segments, or on foam.
+        mag_unit_ut: scale of the magnetometers, uT per unit: the files contain arbitrary units. None leaves them out.
 
     Returns:
         The streams ``seg1`` to ``seg5``, from 0 s.

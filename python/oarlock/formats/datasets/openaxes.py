@@ -52,7 +52,7 @@ def read_openaxes(folder: str | PathLike[str], run: str) -> Recording:
 
     Args:
         folder: the data folder, which contains ``synced_imu`` and ``groundtruth``.
-        run: name of the run, see `openaxes_runs`.
+        run: name of the run, such as circle-100; see `openaxes_runs`.
 
     Returns:
         The streams ``radius`` and ``carpus`` (gyro and accel) from 0 s, in the sensors' own axes: see

@@ -126,8 +126,8 @@ def read_dot(path: str | PathLike[str], trial: str | None = None, orientations: 
 
     Args:
         path: a file, or a folder with a file for each unit, `TAG_20250711_200600_086.csv`.
-        trial: which trial, if the folder has several.
-        orientations: also read the orientations of units that have a gyroscope, as streams `NAME_orientation`.
+        trial: which trial, if the folder has several: what the files' names share.
+        orientations: also read the orientations that units with a gyroscope computed, as streams `NAME_orientation`.
 
     Returns:
         An `ImuStream` per unit, named after its tag in lower case. Without a gyroscope, the unit's own orientation is

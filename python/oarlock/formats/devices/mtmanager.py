@@ -108,9 +108,9 @@ def read_mtmanager(
 
     Args:
         path: a file, or a folder with a file for each unit, `TRIAL_00B421AF.txt`.
-        trial: which trial, if the folder has several: what the names have in common.
-        rate_hz: rate of the packet counter; only for files without SampleTimeFine and without "Update Rate".
-        orientations: also read the orientations of units that have a gyroscope, as streams `NAME_orientation`.
+        trial: which trial, if the folder has several: what the files' names share.
+        rate_hz: rate of the packet counter, Hz, of files without SampleTimeFine and without "Update Rate".
+        orientations: also read the orientations that units with a gyroscope computed, as streams `NAME_orientation`.
 
     Returns:
         An `ImuStream` per unit, named after its device number in lower case. Without a gyroscope, the unit's own

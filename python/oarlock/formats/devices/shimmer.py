@@ -81,8 +81,8 @@ def read_shimmer(path: str | PathLike[str], trial: str | None = None, accel: str
 
     Args:
         path: a file, or a folder with a file for each unit.
-        trial: which session, if the folder has several.
-        accel: which accelerometer: LN (low noise) or WR (wide range); if not given, LN where there is one.
+        trial: which session, if the folder has several: what the files' names share.
+        accel: accelerometer, LN (low noise) or WR (wide range); None: LN where there is one.
 
     Returns:
         One `ImuStream` per unit, named after its label in lower case. Moments are shifted to start at 0 s;

@@ -36,8 +36,8 @@ def read_sto(path: str | PathLike[str], up: str = "z") -> Recording:
 
     Args:
         path: the `.sto` file.
-        up: the axis of the file's reference that points up: z as inertial units have it, or y as OpenSim's ground has
-            it. The file does not say; y is turned to z.
+        up: axis of the file's reference that points up: z (inertial units) or y (OpenSim's ground). The file does not
+            say; y is turned to z.
 
     Returns:
         One `OrientationStream` per column, with its name. Time stamps are unchanged.

@@ -67,10 +67,10 @@ class Export:
     """Result of `export`.
 
     Args:
-        folder: the written folder.
-        files: contents of each file, by its name in the folder.
-        notes: sentences about missing data.
-        body_names: body and marker in OpenSim's files, by the name of the frame here.
+        folder: what was written.
+        files: contents of each file by name.
+        notes: on missing data.
+        body_names: OpenSim's names of frames.
     """
 
     folder: Path
@@ -79,7 +79,7 @@ class Export:
     body_names: Mapping[str, str]
 
     def to_dict(self) -> dict[str, Any]:
-        """The contents of export.toml and of `oarlock export --json`."""
+        """The contents of export.toml."""
         return {
             "folder": str(self.folder),
             "files": dict(self.files),
@@ -98,35 +98,19 @@ def export(
     missing: Missing = "nan",
     force: bool = False,
 ) -> Export:
-    """Write a track for other software, and export.toml, which lists the contents of each file.
-
-    `csv`: coordinates.csv, frames.csv, and angles.csv in degrees. `parquet`: the same as .parquet, with each column's
-    unit in its metadata. `mot`: coordinates.mot. `sto`: velocities.sto and std.sto. `trc`: frames.trc, positions of
-    frames as virtual markers, mm. `osim`: model.osim, in which each frame is a body and a marker. `bvh`, `glb`:
-    animation.bvh and animation.glb, the skeleton and its movement. `c3d`: frames.c3d, positions of frames as points; it
-    needs ezc3d. `opensense`: orientations.sto, orientations of the bodies with units. If no formats are given, c3d and
-    parquet are left out with a note where they cannot be written.
-
-    In OpenSim's files a ball or free joint has three angles `NAME_XYZ_x`, `NAME_XYZ_y`, `NAME_XYZ_z`: body-fixed
-    rotations about x, y and z of the joint, R = Rx Ry Rz, continuous over time. A free joint also has `NAME_tx`,
-    `NAME_ty`, `NAME_tz`. Rates in velocities.sto are derivatives of these angles. A joint without any stream is written
-    as 0; single missing readings give NaN.
+    """Write a track for other software (docs/export.md), with export.toml about each file.
 
     Args:
-        track: the track; without its model only `csv` and `parquet` without frames can be written.
-        folder: folder to write; it is created, and an earlier export in it is replaced as a whole.
-        formats: some of `csv`, `parquet`, `mot`, `sto`, `trc`, `osim`, `bvh`, `glb`, `c3d`, `opensense`; None: all.
-        degrees: angles of .mot and .sto in degrees, else in rad; their headers (`inDegrees`) say which.
-        axes: axes of OpenSim's ground and of the .trc. `y-up`: the root's axes, rotated by the smallest angle that
-            makes the model's `up` Y; `root`: the root's axes, with gravity along the model's down. Tables are always in
-            root axes.
-        missing: rows of .mot and .sto in which a coordinate has no reading: `nan` keeps them, `drop` leaves them out,
-            which OpenSim's tools with splines need.
+        track: without its model only `csv` and `parquet` without frames can be written.
+        folder: created; an earlier export in it is replaced.
+        formats: `csv`, `parquet`, `mot`, `sto`, `trc`, `osim`, `bvh`, `glb`, `c3d`, `opensense`; None: all possible.
+        degrees: angles of .mot and .sto in deg, else rad.
+        axes: of all but tables: `y-up`, rotated by the smallest angle that makes `up` Y, or `root`.
+        missing: rows of .mot and .sto without a reading: `nan` or `drop`.
         force: replace files that are not Oarlock's, too.
 
     Raises:
-        DataError: an unknown format, no samples, no model where one is needed, or a folder that cannot be written or
-            has files of others in the way.
+        DataError: an unknown format, no samples, no model, or a folder that cannot be written.
     """
     chosen = _checked(track, FORMATS if formats is None else formats, axes, missing)
     with replaced_folder(folder, KIND, force) as stage:

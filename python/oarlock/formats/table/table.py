@@ -37,12 +37,12 @@ def read_table(
 
     Args:
         file: the table.
-        accel_unit: of all accelerometers' columns, such as "g"; None: from the header, or from gravity.
-        gyro_unit: of all gyroscopes' columns; None: from the header, or from the rotation of gravity.
-        mag_unit: of all magnetometers' columns; None: from the header, or from the norm. "a.u." if arbitrary.
-        time_unit: of the time column, as in a mapping file; None: from the header or the values.
-        rate_hz: rows in a second, for a table without time stamps.
-        save_mapping: a file for the mapping that was used.
+        accel_unit: unit of all accelerometers: g, m/s2, mg, mm/s2; None: from the header, or from gravity.
+        gyro_unit: unit of all gyroscopes: rad/s, deg/s; None: from the header, or from the rotation of gravity.
+        mag_unit: unit of all magnetometers: a.u., uT, gauss, mG, nT, T; None: from the header, or from the norm.
+        time_unit: unit of the time column, as in a mapping file; None: from the header or the values.
+        rate_hz: rows in a second, of a file without time stamps.
+        save_mapping: file for the mapping that was used.
 
     Returns:
         One stream for each unit, named as in the columns. ``meta["source"]["notes"]`` has what was recognised.

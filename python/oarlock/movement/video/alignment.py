@@ -121,7 +121,9 @@ def align(
     """
     fit = _LaggedSignals(picture, body)
     lags, score, count = _scores(fit)
-    allowed = count * STEP_S >= min(LEAST_OVERLAP_S, 0.5 * _shortest_s(picture, body))
+    allowed = count * STEP_S >= min(
+        LEAST_OVERLAP_S, 0.5 * STEP_S * min(len(picture.values), len(body.values))
+    )
     if near_s is not None:
         allowed &= np.abs(fit.offset_s(0.0) + STEP_S * lags - near_s) <= within_s
     if not allowed.any():
@@ -154,10 +156,6 @@ def align(
             OffsetCandidate(fit.offset_s(lag), max(0.0, worse)) for lag, worse in rivals[:MOST_CANDIDATES]
         ),
     )
-
-
-def _shortest_s(picture: Signals, body: Signals) -> float:
-    return STEP_S * min(len(picture.values), len(body.values))
 
 
 def _scores(fit: _LaggedSignals) -> tuple[NDArray[np.int64], Floats, Floats]:

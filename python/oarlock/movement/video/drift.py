@@ -31,7 +31,8 @@ def with_drift(picture: Signals, body: Signals, found: VideoAlignment, frame_s: 
     """
     if found.overlap_s < LEAST_WINDOWS * WINDOW_S:
         return found
-    first, last = _both_s(picture, body, found)
+    seen, moved = picture.times_s(), body.times_s() - found.offset_s
+    first, last = max(float(seen[0]), float(moved[0])), min(float(seen[-1]), float(moved[-1]))
     count = int((last - first) / WINDOW_S)
     edges = np.linspace(first, last, count + 1)
     middles, offsets, variances = [], [], []
@@ -56,11 +57,6 @@ def with_drift(picture: Signals, body: Signals, found: VideoAlignment, frame_s: 
     if abs(slope) <= 3.0 * std or abs(slope) * (last - first) < 0.25 * frame_s:
         return replace(found, drift_std_ppm=1e6 * std)
     return replace(found, offset_s=offset_s, drift_ppm=1e6 * slope, drift_std_ppm=1e6 * std)
-
-
-def _both_s(picture: Signals, body: Signals, found: VideoAlignment) -> tuple[float, float]:
-    seen, moved = picture.times_s(), body.times_s() - found.offset_s
-    return max(float(seen[0]), float(moved[0])), min(float(seen[-1]), float(moved[-1]))
 
 
 def _line(middles: Floats, offsets: Floats, variance: float) -> tuple[float, float, float]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from oarlock.model.description import ClosureDescription, FrameDescription
+from oarlock.model.description import FrameDescription
 
 if TYPE_CHECKING:
     from oarlock._core import Model
@@ -111,7 +111,10 @@ def skeleton(model: Model, q: ArrayLike) -> StickFigure:
     frames = description.frames
     poses = np.asarray(model.forward_kinematics(np.asarray(q, dtype=np.float64)), dtype=np.float64)
     place = {frame.name: pose for frame, pose in zip(frames, poses, strict=True)}
-    moving = _moving(frames)
+    moving: set[str] = set()
+    for frame in frames:
+        if frame.joint is not None or frame.parent in moving:
+            moving.add(frame.name)
     kinds = {joint.name: joint.kind for joint in description.joints}
     links = [
         link
@@ -121,18 +124,12 @@ def skeleton(model: Model, q: ArrayLike) -> StickFigure:
     return StickFigure(
         links=tuple(links),
         spots=_spots(frames, place, {sensor.frame for sensor in description.sensors}),
-        gaps=tuple(_gap(closure, place) for closure in description.closures),
+        gaps=tuple(
+            (_at(place[c.frame_a], c.point_a), _at(place[c.frame_b], c.point_b)) for c in description.closures
+        ),
         up=_unit(description.world.up),
         forward=_unit(description.world.forward),
     )
-
-
-def _moving(frames: Sequence[FrameDescription]) -> set[str]:
-    moving: set[str] = set()
-    for frame in frames:
-        if frame.joint is not None or frame.parent in moving:
-            moving.add(frame.name)
-    return moving
 
 
 def _links(
@@ -169,9 +166,8 @@ def _spots(
     return tuple(spots)
 
 
-def _gap(closure: ClosureDescription, place: Mapping[str, Vector]) -> tuple[Vector, Vector]:
-    a, b = place[closure.frame_a], place[closure.frame_b]
-    return a[:3, :3] @ closure.point_a + a[:3, 3], b[:3, :3] @ closure.point_b + b[:3, 3]
+def _at(pose: Vector, point: ArrayLike) -> Vector:
+    return np.asarray(pose[:3, :3] @ np.asarray(point) + pose[:3, 3])
 
 
 def _unit(direction: ArrayLike) -> Vector:

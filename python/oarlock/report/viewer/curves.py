@@ -49,7 +49,11 @@ class Curve:
 
 def joint_curves(track: Track) -> tuple[Curve, ...]:
     """Every observed joint, angles in degrees and positions in millimetres; named angles of ball and free joints."""
-    labels, columns = _labels(track), joint_columns(track.coordinate_names)
+    joints = () if track.model is None else track.model.describe().joints
+    labels, columns = (
+        {joint.name: joint.label or "" for joint in joints},
+        joint_columns(track.coordinate_names),
+    )
     seen = [name for name in track.joint_names if track.observed[:, list(columns[name])].any()]
     curves = [curve for name in seen for curve in _of_joint(track[name], labels.get(name, ""))]
     return tuple(curve for curve in curves if np.isfinite(curve.value).any())
@@ -97,13 +101,8 @@ def _largest_ranges(panels: Mapping[str, Sequence[Curve]]) -> list[str]:
 def _panel(key: str, curves: Sequence[Curve], rows: NDArray[np.int64], opened: bool) -> dict[str, Any]:
     one, name = curves[0], key.replace("_", " ")
     alone = f"{one.label} {name}" if one.side else one.label
-    return {
-        "key": key,
-        "label": name if len(curves) > 1 else alone,
-        "unit": one.unit,
-        "open": opened,
-        "series": [_series(curve, rows) for curve in curves],
-    }
+    label, series = name if len(curves) > 1 else alone, [_series(curve, rows) for curve in curves]
+    return {"key": key, "label": label, "unit": one.unit, "open": opened, "series": series}
 
 
 def _series(curve: Curve, rows: NDArray[np.int64]) -> dict[str, Any]:
@@ -116,12 +115,6 @@ def _series(curve: Curve, rows: NDArray[np.int64]) -> dict[str, Any]:
         "value": packed(curve.value[rows, None]),
         "std": packed(curve.std[rows, None]) if known and curve.std is not None else None,
     }
-
-
-def _labels(track: Track) -> dict[str, str]:
-    if track.model is None:
-        return {}
-    return {joint.name: joint.label or "" for joint in track.model.describe().joints}
 
 
 def _of_joint(series: JointSeries | BallSeries, label: str) -> Iterator[Curve]:

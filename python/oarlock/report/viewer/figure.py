@@ -53,7 +53,8 @@ class Figure:
         """The points as plain data, and the positions (T, 3 M) of the moving ones."""
         points, moving = [], []
         for k, (place, name, frames) in enumerate(zip(self.places, self.names, self.frames, strict=True)):
-            still = _still(place)
+            moves = np.isnan(place).any() or np.ptp(place, axis=0).max(initial=0.0) > STILL_M
+            still = None if moves else [float(value) for value in place[0]]
             label = self.labels.get(k, "")
             points.append(
                 {"name": name, "frames": frames, "label": label, "side": side_of(name)[0], "still": still}
@@ -120,33 +121,21 @@ def add_loops(figure: Figure, description: ModelDescription, poses: Floats) -> l
         pose = poses[:, number[frame]]
         return figure.point(pose[:, :3, :3] @ np.asarray(point) + pose[:, :3, 3], name)
 
-    return [
-        {
-            "name": c.name,
-            "ends": [
-                side(f"{c.name} (a)", c.frame_a, c.point_a),
-                side(f"{c.name} (b)", c.frame_b, c.point_b),
-            ],
-            "std_m": c.std_m,
-        }
-        for c in description.closures
-    ]
+    loops = []
+    for c in description.closures:
+        ends = [side(f"{c.name} (a)", c.frame_a, c.point_a), side(f"{c.name} (b)", c.frame_b, c.point_b)]
+        loops.append({"name": c.name, "ends": ends, "std_m": c.std_m})
+    return loops
 
 
 def add_strands(figure: Figure, look: Look, rows: NDArray[np.int64]) -> list[dict[str, Any]]:
     """Adds the look's strands with their positions as further points."""
-    return [
-        {
-            "points": [
-                figure.point(strand.places_m[rows, k], f"{strand.label} {k + 1}")
-                for k in range(strand.places_m.shape[1])
-            ],
-            "radius_m": strand.radius_m,
-            "part": strand.part,
-            "label": strand.label,
-        }
-        for strand in look.strands
-    ]
+    strands = []
+    for one in look.strands:
+        places = one.places_m[rows]
+        points = [figure.point(places[:, k], f"{one.label} {k + 1}") for k in range(places.shape[1])]
+        strands.append({"points": points, "radius_m": one.radius_m, "part": one.part, "label": one.label})
+    return strands
 
 
 def carried_shapes(
@@ -178,12 +167,6 @@ def _same(one: Floats, other: Floats) -> bool:
     return bool(
         np.array_equal(np.isnan(one), np.isnan(other)) and np.nanmax(apart, initial=0.0) <= SAME_PLACE_M
     )
-
-
-def _still(place: Floats) -> list[float] | None:
-    if np.isnan(place).any() or np.ptp(place, axis=0).max(initial=0.0) > STILL_M:
-        return None
-    return [float(value) for value in place[0]]
 
 
 def _once(bones: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -46,8 +46,5 @@ def embed(scene: Mapping[str, Any], element_id: str, *, with_player: bool = True
 
 def player_assets() -> str:
     """Style and script of the player, once for a page; the script draws every player of the page."""
-    return f"<style>{_bundled('player.css')}</style><script>{_bundled('player.js')}</script>"
-
-
-def _bundled(name: str) -> str:
-    return files("oarlock.report.viewer").joinpath(name).read_text(encoding="utf-8")
+    style, script = (files(__package__).joinpath(f"player.{end}").read_text("utf-8") for end in ("css", "js"))
+    return f"<style>{style}</style><script>{script}</script>"

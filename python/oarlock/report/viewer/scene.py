@@ -64,7 +64,12 @@ def scene(
     model = model_of(track, "scene")
     seen = Look() if look is None else look
     rows = shown_rows(track.time_s, SHOWN_EVERY_S if every_s is None else every_s, start_s, end_s)
-    _require_frames(seen, model.frame_names)
+    for shape in seen.shapes:
+        if shape.frame not in model.frame_names:
+            raise DataError(
+                f'scene: shape "{shape.label}" is attached to frame "{shape.frame}", which the model does not have; '
+                f"it has {', '.join(model.frame_names)}"
+            )
     description = model.describe()
     poses = poses_of(track, rows)
     figure = Figure()
@@ -100,13 +105,18 @@ def scene(
         "marks": instants,
         "spans": [span for span in spans if span["start_s"] < times[-1] and span["end_s"] > times[0]],
         "notes": list(seen.notes),
-        "ghost": _ghost_scene(ghost, every_s, look),
+        "ghost": scene(ghost, every_s=every_s, look=look and look.bare())
+        if isinstance(ghost, Track)
+        else ghost,
     }
 
 
 def viewpoints_of(look: Look, world: WorldDescription) -> list[dict[str, Any]]:
     """Where the figure is seen from: the look's viewpoints, or the usual ones of a world."""
-    return [_viewpoint(one) for one in look.viewpoints or _usual(world)]
+    return [
+        {"name": one.name, "seen_from": [float(v) for v in one.seen_from], "zoom": float(one.zoom)}
+        for one in look.viewpoints or _usual(world)
+    ]
 
 
 def _epoch(track: Track) -> dict[str, Any] | None:
@@ -172,26 +182,6 @@ def _factor(covariance: Floats, known: NDArray[np.bool_]) -> Floats:
     least = 1e-14 * np.eye(3)
     factors[known] = np.linalg.cholesky(covariance[known] + least)[:, *np.tril_indices(3)]
     return factors
-
-
-def _ghost_scene(ghost: Track | Mapping[str, Any] | None, every_s: float | None, look: Look | None) -> Any:
-    if not isinstance(ghost, Track):
-        return ghost
-    return scene(ghost, every_s=every_s, look=None if look is None else look.bare())
-
-
-def _require_frames(look: Look, names: Sequence[str]) -> None:
-    for shape in look.shapes:
-        if shape.frame not in names:
-            raise DataError(
-                f'scene: shape "{shape.label}" is attached to frame "{shape.frame}", which the model does not have; '
-                f"it has {', '.join(names)}"
-            )
-
-
-def _viewpoint(viewpoint: Viewpoint) -> dict[str, Any]:
-    direction = [float(value) for value in viewpoint.seen_from]
-    return {"name": viewpoint.name, "seen_from": direction, "zoom": float(viewpoint.zoom)}
 
 
 def _usual(world: WorldDescription) -> tuple[Viewpoint, ...]:

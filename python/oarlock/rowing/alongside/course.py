@@ -159,8 +159,8 @@ def _started(one: ContinuousPiece, clock: RowTimeline, found: StrokeTable | Acti
 
 def _clock(found: StrokeTable | Activity) -> tuple[RowTimeline, bool]:
     """When and where each row was, and whether an impeller says so."""
-    ends_s = found.end_of_stroke_s if isinstance(found, StrokeTable) else found["time_s"]
-    count = len(ends_s)
+    stamp_s = found.stamp_s if isinstance(found, StrokeTable) else found["time_s"]
+    count = len(stamp_s)
     unknown = np.full(count, np.nan)
 
     def column(name: str) -> Floats:
@@ -168,14 +168,14 @@ def _clock(found: StrokeTable | Activity) -> tuple[RowTimeline, bool]:
 
     through_water = not any(np.isfinite(column(name)).any() for name in ("distance_m", "speed_m_s"))
     kind = "impeller_" if through_water else ""
-    time_s = running(ends_s)
+    time_s = running(stamp_s)
     distance_m = _between(time_s, running(column(f"{kind}distance_m")))
     speed = column(f"{kind}speed_m_s")
     if np.isfinite(speed).mean() < _MOST_HAVE_SPEED:
         speed = _speed_m_s(time_s, distance_m)
     restarts = np.zeros(count, dtype=bool)
     known = np.flatnonzero(np.isfinite(time_s))
-    restarts[known[1:]] = np.diff(ends_s[known]) < 0.0
+    restarts[known[1:]] = np.diff(stamp_s[known]) < 0.0
     return RowTimeline(
         time_s, distance_m, speed, np.nan_to_num(column("interval"), nan=1.0), restarts
     ), through_water
@@ -200,11 +200,6 @@ def _speed_m_s(time_s: Floats, distance_m: Floats) -> Floats:
             found = np.where(steps_s > 0.0, np.diff(distance_m[known]) / steps_s, np.nan)
         speed[known] = np.append(found[:1], found)
     return speed
-
-
-def parts_of(course: SpeedProfile) -> list[Split]:
-    """The pieces between pauses, or the parts of the only one."""
-    return pieces_of(course) if len(course.stretches) > 1 else splits_of(course)
 
 
 def pieces_of(course: SpeedProfile) -> list[Split]:

@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock import ImuStream, Recording
+from oarlock import Recording
+from oarlock.recording import ImuStream
 from oarlock.storage.even_times import even_times
 
 Floats = NDArray[np.float64]

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock import Recording, ScalarStream, Track
+from oarlock import Recording, Track
+from oarlock.recording import ScalarStream
 from oarlock.rowing.crew.timing import CrewTiming
 
 Floats = NDArray[np.float64]

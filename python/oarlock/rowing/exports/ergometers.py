@@ -64,11 +64,18 @@ def read(log: Log, grid: CellGrid, header: int) -> StrokeTable:
     rows, firsts, notes = _strokes(log, all_rows)
     gathered = TableBuilder(rows, notes=notes)
     gathered.read(log.wanted)
-    _take_begins(gathered, firsts, log)
+    if firsts is not rows:
+        begins = TableBuilder(firsts)
+        begins.read([wanted for wanted in log.wanted if wanted.name in _OF_THE_BEGIN])
+        gathered.columns |= begins.columns
     _add_speed(log, gathered)
     _add_forces(log, gathered)
     _add_drive_times(log, gathered)
-    gathered.notes += _count_notes(log, all_rows)
+    counted = TableBuilder(all_rows)
+    counted.read([wanted for wanted in log.wanted if wanted.name == "stroke_number"])
+    number = counted.values("stroke_number")
+    gathered.notes += left_out_note(number, all_rows.lines)
+    gathered.notes += [] if log.count else twice_note(number, all_rows.lines)
     gathered.notes += log.remarks
     return gathered.table(log.title)
 
@@ -87,38 +94,15 @@ def _strokes(log: Log, rows: TableRows) -> tuple[TableRows, TableRows, list[str]
 def _first_and_last(rows: TableRows, place: int) -> tuple[TableRows, TableRows, list[str]]:
     """Of the rows with the same count the last, which knows most of the stroke, and the first, which knows its time."""
     counts = [cells[place] for cells in rows.cells]
-    first = [
-        k for k, count in enumerate(counts) if not _before_strokes(count) and counts[max(k - 1, 0)] != count
-    ]
-    first = [0, *first] if counts and not _before_strokes(counts[0]) else first
-    last = [
-        k for k, count in enumerate(counts) if not _before_strokes(count) and counts[k + 1 : k + 2] != [count]
-    ]
+    rowed = [k for k, count in enumerate(counts) if count not in ("", "0")]
+    first = [k for k in rowed if k == 0 or counts[k - 1] != counts[k]]
+    last = [k for k in rowed if counts[k + 1 : k + 2] != counts[k : k + 1]]
     strokes = many(len(last), "stroke")
     note = f"{len(rows)} rows in time contain {strokes}; time is that of the first row, other numbers of the last"
     return rows.chosen(last), rows.chosen(first), [note]
 
 
-def _before_strokes(count: str) -> bool:
-    return count in ("", "0")
-
-
-def _take_begins(gathered: TableBuilder, firsts: TableRows, log: Log) -> None:
-    if firsts is gathered.rows:
-        return
-    begins = TableBuilder(firsts)
-    begins.read([wanted for wanted in log.wanted if wanted.name in _OF_THE_BEGIN])
-    gathered.columns |= begins.columns
-
-
 _OF_THE_BEGIN = ("time_s", "distance_m", "interval")
-
-
-def _count_notes(log: Log, rows: TableRows) -> list[str]:
-    counted = TableBuilder(rows)
-    counted.read([wanted for wanted in log.wanted if wanted.name == "stroke_number"])
-    number = counted.values("stroke_number")
-    return left_out_note(number, rows.lines) + ([] if log.count else twice_note(number, rows.lines))
 
 
 def _add_speed(log: Log, gathered: TableBuilder) -> None:
@@ -143,7 +127,7 @@ def _add_forces(log: Log, gathered: TableBuilder) -> None:
 
 
 def _add_drive_times(log: Log, gathered: TableBuilder) -> None:
-    """Catch, finish and next catch, where the file has the moment of each drive's begin."""
+    """Catch, finish and next catch, where the file has the moment of each drive's begin, and its distance."""
     rows, (begin, zero) = gathered.rows, log.drive_start
     begin_place, zero_place = (rows.place(name) if name else None for name in (begin, zero))
     if begin_place is None or zero_place is None or not len(rows):
@@ -154,6 +138,9 @@ def _add_drive_times(log: Log, gathered: TableBuilder) -> None:
     gathered.derive("catch_time_s", catch_s, "no moment in the file")
     gathered.derive("finish_time_s", catch_s + gathered.values("drive_time_s"), "no moment or no drive time")
     gathered.derive("end_time_s", catch_s + gathered.values("duration_s"), "no moment or no duration")
+    # Distances are those of the begin; a row's distance is that of its end.
+    end_m = gathered.values("distance_m") + gathered.values("distance_per_stroke_m")
+    gathered.derive("distance_m", end_m, "no distance of the stroke")
 
 
 def _moment_s(text: str) -> float:
@@ -217,7 +204,6 @@ LOGS: Mapping[str, Log] = MappingProxyType(
             "Painsled for the desktop, strokes with force curves (CSV)",
             ("stroke.driveStartMs", "stroke.strokeNumber", "stroke.driveMs", "stroke.forceMap"),
             (
-                ColumnMap("time_s", ("stroke.elapsedTimeSec",)),
                 ColumnMap("interval", ("stroke.intervalNumber",)),
                 ColumnMap("stroke_number", ("stroke.strokeNumber",)),
                 ColumnMap("distance_m", ("stroke.startWorkoutMeter",)),

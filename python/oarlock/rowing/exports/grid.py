@@ -77,18 +77,22 @@ class CellGrid:
         Raises:
             DataError: a row has another number of cells than the header; file and line.
         """
-        names = tuple(_without_empty_end(self.cells[header]))
+        heads = self.cells[header]
+        width = max((k for k, name in enumerate(heads, 1) if name), default=0)
+        names, first = tuple(heads[:width]), header + 1 + skipped
         lines: list[int] = []
         cells: list[list[str]] = []
-        for line, row in zip(
-            self.lines[header + 1 + skipped :], self.cells[header + 1 + skipped :], strict=True
-        ):
+        for line, row in zip(self.lines[first:], self.cells[first:], strict=True):
             if not any(row):
                 if until_blank and cells:
                     break
                 continue
+            if len(row) < width:
+                raise DataError(
+                    f"{self.file}:{line}: has {len(row)} cells, the header has {width}. Is the row cut off?"
+                )
             lines.append(line)
-            cells.append(_checked(self.file, names, line, row))
+            cells.append(row)
         return TableRows(self.file, names, tuple(lines), tuple(cells))
 
 
@@ -106,16 +110,13 @@ def text_of(file: Path) -> str:
     raw = read_bytes(file, _MOST_BYTES)
     for encoding in ("utf-16",) if raw[:2] in _BYTE_ORDER_MARKS else ("utf-8-sig", "cp1252", "latin-1"):
         try:
-            return _without_zeros(file, raw.decode(encoding))
+            text = raw.decode(encoding)
         except UnicodeError:
             continue
+        if "\x00" in text:
+            raise DataError(f"{file}: contains zero bytes, so it is not text; export the strokes as CSV")
+        return text
     raise DataError(f"{file}: begins like UTF-16 text and is none; is the file cut off?")
-
-
-def _without_zeros(file: Path, text: str) -> str:
-    if "\x00" in text:
-        raise DataError(f"{file}: contains zero bytes, so it is not text; export the strokes as CSV")
-    return text
 
 
 def grids(file: Path, text: str) -> list[CellGrid]:
@@ -133,18 +134,3 @@ def _grid(file: Path, text: str, delimiter: str) -> CellGrid:
     except csv.Error as error:
         raise DataError(f"{file}:{reader.line_num}: cannot be split into cells ({error})") from error
     return CellGrid(file, tuple(lines), tuple(cells))
-
-
-def _without_empty_end(row: list[str]) -> list[str]:
-    kept = len(row)
-    while kept and not row[kept - 1]:
-        kept -= 1
-    return row[:kept]
-
-
-def _checked(file: Path, names: tuple[str, ...], line: int, row: list[str]) -> list[str]:
-    if len(row) < len(names):
-        raise DataError(
-            f"{file}:{line}: has {len(row)} cells, the header has {len(names)}. Is the row cut off?"
-        )
-    return row

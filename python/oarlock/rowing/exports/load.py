@@ -14,11 +14,22 @@ from oarlock.rowing.exports.activity import Activity
 from oarlock.rowing.exports.fit import is_fit, read_fit
 from oarlock.rowing.exports.grid import CellGrid, grids, text_of
 from oarlock.rowing.exports.peach import BEGIN, is_peach, read_peach
-from oarlock.rowing.exports.refused import what_it_is
 from oarlock.rowing.exports.starts import epoch_of_export
 from oarlock.rowing.exports.tcx import ROOT, read_tcx
 from oarlock.rowing.strokes.table import StrokeTable
 from oarlock.storage.errors import DataError
+
+_BY_HEADER = (
+    (
+        ("Interval", "Type", "Distance(m)", "Stroke", "Split(sec)"),
+        "a SpeedCoach export with a row every few metres, not a row a stroke",
+    ),
+    (
+        ("Date", "Description", "Work Time (Formatted)"),
+        "a season's list of workouts of the Concept2 logbook: a row is a workout, not a stroke. In the logbook, open a "
+        "workout and export its CSV",
+    ),
+)
 
 
 @dataclass(frozen=True)
@@ -128,9 +139,9 @@ def _by_tabs(file: Path, found: Sequence[CellGrid]) -> CellGrid:
 
 
 def _unknown(file: Path, text: str, found: Sequence[CellGrid], format: str | None) -> str:
-    what = what_it_is(found)
-    if what:
-        return f"{file}: is {what}. Export the strokes as CSV."
+    for marks, what in _BY_HEADER:
+        if any(grid.header(marks) is not None for grid in found):
+            return f"{file}: is {what}. Export the strokes as CSV."
     if format is not None:
         one = EXPORT_FORMATS[format]
         return (

@@ -6,8 +6,8 @@ import numpy as np
 
 from oarlock.rowing.exports.build import ColumnMap, TableBuilder, left_out_note, many, twice_note
 from oarlock.rowing.exports.cells import DEGREE_RAD, is_missing
-from oarlock.rowing.exports.empower import add_arcs, told_angles
 from oarlock.rowing.exports.grid import CellGrid, TableRows
+from oarlock.rowing.exports.nk_speedcoach import add_arcs, told_angles
 from oarlock.rowing.strokes.table import StrokeTable
 
 TITLE = "NK Logbook, strokes (CSV)"

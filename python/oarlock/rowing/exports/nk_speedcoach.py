@@ -9,10 +9,44 @@ import numpy as np
 
 from oarlock.rowing.exports.build import NAMED, ColumnMap, TableBuilder, left_out_note, many, twice_note
 from oarlock.rowing.exports.cells import DEGREE_RAD, POUND_FORCE_N, Cells, is_missing
-from oarlock.rowing.exports.empower import add_arcs, told_angles
 from oarlock.rowing.exports.grid import CellGrid, TableRows, plain_name
 from oarlock.rowing.strokes.table import StrokeTable
 from oarlock.storage.errors import DataError
+
+_BEYOND_SHARE = 0.02
+"""More strokes than this with the peak of force beyond the finish, and its angle is none of the oar."""
+
+
+def told_angles(gathered: TableBuilder) -> None:
+    """Checks signs and the meaning of the angle of peak force.
+
+    NK counts oar angles from the oar across the boat, catch negative, finish positive, as Oarlock does. LiNK 1.26 wrote
+    the angle of peak force as travel from the catch: then strokes have it beyond their finish.
+    """
+    catch, finish = gathered.values("catch_angle_rad"), gathered.values("finish_angle_rad")
+    if (catch > 0.0).sum() > (catch < 0.0).sum():
+        gathered.notes.append(
+            "catch angles are positive in most strokes, against NK's sign: check how the oarlock sits"
+        )
+    peak = gathered.values("peak_force_angle_rad")
+    beyond = peak > finish
+    if beyond.sum() > _BEYOND_SHARE * np.isfinite(peak).sum():
+        gathered.columns["peak_force_travel_rad"] = gathered.columns.pop("peak_force_angle_rad")
+        gathered.notes.append(
+            f"the angle of peak force lies beyond the finish in {many(beyond.sum(), 'stroke')}, so it is no oar "
+            "angle; it is taken as travel from the catch, peak_force_travel_rad"
+        )
+
+
+def add_arcs(gathered: TableBuilder) -> None:
+    """Arc, and arc without slip and wash."""
+    arc = gathered.values("finish_angle_rad") - gathered.values("catch_angle_rad")
+    effective = arc - gathered.values("slip_rad") - gathered.values("wash_rad")
+    gathered.derive("arc_rad", arc, "an angle is missing")
+    gathered.derive(
+        "effective_arc_rad", effective, "slip or wash is missing: force stayed below the threshold"
+    )
+
 
 TITLE = "NK SpeedCoach, strokes (CSV of NK LiNK)"
 MARKS = ("Interval", "Elapsed Time", "Stroke Rate")
@@ -71,7 +105,9 @@ def read(grid: CellGrid, header: int) -> StrokeTable:
         gathered.notes += _settings(grid, header)
         told_angles(gathered)
         add_arcs(gathered)
-    gathered.notes += _counts(gathered)
+    # the SpeedCoach's count begins again with each interval
+    number = np.where(np.isnan(gathered.values("time_s")), np.nan, gathered.values("stroke_number"))
+    gathered.notes += left_out_note(number, rows.lines) + twice_note(number, rows.lines)
     return gathered.table(TITLE)
 
 
@@ -129,14 +165,6 @@ def _name_oarlock_strokes(gathered: TableBuilder) -> None:
         gathered.notes.append(
             f"the oarlock measured {many(alone.sum(), 'stroke')} that the SpeedCoach did not count"
         )
-
-
-def _counts(gathered: TableBuilder) -> list[str]:
-    """Gaps and doubles of the SpeedCoach's count, which begins again with each interval."""
-    number = gathered.values("stroke_number").copy()
-    number[np.isnan(gathered.values("time_s"))] = np.nan
-    lines = gathered.rows.lines
-    return left_out_note(number, lines) + twice_note(number, lines)
 
 
 def _settings(grid: CellGrid, header: int) -> list[str]:

@@ -14,7 +14,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from oarlock import Recording, ScalarStream
+from oarlock import Recording
+from oarlock.recording import ScalarStream
 from oarlock.rowing.exports.cells import DEGREE_RAD, Floats, derived, numbers
 from oarlock.rowing.exports.grid import CellGrid, TableRows
 from oarlock.rowing.strokes.find_strokes import find_strokes
@@ -66,7 +67,8 @@ def read_peach(grid: CellGrid, seat: int | None) -> StrokeTable:
     )
     if not angles:
         raise DataError(f"{grid.file}: seat {chosen} has no GateAngle, so its strokes cannot be found")
-    table = find_strokes(Recording([_oar(side, time_s, angle) for side, angle in angles.items()])).table()
+    oars = [ScalarStream(f"{side}oar_phi", time_s, angle) for side, angle in angles.items()]
+    table = find_strokes(Recording(oars)).table()
     if not len(table):
         raise DataError(f"{grid.file}: {TITLE}, but seat {chosen} has no strokes. {' '.join(table.notes)}")
     boat = {name: _column(rows, seats, name, "Boat") for name in ("Speed", "Distance")}
@@ -119,10 +121,6 @@ def _column(rows: TableRows, seats: list[str], name: str, seat: str, scale: floa
     return None
 
 
-def _oar(side: str, time_s: Floats, angle_rad: Floats) -> ScalarStream:
-    return ScalarStream(f"{side}oar_phi", time_s, angle_rad)
-
-
 def _with_curves(
     table: StrokeTable, time_s: Floats, angles: Mapping[str, Floats], forces: Mapping[str, Floats]
 ) -> StrokeTable:
@@ -154,15 +152,14 @@ def _with_boat(
 ) -> StrokeTable:
     """With the boat's mean speed and its distance at the end of each stroke."""
     columns, reasons = dict(table.columns), dict(table.reasons)
-    ends_s = table["end_time_s"]
     speed, distance = boat["Speed"], boat["Distance"]
     found = {}
     if speed is not None:
-        spans = zip(table["catch_time_s"], ends_s, strict=True)
+        spans = zip(table["catch_time_s"], table["end_time_s"], strict=True)
         parts = [speed[(time_s >= begin_s) & (time_s < end_s)] for begin_s, end_s in spans]
         found["speed_m_s"] = np.array([part.mean() if len(part) else np.nan for part in parts])
     if distance is not None:
-        found["distance_m"] = np.interp(ends_s, time_s, distance, right=np.nan)
+        found["distance_m"] = np.interp(table.stamp_s, time_s, distance, right=np.nan)
     for name, values in found.items():
         column = derived(values, "empty in the file during this stroke, or it has no end")
         if not column.is_empty:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from oarlock.rowing.exports.build import ColumnMap, TableBuilder
 from oarlock.rowing.exports.cells import DEGREE_RAD, Cells, Floats, listed
-from oarlock.rowing.exports.grid import CellGrid, TableRows
+from oarlock.rowing.exports.grid import CellGrid
 from oarlock.rowing.strokes.table import StrokeTable
 from oarlock.storage.errors import DataError
 
@@ -63,7 +63,7 @@ def _curves(gathered: TableBuilder, name: str, header: str, scale: float) -> NDA
     rows, place = gathered.rows, gathered.rows.place(header)
     if place is None:
         raise DataError(f'{rows.file}: has no column "{header}"')
-    cut = np.array([_is_cut(rows, place, row) for row in range(len(rows))], dtype=bool)
+    cut = np.array([len(cells[place]) == _LONGEST_CELL for cells in rows.cells], dtype=bool)
     curves = tuple(np.zeros(0) if cut[row] else listed(rows, place, row) * scale for row in range(len(rows)))
     if cut.any():
         gathered.notes.append(
@@ -73,10 +73,6 @@ def _curves(gathered: TableBuilder, name: str, header: str, scale: float) -> NDA
     if any(len(curve) for curve in curves):
         gathered.curves[name] = curves
     return cut
-
-
-def _is_cut(rows: TableRows, place: int, row: int) -> bool:
-    return len(rows.cells[row][place]) == _LONGEST_CELL
 
 
 def _durations_s(gathered: TableBuilder) -> Floats:
@@ -103,18 +99,14 @@ def _add_swing(
     curves = gathered.curves.get(curve)
     if curves is None:
         return
-    pairs = zip(curves, duration_s, strict=True)
-    swings = np.array([_swing(points, lasted_s) for points, lasted_s in pairs])
+    swings = np.full(len(curves), np.nan)
+    for row, (rate, lasted_s) in enumerate(zip(curves, duration_s, strict=True)):
+        if len(rate) >= _FEWEST_POINTS and np.isfinite(lasted_s):
+            swings[row] = np.ptp(np.cumsum(rate - rate.mean())) * lasted_s / len(rate)
     gathered.derive(name, swings, "the curve or the duration of the stroke is missing")
     if name in gathered.columns:
         reason = f"the curve was cut off after {_LONGEST_CELL} characters when the file was saved"
         gathered.columns[name] = gathered.columns[name].but(cut[curve], reason)
-
-
-def _swing(rate: Floats, lasted_s: float) -> float:
-    if len(rate) < _FEWEST_POINTS or not np.isfinite(lasted_s):
-        return float("nan")
-    return float(np.ptp(np.cumsum(rate - rate.mean())) * lasted_s / len(rate))
 
 
 def _stamp(gathered: TableBuilder, duration_s: Floats) -> None:

@@ -7,8 +7,8 @@ import numpy as np
 from oarlock.rowing.exports.activity import Activity, known_columns
 from oarlock.rowing.exports.build import ColumnMap, TableBuilder, left_out_note
 from oarlock.rowing.exports.cells import DEGREE_RAD, POUND_FORCE_N, Cells, Floats
-from oarlock.rowing.exports.empower import add_arcs, told_angles
 from oarlock.rowing.exports.grid import CellGrid, TableRows
+from oarlock.rowing.exports.nk_speedcoach import add_arcs, told_angles
 from oarlock.rowing.strokes.table import StrokeTable
 from oarlock.storage.epoch import FIRST_S
 
@@ -68,15 +68,20 @@ def read(grid: CellGrid, header: int) -> StrokeTable | Activity:
     if not _are_strokes(gathered):
         merged = _merged(rows, gathered)
         if merged is None:
-            return _activity(gathered)
+            names = ("time_s", "distance_m", "speed_m_s", "heart_rate_per_min", "rate_per_min", "power_w")
+            columns = known_columns({name: gathered.values(name) for name in names})
+            return Activity(columns, f"{rows.file.name}: RowingData CSV, points in time")
         gathered = merged
     gathered.number_from_one("interval")
     for side in SIDES:
         _leave_out_unmeasured(gathered, side)
-    _take_arc(gathered)
     if "catch_angle_rad" in gathered.columns:
         told_angles(gathered)
         add_arcs(gathered)
+    elif "finish_angle_rad" in gathered.columns:
+        # as in files made from those of Quiske pods, with catches of 0
+        gathered.columns["arc_rad"] = gathered.columns.pop("finish_angle_rad")
+        gathered.notes.append("no catch angles, so that finish is taken as the arc")
     gathered.notes += left_out_note(gathered.values("stroke_number"), gathered.rows.lines)
     return gathered.table(TITLE)
 
@@ -130,19 +135,6 @@ def _merged(rows: TableRows, gathered: TableBuilder) -> TableBuilder | None:
         "last",
     ]
     return found if _are_strokes(found) else None
-
-
-def _activity(gathered: TableBuilder) -> Activity:
-    names = ("time_s", "distance_m", "speed_m_s", "heart_rate_per_min", "rate_per_min", "power_w")
-    columns = known_columns({name: gathered.values(name) for name in names})
-    return Activity(columns, f"{gathered.rows.file.name}: RowingData CSV, points in time")
-
-
-def _take_arc(gathered: TableBuilder) -> None:
-    """A finish without any catch is the arc: so it is in files made from those of Quiske pods, with catches of 0."""
-    if "finish_angle_rad" in gathered.columns and "catch_angle_rad" not in gathered.columns:
-        gathered.columns["arc_rad"] = gathered.columns.pop("finish_angle_rad")
-        gathered.notes.append("no catch angles, so that finish is taken as the arc")
 
 
 def _leave_out_unmeasured(gathered: TableBuilder, side: str) -> None:

@@ -77,7 +77,12 @@ def _add_curves(gathered: TableBuilder) -> None:
     rows, place = gathered.rows, gathered.rows.place("curve_data")
     if place is None:
         return
-    points = [_without_padding(listed(rows, place, row)) for row in range(len(rows))]
+    points = []
+    for force in (listed(rows, place, row) for row in range(len(rows))):
+        # up to the last point that was measured; one that is missing before it is NaN
+        measured = np.flatnonzero(force > _PADDING)
+        curve = force[: measured[-1] + 1] if len(measured) else force[:0]
+        points.append(np.where(curve > _PADDING, curve, np.nan))
     if not any(len(force) for force in points):
         gathered.notes.append("no curves: the column curve_data is empty")
         return
@@ -95,13 +100,6 @@ def _add_curves(gathered: TableBuilder) -> None:
             [float(of(force)) if len(force) and np.isfinite(force).all() else np.nan for force in points]
         )
         gathered.derive(name, values, reason)
-
-
-def _without_padding(force: Floats) -> Floats:
-    """The points up to the last that was measured; one that is missing before it is NaN."""
-    measured = np.flatnonzero(force > _PADDING)
-    kept = force[: measured[-1] + 1] if len(measured) else force[:0]
-    return np.where(kept > _PADDING, kept, np.nan)
 
 
 def _add_times(gathered: TableBuilder) -> None:

@@ -47,11 +47,9 @@ def epoch_of_text(text: str, back_s: float = 0.0) -> str:
         ValueError: it is no moment.
     """
     found = _parsed(text.strip()) - datetime.timedelta(seconds=back_s)
-    kind = "local" if found.tzinfo is None else "utc"
     plain = found if found.tzinfo is None else found.astimezone(_UTC).replace(tzinfo=None)
-    return epoch_text(
-        round((plain - _FIRST).total_seconds() * 1e6) * 1000, "utc" if kind == "utc" else "local"
-    )
+    nanoseconds = round((plain - _FIRST).total_seconds() * 1e6) * 1000
+    return epoch_text(nanoseconds, "local" if found.tzinfo is None else "utc")
 
 
 def _parsed(text: str) -> datetime.datetime:
@@ -91,13 +89,9 @@ def _stamps(stamp: str, elapsed: str, unit_s: float, elapsed_s: float) -> Callab
     return find
 
 
-def _quiske(grid: CellGrid, header: int) -> str:
-    return epoch_of_seconds(min(float(at) for (at,) in _rows(grid, header, "timestamp(s)")))
-
-
-def _rowingdata(grid: CellGrid, header: int) -> str:
-    stamps = [float(at) for (at,) in _rows(grid, header, "TimeStamp (sec)")]
-    return epoch_of_seconds(min(stamps)) if stamps else ""
+def _first_stamp(name: str) -> Callable[[CellGrid, int], str]:
+    """Unix times in a column, from which the clock counts."""
+    return lambda grid, header: epoch_of_seconds(min(float(at) for (at,) in _rows(grid, header, name)))
 
 
 def _speedcoach(grid: CellGrid, header: int) -> str:
@@ -105,10 +99,6 @@ def _speedcoach(grid: CellGrid, header: int) -> str:
         if "Start Time:" in row[:-1]:
             return epoch_of_text(row[row.index("Start Time:") + 1])
     return ""
-
-
-def _painsled_desktop(grid: CellGrid, header: int) -> str:
-    return epoch_of_text(next(_rows(grid, header, "workout.rowStartMs"), [""])[0])
 
 
 def _boatcoach(grid: CellGrid, header: int) -> str:
@@ -145,12 +135,14 @@ def _clock_s(text: str) -> float:
 
 _FINDERS: Mapping[str, Callable[[CellGrid, int], str]] = MappingProxyType(
     {
-        "quiske": _quiske,
-        "rowingdata": _rowingdata,
+        "quiske": _first_stamp("timestamp(s)"),
+        "rowingdata": _first_stamp("TimeStamp (sec)"),
         "nk-speedcoach": _speedcoach,
         "nk-logbook": _stamps("timestamp", "elapsedTime", 1e-3, 1e-3),
         "painsled": _stamps("TimeStamp (sec)", "ElapsedTime (sec)", 1.0, 1.0),
-        "painsled-desktop": _painsled_desktop,
+        "painsled-desktop": lambda grid, header: epoch_of_text(
+            next(_rows(grid, header, "workout.rowStartMs"), [""])[0]
+        ),
         "boatcoach": _boatcoach,
         "boatcoach-water": _boatcoach_water,
         "hero": _below("Date"),

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock import ImuStream, ScalarStream
 from oarlock.model import EncoderDescription, ImuDescription
+from oarlock.recording import ImuStream, ScalarStream
 from oarlock.rowing.field.courses import generator
 from oarlock.rowing.field.effects import FieldEffects
 from oarlock.rowing.field.placement import Encoder, UnitErrors

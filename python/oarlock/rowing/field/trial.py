@@ -33,8 +33,9 @@ from oarlock.storage.errors import DataError
 from oarlock.storage.folder_writer import replaced_folder
 
 if TYPE_CHECKING:
-    from oarlock import Calibration, ImuStream, Model, Recording, ScalarStream, Track
+    from oarlock import Calibration, Model, Recording, Track
     from oarlock.markers import Markers
+    from oarlock.recording import ImuStream, ScalarStream
 
 Array = NDArray[np.float64]
 

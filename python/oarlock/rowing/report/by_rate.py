@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.report import plain_table
+from oarlock.rowing.analysis.features import Feature
 from oarlock.rowing.findings.find import least
 from oarlock.rowing.report.averages import SIGMAS_95, beyond, feature_of
 from oarlock.rowing.report.piece import Counted, ReportPiece
@@ -36,9 +37,10 @@ def by_rate(piece: ReportPiece) -> str:
     if not ordered:
         return ""
     ends = [f"{rates[group].mean():.0f}/min" for group in ordered]
-    lines = [
-        [link(name, _head(name)), *(_mean(piece, name, group) for group in ordered)] for name in _NUMBERS
-    ]
+    lines = []
+    for feature in map(feature_of, _NUMBERS):
+        head = link(feature.name, f"{feature.label}, {joined_unit(feature).strip()}")
+        lines.append([head, *(_mean(piece, feature, group) for group in ordered)])
     caption = (
         f"By stroke rate: means of strokes of similar rate. {PLUS_MINUS} here: 95 % interval from the scatter alone, "
         "to compare columns; errors of sensors and mounts, the same in all columns, come on top."
@@ -79,13 +81,8 @@ def _known(values: Floats) -> Floats:
     return values[np.isfinite(values)]
 
 
-def _head(name: str) -> str:
-    feature = feature_of(name)
-    return f"{feature.label}, {joined_unit(feature).strip()}"
-
-
-def _mean(piece: ReportPiece, name: str, rows: Rows) -> str:
-    feature, values = feature_of(name), _known(piece.table[name][rows])
+def _mean(piece: ReportPiece, feature: Feature, rows: Rows) -> str:
+    values = _known(piece.table[feature.name][rows])
     if len(values) < 2:
         return '<span class="mark">not known</span>'
     half = SIGMAS_95 * float(values.std(ddof=1)) / np.sqrt(len(values))

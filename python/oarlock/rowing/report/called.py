@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from os import PathLike
+from functools import lru_cache
+from os import PathLike, fspath
 
 from oarlock import Track
 from oarlock.report import day_text, fixed, who_in_words
-from oarlock.rowing.analysis.technique import technique
+from oarlock.rowing.analysis.technique import Technique, technique
 from oarlock.rowing.report.piece import Counted, ReportPiece
 from oarlock.rowing.report.words import counted_rates, is_ramp, rates_at_ends
 from oarlock.storage.epoch import moment_of
@@ -36,9 +37,13 @@ def called(pieces: Sequence[ReportPiece], names: Sequence[str]) -> list[ReportPi
 
 def piece_of(track: Track, name: str, targets: str | PathLike[str] | None = None) -> ReportPiece:
     """A piece that is not called anything yet, with its folder if `name` is one."""
-    return ReportPiece(
-        "", track, technique(track, targets=targets), str(name) if isinstance(name, Folder) else ""
-    )
+    folder = str(name) if isinstance(name, Folder) else ""
+    return ReportPiece("", track, _technique(track, None if targets is None else fspath(targets)), folder)
+
+
+@lru_cache(maxsize=1)  # the report and the terminal give the same strokes
+def _technique(track: Track, targets: str | None) -> Technique:
+    return technique(track, targets=targets)
 
 
 def _name(piece: ReportPiece, name: str) -> str:
@@ -49,15 +54,12 @@ def _name(piece: ReportPiece, name: str) -> str:
     return ", ".join(filter(None, (day_text(piece.date), rates_in_words(piece))))
 
 
-def _is_dated(piece: ReportPiece, name: str) -> bool:
-    return bool(piece.date) and name.startswith(day_text(piece.date))
-
-
 def _with_athlete(piece: ReportPiece, name: str) -> str:
     """Two athletes are told apart by their names."""
     who = who_in_words(piece.track.provenance)
     athlete = who.removesuffix(day_text(piece.date)).removesuffix(", ")
-    return f"{athlete}, {name}" if athlete and _is_dated(piece, name) else name
+    is_dated = bool(piece.date) and name.startswith(day_text(piece.date))
+    return f"{athlete}, {name}" if athlete and is_dated else name
 
 
 def _with_time(piece: ReportPiece, name: str) -> str:
@@ -85,7 +87,7 @@ def rates_in_words(piece: Counted) -> str:
 def folders_in_words(pieces: Sequence[object]) -> list[str]:
     """In which folder each piece is, if its name does not say so; text."""
     return [
-        f"{one.name or 'This piece'}: folder {one.folder}"
+        f"{one.name}: folder {one.folder}"
         for one in pieces
         if isinstance(one, ReportPiece) and one.folder and one.folder != one.name
     ]

@@ -9,9 +9,8 @@ from oarlock.report import fixed, plain_table
 from oarlock.rowing.findings.candidate import MetricComparison, against
 from oarlock.rowing.findings.rowed import Rowed
 from oarlock.rowing.report.averages import SIGMAS_95
-from oarlock.rowing.report.calibrated import NOT_CALIBRATED
 from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, places, shown, spread
-from oarlock.rowing.report.tables import link
+from oarlock.rowing.report.tables import NOT_CALIBRATED, link
 
 HEADS = {
     "sides": "Right and left",
@@ -112,15 +111,16 @@ def checked(candidates: Sequence[MetricComparison], unsure: Collection[tuple[str
     `unsure` are the kinds and numbers of those in which a unit was not calibrated.
     """
     total = _judged_with(candidates)
-    rows = [
-        [
-            escape(_compared(one)),
-            link(one.watched.name, one.watched.feature.label),
-            NOT_CALIBRATED if (one.kind, one.watched.name) in unsure else escape(_with_interval(one)),
-            escape(_limit(one, total)),
-        ]
-        for one in sorted(candidates, key=lambda one: list(HEADS).index(one.kind))
-    ]
+    rows = []
+    for one in sorted(candidates, key=lambda one: list(HEADS).index(one.kind)):
+        feature = one.watched.feature
+        size, half = (value / feature.shown_scale for value in (one.size, SIGMAS_95 * one.sd))
+        interval = (
+            f"{shown(feature, size, signed=True)} {PLUS_MINUS} {spread(feature, half)}{joined_unit(feature)}"
+        )
+        what = f"Stroke {one.stroke}" if one.stroke else HEADS[one.kind] + (_LIKE if one.like_rate else "")
+        found = NOT_CALIBRATED if (one.kind, one.watched.name) in unsure else escape(interval)
+        rows.append([escape(what), link(one.watched.name, feature.label), found, escape(_limit(one, total))])
     caption = (
         "The differences that were compared. The stroke rate's effect is removed within the piece and between pieces "
         f"of different rates. {PLUS_MINUS}: half of the 95 % interval. A difference is named from about the size on "
@@ -129,16 +129,3 @@ def checked(candidates: Sequence[MetricComparison], unsure: Collection[tuple[str
     )
     heads = ["compared", "number", "difference", "named from"]
     return plain_table("checked", caption, heads, rows, style="stacked") if rows else ""
-
-
-def _compared(one: MetricComparison) -> str:
-    if one.stroke:
-        return f"Stroke {one.stroke}"
-    return HEADS[one.kind] + (_LIKE if one.like_rate else "")
-
-
-def _with_interval(one: MetricComparison) -> str:
-    feature = one.watched.feature
-    size, sd = one.size / feature.shown_scale, one.sd / feature.shown_scale
-    half = spread(feature, SIGMAS_95 * sd)
-    return f"{shown(feature, size, signed=True)} {PLUS_MINUS} {half}{joined_unit(feature)}"

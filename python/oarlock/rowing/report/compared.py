@@ -12,12 +12,18 @@ from oarlock.rowing.findings.find import least
 from oarlock.rowing.findings.rowed import RATES_APART, Rowed
 from oarlock.rowing.findings.watched import WATCHED
 from oarlock.rowing.report.averages import Average, Difference
-from oarlock.rowing.report.calibrated import NOT_CALIBRATED, is_uncalibrated
-from oarlock.rowing.report.changes import at_like_rate, matters, same_rate, size_in_words
-from oarlock.rowing.report.earlier import Other, change_of, compared_changes
+from oarlock.rowing.report.earlier import (
+    Other,
+    at_like_rate,
+    change_of,
+    compared_changes,
+    matters,
+    same_rate,
+    size_in_words,
+)
 from oarlock.rowing.report.piece import ReportPiece
 from oarlock.rowing.report.shown import PLUS_MINUS, shown, spread, unit_of, with_unit
-from oarlock.rowing.report.tables import link, verdict
+from oarlock.rowing.report.tables import NOT_CALIBRATED, VERDICT, is_uncalibrated, link, verdict
 
 _OF_RATE = ("rate_per_min", "drive_time_s", "recovery_time_s")
 """Numbers that make up the stroke rate."""
@@ -54,20 +60,18 @@ def comparison_table(key: str, this: ReportPiece, other: ReportPiece) -> str:
     rows = []
     found = differences(this, other)
     for name in largest_first(found):
-        mine, theirs, between = found[name]
-        feature = mine.feature
-        unsure = is_uncalibrated(this, name) or is_uncalibrated(other, name)
-        rows.append(
-            [
-                link(name, feature.label),
-                escape(unit_of(feature)),
-                _mean(mine, is_uncalibrated(this, name)),
-                _mean(theirs, is_uncalibrated(other, name)),
-                value_cell(between.told * feature.shown_scale, shown(feature, between.told, signed=True)),
-                NOT_CALIBRATED if unsure else spread(feature, between.half),
-                verdict(between),
-            ]
-        )
+        *both, between = found[name]
+        feature = between.feature
+        bare = [is_uncalibrated(piece, name) for piece in (this, other)]
+        means = []
+        for one, unsure in zip(both, bare, strict=True):
+            mean = value_cell(one.over.mean * feature.shown_scale, shown(feature, one.over.mean))
+            half = f' <span class="spread">{PLUS_MINUS} {spread(feature, one.half)}</span>'
+            means.append(mean if unsure else mean + half)
+        size = value_cell(between.told * feature.shown_scale, shown(feature, between.told, signed=True))
+        half = NOT_CALIBRATED if any(bare) else spread(feature, between.half)
+        head = [link(name, feature.label), escape(unit_of(feature))]
+        rows.append([*head, *means, size, half, verdict(between)])
     columns = [
         Column("number"),
         Column("unit"),
@@ -75,10 +79,7 @@ def comparison_table(key: str, this: ReportPiece, other: ReportPiece) -> str:
         Column(other.name),
         Column("difference", meaning="Of the two shown means."),
         Column(PLUS_MINUS, meaning="Half of the 95 % interval of the difference."),
-        Column(
-            "verdict",
-            meaning="Clear: larger than its 95 % interval. Small: below the smallest size that matters.",
-        ),
+        Column("verdict", meaning=VERDICT),
     ]
     caption = (
         f"Means over the strokes; the difference is {this.name} minus {other.name}. {PLUS_MINUS}: half of the 95 % "
@@ -95,13 +96,23 @@ def first_sentence(this: ReportPiece, other: ReportPiece) -> str:
     second = beside(this, other)
     alike = same_rate(this, other)
     if not alike and not second.tested:
-        rates = [with_unit(one.feature, one.over.mean) for one in _rates(this, other)]
+        rates = [
+            with_unit(one.feature, one.over.mean)
+            for one in (p.averages["rate_per_min"] for p in (this, other))
+        ]
         return f"The stroke rates differ ({' and '.join(rates)}){_not_at_like_rate(Rowed.of(this), Rowed.of(other))}"
     every = compared_changes(this, second)
     found = [one for one in every if matters(one)]
     if found:
-        told = " and ".join(f"{_subject(one)} is {size_in_words(one)}" for one in found[:_MOST_LED])
-        return f"{capital(told)} than {_when(this, other)}{'' if alike else ', also at like rate'}."
+        told = []
+        for one in found[:_MOST_LED]:
+            watched = WATCHED.get(one.feature.name)
+            subject = f"the {one.feature.label}" if watched is None else watched.subject
+            told.append(f"{subject} is {size_in_words(one)}")
+        day = day_text(other.date)
+        by_day = other.date != this.date and other.name.startswith(f"{day}, ")
+        when = f"on {day}" if by_day else f"in {other.name}"
+        return f"{capital(' and '.join(told))} than {when}{'' if alike else ', also at like rate'}."
     small = any(one.beyond for one in every)
     rest = "large enough to matter" if small else "clear"
     left = any(is_uncalibrated(one, "catch_lean_rad") for one in (this, other))
@@ -109,21 +120,6 @@ def first_sentence(this: ReportPiece, other: ReportPiece) -> str:
     if alike:
         return f"No change of technique is {rest}.{apart}"
     return f"Only the stroke rate and what goes with it changed; no change of technique is {rest}.{apart}"
-
-
-def _rates(this: ReportPiece, other: ReportPiece) -> tuple[Average, Average]:
-    return this.averages["rate_per_min"], other.averages["rate_per_min"]
-
-
-def _subject(found: Difference) -> str:
-    watched = WATCHED.get(found.feature.name)
-    return watched.subject if watched is not None else f"the {found.feature.label}"
-
-
-def _when(this: ReportPiece, other: ReportPiece) -> str:
-    day = day_text(other.date)
-    by_day = other.date != this.date and other.name.startswith(f"{day}, ")
-    return f"on {day}" if by_day else f"in {other.name}"
 
 
 def counts(this: ReportPiece, other: ReportPiece) -> list[str]:
@@ -187,10 +183,3 @@ def _not_at_like_rate(mine: Rowed, theirs: Rowed) -> str:
     else:
         why = ", and its effect was not removed, because the boats or the sensors differ"
     return f"{why}. Each number is still that of its own piece; how much of a difference comes from the rate is open."
-
-
-def _mean(one: Average, unsure: bool) -> str:
-    text = value_cell(one.over.mean * one.feature.shown_scale, shown(one.feature, one.over.mean))
-    return (
-        text if unsure else f'{text} <span class="spread">{PLUS_MINUS} {spread(one.feature, one.half)}</span>'
-    )

@@ -1,4 +1,4 @@
-"""Drawings of a rower's report: numbers over the strokes, curves and speeds over a stroke, paths of the hands."""
+"""Drawings of a rower's report: numbers over the strokes, curves and speeds over a stroke, hands, arms."""
 
 from __future__ import annotations
 
@@ -8,11 +8,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from oarlock.report import Axis, Mark, Series, Zone, course_chart, grid, plane_chart, row_chart
-from oarlock.rowing.analysis.features import Feature
 from oarlock.rowing.findings.watched import LEAST
 from oarlock.rowing.report.averages import SIGMAS_95, feature_of
-from oarlock.rowing.report.phase import mean_and_sd
-from oarlock.rowing.report.piece import ReportPiece
+from oarlock.rowing.report.piece import ReportPiece, mean_and_sd
 from oarlock.rowing.report.shown import unit_of
 from oarlock.rowing.strokes.table import Floats
 
@@ -162,7 +160,11 @@ def marks(pieces: Sequence[ReportPiece]) -> list[Mark]:
 
 def hand_paths(pieces: Sequence[ReportPiece]) -> str:
     """Paths of the handles from the side and from above, mean and SD over the strokes."""
-    held = [(piece, piece.frames(_handles(piece))) for piece in pieces]
+    held = []
+    for piece in pieces:
+        frames = piece.track.model.frame_names if piece.track.model is not None else ()
+        end = "handle" if "r_handle" in frames else "hand"
+        held.append((piece, piece.frames([f"{side}_{end}" for side in SIDES])))
     seen = [
         (piece, _path(path[known]), SIDES[side] if len(pieces) == 1 else f"{piece.name}, {SIDES[side]}")
         for piece, found in held
@@ -174,8 +176,16 @@ def hand_paths(pieces: Sequence[ReportPiece]) -> str:
         return ""
     bow = Axis("toward the bow", "m")
     heights = Axis(f"above the seat's rail, drawn {TALLER:g} times as large", "m")
-    events = _events(*seen[0][:2]) if len(pieces) == 1 else ()
-    aside, above = ([_drawn(path, name, axis) for _, path, name in seen] for axis in (1, 2))
+    events: list[tuple[float, float, str]] = []
+    if len(pieces) == 1:
+        finish, (mean, _) = pieces[0].finish_percent, seen[0][1]
+        ends = [(0, "catch"), *([] if math.isnan(finish) else [(round(finish), "finish")])]
+        events = [(float(mean[k, 0]), float(mean[k, 1]), name) for k, name in ends]
+    # over the direction of the bow: the height, and the distance toward port
+    aside, above = (
+        [Series(name, m[:, 0], m[:, k], m[:, k] - sd[:, k], m[:, k] + sd[:, k]) for _, (m, sd), name in seen]
+        for k in (1, 2)
+    )
     return pairs(
         [
             plane_chart("path-side", "From the side", aside, bow, heights, events, taller=TALLER),
@@ -184,30 +194,64 @@ def hand_paths(pieces: Sequence[ReportPiece]) -> str:
     )
 
 
-def _handles(piece: ReportPiece) -> tuple[str, str]:
-    frames = piece.track.model.frame_names if piece.track.model is not None else ()
-    return ("r_handle", "l_handle") if "r_handle" in frames else ("r_hand", "l_hand")
-
-
 def _path(path: Floats) -> tuple[Floats, Floats]:
     """Mean and SD, (POINTS, 3) each: toward the bow, up, toward port."""
     mean, sd = mean_and_sd(path)
     return mean[:, [2, 1, 0]] * np.array([-1.0, 1.0, -1.0]), sd[:, [2, 1, 0]]
 
 
-def _drawn(path: tuple[Floats, Floats], name: str, axis: int) -> Series:
-    """A path over the direction of the bow: its height (axis 1) or its distance toward port (axis 2)."""
-    mean, sd = path
-    across, up = mean[:, 0], mean[:, axis]
-    return Series(name, across, up, up - sd[:, axis], up + sd[:, axis])
+JOINTS = ("shoulder", "elbow", "wrist")
+MOST_FAINT = 40
+"""Number of single strokes drawn behind the mean; of more strokes an even selection is drawn."""
+TOWARD_PORT, UP, TOWARD_BOW = (
+    np.array(axis) for axis in ((-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, -1.0))
+)
 
 
-def _events(piece: ReportPiece, path: tuple[Floats, Floats]) -> list[tuple[float, float, str]]:
+def arms_at_finish(pieces: Sequence[ReportPiece]) -> str:
+    """Shoulder, elbow and wrist of both arms when the handle turns; "" where the model has no such frames."""
+    held = [(piece, _arms(piece)) for piece in pieces]
+    if not any(arms for _, arms in held):
+        return ""
+    views = (
+        ("arms-behind", "From behind", Axis("toward the rower's right (port)", "m"), TOWARD_PORT),
+        ("arms-side", "From the side", Axis("toward the bow", "m"), TOWARD_BOW),
+    )
+    figures, up = [], Axis("above the seat's rail, equal scales", "m")
+    for key, caption, across, axis in views:
+        series = [
+            _seen(arm.mean(axis=0), axis, SIDES[side] if len(pieces) == 1 else f"{piece.name}, {SIDES[side]}")
+            for piece, arms in held
+            for side, arm in arms.items()
+        ]
+        faint: list[Series] = []
+        points: list[tuple[float, float, str]] = []
+        for arm in held[0][1].values() if len(pieces) == 1 else ():
+            faint += [_seen(one, axis, "") for one in arm[:: math.ceil(len(arm) / MOST_FAINT) or 1]]
+            if key == "arms-behind":
+                places = zip(arm.mean(axis=0), JOINTS, strict=True)
+                points += [(float(place @ axis), float(place @ UP), joint) for place, joint in places]
+        figures.append(plane_chart(key, caption, series, across, up, points, faint))
+    return pairs(figures)
+
+
+def _arms(piece: ReportPiece) -> dict[str, Floats]:
+    """By side, (N, 3 joints, 3) m at the finish."""
     finish = piece.finish_percent
-    told = [(0, "catch"), *([] if math.isnan(finish) else [(round(finish), "finish")])]
-    return [(float(path[0][k, 0]), float(path[0][k, 1]), name) for k, name in told]
+    if math.isnan(finish):
+        return {}
+    at = round(finish)
+    found = piece.frames([f"{side}_{joint}" for side in SIDES for joint in JOINTS])
+    arms = {}
+    for side in SIDES:
+        chain = [found[f"{side}_{joint}"][:, at] for joint in JOINTS if f"{side}_{joint}" in found]
+        if len(chain) == len(JOINTS):
+            arm = np.stack(chain, axis=1)
+            known = np.isfinite(arm).all(axis=(1, 2))
+            if known.any():
+                arms[side] = arm[known]
+    return arms
 
 
-def zone_of(feature: Feature, low: float, high: float, source: str) -> Zone:
-    """A published range in the shown unit."""
-    return Zone(low * feature.shown_scale, high * feature.shown_scale, source)
+def _seen(arm: Floats, axis: Floats, name: str) -> Series:
+    return Series(name, arm @ axis, arm @ UP)

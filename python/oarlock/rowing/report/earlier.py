@@ -1,20 +1,126 @@
-"""Main numbers of a piece beside another one: last time, own best or a second piece; for the front of a report."""
+"""Main numbers of a piece beside another one, with one size, interval and verdict for each change; for the front."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from html import escape
 from typing import NamedTuple
 
-from oarlock.report import capital, plain_table
-from oarlock.rowing.alongside.paces import SPEEDS, pace_text
-from oarlock.rowing.findings.candidate import MetricComparison
-from oarlock.rowing.report.averages import Average, Difference, feature_of
-from oarlock.rowing.report.calibrated import NOT_CALIBRATED, about, is_uncalibrated
-from oarlock.rowing.report.changes import at_like_rate, change, in_words, matters, of_kind, same_rate
+from oarlock.report import capital, fixed, plain_table
+from oarlock.rowing.alongside.paces import PER_500_M, SPEEDS, of_pace, pace_text, slower_s
+from oarlock.rowing.findings.candidate import MetricComparison, chance
+from oarlock.rowing.findings.find import least
+from oarlock.rowing.findings.watched import WATCHED
+from oarlock.rowing.report.averages import Average, Difference, difference, feature_of
 from oarlock.rowing.report.piece import Counted
-from oarlock.rowing.report.shown import with_unit
-from oarlock.rowing.report.tables import link
+from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, shown, spread, with_unit
+from oarlock.rowing.report.tables import NOT_CALIBRATED, about, is_uncalibrated, link
+
+SAME_RATE_PER_MIN = 1.0
+"""Pieces whose mean rates differ by less are compared as they are, others at like rate too."""
+
+
+def same_rate(piece: Counted, other: Counted) -> bool:
+    """Whether the mean stroke rates are alike, or one of them is unknown."""
+    rates = [one.averages.get("rate_per_min") for one in (piece, other)]
+    now, then = (math.nan if one is None else one.over.mean for one in rates)
+    return not abs(now - then) >= SAME_RATE_PER_MIN
+
+
+def of_kind(candidates: Sequence[MetricComparison], kind: str) -> dict[str, MetricComparison]:
+    """The comparisons of one kind, by number."""
+    return {one.watched.name: one for one in candidates if one.kind == kind}
+
+
+def change(now: Average, then: Average, tested: MetricComparison | None = None) -> Difference:
+    """The difference of the means. `tested` is the comparison of findings, if the rates are alike.
+
+    Its interval contains that neighbouring strokes are alike, and its size is robust against single strokes; by how
+    much the means differ from that size is doubt about the means.
+    """
+    plain = difference(now, then)
+    if tested is None:
+        return plain
+    scale = plain.feature.shown_scale
+    doubt = math.hypot(tested.sd / scale, tested.size / scale - plain.value)
+    return replace(plain, uncertainty=doubt)
+
+
+def at_like_rate(tested: MetricComparison) -> Difference:
+    """What remains of a difference when the stroke rate's effect is removed."""
+    feature = tested.watched.feature
+    size, sd, now = (value / feature.shown_scale for value in (tested.size, tested.sd, tested.now))
+    return Difference(feature, size, sd, size, now)
+
+
+def as_told(
+    candidates: Sequence[MetricComparison], piece: Counted, others: Mapping[str, Counted]
+) -> list[MetricComparison]:
+    """The comparisons as a page states them: differences of the means from pieces of the same rate, else at like rate.
+
+    Args:
+        candidates: all comparisons of a piece.
+        piece: it.
+        others: the other pieces, by kind of comparison.
+    """
+    alike = {kind: same_rate(piece, other) for kind, other in others.items()}
+    return [
+        one
+        if one.kind not in others
+        else _of_means(one, piece, others[one.kind])
+        if alike[one.kind]
+        else replace(one, like_rate=True)
+        for one in candidates
+    ]
+
+
+def _of_means(one: MetricComparison, piece: Counted, other: Counted) -> MetricComparison:
+    now, then = (each.averages[one.watched.name] for each in (piece, other))
+    scale, found = one.watched.feature.shown_scale, change(now, then, one)
+    size, sd = found.told * scale, found.uncertainty * scale
+    # Named only if the robust comparison would name it too.
+    likely = max(one.chance, chance(size, sd, one.freedom))
+    return replace(one, size=size, sd=sd, chance=likely, now=now.over.mean * scale, like_rate=False)
+
+
+def matters(found: Difference) -> bool:
+    """Whether a change is clear and not below the smallest size that is named."""
+    return bool(found.beyond) and abs(found.told) > least(found.feature)
+
+
+def in_words(found: Difference) -> str:
+    """A change with its 95 % interval and direction: `1.4 ± 1.2° shorter`; shares of 100 % in percentage points.
+
+    Speeds as pace: `3.2 ± 1.0 s per 500 m slower`. What is not clear has no direction: `no clear change (± 1.2°)`.
+    """
+    size, half, unit, direction = _said(found)
+    if found.beyond is None:
+        return f"{size_in_words(found)}, uncertainty not known"
+    if not found.beyond:
+        return f"no clear change ({PLUS_MINUS}\N{NO-BREAK SPACE}{half}{unit})"
+    return f"{size} {PLUS_MINUS} {half}{unit} {direction}"
+
+
+def size_in_words(found: Difference) -> str:
+    """A change without its interval: `1.4° shorter`."""
+    size, _, unit, direction = _said(found)
+    return f"{size}{unit} {direction}"
+
+
+def _said(found: Difference) -> tuple[str, str, str, str]:
+    """Size, half of its interval, unit and direction; of a speed the difference of both paces as they are shown."""
+    if found.feature.name in SPEEDS:
+        late_s, half_s = slower_s(found.now, found.now - found.value), of_pace(found.now, found.half)
+        word = "slower" if late_s > 0.0 else "faster"
+        return fixed(abs(late_s), 1), fixed(half_s, 1), f" {PER_500_M}", word
+    size, half = shown(found.feature, abs(found.told)), spread(found.feature, found.half)
+    watched, up = WATCHED.get(found.feature.name), found.told > 0.0
+    word = (watched.grew if up else watched.fell) if watched is not None else ""
+    unit = joined_unit(found.feature)
+    return size, half, " points" if unit == " %" else unit, word or ("more" if up else "less")
+
 
 COMPARED = (
     "rate_per_min",
@@ -72,41 +178,30 @@ def compared(piece: Counted, others: Sequence[Other], now: str = "now") -> str:
         ]
         for name in names
     ]
-    caption = _CAPTION.format(
-        change=f"Change: how {piece.name} differs from {others[0].label}"
-        if piece.name
-        else "Change until now"
-    )
+    from_other = f"Change: how {piece.name} differs from {others[0].label}"
+    caption = _CAPTION.format(change=from_other if piece.name else "Change until now")
     apart = [one for one in others if not same_rate(piece, one.piece)]
     if any(one.tested for one in apart):
         caption += _LIKE
     if any(not one.tested for one in apart):
         caption += _NOT_LIKE
-    heads = ["number", now, *(head for one in others for head in (_dated(one), "change"))]
+    heads = ["number", now]
+    for one in others:
+        # what it is and its day, unless its own name has that already
+        day = one.piece.date if one.label != one.piece.name else ""
+        heads += [f"{one.label}, {day}" if day else one.label, "change"]
     # Six columns are too many for a telephone.
     style = "stacked" if others[1:] else ""
     changes = "" if piece.name else " ".join(largest_change(piece, one) for one in others)
-    return _which(others, changes) + plain_table("compared-earlier", caption, heads, rows, style=style)
-
-
-def _dated(other: Other) -> str:
-    """The head of its column: what it is and its day, unless its own name has that already."""
-    return (
-        other.label
-        if other.label == other.piece.name
-        else ", ".join(filter(None, (other.label, other.piece.date)))
-    )
-
-
-def _which(others: Sequence[Other], changes: str) -> str:
-    """Names of the earlier pieces, unless these are the heads of the table, and the largest changes in words."""
+    # names of the earlier pieces, unless these are the heads of the table
     told = " ".join(
         f"{capital(one.label)}: <b>{escape(one.piece.name)}</b>."
         for one in others
         if one.label != one.piece.name
     )
     said = " ".join(filter(None, (told, escape(changes))))
-    return f"<p>{said}</p>" if said else ""
+    lead = f"<p>{said}</p>" if said else ""
+    return lead + plain_table("compared-earlier", caption, heads, rows, style=style)
 
 
 def _cells(piece: Counted, other: Other, name: str) -> tuple[str, str]:

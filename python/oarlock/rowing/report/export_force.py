@@ -13,8 +13,8 @@ from oarlock.rowing.alongside.course import SpeedProfile
 from oarlock.rowing.alongside.force_curves import LABELS, ForceStack, force_stacks
 from oarlock.rowing.findings.rowed import FEWEST_STROKES
 from oarlock.rowing.report.averages import feature_of
-from oarlock.rowing.report.export_fade import quarters
-from oarlock.rowing.report.export_meanings import is_empower
+from oarlock.rowing.report.definitions import is_empower
+from oarlock.rowing.report.export_piece import quarters
 from oarlock.rowing.report.shown import joined_unit, shown, spread
 from oarlock.rowing.report.tables import link
 from oarlock.rowing.strokes.table import Floats, StrokeTable
@@ -96,17 +96,14 @@ def _table(export: StrokeTable, counted: Places, course: SpeedProfile) -> str:
     names = ("number", "mean", "SD", *(("first quarter", "last quarter") if ends else ()))
     caption = f"Means over the rowed strokes{after_start(course)}. SD: standard deviation of single strokes."
     table = plain_table("force-numbers", caption, [Column(name) for name in names], rows, style="splits")
-    return table + ("" if ends else _no_quarters(course))
-
-
-def _no_quarters(course: SpeedProfile) -> str:
-    rows = int((course.longest.steady if course.longest else course.steady).sum())
+    if ends:
+        return table
+    count = int((course.longest.steady if course.longest else course.steady).sum())
     whose = " of the longest piece" if len(course.stretches) > 1 else ""
-    told = (
-        f"The first and the last quarter are not compared: {rows} strokes{whose} count, "
-        f"and {4 * FEWEST_STROKES} are needed."
+    return table + (
+        f'<p class="hint">The first and the last quarter are not compared: {count} strokes{whose} count, '
+        f"and {4 * FEWEST_STROKES} are needed.</p>"
     )
-    return f'<p class="hint">{escape(told)}</p>'
 
 
 def _sd(values: Floats) -> float:

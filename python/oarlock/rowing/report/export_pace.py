@@ -11,7 +11,6 @@ from oarlock.report import Axis, Column, Section, Series, course_chart, fixed, g
 from oarlock.rowing.alongside.course import SpeedProfile, Split, pieces_of, splits_of, starts_of
 from oarlock.rowing.alongside.paces import clock_text, pace_text
 from oarlock.rowing.report.export_force import after_start
-from oarlock.rowing.strokes.table import Floats
 
 _PAUSE_MIN = 0.5
 """Charts over time have a gap there."""
@@ -80,19 +79,15 @@ def _over_time(key: str, caption: str, course: SpeedProfile, name: str, unit: st
     if good.sum() < 2:
         return ""
     minutes = (course.time_s[good] - course.time_s[good][0]) / 60.0
-    middle = _running_median(course.values[name][good])
+    # a running median, whose ends repeat
+    padded = np.pad(course.values[name][good], _SMOOTH // 2, mode="edge")
+    middle = np.median(np.lib.stride_tricks.sliding_window_view(padded, _SMOOTH), axis=1)
     pauses = np.flatnonzero(np.diff(minutes) > _PAUSE_MIN) + 1
     gaps = np.repeat(pauses, 1 + int(_GAP_SHARE * len(minutes)))
     minutes, middle = np.insert(minutes, gaps, minutes[gaps]), np.insert(middle, gaps, np.nan)
     return course_chart(
         key, caption, [Series(caption, minutes, middle)], Axis("time", "min"), Axis("", unit, least=1.0)
     )
-
-
-def _running_median(values: Floats) -> Floats:
-    """Of `_SMOOTH` neighbours; the ends repeat."""
-    padded = np.pad(values, _SMOOTH // 2, mode="edge")
-    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, _SMOOTH), axis=1))
 
 
 def _pieces_table(course: SpeedProfile) -> str:
@@ -108,7 +103,9 @@ def _pieces_table(course: SpeedProfile) -> str:
         f"{'Starts stand apart. ' if starts else ''}{_AGAINST} of all pieces{after_start(course)}."
     )
     foot = [_joined(f"{len(rest)} shorter", rest)] if rest else []
-    return _table("pace-pieces", caption, course, shown, [*foot, *_named_sum(starts), *_sums(pieces, starts)])
+    if starts:
+        foot.append(_joined(starts[0].name if len(starts) == 1 else f"{len(starts)} starts", starts))
+    return _table("pace-pieces", caption, course, shown, [*foot, *_sums(pieces, starts)])
 
 
 def _splits_table(course: SpeedProfile) -> str:
@@ -134,13 +131,6 @@ def _sums(steady: Sequence[Split], starts: Sequence[Split]) -> list[Split]:
     if not starts:
         return [whole]
     return [_joined(_AFTER + ("s" if len(starts) > 1 else ""), steady), whole]
-
-
-def _named_sum(starts: Sequence[Split]) -> list[Split]:
-    """The starts of several pieces in one row."""
-    if not starts:
-        return []
-    return [_joined(starts[0].name if len(starts) == 1 else f"{len(starts)} starts", starts)]
 
 
 def _joined(name: str, parts: Sequence[Split]) -> Split:

@@ -13,6 +13,7 @@ from oarlock.report import (
     Section,
     Trust,
     belief_markup,
+    capital,
     fixed,
     front_markup,
     notes_list,
@@ -27,13 +28,11 @@ from oarlock.rowing.exports.activity import Activity
 from oarlock.rowing.exports.build import NAMED
 from oarlock.rowing.findings.candidate import FALSE_SHARE
 from oarlock.rowing.report.averages import feature_of
-from oarlock.rowing.report.definitions import definitions
-from oarlock.rowing.report.export_fade import fade_section
+from oarlock.rowing.report.definitions import definitions, meanings
 from oarlock.rowing.report.export_force import force_section
 from oarlock.rowing.report.export_front import course_front, left_out_text, strokes_front
-from oarlock.rowing.report.export_meanings import meanings
 from oarlock.rowing.report.export_pace import heart_section, pace_section
-from oarlock.rowing.report.export_piece import ExportPiece, device_of
+from oarlock.rowing.report.export_piece import ExportPiece, device_of, fade_section
 from oarlock.rowing.report.shown import places
 from oarlock.rowing.report.tables import link
 from oarlock.rowing.strokes.table import StrokeTable
@@ -104,9 +103,10 @@ def strokes_page(
         front, sections, others = course_front(found, course), [pace_section(course)], []
     others.append(Section("measured", "How it was measured", _measured(found, course)))
     heading, about = _heading(found, course, session)
+    told = f"these are the numbers of the {device_of(found.source)}, not checked here."
     return shell(
         heading,
-        about + belief_markup(_trust(found), "measured-in") + front_markup(front),
+        about + belief_markup(Trust("care", (told,)), "measured-in") + front_markup(front),
         [(one.key, one.name, one.markup) for one in (*sections, heart_section(course), *others) if one],
         style=files(__package__).joinpath("style.css").read_text("utf-8"),
         folded=[one.key for one in others],
@@ -124,30 +124,11 @@ def _heading(
     heading = ": ".join(filter(None, (who, f"{what}, {device_of(found.source)}")))
     named = next((note.removeprefix(NAMED) for note in found.notes if note.startswith(NAMED)), "")
     parts = ", ".join(filter(None, (rest, named, f"file {found.source.partition(': ')[0]}")))
-    about = escape(parts[0].upper() + parts[1:])
-    return heading, f'<p class="about">{about}. {escape(_unknown(known))}</p>'
-
-
-def _unknown(known: Mapping[str, str]) -> str:
-    """What the file does not say of who, when and where; the commands say how to add it."""
-    missing = [name for name in _ASKED if not known.get(name)]
-    if not missing:
-        return ""
-    names = " and ".join(filter(None, (", ".join(missing[:-1]), missing[-1])))
-    return f"{names[0].upper()}{names[1:]} not in the file."
-
-
-def _trust(found: StrokeTable | Activity) -> Trust:
-    """Its numbers are shown as the device gives them."""
-    return Trust("care", (f"these are the numbers of the {device_of(found.source)}, not checked here.",))
-
-
-def _published(found: StrokeTable | Activity) -> list[str]:
-    """What is known of the device's errors."""
-    device = device_of(found.source)
-    return [
-        text for name, (of, text) in _PUBLISHED.items() if device.startswith(name) and of in found.columns
-    ][:1]
+    about = f"{capital(parts)}. "
+    if missing := [name for name in _ASKED if not known.get(name)]:  # the commands say how to add it
+        names = " and ".join(filter(None, (", ".join(missing[:-1]), missing[-1])))
+        about += f"{capital(names)} not in the file."
+    return heading, f'<p class="about">{escape(about)}</p>'
 
 
 def _numbers(found: StrokeTable) -> str:
@@ -162,10 +143,14 @@ def _numbers(found: StrokeTable) -> str:
 
 
 def _measured(found: StrokeTable | Activity, course: SpeedProfile) -> str:
+    device = device_of(found.source)
+    published = [
+        text for name, (of, text) in _PUBLISHED.items() if device.startswith(name) and of in found.columns
+    ]
     notes = [
         f"{found.source}.",
         "The numbers are those of the device. They were not compared with a reference here.",
-        *_published(found),
+        *published[:1],
         *(f"{note}." for note in found.notes),
     ]
     if isinstance(found, StrokeTable):

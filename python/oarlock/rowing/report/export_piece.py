@@ -1,22 +1,171 @@
-"""`ExportPiece`: the strokes of another device as a piece without a track, for the front of its page."""
+"""`ExportPiece`: the strokes of another device as a piece without a track; how it held up, and where power was lost."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass, replace
 from functools import cached_property
+from html import escape
 
 import numpy as np
 from numpy.typing import NDArray
 
+from oarlock.report import Column, Section, fixed, plain_table
+from oarlock.rowing.alongside.clock_match import Places
 from oarlock.rowing.alongside.course import SpeedProfile, course_of
+from oarlock.rowing.alongside.paces import PER_500_M, SPEEDS, of_pace, pace_text, slower_s
+from oarlock.rowing.analysis.features import Feature
 from oarlock.rowing.analysis.stroke_means import feature_means
-from oarlock.rowing.findings.rowed import Rowed
+from oarlock.rowing.findings.at_like_rate import change
+from oarlock.rowing.findings.rowed import FEWEST_STROKES, Rowed
 from oarlock.rowing.findings.watched import WATCHED
-from oarlock.rowing.report.averages import Average, averages
-from oarlock.rowing.report.export_fade import Faded, faded_of
+from oarlock.rowing.report.averages import SIGMAS_95, Average, averages, feature_of
+from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, shown, spread
+from oarlock.rowing.report.tables import link
 from oarlock.rowing.strokes.table import Floats, StrokeTable
 from oarlock.storage.epoch import moment_text
+
+_NUMBERS = (
+    "speed_m_s",
+    "impeller_speed_m_s",
+    "rate_per_min",
+    "power_w",
+    "mean_force_n",
+    "peak_force_n",
+    "curve_peak_force_n",
+    "work_j",
+    "arc_rad",
+    "curve_arc_rad",
+    "effective_arc_rad",
+    "catch_angle_rad",
+    "handle_travel_m",
+    "heart_rate_per_min",
+)
+FORCES = ("mean_force_n", "peak_force_n", "curve_peak_force_n")
+LENGTHS = ("effective_arc_rad", "arc_rad", "curve_arc_rad", "handle_travel_m")
+
+
+@dataclass(frozen=True)
+class Faded:
+    """A number in the first and last quarter of the longest piece, SI and radians.
+
+    Attributes:
+        feature: what it is.
+        first, last: means.
+        change: last minus first.
+        sd: standard deviation of the change.
+        least: smallest size that matters.
+    """
+
+    feature: Feature
+    first: float
+    last: float
+    change: float
+    sd: float
+    least: float
+
+    @property
+    def clear(self) -> bool:
+        """Whether it is beyond its 95 % interval and large enough to matter."""
+        return abs(self.change) > max(SIGMAS_95 * self.sd, self.least)
+
+    @property
+    def percent(self) -> float:
+        """The difference of both quarters, the effect of the rate included, in percent of the first."""
+        return 100.0 * (self.last / self.first - 1.0) if self.first else float("nan")
+
+
+def quarters(course: SpeedProfile) -> tuple[Places, Places]:
+    """Rows of the first and of the last quarter of the longest piece after its start; empty if it is short."""
+    rows = np.flatnonzero(course.longest.steady if course.longest else course.steady)
+    count = len(rows) // 4
+    return (rows[:count], rows[-count:]) if count >= FEWEST_STROKES else (rows[:0], rows[:0])
+
+
+def faded_of(rowed: Rowed, course: SpeedProfile) -> dict[str, Faded]:
+    """By column, of those with enough strokes in both quarters; `rowed` has the steady rows of the course."""
+    place = np.cumsum(course.steady) - 1
+    first, last = (place[rows] for rows in quarters(course))
+    found = {}
+    for name in _NUMBERS:
+        if name not in rowed.columns or (name == "curve_peak_force_n" and "peak_force_n" in found):
+            continue
+        good = rowed.good(name)
+        one = _faded(rowed, name, first[good[first]], last[good[last]])
+        if one is not None:
+            found[name] = one
+    return found
+
+
+def _faded(rowed: Rowed, name: str, first: Places, last: Places) -> Faded | None:
+    """One number in two groups of strokes; None if too few have it."""
+    feature, values = feature_of(name), rowed.columns[name]
+    if min(len(first), len(last)) < FEWEST_STROKES:
+        return None
+    ends = (float(values[first].mean()), float(values[last].mean()))
+    rows, later = np.concatenate([first, last]), np.repeat([False, True], [len(first), len(last)])
+    watched = WATCHED.get(name)
+    least = rowed.own(watched).least / feature.shown_scale if watched else 1.0
+    between = change(values[rows], np.zeros(len(rows)), later, 1.0)
+    sd = float(np.hypot(between.scatter_sd, rowed.shared_std(name)))
+    return Faded(feature, *ends, ends[1] - ends[0], sd, least)
+
+
+def fade_section(faded: dict[str, Faded], course: SpeedProfile) -> Section | None:
+    """The table; None if the piece is too short."""
+    if not faded:
+        return None
+    rows = []
+    for name, one in faded.items():
+        if name in SPEEDS:
+            unit = f"as pace, {PER_500_M}"
+            late, half = slower_s(one.last, one.first), of_pace(one.last, SIGMAS_95 * one.sd)
+            text = f"{'+' if late > 0.0 else ''}{fixed(late, 1)} {PLUS_MINUS} {fixed(half, 1)}"
+            ends = [pace_text(one.first), pace_text(one.last)]
+        else:
+            unit = joined_unit(one.feature).strip()
+            size = shown(one.feature, one.change, signed=True)
+            text = f"{size} {PLUS_MINUS} {spread(one.feature, SIGMAS_95 * one.sd)}"
+            ends = [shown(one.feature, one.first), shown(one.feature, one.last)]
+        told = f"<b>{escape(text)}</b>" if one.clear else f'<span class="mark">{escape(text)}</span>'
+        rows.append([f"{link(name, one.feature.label)} <small>{escape(unit)}</small>", *ends, told])
+    heads = [Column(name) for name in ("number", "first quarter", "last quarter", "change")]
+    whose = "the longest piece" if len(course.stretches) > 1 else "the rowed part"
+    whose += " after its start" if course.starts else ""
+    caption = (
+        f"Means of the first and last quarter of {whose}. Change {PLUS_MINUS} its 95 % interval; what the stroke rate "
+        "does is in it. Bold: clear. Small: within its interval or too small to matter."
+    )
+    return Section(
+        "fade", "From start to end", plain_table("fade-numbers", caption, heads, rows, style="splits")
+    )
+
+
+def where_lost(faded: dict[str, Faded], course: SpeedProfile) -> str:
+    """Which of rate, force and length went down with power or speed; "" if neither fell clearly."""
+    led = next((faded[k] for k in ("power_w", "speed_m_s", "impeller_speed_m_s") if k in faded), None)
+    if led is None or not led.clear or led.change > 0.0:
+        return ""
+    parts = {
+        word: faded[name]
+        for word, names in (("rate", ("rate_per_min",)), ("force", FORCES), ("length", LENGTHS))
+        for name in names[::-1]
+        if name in faded
+    }
+    label = led.feature.label
+    whose = " of the longest piece" if len(course.stretches) > 1 else ""
+    start = f"From the first to the last quarter{whose} {label} fell by {abs(led.percent):.0f} %"
+    told = ", ".join(
+        f"{one.feature.label} {'+' if one.percent >= 0.5 else ''}{fixed(one.percent, 0)} %"
+        for one in parts.values()
+    )
+    start += f" ({told})" if told else ""
+    lost = {word: one for word, one in parts.items() if one.clear and one.change < 0.0}
+    if not lost:
+        return f"{start}."
+    most = min(lost, key=lambda word: lost[word].percent)
+    return f"{start}. Look at the {most} first: it went down most."
+
 
 _MATTERS = 0.05
 """Share of a rower's own force, work or power from which a change matters; makers and references differ by more."""
@@ -84,10 +233,11 @@ class ExportPiece:
         """
         found = Rowed.of_table(self.table, self.counted, self.kind, self.device)
         steps = {name: resolution(values) for name, values in found.columns.items()}
-        stds = {
-            name: np.full(len(found.numbers), _shared(found.columns[name], steps[name]))
-            for name in found.stds
-        }
+        stds = {}
+        for name in found.stds:
+            known = found.columns[name][np.isfinite(found.columns[name])]
+            shared = steps[name] / np.sqrt(12.0) if len(known) and known.std() < steps[name] else 0.0
+            stds[name] = np.full(len(found.numbers), shared)
         least = {}
         for name, watched in WATCHED.items():
             if watched.feature.shown_unit in _OF_FORCE and name in found.columns and found.good(name).any():
@@ -106,12 +256,6 @@ def resolution(values: Floats) -> float:
     steps = np.diff(np.unique(values[np.isfinite(values)]))
     steps = steps[steps > 1e-9 * max(float(np.nanmax(np.abs(values))), 1e-12)] if len(steps) else steps
     return float(steps.min()) if len(steps) else 0.0
-
-
-def _shared(values: Floats, step: float) -> float:
-    """Standard deviation of the rounding that all strokes (N,) share."""
-    known = values[np.isfinite(values)]
-    return step / float(np.sqrt(12.0)) if len(known) and float(known.std()) < step else 0.0
 
 
 def device_of(source: str) -> str:

@@ -26,13 +26,20 @@ from oarlock.rowing.findings.rowed import Rowed, StoredStrokes, rowing_kind
 from oarlock.rowing.report import words
 from oarlock.rowing.report.averages import SIGMAS_95
 from oarlock.rowing.report.by_rate import by_rate, range_over_rate
-from oarlock.rowing.report.calibrated import is_uncalibrated
-from oarlock.rowing.report.changes import SAME_RATE_PER_MIN, as_told, of_kind
 from oarlock.rowing.report.checked import HEADS, checked, next_sizes, quiet
 from oarlock.rowing.report.drawings import SPEEDS, curve_drawings, speeds
-from oarlock.rowing.report.earlier import Other, compared, earlier_pieces, largest_change
+from oarlock.rowing.report.earlier import (
+    SAME_RATE_PER_MIN,
+    Other,
+    as_told,
+    compared,
+    earlier_pieces,
+    largest_change,
+    of_kind,
+)
 from oarlock.rowing.report.piece import ReportPiece
 from oarlock.rowing.report.shown import DECIMALS, PLUS_MINUS
+from oarlock.rowing.report.tables import is_uncalibrated
 from oarlock.rowing.report.usual import Beyond, beyond_usual, remark
 
 _MEASURED = {
@@ -66,8 +73,15 @@ def front_of(
     beside = earlier_pieces(last, best, tested)
     if other is not None:
         beside.insert(0, Other(other.name, other, of_kind(tested, "against other")))
+    trust_in_other = ""
+    if other is not None:  # the line above the page is on the first piece
+        belief = belief_of(other.track, _MEASURED.get(rowing_kind(other), ""))
+        text = f"{other.name}: {belief.mark} {belief.words}. {capital(belief.reason)} {belief.remedy}"
+        trust_in_other = f'<p class="second-trust">{escape(text.strip())}</p>'
     return Front(
-        did=words.strokes(piece) if other is None else _both_did(piece, other),
+        did=words.strokes(piece)
+        if other is None
+        else " ".join(f"{one.name}: {words.strokes(one)}" for one in (piece, other)),
         points=[point(one) for one in found],
         quiet=agrees,
         limits=" ".join(filter(None, (limits, whose))),
@@ -79,8 +93,7 @@ def front_of(
         commands=_commands(piece, bool(against)),
         by_rate=by_rate(piece),
         figures=_figures(piece, rowed.kind, doubted),
-        compared=compared(piece, beside, now=piece.name if other else "now")
-        + (_trust_in(other) if other is not None else ""),
+        compared=compared(piece, beside, now=piece.name if other else "now") + trust_in_other,
         compared_head="Both pieces" if other is not None else "Compared with earlier",
         compared_first=other is not None,
         changes=[largest_change(piece, one) for one in beside],
@@ -105,10 +118,6 @@ def _figures(piece: ReportPiece, kind: str, doubted: Collection[str]) -> list[Ke
     ]
 
 
-def _both_did(*pieces: ReportPiece) -> str:
-    return " ".join(f"{piece.name}: {words.strokes(piece)}" for piece in pieces)
-
-
 def _not_calibrated(
     candidates: Sequence[MetricComparison],
     piece: ReportPiece,
@@ -122,13 +131,6 @@ def _not_calibrated(
         for each in (piece, others.get(one.kind))
         if each is not None and is_uncalibrated(each, one.watched.name)
     }
-
-
-def _trust_in(other: ReportPiece) -> str:
-    """Whether the second piece can be believed; the line above the page is on the first one. Markup."""
-    belief = belief_of(other.track, _MEASURED.get(rowing_kind(other), ""))
-    text = f"{other.name}: {belief.mark} {belief.words}. {capital(belief.reason)} {belief.remedy}"
-    return f'<p class="second-trust">{escape(text.strip())}</p>'
 
 
 def _next_step(
@@ -196,7 +198,6 @@ def _commands(piece: ReportPiece, compared: bool) -> list[tuple[str, str]]:
 
 def point(found: Finding) -> Point:
     """A finding for the front."""
-    known = FEATURES.get(found.name) or FEATURES.get(f"r_{found.name}")
     return Point(
         head=HEADS.get(found.kind, found.kind),
         sentence=found.sentence,
@@ -204,7 +205,7 @@ def point(found: Finding) -> Point:
         usual=_sourced(found.usual, found.usual_source),
         why=_sourced(found.why, found.why_source),
         advice=_sourced(found.advice, found.advice_source),
-        meaning=known.in_words if known else "",
+        meaning=FEATURES[found.name].in_words,
     )
 
 

@@ -10,8 +10,8 @@ from typing import Any
 from oarlock.report import fixed, folded_help
 from oarlock.report.viewer import SHOWN_EVERY_S, Curve, embed, joint_curves, scene
 from oarlock.rowing.figure.shapes import rowing_look, stroke_marks
-from oarlock.rowing.report.calibrated import is_uncalibrated
 from oarlock.rowing.report.piece import ReportPiece
+from oarlock.rowing.report.tables import is_uncalibrated
 
 LONGEST_S = 180.0
 """Longest part in the page."""

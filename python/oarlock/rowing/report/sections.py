@@ -8,13 +8,11 @@ from html import escape
 from importlib.resources import files
 
 from oarlock.report import Section, Zone, fixed, sort_script
-from oarlock.rowing.analysis.features import Feature
 from oarlock.rowing.report import words
-from oarlock.rowing.report.arms import arms_at_finish
 from oarlock.rowing.report.averages import feature_of
 from oarlock.rowing.report.compared import comparison_table, first_sentence
 from oarlock.rowing.report.definitions import definitions
-from oarlock.rowing.report.drawings import curves, hand_paths, pairs, speeds, trends, zone_of
+from oarlock.rowing.report.drawings import arms_at_finish, curves, hand_paths, pairs, speeds, trends
 from oarlock.rowing.report.piece import ReportPiece
 from oarlock.rowing.report.player import player
 from oarlock.rowing.report.shown import PLUS_MINUS, places
@@ -27,6 +25,7 @@ from oarlock.rowing.report.tables import (
 )
 
 BAND = "Tinted: SD, the standard deviation between strokes, to either side."
+_PATHS = "Paths of the handles relative to the boat; the bow is at the right. Means over the strokes."
 _IN_FULL = '<a href="#compared-pieces-in">Side by side</a> has every number.'
 
 
@@ -34,9 +33,12 @@ def sections_of(pieces: Sequence[ReportPiece], csv_names: Sequence[str]) -> list
     """Sections of one piece, or of two compared; empty sections are left out."""
     first = pieces[0]
     zones = {
-        name: zone_of(feature_of(name), target.low, target.high, target.source)
+        name: Zone(target.low * scale, target.high * scale, target.source)
         for name, target in first.technique.targets.items()
+        for scale in [feature_of(name).shown_scale]
     }
+    sides = [(piece, sides_table(f"sides-{k}", piece)) for k, piece in enumerate(pieces)]
+    names = [name for piece in pieces for name in (*piece.table.columns, *piece.technique.curves)]
     parts = [
         ("moving", "The strokes, moving", player(pieces)),
         (
@@ -55,11 +57,11 @@ def sections_of(pieces: Sequence[ReportPiece], csv_names: Sequence[str]) -> list
             ),
         ),
         ("speeds", "Legs, trunk, arms", _speeds(pieces)),
-        ("paths", "Paths of the hands", _paths(pieces)),
+        ("paths", "Paths of the hands", _hinted(f"{_PATHS} {BAND}", hand_paths(pieces))),
         ("arms", "Arms at the finish", _arms(pieces)),
-        ("sides", "Right and left", _sides(pieces)),
+        ("sides", "Right and left", "".join(f"{_heading(one)}{table}" for one, table in sides if table)),
         ("numbers", "All numbers", _numbers(pieces, zones)),
-        ("meanings", "What each number means", _meanings(pieces)),
+        ("meanings", "What each number means", definitions(names)),
     ]
     sections = [Section(key, name, markup, folded=key != "moving") for key, name, markup in parts if markup]
     return [_speaking(sections[0], pieces), *sections[1:]]
@@ -126,13 +128,6 @@ def _speeds(pieces: Sequence[ReportPiece]) -> str:
     )
 
 
-def _paths(pieces: Sequence[ReportPiece]) -> str:
-    hint = (
-        f"Paths of the handles relative to the boat; the bow is at the right. Means over the strokes. {BAND}"
-    )
-    return _hinted(hint, hand_paths(pieces))
-
-
 def _arms(pieces: Sequence[ReportPiece]) -> str:
     hint = (
         "Shoulder, elbow and wrist at the finish, means over the strokes"
@@ -141,13 +136,12 @@ def _arms(pieces: Sequence[ReportPiece]) -> str:
     return _hinted(hint, arms_at_finish(pieces))
 
 
-def _sides(pieces: Sequence[ReportPiece]) -> str:
-    tables = [(piece, sides_table(f"sides-{k}", piece)) for k, piece in enumerate(pieces)]
-    return "".join(f"{_heading(piece)}{table}" for piece, table in tables if table)
-
-
 def _numbers(pieces: Sequence[ReportPiece], zones: dict[str, Zone]) -> str:
-    published = {name: _published(feature_of(name), zone) for name, zone in zones.items()}
+    published = {}
+    for name, zone in zones.items():
+        low, high = (fixed(end, places(feature_of(name))) for end in (zone.low, zone.high))
+        span = low if low == high else f"{low} to {high}"
+        published[name] = f'{escape(span)} <span class="mark">{escape(zone.name)}</span>'
     parts = []
     for k, piece in enumerate(pieces):
         sided = {f"{side}_{name}" for side in "rl" for name in piece.sides}
@@ -165,14 +159,3 @@ def _numbers(pieces: Sequence[ReportPiece], zones: dict[str, Zone]) -> str:
 
 def _heading(piece: ReportPiece) -> str:
     return f"<h3>{escape(piece.name)}</h3>" if piece.name else ""
-
-
-def _published(feature: Feature, zone: Zone) -> str:
-    low, high = (fixed(end, places(feature)) for end in (zone.low, zone.high))
-    told = low if low == high else f"{low} to {high}"
-    return f'{escape(told)} <span class="mark">{escape(zone.name)}</span>'
-
-
-def _meanings(pieces: Sequence[ReportPiece]) -> str:
-    names = [name for piece in pieces for name in (*piece.table.columns, *piece.technique.curves)]
-    return definitions(names)

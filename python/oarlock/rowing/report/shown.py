@@ -66,6 +66,6 @@ def joined_unit(feature: Feature) -> str:
     return {"deg": "°", "1/min": "/min"}.get(unit, f" {unit}" if unit else "")
 
 
-def with_unit(feature: Feature, value: float, signed: bool = False) -> str:
+def with_unit(feature: Feature, value: float) -> str:
     """A value with its unit: `-62.1°`, `24.1/min`, `33 %`."""
-    return shown(feature, value, signed) + (joined_unit(feature) if math.isfinite(value) else "")
+    return shown(feature, value) + (joined_unit(feature) if math.isfinite(value) else "")

@@ -1,4 +1,4 @@
-"""Tables of a rower's report: single strokes, means, legs-trunk-arms, right and left."""
+"""Tables of a rower's report: single strokes, means, legs-trunk-arms, right and left; and which means have no ±."""
 
 from __future__ import annotations
 
@@ -12,10 +12,26 @@ from oarlock.report import Column, fixed, plain_table, sortable_table, value_cel
 from oarlock.rowing.analysis.features import FEATURES
 from oarlock.rowing.findings.find import least
 from oarlock.rowing.report.averages import SIGMAS_95, Average, Difference, feature_of
-from oarlock.rowing.report.calibrated import NOT_CALIBRATED, half_cell, is_uncalibrated
 from oarlock.rowing.report.piece import Counted, ReportPiece
-from oarlock.rowing.report.shown import PLUS_MINUS, apart, shown, spread, unit_of
+from oarlock.rowing.report.shown import PLUS_MINUS, apart, joined_unit, shown, spread, unit_of
 from oarlock.rowing.strokes.table import StrokeTable
+
+_OF_UNITS = ("_lean_rad", "elbow", "shoulder", "arm_plane", "forearm")
+"""Parts of the names of angles that inertial units measure. A swing is a change of an angle, in which a constant
+error of a mount cancels; encoders measure oars and seat."""
+NOT_CALIBRATED = '<span class="mark">not calibrated</span>'
+
+
+def is_uncalibrated(piece: Counted, name: str) -> bool:
+    """Whether this number is an angle of a unit that was not calibrated."""
+    nominal = isinstance(piece, ReportPiece) and bool(piece.track.provenance.get("nominal_mounts"))
+    return nominal and any(part in name for part in _OF_UNITS)
+
+
+def about(found: Average) -> str:
+    """A mean without the decimals that the error of a mount makes meaningless: `about −27°`."""
+    return f"about {fixed(found.feature.shown_scale * found.over.mean, 0)}{joined_unit(found.feature)}"
+
 
 FIRST_COLUMNS = (
     "rate_per_min",
@@ -76,7 +92,16 @@ def strokes_table(piece: ReportPiece, key: str, played: bool) -> str:
     foot = [
         ["mean", "", *(shown(one.feature, one.over.mean) for one in means)],
         ["SD", "", *(spread(one.feature, one.over.sd) for one in means)],
-        [f"{PLUS_MINUS} of one stroke", "", *(_of_one_stroke(piece, one) for one in means)],
+        [
+            f"{PLUS_MINUS} of one stroke",
+            "",
+            *(
+                NOT_CALIBRATED
+                if is_uncalibrated(piece, one.feature.name)
+                else spread(one.feature, SIGMAS_95 * one.over.std)
+                for one in means
+            ),
+        ],
     ]
     left_out = [row for row in range(len(table)) if not kept[row]]
     caption = (
@@ -88,17 +113,11 @@ def strokes_table(piece: ReportPiece, key: str, played: bool) -> str:
     return sortable_table(key, caption, columns, rows, foot, muted=left_out)
 
 
-def _of_one_stroke(piece: ReportPiece, one: Average) -> str:
-    if is_uncalibrated(piece, one.feature.name):
-        return NOT_CALIBRATED
-    return spread(one.feature, SIGMAS_95 * one.over.std)
-
-
 def which_left_out(piece: Counted) -> str:
     """Which strokes count in no average, and why: "stroke 1 (first stroke of the piece)"; "" if all count."""
     reasons: dict[str, list[str]] = {}
     for row in np.flatnonzero(~piece.counted):
-        reasons.setdefault(piece.table.reason("in_averages")[row] or "left out", []).append(str(row + 1))
+        reasons.setdefault(piece.table.reason("in_averages")[row], []).append(str(row + 1))
     return "; ".join(
         f"{'stroke' if len(rows) == 1 else 'strokes'} {', '.join(rows)} ({reason})"
         for reason, rows in reasons.items()
@@ -111,7 +130,7 @@ def _stroke_row(table: StrokeTable, names: Sequence[str], row: int, kept: bool, 
         number = f'<a class="term" href="#moving" data-stroke="stroke {row + 1}">{row + 1}</a>'
     head = f'<data value="{row + 1}">{number}</data>'
     if not kept:
-        head += f' <span class="mark">{escape(table.reason("in_averages")[row] or "left out")}</span>'
+        head += f' <span class="mark">{escape(table.reason("in_averages")[row])}</span>'
     start = float(table["catch_time_s"][row])
     cells = [head, value_cell(start, fixed(start, 2))]
     for name in names:
@@ -154,8 +173,13 @@ def averages_table(
 
 
 def _average_cells(piece: ReportPiece, one: Average) -> list[str]:
-    over, mean, half = one.over, _value(one, one.over.mean), half_cell(piece, one)
-    if _is_unclear(one):
+    over, mean = one.over, _value(one, one.over.mean)
+    half = (
+        NOT_CALIBRATED if is_uncalibrated(piece, one.feature.name) else escape(spread(one.feature, one.half))
+    )
+    # a size that is not zero by nature
+    has_size = not one.feature.sign or one.feature.name in _NEVER_ZERO
+    if has_size and one.half > _UNCLEAR * abs(over.mean):
         mean, half = f'<span class="mark">{mean}</span>', f'{half} <span class="mark">not clear</span>'
     return [
         link(one.feature.name, one.feature.label),
@@ -169,12 +193,6 @@ def _average_cells(piece: ReportPiece, one: Average) -> list[str]:
     ]
 
 
-def _is_unclear(one: Average) -> bool:
-    """Whether a size that is not zero by nature is known to no better than half of it."""
-    has_size = not one.feature.sign or one.feature.name in _NEVER_ZERO
-    return has_size and one.half > _UNCLEAR * abs(one.over.mean)
-
-
 def unknown_list(found: Iterable[Average]) -> str:
     """Numbers that no stroke has, by reason; "" if there are none."""
     reasons: dict[str, list[str]] = {}
@@ -182,11 +200,8 @@ def unknown_list(found: Iterable[Average]) -> str:
         if not one.known:
             reasons.setdefault(one.reason, []).append(link(one.feature.name, one.feature.label))
     items = "".join(f"<li>{escape(reason)}: {', '.join(names)}</li>" for reason, names in reasons.items())
-    return (
-        f'<details><summary>Not known, and why</summary><ul class="notes">{items}</ul></details>'
-        if items
-        else ""
-    )
+    listed = f'<details><summary>Not known, and why</summary><ul class="notes">{items}</ul></details>'
+    return listed if items else ""
 
 
 def shares_table(key: str, piece: ReportPiece) -> str:
@@ -211,19 +226,16 @@ def sides_table(key: str, piece: ReportPiece) -> str:
     rows = []
     for name, mean in piece.sides.items():
         right, left = (piece.averages[f"{side}_{name}"] for side in "rl")
-        feature, between = right.feature, _between_sides(right, left, mean)
+        feature, value = right.feature, mean.over.mean
+        # Strokes of which only one side is known are in one mean and in no difference.
+        paired = right.over.count == left.over.count == mean.over.count
+        told = apart(feature, right.over.mean, left.over.mean) if paired else value
+        between = Difference(feature, value, mean.uncertainty, told)
+        head = [link(feature.name, feature.label.rpartition(",")[0]), escape(unit_of(feature))]
         unsure = is_uncalibrated(piece, name)
-        rows.append(
-            [
-                link(feature.name, feature.label.rpartition(",")[0]),
-                escape(unit_of(feature)),
-                _with_scatter(right),
-                _with_scatter(left),
-                value_cell(between.told, shown(feature, between.told, signed=True)),
-                NOT_CALIBRATED if unsure else spread(feature, between.half),
-                NOT_KNOWN if unsure else verdict(between),
-            ]
-        )
+        judged = [NOT_CALIBRATED, NOT_KNOWN] if unsure else [spread(feature, between.half), verdict(between)]
+        size = value_cell(told, shown(feature, told, signed=True))
+        rows.append([*head, _with_scatter(right), _with_scatter(left), size, *judged])
     if not rows:
         return ""
     columns = [
@@ -233,13 +245,11 @@ def sides_table(key: str, piece: ReportPiece) -> str:
         Column("left", "starboard"),
         Column("right − left", meaning="Of the two shown means."),
         Column(PLUS_MINUS, meaning="Half of the 95 % interval of the difference."),
-        Column(
-            "verdict",
-            meaning="Clear: larger than its 95 % interval. Small: below the smallest size that matters.",
-        ),
+        Column("verdict", meaning=VERDICT),
     ]
+    whose = f"{piece.name}. " if piece.name else ""
     caption = (
-        f"{_whose(piece)}Means over the strokes; small: SD between strokes. {PLUS_MINUS}: half of the 95 % interval "
+        f"{whose}Means over the strokes; small: SD between strokes. {PLUS_MINUS}: half of the 95 % interval "
         "of the difference. It contains the zeros of oar encoders, which cancel in an arc; encoders are assumed to "
         "have no error of scale. The rower faces the stern: the right hand holds the port oar, the left hand the "
         "starboard oar."
@@ -251,18 +261,7 @@ def sides_table(key: str, piece: ReportPiece) -> str:
     return sortable_table(key, caption, columns, rows, style="stacked")
 
 
-def _between_sides(right: Average, left: Average, mean: Average) -> Difference:
-    """Right minus left. Strokes of which only one side is known are in one mean and in no difference."""
-    value = mean.over.mean
-    paired = right.over.count == left.over.count == mean.over.count
-    told = apart(right.feature, right.over.mean, left.over.mean) if paired else value
-    return Difference(right.feature, value, mean.uncertainty, told)
-
-
-def _whose(piece: ReportPiece) -> str:
-    return f"{piece.name}. " if piece.name else ""
-
-
+VERDICT = "Clear: larger than its 95 % interval. Small: below the smallest size that matters."
 NOT_KNOWN = '<span class="mark">not known</span>'
 
 

@@ -11,10 +11,9 @@ import numpy as np
 from oarlock.report import KeyFigure
 from oarlock.rowing.findings.watched import WATCHED, SourcedText, Watched
 from oarlock.rowing.report.averages import SIGMAS_95, Average, feature_of
-from oarlock.rowing.report.calibrated import about
 from oarlock.rowing.report.piece import Counted, ReportPiece
 from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, shown, spread, with_unit
-from oarlock.rowing.report.tables import which_left_out
+from oarlock.rowing.report.tables import about, which_left_out
 from oarlock.rowing.report.usual import beyond_of, usual_span
 from oarlock.rowing.strokes.table import Floats
 
@@ -62,20 +61,15 @@ def key_figures(
 
 def _figure(piece: Counted, found: Average, kind: str, unsure: Collection[str], over_rate: str) -> KeyFigure:
     name = found.feature.name
-    if name == "rate_per_min" and is_ramp(piece):
-        return _ramp(piece, found)
+    if name == "rate_per_min" and is_ramp(piece):  # a mean says little
+        first, last = rates_at_ends(piece)
+        mean = f"mean {with_unit(found.feature, found.over.mean)}"
+        return KeyFigure(found.feature.label, f"{first:.0f} to {last:.0f}/min", mean, found.feature.in_words)
     if over_rate and name not in unsure:
         meaning = " ".join(filter(None, (found.feature.in_words, _scatter(found))))
         mean = f"with the rate; mean {with_unit(found.feature, found.over.mean)}"
         return KeyFigure(found.feature.label, over_rate, mean, meaning)
     return _key_figure(found, WATCHED.get(name), kind, against_usual(piece, name, kind), name in unsure)
-
-
-def _ramp(piece: Counted, rate: Average) -> KeyFigure:
-    """The stroke rate of a piece in which it rises or falls: a mean says little."""
-    first, last = rates_at_ends(piece)
-    mean = f"mean {with_unit(rate.feature, rate.over.mean)}"
-    return KeyFigure(rate.feature.label, f"{first:.0f} to {last:.0f}/min", mean, rate.feature.in_words)
 
 
 def _key_figure(found: Average, watched: Watched | None, kind: str, against: str, unsure: bool) -> KeyFigure:
@@ -175,22 +169,13 @@ def counted_rates(piece: Counted) -> Floats:
     return rates[np.isfinite(rates)]
 
 
-def _left_out(piece: ReportPiece) -> list[str]:
-    count = int((~piece.counted).sum())
-    if not count:
-        return []
-    return [
-        escape(f"{count} of {len(piece.table)} strokes left out of all averages: {which_left_out(piece)}.")
-    ]
-
-
 def notes(piece: ReportPiece) -> list[str]:
     """What was missing or left out, as markup: of the strokes, and targets without a number."""
-    return [*map(escape, piece.technique.found.notes), *_left_out(piece), *_unmet(piece)]
-
-
-def _unmet(piece: ReportPiece) -> list[str]:
-    """Targets for which this piece has no number."""
+    told = list(piece.technique.found.notes)
+    if count := int((~piece.counted).sum()):
+        why = which_left_out(piece)
+        told.append(f"{count} of {len(piece.table)} strokes left out of all averages: {why}.")
     known = {name for name, average in piece.averages.items() if average.known}
     missing = [feature_of(name).label for name in piece.technique.targets if name not in known]
-    return [f"Targets without a number in this piece: {escape(', '.join(missing))}."] if missing else []
+    told += [f"Targets without a number in this piece: {', '.join(missing)}."] if missing else []
+    return [escape(text) for text in told]

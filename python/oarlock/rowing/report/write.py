@@ -8,7 +8,8 @@ from html import escape
 from os import PathLike
 from pathlib import Path
 
-from oarlock import DataError, Evaluation, Track
+from oarlock import DataError, Track
+from oarlock.evaluation import Evaluation
 from oarlock.report import Front, day_text, who_and_when, who_in_words, write_page
 from oarlock.rowing.exports.activity import Activity
 from oarlock.rowing.findings.rowed import StoredStrokes, rowing_kind
@@ -86,7 +87,9 @@ def write_rowing_report(
         if empty:
             noted = track.with_notes(*empty[0].table.notes)
             return [write_page(noted, target, evaluation, truth, title, progress=told)]
-        tables = [_beside(target, k) for k in range(len(pieces))]
+        # strokes.csv beside report.html, else NAME-strokes.csv; with -2 of a second piece
+        stem = "strokes" if target.stem == "report" else f"{target.stem}-strokes"
+        tables = [target.with_name(f"{stem}{end}.csv") for end in ("", "-2")[: len(pieces)]]
         sections = sections_of(pieces, [table.name for table in tables])
         if export is not None:
             sections[1:1] = [
@@ -98,7 +101,8 @@ def write_rowing_report(
         front = front_of(pieces[0], *before, pieces[1] if other is not None else None)
         folders = tuple(map(escape, folders_in_words([*(pieces if other is not None else []), *before])))
         sections[0] = replace(sections[0], notes=(*sections[0].notes, *folders))
-        front = _with_notes(front, compared_notes)
+        said = f'<p class="hint">{escape(" ".join(compared_notes))}</p>' if compared_notes else ""
+        front = replace(front, compared=front.compared + said)
         heading = title or _heading(pieces)
         written = write_page(
             track, target, evaluation, truth, heading, sections, front, progress=share(told, 0.6, 1.0)
@@ -149,11 +153,6 @@ def _earlier(given: tuple[str, Track] | StoredStrokes | None) -> ReportPiece | S
     return called([piece_of(track, name)], [name])[0]
 
 
-def _with_notes(front: Front, notes: Sequence[str]) -> Front:
-    said = f'<p class="hint">{escape(" ".join(notes))}</p>' if notes else ""
-    return replace(front, compared=front.compared + said)
-
-
 def _heading(pieces: list[ReportPiece]) -> str:
     if len(pieces) > 1:
         first, second = (piece.name for piece in pieces)
@@ -164,9 +163,3 @@ def _heading(pieces: list[ReportPiece]) -> str:
         return f"{first} compared with {second}"
     count = len(pieces[0].table)
     return f"{count} {'stroke' if count == 1 else 'strokes'} {_ROWED[rowing_kind(pieces[0])]}"
-
-
-def _beside(report: Path, place: int) -> Path:
-    """`strokes.csv` beside `report.html`; `NAME-strokes.csv` beside `NAME.html`; with `-2` of a second piece."""
-    stem = "strokes" if report.stem == "report" else f"{report.stem}-strokes"
-    return report.with_name(f"{stem}{'-2' if place else ''}.csv")

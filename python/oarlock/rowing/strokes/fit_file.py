@@ -108,7 +108,7 @@ def save_fit(table: StrokeTable, path: str | PathLike[str]) -> tuple[str, ...]:
 
 def _on_one_clock(table: StrokeTable, shift_s: float) -> StrokeTable:
     """The table with times and distance that go on where the logger's began again, times later by a shift."""
-    more_s = table.clock_s - table.end_of_stroke_s + shift_s
+    more_s = table.clock_s - table.stamp_s + shift_s
     columns = {name: values + more_s if name in TIMES else values for name, values in table.columns.items()}
     if "distance_m" in columns:
         columns["distance_m"] = running(columns["distance_m"])

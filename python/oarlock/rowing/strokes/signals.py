@@ -9,7 +9,8 @@ from math import radians
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock import ImuStream, Model, Recording, ScalarStream, Track
+from oarlock import Model, Recording, Track
+from oarlock.recording import ImuStream, ScalarStream
 from oarlock.storage.errors import DataError
 
 Floats = NDArray[np.float64]

@@ -99,21 +99,21 @@ class StrokeTable:
         return name in self.columns
 
     @property
-    def end_of_stroke_s(self) -> Floats:
-        """When each stroke ended (N,), s: the next catch, else the finish, else the logger's time."""
+    def stamp_s(self) -> Floats:
+        """When the distance of each row was read (N,), s: the logger's time, else the next catch, else the finish."""
         found = np.full(len(self), np.nan)
-        for name in ("end_time_s", "finish_time_s", "time_s"):
+        for name in ("time_s", "end_time_s", "finish_time_s"):
             if name in self:
                 found = np.where(np.isnan(found), self[name], found)
         return found
 
     @property
     def clock_s(self) -> Floats:
-        """As `end_of_stroke_s`, (N,), on one clock: where a logger's restarts, times go on from the last.
+        """As `stamp_s`, (N,), on one clock: where a logger's restarts, times go on from the last.
 
         The pause between is not known.
         """
-        return running(self.end_of_stroke_s)
+        return running(self.stamp_s)
 
     @property
     def duration_s(self) -> float | None:

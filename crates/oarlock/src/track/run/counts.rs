@@ -23,6 +23,8 @@ pub struct StreamCount {
     pub used: u64,
     /// Readings that the filter tested and did not use: outliers, disturbed fields, faults.
     pub rejected: u64,
+    /// The longest row of samples with outliers of motion sensors.
+    pub outliers: Outliers,
     /// Samples by the judgement of the magnetometer, in the order of [`FIELD`]. The first counts samples without a reading.
     pub fields: [u64; FIELD.len()],
     /// The longest one of its magnetic field.
@@ -33,11 +35,16 @@ pub struct StreamCount {
     pub magnetometer: Option<bool>,
 }
 
+/// Time of the first of some samples in a row, s, and their number.
+pub type Outliers = (f64, u64);
+
 /// Sums of a source.
 #[derive(Debug, Clone, Copy, Default)]
 struct Sums {
     used: u64,
     rejected: u64,
+    /// The row of outliers that lasts, and the longest one.
+    outliers: [Outliers; 2],
     fields: [u64; FIELD.len()],
     faults: [u64; FAULT.len()],
     /// The disturbance that lasts, and the longest one.
@@ -48,6 +55,18 @@ struct Sums {
 const BRIEF_S: f64 = 1.0;
 
 impl Sums {
+    fn take_outlier(&mut self, time_s: f64, is_outlier: bool) {
+        let [now, longest] = &mut self.outliers;
+        *now = match (is_outlier, now.1) {
+            (false, _) => (time_s, 0),
+            (true, 0) => (time_s, 1),
+            (true, count) => (now.0, count + 1),
+        };
+        if now.1 > longest.1 {
+            *longest = *now;
+        }
+    }
+
     fn take_field(&mut self, time_s: f64, field: Field) {
         self.fields[field as usize] += 1;
         if matches!(field, Field::Missing | Field::Undisturbed) {
@@ -97,6 +116,16 @@ impl Tally {
             sums.take_field(time_s, field);
             sums.faults[fault as usize] += u64::from(source.used + source.rejected > 0);
         }
+        let mut outliers = vec![false; info.sources.len()];
+        for (p, quantity) in subject.quantities.iter().enumerate() {
+            let is_motion = !matches!(quantity, Quantity::Mag | Quantity::Rest | Quantity::Contact);
+            outliers[subject.source_of_part[p]] |= is_motion && info.parts[p] == Verdict::Outlier;
+        }
+        for ((sums, source), is_outlier) in self.sources.iter_mut().zip(&info.sources).zip(outliers) {
+            if source.used + source.rejected > 0 {
+                sums.take_outlier(time_s, is_outlier);
+            }
+        }
         for p in [Quantity::Rest, Quantity::Contact].into_iter().flat_map(|q| subject.parts_of(q)) {
             let (sums, rows) = (&mut self.sources[subject.source_of_part[p]], subject.groups.parts[p].len() as u64);
             match info.parts[p] {
@@ -120,6 +149,7 @@ impl Tally {
             received: 0,
             used: 0,
             rejected: 0,
+            outliers: (0.0, 0),
             fields: [0; FIELD.len()],
             spell: None,
             faults: [0; FAULT.len()],
@@ -145,8 +175,8 @@ impl Tally {
             let has_magnetometer = subject.parts_of(Quantity::Mag).any(|p| subject.source_of_part[p] == source);
             count.magnetometer = count.magnetometer.or(has_magnetometer.then_some(false));
             if let Some(sums) = self.sources.get(source) {
-                let Sums { used, rejected, fields, faults, spells: [_, spell] } = *sums;
-                count = StreamCount { used, rejected, fields, spell, faults, ..count };
+                let Sums { used, rejected, outliers: [_, outliers], fields, faults, spells: [_, spell] } = *sums;
+                count = StreamCount { used, rejected, outliers, fields, spell, faults, ..count };
             }
         }
         count

@@ -1,1 +1,0 @@
-"""The page of a crew: `write_crew_report` and its sections."""
