@@ -148,7 +148,7 @@ lock: $(VENV)/.created ## compute the pinned versions in requirements/ again
 		--extra ble --extra serial --extra mqtt --extra season --extra s3 --extra dask --extra fit \
 		--extra polars --extra plot --extra notebooks --extra video --extra site \
 		--output-file requirements/dev.txt pyproject.toml requirements/build.in
-	$(COMPILE) --constraint requirements/dev.txt --extra full --output-file requirements/run.txt pyproject.toml requirements/build.in
+	$(COMPILE) --constraint requirements/dev.txt --extra full --extra season --output-file requirements/run.txt pyproject.toml requirements/build.in
 	$(COMPILE) --constraint requirements/dev.txt --output-file requirements/validation.txt requirements/validation.in
 	$(COMPILE) --output-file requirements/release.txt requirements/release.in
 	$(COMPILE) --constraint requirements/dev.txt --excludes <(echo oarlock) --extra full --extra bench \

@@ -312,7 +312,7 @@ def test_a_wrong_fault_is_refused(tmp_path, text, says):
 
 def test_a_shipped_study_is_known_by_name():
     keys = run("lab", "study", "robustness", "--keys", "--json")
-    assert "gap_s" in json.loads(keys.stdout)
+    assert "gap_s" in json.loads(keys.stdout)["keys"]
     wrong = run("lab", "study", "robustnes", "--keys", status=1)
     assert 'mean "robustness"' in wrong.output
 

@@ -202,7 +202,7 @@ def test_folders_without_a_manifest_are_read_and_not_replaced(tmp_path: Path) ->
     recording(1.0).save(tmp_path)
     (tmp_path / MANIFEST).unlink()
     assert value_of(tmp_path) == 1.0
-    with pytest.raises(DataError, match=r"(?s)was not written by Oarlock.*force"):
+    with pytest.raises(DataError, match=r"(?s)no manifest says.*force"):
         recording(2.0).save(tmp_path)
     assert value_of(tmp_path) == 1.0
     recording(2.0).save(tmp_path, force=True)
@@ -433,7 +433,7 @@ def test_a_track_replaces_no_model_of_a_user(tmp_path: Path, tracked: Path) -> N
     (own / "model.toml").write_text("# my model\n")
     status, said = run("track", tmp_path / "rec", "--model", "pendulum3", "--out", own)
     assert status == 2 and "contains files" in said
-    with pytest.raises(DataError, match=r"own/(model|run)\.toml exists and was not written by Oarlock"):
+    with pytest.raises(DataError, match=r"own/(model|run)\.toml exists, and no manifest says"):
         oarlock.load_track(tracked).save(own)
     assert (own / "model.toml").read_text() == "# my model\n"
 

@@ -123,7 +123,7 @@ def test_the_list_has_the_start_of_tables_that_know_it(arm, tmp_path):
     np.savetxt(tmp_path / "dated.csv", rows, "%.3f", ",", header=",".join(HEADER), comments="")
     starts = {one.name: one.start for one in find_recordings(tmp_path).recordings}
     assert starts == {"arm": "", "dated": "2023-11-14 22:13:20.00 UTC"}
-    assert "2023-11-14 22:13:20.00" in run("import", tmp_path).stdout
+    assert "2023-11-14 22:13:20.00" in run("import", tmp_path, status=1).stdout
 
 
 def test_json_is_one_document(arm, tmp_path):
@@ -144,9 +144,10 @@ def test_a_folder_lists_its_recordings(mixed):
     }
     assert "notes.txt" in [contents.relative(file) for file in contents.others]
     assert all(Path(file).name not in ("rumpf.csv", "rollsitz.csv") for file in contents.others)
-    said = run("import", mixed).stdout
-    assert "imuData01" in said and "--pick" in said and "notes.txt" in said
-    listed = json.loads(run("import", mixed, "--json").stdout)
+    listing = run("import", mixed, status=1)
+    assert "imuData01" in listing.stdout and "--pick" in listing.stdout and "notes.txt" in listing.stdout
+    assert "nothing was written" in listing.stderr
+    listed = json.loads(run("import", mixed, "--json", status=1).stdout)
     assert [one["name"] for one in listed["recordings"]] == [one.name for one in contents.recordings]
     assert "notes.txt" in listed["unused_files"]
 

@@ -28,7 +28,7 @@ def part(name, start_s=0.0, zero=None, stream="imu"):
 
 
 def test_files_of_a_folder_are_units_of_one_recording(folder, tmp_path):
-    assert "--together" in run("import", folder).stdout
+    assert "--together" in run("import", folder, status=1).stdout
     out = tmp_path / "rec"
     run("import", folder, "--together", "--out", out, "--no-questions")
     assert oarlock.load_recording(out).names == ("thorax", "upper_arm_r")

@@ -8,10 +8,11 @@ import pytest
 import oarlock
 from oarlock.model.rotation import quat_from_rotvec, quat_product, rotvec_from_quat
 from oarlock.movement import MovementAngle, cycle_ranges, movement_angles, ranges_of_motion
-from oarlock.movement.angles import room_angles
+from oarlock.movement.angles import UNDETERMINED, room_angles
 from oarlock.movement.ranges import DRIFTS, SKIN_SHARE, WIDE, range_errors
-from oarlock.movement.turns import SegmentTurns
+from oarlock.movement.turns import SegmentTurns, Sensitivity
 from oarlock.simulation import SessionErrors
+from oarlock.tracking.notes import Note
 from oarlock.tracking.track import track_without_filter
 
 SMALL_RAD = 1e-5
@@ -60,6 +61,7 @@ def test_a_shoulder_follows_small_rotations_of_both_segments(name, joint):
 def test_a_hinge_follows_rotations_about_its_axis():
     """Both hinges of an elbow follow a rotation together, by least squares."""
     swung = movement_angles(body("arm", swings("arm")))
+    assert all(angle.sensitivity and angle.sensitivity.soft == (True, True) for angle in swung)
     (one,) = (angle for angle in swung if angle.name == "elbow_flexion_r")
     assert one.sensitivity is not None
     upper = one.sensitivity.turns[:, :3]
@@ -72,22 +74,25 @@ def test_what_both_ends_share_cancels_and_what_turns_does_not():
     about_z = np.zeros((2, 2, 6))
     about_z[..., [2, 5]] = 1.0
     still = np.zeros((2, 2, 3))
-    same = range_errors(stds, about_z, still, wander=0.2)
+    same = range_errors(stds, Sensitivity(about_z, still), wander=0.2)
     assert same is not None
     assert (same.axes_deg, same.skin_deg) == (0.0, 0.0)
     assert same.ends_deg == pytest.approx(0.2 * np.hypot(4.0, 4.0))
     other = about_z.copy()
     other[:, 1] = 0.0
     other[:, 1, [0, 3]] = 1.0
-    turned = range_errors(stds, other, still, wander=0.0)
+    turned = range_errors(stds, Sensitivity(other, still), wander=0.0)
     assert turned is not None
     assert turned.axes_deg == pytest.approx(np.hypot(4.0, 4.0)), "ends about other axes are independent"
     bent = still.copy()
     bent[:, 1, 0] = np.radians(90.0)
-    skin = range_errors(stds, about_z, bent, wander=0.0)
-    assert skin is not None
-    assert skin.skin_deg == pytest.approx(SKIN_SHARE * 90.0 * np.sqrt(2.0))
-    assert range_errors(stds, 0.01 * about_z, still, wander=0.0) is None
+    for soft in ((True, True), (True, False), (False, False)):
+        skin = range_errors(stds, Sensitivity(about_z, bent, soft), wander=0.0)
+        assert skin is not None
+        assert skin.skin_deg == pytest.approx(SKIN_SHARE * 90.0 * np.sqrt(sum(soft))), (
+            "rigid units do not turn"
+        )
+    assert range_errors(stds, Sensitivity(0.01 * about_z, still), wander=0.0) is None
 
 
 def test_an_arm_that_swings_about_one_axis_has_a_narrow_interval():
@@ -142,6 +147,40 @@ def test_a_joint_beyond_its_limits_makes_its_segments_doubtful():
         assert doubts[name] == "beside"
     for name in ("knee_adduction_r", "knee_flexion_r", "hip_flexion_r"):
         assert doubts[name] == "", "1 deg beyond is within its 95 % band"
+
+
+@pytest.mark.parametrize("rigid", [("pelvis",), ("pelvis", "thigh_r", "shank_r")])
+def test_units_on_rigid_mounts_do_not_turn_with_the_skin(tmp_path, rigid):
+    body("lower_body", swings("lower_body")).save(tmp_path / "track")
+    before, *mounts = (tmp_path / "track/model.toml").read_text(encoding="utf-8").split("[sensor.mount]\n")
+    mounts[: len(rigid)] = [f"rigid = true\n{mount}" for mount in mounts[: len(rigid)]]
+    (tmp_path / "rigid.toml").write_text("[sensor.mount]\n".join([before, *mounts]), encoding="utf-8")
+    model = oarlock.load_model(tmp_path / "rigid.toml")
+    assert [unit.name for unit in model.describe().inertial_units if unit.mount.rigid] == list(rigid)
+    track = track_without_filter(model, TIME_S, swings("lower_body"), provenance={})
+    soft = {one.name: one.sensitivity.soft for one in movement_angles(track) if one.sensitivity}
+    assert soft["hip_flexion_r"] == ("pelvis" not in rigid, "thigh_r" not in rigid)
+    assert soft["knee_flexion_r"] == ("thigh_r" not in rigid, "shank_r" not in rigid)
+    assert soft["hip_flexion_l"] == (False, True)
+
+
+def test_angles_at_a_unit_without_heading_are_not_usable():
+    """A hip beyond its limits says nothing of the knee below if the heading of the pelvis is unknown."""
+    model = oarlock.load_model("lower_body", stature_m=1.78, mass_kg=75)
+    q = 0.3 * swings("lower_body")
+    q[:, model.coordinate_names.index("hip_adduction_l")] = np.radians(120.0)
+    track = track_without_filter(model, TIME_S, q, provenance={}, q_std=np.full(q.shape, np.radians(1.0)))
+    assert {one.name: one.doubt for one in movement_angles(track)}["knee_flexion_l"] == "beside"
+    note = Note("pelvis: the heading of its mount is not determined (standard deviation 104 deg)")
+    track = replace(track, notes=(note,))
+    angles = movement_angles(track)
+    assert {one.name for one in angles if one.doubt == UNDETERMINED} == {
+        one.name for one in angles if one.name.startswith("hip")
+    }
+    assert not any(one.doubt for one in angles if one.name.startswith("knee_flexion"))
+    assert all(one.doubt == UNDETERMINED for one in room_angles(track, SegmentTurns(track)))
+    (hip,) = ranges_of_motion([one for one in angles if one.name == "hip_flexion_l"]).values()
+    assert hip.cause == "the heading of a unit beside it is not determined"
 
 
 SKIN = SessionErrors(

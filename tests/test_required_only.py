@@ -64,11 +64,13 @@ def test_track_of_the_command_line(tmp_path):
     "command",
     [
         ["simulate", "--field", "careful", "--duration-s", "5", "--out", "piece"],
-        ["season", "add", "club", "."],
+        ["season", "query", "club", "SELECT 1"],
         ["lab", "study", "which_sensors", "--out", "sensors"],
     ],
 )
 def test_a_command_that_needs_them_says_so_in_one_line(tmp_path, command):
+    if command[0] == "season":
+        run("from oarlock.cli import main; sys.argv[1:] = ['season', 'init', 'club']; main()", tmp_path)
     done = run(f"from oarlock.cli import main; sys.argv[1:] = {command}; main()", tmp_path)
     assert done.returncode == 1
     assert done.stderr.count("\n") == 1 and "needs" in done.stderr, done.stderr

@@ -10,6 +10,7 @@ import oarlock
 from command_line import run
 from oarlock.calibration import SessionPlan, SessionStep
 from oarlock.cli.result import result_of
+from oarlock.movement.report import movement_front
 from oarlock.recording.unit_names import renamed
 from oarlock.report import fixed
 from refusals import assert_refused
@@ -45,7 +46,7 @@ def test_from_files_to_a_report(recording, tmp_path):
     heading = "pelvis: the heading of its mount is not determined (standard deviation 104 deg)"
     assert heading in " ".join(said.split()) and "`oarlock calibrate session`" in " ".join(said.split())
     assert "knee flexion" in said and f"open {out / 'track/report.html'}" in said
-    assert re.search(r"deg \(range \d+ \+- \d+\)", said)
+    assert re.search(r"deg \(range \d+ \+- \d+\)", " ".join(said.split()))
 
 
 @pytest.mark.parametrize("blocks", ["one", "several"])
@@ -58,7 +59,13 @@ def test_terminal_and_page_give_one_number_for_an_angle(recording, tmp_path, blo
     angles = result_of(oarlock.load_track(out / "track"))["angles"]
     page = (out / "track/report.html").read_text()
     assert {one["block"] for one in angles} == ({None} if blocks == "one" else {1, 2, 3})
+    unusable = said.partition("not usable, the heading of a unit beside it is not determined: ")[2]
+    assert ("hip flexion R" in unusable) == (blocks == "one")
+    assert said.count("+-: half of the 95 % interval of the range") == 1
     for one in angles:
+        if one["doubt"].startswith("the heading"):
+            assert not re.search(rf"{one['name'].removesuffix('_r').replace('_', ' ')} R -?\d", said), one
+            continue
         measured = [one["range_deg"], one["band_deg"]]
         if not one["doubt"]:
             measured += [one["low_deg"], one["high_deg"]]
@@ -66,6 +73,30 @@ def test_terminal_and_page_give_one_number_for_an_angle(recording, tmp_path, blo
         else:
             assert f"{fixed(measured[0], 1)} ± {fixed(measured[1], 1)}" in page, one
         assert f"(range {one['range_deg']:.0f} +- {one['band_deg']:.0f}" in said, one
+
+
+def test_angles_beside_a_unit_without_heading_have_no_numbers(tmp_path):
+    walk(11, leaning_rad=0.05, duration_s=25.0).recording.save(tmp_path / "rec")
+    printed = run("run", tmp_path / "rec", "--model", "lower_body", *SIZE, "--out", tmp_path / "out").output
+    said = " ".join(printed.split())
+    assert re.search(r"knee flexion.* \d+ deg \(range \d+ \+- \d+\)", said)
+    assert not re.search(r"hip \w+ [RL] -?\d", said)
+    (meaning,) = (
+        line for line in printed.splitlines() if line.startswith("range: mean of the cycles; ends: ")
+    )
+    assert meaning.endswith("half of the 95 % interval of the range")
+    track = oarlock.load_track(tmp_path / "out/track")
+    title, front = movement_front(track)
+    headlines = [
+        title or "",
+        *(one.name for one in front.figures),
+        *(front.course.curves if front.course else ()),
+    ]
+    assert not any("hip" in text for text in headlines)
+    assert "pelvis bending forward by 20°" in front.next_step and front.commands and not front.sensors_step
+    page = (tmp_path / "out/track/report.html").read_text()
+    cells = re.findall(r"hip \w+</span></th><td[^>]*>(.*?)</td>", page)
+    assert cells and set(cells) == {"–"}
 
 
 def test_a_step_that_fails_ends_it(recording, tmp_path):

@@ -345,7 +345,9 @@ def test_the_command_shows_an_activity_without_positions(tmp_path: Path) -> None
     file = tmp_path / "watch.fit"
     file.write_bytes(fit_bytes.fit_file(fit_bytes.watch(90)))
     shown = run("rowing", "strokes", file).output
-    assert "90 points, no strokes" in shown and "89 s, 356 m" in shown and "stroke rate" in shown
+    assert (
+        "90 points, no strokes" in shown and "89.0 s" in shown and "356" in shown and "stroke rate" in shown
+    )
     document = json.loads(run("rowing", "strokes", file, "--json").stdout)
     assert (document["points"], document["duration_s"], document["distance_m"]) == (90, 89.0, 356.0)
     assert "48.2" not in shown + json.dumps(document)

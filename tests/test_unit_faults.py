@@ -11,6 +11,7 @@ import oarlock
 from oarlock import Recording
 from oarlock.evaluation.suspects.joint_forces import JointForces
 from oarlock.evaluation.suspects.rest_gravity import RestGravity
+from oarlock.evaluation.suspects.turning import own_suspect
 from oarlock.recording import ImuStream
 from oarlock.recording.undetermined_mounts import mount_notes
 from walking_body import walk
@@ -153,6 +154,48 @@ def test_sound_units_agree(seed: int) -> None:
     assert suspects(model, recording) == ()
     forces = JointForces.of(model, recording, None)
     assert forces is not None and forces.agreeing() == {"upperarm", "forearm", "hand"}
+
+
+@cache
+def chain() -> oarlock.Model:
+    """Two links on parallel hinges; one inertial unit, on the second link, and an encoder on the first hinge."""
+    links = oarlock.load_model("pendulum3").with_parameters({"l_upper": 0.4})
+    links = links.without(sensors=["upper", "middle", "lower"], frames=["lower_link"])
+    unit = {"name": "unit", "kind": "imu", "frame": "middle_link", "mount": {"offset": [0.1, 0, 0]}}
+    noise = {"gyro_std_rad_s": 0.005, "accel_std_m_s2": 0.03}
+    encoder = {"name": "encoder", "kind": "encoder", "joint": "upper_hinge", "std": 0.0035}
+    return links.with_tables({"sensor": [{**unit, **noise}, encoder]})
+
+
+def swing(seed: int, angles_deg: tuple[float, float], frequencies_hz: tuple[float, float]) -> Recording:
+    """20 s of the chain, each hinge with one amplitude and frequency."""
+    time_s = np.arange(0.0, 20.0, 0.01)
+    q = np.radians(angles_deg) * np.sin(2.0 * np.pi * np.array(frequencies_hz) * time_s[:, None])
+    motion = oarlock.simulation.Motion(chain().joint_names, time_s, q)
+    return oarlock.simulate(chain(), motion, seed=seed)[1]
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("angles_deg", [(40.0, 60.0), (20.0, 30.0), (60.0, 80.0), (40.0, 0.0)])
+def test_the_acceleration_of_a_swing_is_no_scale(angles_deg: tuple[float, float], seed: int) -> None:
+    recording = swing(seed, angles_deg, (0.5, 0.8))
+    fault = own_suspect(recording["unit"])
+    assert fault is not None and fault[0].fault == "scale", "the unit alone cannot distinguish them"
+    assert suspects(chain(), recording) == ()
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.3, 2.0])
+def test_a_scale_is_named_without_a_second_unit(factor: float) -> None:
+    recording = changed("unit", times(factor))(swing(0, (40.0, 60.0), (0.1, 0.17)))
+    (suspect,) = suspects(chain(), recording)
+    assert suspect.fault == "scale" and f"{factor:.1f}" in suspect.message
+
+
+@pytest.mark.parametrize(("factor", "words"), [(180.0 / np.pi, "in deg/s"), (np.pi / 180.0, "deg/s twice")])
+def test_a_wrong_unit_is_named_in_a_swing(factor: float, words: str) -> None:
+    recording = changed("unit", times(factor))(swing(0, (40.0, 60.0), (0.5, 0.8)))
+    (suspect,) = suspects(chain(), recording)
+    assert suspect.fault == "unit" and words in suspect.message
 
 
 def test_a_search_without_time_says_so() -> None:

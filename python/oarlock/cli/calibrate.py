@@ -26,7 +26,7 @@ group = typer.Typer(
 STATIC = "oarlock.calibration.static"
 RECORDING = Option("recording", "Path", REQUIRED, "A recording folder.", True, "RECORDING")
 BODY = Option("model", "Body", REQUIRED)
-MODEL = Option("model", "PlainBody", REQUIRED)
+MODEL = Option("model", "SizedBody", REQUIRED)
 OUT = Option("out", "NewFile", REQUIRED, "Calibration file to write.")
 
 

@@ -15,7 +15,7 @@ from oarlock.evaluation.comparison.estimators import estimator, estimators
 
 if TYPE_CHECKING:
     from oarlock import Calibration
-    from oarlock.cli.body import Body as PlainBody
+    from oarlock.cli.body import Body as SizedBody
 
 PAGE = "compare.html"
 ALL = "all"
@@ -53,7 +53,7 @@ def compare(
     recording: Path,
     truth: Path | None = None,
     *,
-    model: PlainBody,
+    model: SizedBody,
     out: NewFolder,
     filter_: list[str] | None = None,
     calibration: Calibration | None = None,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import typer
@@ -12,7 +13,6 @@ from oarlock.cli.verbs import NewFolder, command, names
 from oarlock.formats.export.export import FORMATS, KIND, SUMMARY, files_of
 
 if TYPE_CHECKING:
-    from oarlock import Track
     from oarlock.formats.export.export import Export
 
 _FILES = "\n".join(f"  {file:<21}{text}" for files in files_of().values() for file, text in files.items())
@@ -65,13 +65,13 @@ def add_to(app: typer.Typer) -> None:
         "oarlock export out --out exported --format csv --json | jq .files",
         show=_show,
         epilog=_ABOUT,
-        metavars={"format": "FORMAT,..."},
+        metavars={"track": "TRACK", "format": "FORMAT,..."},
         opposites={"degrees": "radians"},
     )(export)
 
 
 def export(
-    track: Track,
+    track: Path,
     *,
     out: NewFolder,
     format: list[str] | None = None,
@@ -97,6 +97,7 @@ def export(
     if formats is not None and not (formats and set(formats) <= set(FORMATS)):
         wrong = next((name for name in formats if name not in FORMATS), "names none")
         raise UsageError(f"--format {wrong}: choose from {', '.join(FORMATS)}")
+    estimate = oarlock.load_track(track)
     with output_folder(out, KIND, force) as stage:
-        written = oarlock.export(track, stage, formats, degrees=degrees, axes=axes, missing=missing)
+        written = oarlock.export(estimate, stage, formats, degrees=degrees, axes=axes, missing=missing)
     return replace(written, folder=out)

@@ -44,6 +44,7 @@ CLOCKS = {
 """Kinds of time stamps."""
 QUANTITIES = {"gyro_rad_s": "gyro", "accel_m_s2": "accel", "mag_ut": "mag", "quat_wxyz": "orientation"}
 LISTED_FILES = 5
+TABLES = (".csv", ".tsv", ".txt")
 _FACTOR = re.compile(r" \(1 unit = [^()]*\)")
 
 
@@ -173,13 +174,24 @@ def import_path(
             raise Incomplete(result)
         return result
     if len(contents.recordings) > 1 and pick is None and not together:
-        return {**_listing(contents), **unused}
+        raise Incomplete(
+            {**_listing(contents), **unused},
+            f"nothing was written: {path} contains {len(contents.recordings)} recordings. Choose one with --pick NAME, "
+            "or write --all, or one of --together if they are units of one recording",
+        )
     recording, name, about = _read_one(contents, pick, together, asks, options)
     recording, assignment = named(recording, asks=asks)
     if asks and not session:
         session = _asked(recording)
     out = out or Path(f"{_stem(Path(name))}-recording")
     found = summary(written(recording, session, out, force), path, out, about, model or "MODEL")
+    tables = [file for file in unused["unused_files"] if Path(file).suffix.lower() in TABLES]
+    if together and tables:
+        found["notes"] = [
+            *found["notes"],
+            f"No format recognises {', '.join(tables)}. For a table such as an encoder's write a mapping file of all "
+            "files and use `oarlock import csv mapping.toml`; see docs/import.md",
+        ]
     mapping = {"mapping": options["save_mapping"]} if "save_mapping" in options else {}
     return {**found, **assignment, **unused, **mapping}
 

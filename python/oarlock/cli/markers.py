@@ -13,7 +13,7 @@ from oarlock.cli.terminal import UsageError, heading, output_folder, progress, s
 from oarlock.cli.verbs import NewFile, NewFolder, command
 
 if TYPE_CHECKING:
-    from oarlock.cli.body import Body as PlainBody
+    from oarlock.cli.body import Body as SizedBody
     from oarlock.evaluation.markers.body_fit import BodyFit
     from oarlock.markers import Markers
 
@@ -104,7 +104,7 @@ def attach(
     *,
     out: NewFile,
     frames: str,
-    model: PlainBody,
+    model: SizedBody,
     posture: dict[str, float] | None = None,
 ) -> dict[str, Any]:
     """Attach markers to a model from a static trial in a known posture, in the model's root axes.
@@ -152,7 +152,7 @@ def simulate(
     *,
     out: NewFolder,
     attachments: Path,
-    model: PlainBody,
+    model: SizedBody,
     estimate: tuple[str, ...] = (),
     gap_s: float = 0.2,
     cutoff_hz: float = 10.0,

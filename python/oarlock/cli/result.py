@@ -11,10 +11,12 @@ from oarlock.cli.terminal import pairs, say
 
 if TYPE_CHECKING:
     from oarlock import Track
+    from oarlock.movement.blocks import MovementAnalysis
 
 MOST_LINES = 8
 SPOILING = {
     "nominal_mounts",
+    "encoder_as_read",
     "heading_undetermined",
     "no_stream",
     "filter_reset",
@@ -72,7 +74,7 @@ def write_result(track: Track, page: Path | None, suspects: bool = False) -> Non
         say(result["strokes"], style="bold")
         pairs([(one["name"], f"{one['value']}   {one['detail']}") for one in result["figures"]])
     else:
-        _write_angles(result["angles"])
+        _write_angles(track, result["angles"])
     for note in track.notes:
         if note.code in SPOILING and (suspects or not note.startswith(SUSPECT_NOTE)):
             say(note.text, style="yellow")
@@ -80,12 +82,16 @@ def write_result(track: Track, page: Path | None, suspects: bool = False) -> Non
         say(f"\nopen {page}")
 
 
-def _write_angles(angles: list[dict[str, Any]]) -> None:
-    """A line for each angle with both sides, then those that are not measured well, by their reason."""
+def _write_angles(track: Track, angles: list[dict[str, Any]]) -> None:
+    """A line for each angle with both sides, those that are not measured well by their reason, and what a range is."""
+    from oarlock.movement.angles import UNDETERMINED
+    from oarlock.movement.movement import movement_of
+    from oarlock.movement.ranges import CAUSES
     from oarlock.report.viewer.sides import side_of
 
     well: dict[str, list[str]] = {}
     badly: dict[str, list[str]] = {}
+    unusable: list[str] = []
     for one in angles:
         side, stem = side_of(one["name"])
         name = stem.replace("_", " ")
@@ -93,7 +99,9 @@ def _write_angles(angles: list[dict[str, Any]]) -> None:
         where = f", block {one['block']}" if one["block"] else ""
         ends = f"{one['low_deg']:z.0f} to {one['high_deg']:z.0f} deg"
         span = f"{side[:1].upper()} {ends} (range {one['range_deg']:.0f}{band}{where})".strip()
-        if one["doubt"]:
+        if one["doubt"] == CAUSES[UNDETERMINED]:
+            unusable.append(f"{name} {side[:1].upper()}".strip())
+        elif one["doubt"]:
             badly.setdefault(one["doubt"], []).append(f"{name} {span}")
         else:
             well.setdefault(name, []).append(span)
@@ -108,5 +116,18 @@ def _write_angles(angles: list[dict[str, Any]]) -> None:
     for doubt, spans in badly.items():
         more = f" and {len(spans) - MOST_LINES} more" if len(spans) > MOST_LINES else ""
         say(f"not measured well, {doubt}: {', '.join(spans[:MOST_LINES])}{more}")
+    if unusable:
+        say(f"not usable, {CAUSES[UNDETERMINED]}: {', '.join(dict.fromkeys(unusable))}")
+    if well or badly:
+        say(f"{_meaning(movement_of(track))}; +-: half of the 95 % interval of the range", style="dim")
     if not angles:
         say("No angle moved by 5 deg or more.")
+
+
+def _meaning(movement: MovementAnalysis) -> str:
+    """Over which time ranges and their ends are taken."""
+    if movement.several:
+        return "range and ends: means of the cycles of the block"
+    if movement.blocks:
+        return "range: mean of the cycles; ends: of all counted time"
+    return "range and ends: of all counted time"

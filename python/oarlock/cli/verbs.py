@@ -180,7 +180,7 @@ KINDS: dict[str, Kind] = {
 """By annotation, without `| None`."""
 GROUPS = {
     "Body": "oarlock.cli.body:body_of",
-    "PlainBody": "oarlock.cli.body:plain_body",
+    "SizedBody": "oarlock.cli.body:sized_body",
     "MarkerSource": "oarlock.cli.markers:marker_source",
     "Session": "oarlock.cli.session_options:session_of",
     "ScanRequest": "oarlock.cli.live_scan:scan_request",

@@ -14,13 +14,16 @@ from oarlock.model.angle_sequence import angle_labels, angles_from_quat, angles_
 from oarlock.movement.turns import SegmentTurns, Sensitivity
 from oarlock.tracking.joint_angles import JointAngle, NamedRotation, named_rotation
 from oarlock.tracking.joint_series import BallSeries
-from oarlock.tracking.notes import contradicted_units
+from oarlock.tracking.notes import contradicted_units, undetermined_units
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-CONTRADICTED, LIMITS, BESIDE = "contradicted", "limits", "beside"
-"""What makes an angle unreliable: a unit of its joint, its own value, another joint of its segments."""
+UNDETERMINED, CONTRADICTED, LIMITS, BESIDE = "undetermined", "contradicted", "limits", "beside"
+"""What makes an angle unreliable: the mount or the readings of a unit of its joint, its own value, another joint of its
+segments."""
+UNRELIABLE = (UNDETERMINED, CONTRADICTED)
+"""Angles with these doubts lead no block and are no headline."""
 OBSERVED_SHARE = 0.5
 """An angle is used if sensors observe it at least in this share of the rows."""
 CLEAR_SHARE = 0.8
@@ -77,9 +80,9 @@ class MovementAngle:
 
     def since(self, first: int) -> MovementAngle:
         """The angle from a sample on."""
-        told = self.sensitivity
-        kept = None if told is None else Sensitivity(told.turns[first:], told.posture_rad[first:])
-        return replace(self, value_deg=self.value_deg[first:], std_deg=self.std_deg[first:], sensitivity=kept)
+        at = self.sensitivity
+        late = at and replace(at, turns=at.turns[first:], posture_rad=at.posture_rad[first:])
+        return replace(self, value_deg=self.value_deg[first:], std_deg=self.std_deg[first:], sensitivity=late)
 
 
 def movement_angles(track: Track, turns: SegmentTurns | None = None) -> tuple[MovementAngle, ...]:
@@ -125,19 +128,22 @@ def _doubted(
     """The known angles of each joint, with what makes them unreliable.
 
     A joint beyond its limits shows that the axes of one of its segments are wrong by more than the bands say. Nothing
-    shows which one, so the other joints of both are doubted too.
+    shows which one, so the other joints of both are doubted too, unless the heading of one is not determined.
     """
     known = [(joint, one) for joint, angles in found.items() for one in angles if one is not None]
     segments = {joint: set(turns.segments(joint)) for joint in found}
+    undetermined = turns.segments_of_units(undetermined_units(track.notes))
     contradicted = turns.segments_of_units(contradicted_units(track.notes))
     passing = {
         joint
         for joint, one in known
         if one.passes_limits or any(note.startswith(f"{joint}: beyond its ") for note in track.notes)
     }
-    twisted = {segment for joint in passing for segment in segments[joint]}
+    twisted = {s for joint in passing if not segments[joint] & undetermined for s in segments[joint]}
 
     def doubt(joint: str) -> str:
+        if segments[joint] & undetermined:
+            return UNDETERMINED
         if segments[joint] & contradicted:
             return CONTRADICTED
         return LIMITS if joint in passing else BESIDE if segments[joint] & twisted else ""

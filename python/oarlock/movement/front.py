@@ -8,7 +8,8 @@ from math import ceil, isfinite
 
 import numpy as np
 
-from oarlock.movement.angles import CONTRADICTED, MovementAngle
+from oarlock.model.shipped_files import model_names
+from oarlock.movement.angles import CONTRADICTED, UNDETERMINED, UNRELIABLE, MovementAngle
 from oarlock.movement.blocks import MovementAnalysis, MovementBlock
 from oarlock.movement.cycles import cycle_courses
 from oarlock.movement.evenness import (
@@ -31,6 +32,8 @@ from oarlock.movement.words import (
     sized,
 )
 from oarlock.report import Column, Course, Front, Point, Sourced, fixed, plain_table
+from oarlock.report.text import listing
+from oarlock.tracking.notes import undetermined_units
 
 THIRDS = "From the first to the last third of the cycles,"
 NOTHING = "No difference was found."
@@ -69,8 +72,9 @@ def front_of(movement: MovementAnalysis) -> Front:
         for of in (_changes, _wanderings, _rhythm)
         for point in of(movement, block)
     ]
-    model = str(movement.track.provenance.get("model", "MODEL"))
-    needed = movement.nominal or _sensors_step(movement)
+    name = str(movement.track.provenance.get("model", "MODEL"))
+    model = name if name in model_names() else "model.toml"  # beside the page
+    needed = movement.nominal or _sensors_step(movement) or _has(movement, UNDETERMINED)
     return Front(
         did=" ".join(filter(None, [*repeats(movement), counts_from(movement)])),
         points=[*_sides(movement), *points],
@@ -161,10 +165,17 @@ def _wandered(block: MovementBlock, angles: Sequence[Wander]) -> str:
 def _next_step(movement: MovementAnalysis) -> str:
     """Calibrate first, then record again: how often, what this shows, and the change that would show.
 
-    Where joints contradict a unit, the recording may still be good.
+    Where joints contradict a unit, the recording may still be good. Where the heading of a unit is not determined, the
+    same movement would not determine it either.
     """
-    if _is_contradicted(movement):
+    if _has(movement, CONTRADICTED):
         return "Correct segment or mount of the units that joints contradict, and track this recording again."
+    if _has(movement, UNDETERMINED):
+        units = listing(undetermined_units(movement.track.notes))
+        return (
+            f"Record a guided session, or the movement with the segment of {units} bending forward by 20°: this "
+            "determines the heading of the mount."
+        )
     known = [one for one in movement.shown if np.isfinite(one.half_deg) and not one.hardly_moved]
     best = {one.name: one for one in reversed(measured(known))}
     largest = sorted(best.values(), key=lambda one: -one.range_deg)[:2]
@@ -183,8 +194,8 @@ def _next_step(movement: MovementAnalysis) -> str:
     return f"Record {again}.{would}"
 
 
-def _is_contradicted(movement: MovementAnalysis) -> bool:
-    return any(one.doubt == CONTRADICTED for one in movement.shown)
+def _has(movement: MovementAnalysis, doubt: str) -> bool:
+    return any(one.doubt == doubt for one in movement.shown)
 
 
 def _caution(movement: MovementAnalysis) -> str:
@@ -199,7 +210,7 @@ def _caution(movement: MovementAnalysis) -> str:
 
 def _sensors_step(movement: MovementAnalysis) -> str:
     """What narrows angles that are not measured well; without calibration the next step says it."""
-    if movement.nominal or _is_contradicted(movement) or not _caution(movement):
+    if movement.nominal or any(_has(movement, doubt) for doubt in UNRELIABLE) or not _caution(movement):
         return ""
     return (
         "Record a guided calibration session just before the movement (two minutes) and strap the units tightly: both "
@@ -234,7 +245,7 @@ def _course(movement: MovementAnalysis) -> Course | None:
     curves: list[tuple[MovementBlock, MovementAngle]] = []
     for block in movement.blocks[:MOST_CURVES]:
         ranges = block.ranges
-        moving = [one for one in block.angles if one.name in ranges and one.doubt != CONTRADICTED]
+        moving = [one for one in block.angles if one.name in ranges and one.doubt not in UNRELIABLE]
         if movement.several:
             moving = [one for one in block.angles if one.name == block.repetition.lead]
         else:

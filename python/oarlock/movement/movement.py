@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock import Track
-from oarlock.movement.angles import CONTRADICTED, Floats, MovementAngle, movement_angles, room_angles
+from oarlock.movement.angles import UNRELIABLE, Floats, MovementAngle, movement_angles, room_angles
 from oarlock.movement.blocks import MovementAnalysis, MovementBlock
 from oarlock.movement.cycles import Repetition, cycle_courses, find_cycles
 from oarlock.movement.evenness import drifting
@@ -24,7 +24,7 @@ def movement_of(track: Track) -> MovementAnalysis:
     """Angles, ranges and blocks of a track.
 
     Where the joints do not repeat, the free segment may: a person who bows. Its angles in the room count only in blocks
-    that they lead. Angles at a unit that its joints contradict lead none.
+    that they lead. Angles at a unit that its joints contradict, or without a heading, lead none.
 
     Raises:
         DataError: the track has no model.
@@ -92,7 +92,7 @@ def _repetitions(
     time_s: Floats, angles: Sequence[MovementAngle], start_s: float, taken: Sequence[Repetition] = ()
 ) -> tuple[Repetition, ...]:
     first = int(np.searchsorted(time_s, start_s))
-    reliable = [one for one in angles if one.doubt != CONTRADICTED]
+    reliable = [one for one in angles if one.doubt not in UNRELIABLE]
     return find_cycles(time_s[first:], _late(time_s, reliable, start_s), taken)
 
 

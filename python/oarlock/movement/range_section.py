@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from math import isfinite
 
+from oarlock.movement.angles import UNDETERMINED
 from oarlock.movement.blocks import MovementAnalysis, MovementBlock
 from oarlock.movement.ranges import LEAST_MOVEMENT_DEG, WELL_SHARE, WITHIN_DEG, MotionRange
 from oarlock.movement.words import plain, titled, within
@@ -85,9 +86,8 @@ def _apart(movement: MovementAnalysis, apart: Sequence[tuple[MovementBlock | Non
         [
             _head(movement, one),
             *([str(block.number)] if movement.several and block else []),
-            f"{fixed(one.range_deg, 1)} ± {fixed(one.half_deg, 1)}",
-            fixed(one.range_deg + one.half_deg, 0),
-            "the movement is small" if one.hardly_moved else one.cause,
+            *_limits(one),
+            "the movement is small" if one.hardly_moved and one.doubt != UNDETERMINED else one.cause,
         ]
         for block, one in apart
     ]
@@ -107,6 +107,13 @@ def _apart(movement: MovementAnalysis, apart: Sequence[tuple[MovementBlock | Non
     if len(rows) <= MOST_OPEN:
         return f'<h3 id="ranges-apart">{APART}</h3>{table}'
     return f'<details class="help" id="ranges-apart"><summary>{APART}: {len(rows)} ranges</summary>{table}</details>'
+
+
+def _limits(one: MotionRange) -> tuple[str, str]:
+    """A range with half of its interval, and its upper limit; without numbers if they are not usable."""
+    if one.doubt == UNDETERMINED:
+        return "–", "–"
+    return f"{fixed(one.range_deg, 1)} ± {fixed(one.half_deg, 1)}", fixed(one.range_deg + one.half_deg, 0)
 
 
 def _caption(movement: MovementAnalysis) -> str:

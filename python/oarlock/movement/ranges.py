@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.evaluation.errors import BAND_95
-from oarlock.movement.angles import BESIDE, CONTRADICTED, LIMITS, Floats, MovementAngle
+from oarlock.movement.angles import BESIDE, CONTRADICTED, LIMITS, UNDETERMINED, Floats, MovementAngle
 from oarlock.movement.cycles import cycle_courses
+from oarlock.movement.turns import Sensitivity
 from oarlock.report.viewer.sides import side_of
 
 Ints = NDArray[np.int64]
@@ -21,6 +22,7 @@ DRIFTS, WIDE = "drifts", "wide"
 WITHIN_DEG = 5.0
 """An angle is measured well only if half of its 95 % band is at most this."""
 CAUSES = {
+    UNDETERMINED: "the heading of a unit beside it is not determined",
     CONTRADICTED: "joints contradict its unit",
     LIMITS: "it passes the limits of its joint",
     BESIDE: "a joint beside it passes its limits",
@@ -54,7 +56,7 @@ class RangeErrors:
     Args:
         axes_deg: by errors of the axes of both segments, such as mounts and headings, which are the same at both ends:
             (turns at the largest value - turns at the smallest) times the error. It cancels between like postures.
-        skin_deg: by units that turn on their segments as joints move.
+        skin_deg: by units that turn on their segments as joints move; those on rigid mounts do not.
         ends_deg: by errors that wander, a share of the standard deviations of the track at both ends.
     """
 
@@ -187,7 +189,7 @@ def ranges_of_motion(angles: Sequence[MovementAngle]) -> dict[str, MotionRange]:
     for angle in angles:
         ends = np.array([[np.nanargmin(angle.value_deg), np.nanargmax(angle.value_deg)]])
         told = angle.sensitivity
-        at = None if told is None else (told.turns[ends], told.posture_rad[ends])
+        at = told and replace(told, turns=told.turns[ends], posture_rad=told.posture_rad[ends])
         one = _range(angle.name, angle.value_deg[ends], angle.std_deg[ends], at, WANDER_IN_TRACK)
         found[angle.name] = replace(one, doubt=angle.doubt or _band_doubt(angle.std_deg))
     return found
@@ -214,7 +216,7 @@ def cycle_ranges(time_s: Floats, angles: Sequence[MovementAngle], begins_s: Floa
         stds = cycle_courses(time_s, angle.std_deg, begins_s)
         claimed = stds[cycles, ends]
         told = angle.sensitivity
-        at = None if told is None else (chosen(told.turns), chosen(told.posture_rad))
+        at = told and replace(told, turns=chosen(told.turns), posture_rad=chosen(told.posture_rad))
         one = _range(angle.name, courses[cycles, ends], claimed, at, WANDER_IN_CYCLES)
         found[angle.name] = replace(one, doubt=angle.doubt or _band_doubt(stds.ravel()))
     return found
@@ -233,20 +235,16 @@ def _band_doubt(std_deg: Floats) -> str:
     return DRIFTS if halves_deg[0] <= WITHIN_DEG < halves_deg[-1] else WIDE
 
 
-def _range(
-    name: str, values: Floats, claimed: Floats, at: tuple[Floats, Floats] | None, wander: float
-) -> MotionRange:
-    """From smallest and largest values (n, 2) of n cycles, standard deviations, turns (n, 2, 6) and postures."""
+def _range(name: str, values: Floats, claimed: Floats, at: Sensitivity | None, wander: float) -> MotionRange:
+    """From smallest and largest values (n, 2) of n cycles, standard deviations, and what errors depend on there."""
     low, high = (float(value) for value in values.mean(axis=0))
     low_std, high_std = (float(value) for value in claimed.mean(axis=0))
     between = float(np.diff(values)[:, 0].std(ddof=1)) if len(values) > 1 else 0.0
-    parts = None if at is None else range_errors(claimed, *at, wander)
+    parts = None if at is None else range_errors(claimed, at, wander)
     return MotionRange(name, low, high, low_std, high_std, between, len(values), parts)
 
 
-def range_errors(
-    claimed_deg: Floats, turns: Floats, posture_rad: Floats, wander: float
-) -> RangeErrors | None:
+def range_errors(claimed_deg: Floats, at: Sensitivity, wander: float) -> RangeErrors | None:
     """The parts of the standard deviation of a mean range that depend on the postures of both ends.
 
     The errors of the axes of both segments are isotropic, of one size, and as large as the standard deviation of the
@@ -254,19 +252,19 @@ def range_errors(
 
     Args:
         claimed_deg: (n, 2) standard deviation of the track at the smallest and the largest value of n cycles, deg.
-        turns: (n, 2, 6) `Sensitivity.turns` there.
-        posture_rad: (n, 2, m) postures there.
+        at: turns (n, 2, 6) and postures (n, 2, m) there.
         wander: share of the standard deviations that is independent.
 
     Returns:
         None where an angle hardly follows a rotation of the segments, or nothing is known.
     """
-    steep = np.linalg.norm(turns, axis=2)
+    steep = np.linalg.norm(at.turns, axis=2)
     if not (steep > LEAST_STEEP).all() or not np.isfinite(claimed_deg).all():
         return None
-    errors = np.diff(claimed_deg[..., None] / steep[..., None] * turns, axis=1).mean(axis=(0, 1))
-    moved_deg = np.degrees(np.linalg.norm(np.diff(posture_rad, axis=1).mean(axis=(0, 1))))
-    skin = SKIN_SHARE * moved_deg * float(steep.mean())
+    errors = np.diff(claimed_deg[..., None] / steep[..., None] * at.turns, axis=1).mean(axis=(0, 1))
+    moved_deg = np.degrees(np.linalg.norm(np.diff(at.posture_rad, axis=1).mean(axis=(0, 1))))
+    soft = np.linalg.norm(at.turns * np.repeat(at.soft, 3), axis=2)
+    skin = SKIN_SHARE * moved_deg * float(soft.mean())
     ends = wander * float(np.linalg.norm(claimed_deg.mean(axis=0)))
     return RangeErrors(float(np.linalg.norm(errors)), float(skin), ends)
 

@@ -35,10 +35,12 @@ class Sensitivity:
             each about its own axes, deg/deg; NaN where unknown.
         posture_rad: (T, m) the posture: how far two samples are apart is how far joints moved, and how far the free
             segment tilted.
+        soft: whether units of the upper and of the lower segment turn with the skin.
     """
 
     turns: Floats
     posture_rad: Floats
+    soft: tuple[bool, bool] = (True, True)
 
 
 class SegmentTurns:
@@ -104,7 +106,13 @@ class SegmentTurns:
         rows = by_coordinate[:, [columns.index(column) for column in self._turning(joint)]]
         by_lower = rows[:, 0] if weights is None else np.einsum("tk,tkj->tj", weights, rows)
         by_upper = np.einsum("tij,tj->ti", turned, by_lower)
-        return Sensitivity(np.concatenate([by_upper, by_lower], axis=1), self.posture_rad)
+        # A segment without units, such as the base of a robot, counts like the other one.
+        rigid = {unit.frame: unit.mount.rigid for unit in self._description.inertial_units}
+        soft = (
+            not rigid.get(upper, rigid.get(lower, False)),
+            not rigid.get(lower, rigid.get(upper, False)),
+        )
+        return Sensitivity(np.concatenate([by_upper, by_lower], axis=1), self.posture_rad, soft)
 
     def _turning(self, joint: str) -> tuple[int, ...]:
         """Columns of a joint's rotation."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from math import isfinite
 
-from oarlock.movement.angles import CONTRADICTED
+from oarlock.movement.angles import UNDETERMINED, UNRELIABLE
 from oarlock.movement.blocks import MovementAnalysis, MovementBlock
 from oarlock.movement.cycles import Repetition
 from oarlock.movement.evenness import CycleChange
@@ -111,7 +111,11 @@ def _quality(ranges: Iterable[MotionRange]) -> list[str]:
     """The largest of both kinds; angles that hardly moved have their place in the tables only."""
     moved = sorted((one for one in ranges if not one.hardly_moved), key=lambda one: -one.range_deg)
     well = [f"{plain(one.name)} {within(one)}" for one in moved if one.well_measured]
-    badly = [f"{plain(one.name)} {within(one)} ({one.cause})" for one in moved if not one.well_measured]
+    badly = [
+        f"{plain(one.name)}{'' if one.doubt == UNDETERMINED else f' {within(one)}'} ({one.cause})"
+        for one in moved
+        if not one.well_measured
+    ]
     if not any(isfinite(one.half_deg) for one in moved):
         return [f"Ranges: {_first(well)}; the track does not say how certain they are."] if well else []
     found = [f"Range measured well: {_first(well)}." if well else "No angle that moved was measured well."]
@@ -162,7 +166,7 @@ def heading(movement: MovementAnalysis) -> str | None:
         return f"{len(movement.blocks)} blocks of repeated movement"
     if movement.blocks:
         return f"{movement.blocks[0].repetition.peaks} repetitions of {leads[0]}"
-    reliable = [one for one in movement.shown if one.doubt != CONTRADICTED]
+    reliable = [one for one in movement.shown if one.doubt not in UNRELIABLE]
     if not reliable:
         return None
     most = max(measured(reliable) or reliable, key=lambda one: one.range_deg)

@@ -86,7 +86,7 @@ def metric_named(text: str, metrics: Sequence[str]) -> str:
     if alike:
         raise DataError(f'"{text}" may be {" or ".join(alike)}; give one of them')
     known = (_UNIT.sub("", metric) for metric in metrics)
-    raise DataError(f'"{text}" is no metric of this season. {did_you_mean(name, known)}')
+    raise DataError(f'no stroke that was asked about has the metric "{text}". {did_you_mean(name, known)}')
 
 
 class Database:

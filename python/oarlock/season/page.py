@@ -95,7 +95,8 @@ def gathered(
     recordings = database.rows(
         "SELECT athlete, strftime(started, '%Y-%m-%d') AS day, "
         "strftime(date_trunc('week', started), '%Y-%m-%d') AS week, duration_s, status, "
-        "coalesce(strokes, 0) AS strokes, coalesce(left_out, 0) AS left_out FROM recordings ORDER BY athlete, started"
+        "coalesce(strokes, 0) AS strokes, coalesce(left_out, 0) AS left_out, device "
+        "FROM recordings ORDER BY athlete, started"
     )
     if not recordings:
         raise DataError(f"{database.selection}: has no recordings to show; add some: `oarlock season add`")
@@ -431,7 +432,13 @@ def _believed(data: SeasonPageData) -> str:
             "oarlock season run."
         )
     elif data.classes:
-        texts.append("All results are comparable: same engine, model, settings and kind of calibration.")
+        texts.append("All results have the same engine, model, settings and kind of calibration.")
+    devices = sorted({str(row["device"]) for row in data.recordings if row["device"]})
+    if len(devices) > 1:
+        texts.append(
+            f"They come from {len(devices)} kinds of device ({', '.join(devices)}), whose power, angles and distances "
+            "may mean different things: compare numbers of one device only."
+        )
     return " ".join(texts)
 
 

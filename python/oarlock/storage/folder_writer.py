@@ -71,7 +71,7 @@ class Manifest:
         check_replaceable(file)
         if os.path.lexists(file) and not (force or self.is_unchanged(name)):
             raise DataError(
-                f"{file} exists and was not written by Oarlock, or was changed since\n"
+                f"{file} exists, and no manifest says that Oarlock wrote it and nobody changed it\n"
                 "Choose another place, move the file away, or replace it with --force (force=True)."
             )
 

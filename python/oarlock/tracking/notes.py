@@ -81,3 +81,8 @@ _CONTRADICT = ": its joints contradict the unit's own readings"
 def contradicted_units(notes: Sequence[str]) -> list[str]:
     """Names of the units that the engine reports."""
     return [note.partition(_CONTRADICT)[0] for note in notes if _CONTRADICT in note]
+
+
+def undetermined_units(notes: Sequence[Note]) -> list[str]:
+    """Names of the units whose mount has no determined heading."""
+    return [note.subject for note in notes if note.code == "heading_undetermined"]

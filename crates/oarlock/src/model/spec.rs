@@ -59,9 +59,10 @@ const KEYS: [&str; 13] = [
 /// Reads the text; `None` if it is not TOML.
 pub(super) fn read_spec(text: &str, mistakes: &Mistakes) -> Option<Spec> {
     let (table, faults) = DeTable::parse_recoverable(text);
-    for fault in &faults {
+    // What follows the first fault is mostly its echo: a bracket that is not closed gives a hundred.
+    if let Some(fault) = faults.first() {
         let at = fault.span().map_or(0, |span| span.start);
-        mistakes.add(at, format!("not valid TOML: {}{}", fault.message(), syntax_hint(text, at)));
+        mistakes.add(at, format!("not valid TOML: {}{}", fault.message(), syntax_hint(fault.message(), text, at)));
     }
     if !faults.is_empty() {
         return None;
@@ -119,22 +120,28 @@ fn check_format(whole: &Section) {
     }
 }
 
-/// Keys of other formats, and the ones to use instead.
-fn syntax_hint(text: &str, at: usize) -> &'static str {
+/// What was probably meant at a fault of TOML: a repeated table, a decimal comma, an expression without quotes.
+fn syntax_hint(message: &str, text: &str, at: usize) -> &'static str {
     let (Some(before), Some(after)) = (text.get(..at), text.get(at..)) else {
         return "";
     };
-    let before = before.trim_end_matches(' ').chars().next_back();
-    let mut after = after.trim_start_matches(' ').chars();
-    let (next, second) = (after.next(), after.next());
-    let digit = |c: Option<char>| c.is_some_and(|c| c.is_ascii_digit());
-    match (before, next) {
-        (_, Some(',')) if digit(before) && digit(second) => ". Decimals are written with a point: 0.52",
-        (Some('=' | ',' | '['), Some(c)) if c.is_alphanumeric() || "-+(".contains(c) => {
-            ". Texts, names and expressions stand in quotes: \"l_b/2\""
-        }
-        _ => "",
+    if message.starts_with("duplicate key") {
+        return ". A table that comes several times has two brackets: [[joint]]";
     }
+    let start = before.rfind('\n').map_or(0, |end| end + 1);
+    let line = text[start..].lines().next().unwrap_or("");
+    let decimal = |three: &[u8]| three[0].is_ascii_digit() && three[1] == b',' && three[2].is_ascii_digit();
+    let of_commas = message.contains("comma") || message.contains("newline") || after.starts_with(',');
+    if of_commas && line.as_bytes().windows(3).any(decimal) {
+        return ". Decimals are written with a point: 0.52";
+    }
+    let value = before.trim_end_matches(' ').ends_with(['=', ',', '[']);
+    let begins = after.trim_start_matches(' ').starts_with(|c: char| c.is_alphanumeric() || "-+(".contains(c));
+    let computed = message.contains("invalid") && line.contains(['*', '/', '(']);
+    if computed || (value && begins) {
+        return ". Texts, names and expressions stand in quotes: \"l_b/2\"";
+    }
+    ""
 }
 
 /// The name of a table of `[[...]]`; empty after a mistake.

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from oarlock.calibration.session.body import BodyKinematics
-from oarlock.calibration.session.unit_rows import UnitRows, common
+from oarlock.calibration.session.unit_rows import WINDOW_S, UnitRows, common, joined
 from oarlock.calibration.static.pose_mounts import Span, calibrate_pose, rest_posture
 from oarlock.calibration.static.sagittal_signs import facing
 from oarlock.calibration.static.two_hinges import two_hinges
@@ -44,6 +44,8 @@ NORTH_STD_RAD = float(np.radians(15.0))
 UNKNOWN_STD_RAD = float(np.pi / np.sqrt(3.0))
 """Of a heading that may be any."""
 LEAST_STILL_S = 0.5
+SWAY_RAD_S = 0.05
+"""Mean rate over a quarter of a second that a person who stands still reaches by sway (Winter 1995: 1 to 3 deg/s)."""
 PARTS = 8
 EITHER_WAY = "movement, either way"
 
@@ -254,8 +256,22 @@ def _headings(standing: _Standing, swings: Mapping[str, _Swing]) -> dict[str, _H
 
 def _first_still(recording: Recording, names: Iterable[str]) -> Span | None:
     """The first stretch in which all units are still; without one `calibrate_pose` says why."""
-    stills = common([UnitRows.of(_unit(recording, name)).still(worn=True) for name in names])
+    units = [UnitRows.of(_unit(recording, name)) for name in names]
+    stills = common(
+        [[part for span in unit.still(worn=True) for part in _settled(unit, span)] for unit in units]
+    )
     return next(((start, end) for start, end in stills if end - start >= LEAST_STILL_S), None)
+
+
+def _settled(unit: UnitRows, span_s: Span) -> list[Span]:
+    """Parts of a still stretch without its slow turns, which scatter as little as rest but would bias the gyroscope."""
+    rows = unit.rows(span_s)
+    time_s, gyro = unit.time_s[rows], unit.gyro[rows]
+    block = ((time_s - time_s[0]) / WINDOW_S).astype(int)
+    means = np.stack([np.bincount(block, gyro[:, k]) / np.bincount(block) for k in range(3)], axis=1)
+    settled = np.linalg.norm(means - np.median(means, axis=0), axis=1) <= SWAY_RAD_S
+    starts_s = time_s[0] + WINDOW_S * np.arange(len(means) + 1)
+    return joined([(starts_s[k], min(starts_s[k + 1], span_s[1])) for k in np.flatnonzero(settled)])
 
 
 def _unit(recording: Recording, name: str) -> ImuStream:

@@ -161,12 +161,10 @@ class JointForces:
         return frozenset(self.units) - unusual
 
     def fits_scale(self, name: str, scale: float) -> bool:
-        """Whether the joints of a unit do not contradict that its gyroscope is to be multiplied by so much."""
+        """Whether the joints of a unit agree better if its gyroscope is multiplied by so much."""
         own = [k for k, joint in enumerate(self.joints) if name in joint]
-        units = {**self.units, name: self.units[name].changed(scale, ("gyro_rad_s",))} if own else {}
-        return not own or sum(self.misfit(k, units) for k in own) < sum(
-            self.misfit(k, self.units) for k in own
-        )
+        units = {**self.units, name: self.units[name].changed(scale, ("gyro_rad_s",))}
+        return sum(self.misfit(k, units) for k in own) < sum(self.misfit(k, self.units) for k in own)
 
     def misfit(self, k: int, units: Mapping[str, _GridReadings]) -> float:
         """Of one joint."""

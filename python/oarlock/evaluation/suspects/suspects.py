@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from oarlock.evaluation.suspects.changes import FaultCorrection
 from oarlock.evaluation.suspects.fit import MisfitEvaluator, Spent
 from oarlock.evaluation.suspects.joint_forces import JointForces, joint_suspects
 from oarlock.evaluation.suspects.rest_gravity import RestGravity
@@ -30,6 +31,9 @@ UNEXPLAINED = 1.5
 """Misfit above which a sensor that contradicts the others is named although no fault explains it."""
 ALONE = 2.5
 """Factor by which the misfit of the others must be smaller without that sensor."""
+SCALED_S = 6.0
+"""Duration of the part that the filter tests for a scale, s. For single units of `arm7` without an encoder the right
+scale lowers the misfit in each case over 6 s, but not over 1 s."""
 
 
 def find_suspects(
@@ -46,6 +50,8 @@ def find_suspects(
 
     Units are compared first: a gyroscope with the magnetic field or the mean force of its own unit, then the force
     at each joint as both of its units read it, with clocks, axes, signs, mounts and biases changed until they agree.
+    The scale of a gyroscope must also lower the misfit of its joints; without a joint to another unit, the misfit of a
+    filter over 6 s: the acceleration of a swing turns the mean force too.
     If nothing is found, a filter tracks the second with the most movement, which expects the usual errors of real
     recordings: mounts 5 deg off, soft tissue, nearby iron. If the misfit is large, the second is tracked again with
     each of about a hundred faults corrected. The fault is reported whose correction gives a usual misfit and a smaller
@@ -79,12 +85,13 @@ def find_suspects(
     spent = Suspect(
         (), "unfinished", f"the search for faults ended after {budget_s:g} s, before it had tried all."
     )
+    judge = MisfitEvaluator(model, still, config.closures if config is not None else True, end_s)
     with shown(progress, "searching for faults"):
-        units, agreeing, is_whole = _by_units(
-            model, known, still, {f.sensor for f in findings}, lambda: time.monotonic() > end_s
-        )
         try:
-            by_tracking = units or _by_tracking(model, known, still, config, seconds, (end_s, agreeing))
+            units, agreeing, is_whole = _by_units(
+                model, known, still, {f.sensor for f in findings}, judge, lambda: time.monotonic() > end_s
+            )
+            by_tracking = units or _by_tracking(model, known, still, judge, seconds, agreeing)
         except Spent:
             by_tracking, is_whole = [], False
     named = {name for suspect in by_tracking if suspect.fault != "untold" for name in suspect.streams}
@@ -97,16 +104,23 @@ def _by_units(
     recording: Recording,
     calibration: Calibration | None,
     faulty: set[str],
+    judge: MisfitEvaluator,
     spent: Callable[[], bool],
 ) -> tuple[list[Suspect], frozenset[str], bool]:
     """What units show of themselves and of each other; which agree with their neighbours; and whether all was tried."""
-    sound = [s for s in recording if isinstance(s, ImuStream) and s.name not in faulty]
+    plausible = [s for s in recording if s.name not in faulty]
+    sound = [s for s in plausible if isinstance(s, ImuStream)]
     faults = [fault for unit in sound if (fault := own_suspect(unit)) is not None]
     whole = JointForces.of(model, Recording(sound), calibration) if faults else None
     own = [
         suspect
         for suspect, scale in faults
-        if suspect.fault != "scale" or whole is None or whole.fits_scale(suspect.streams[0], scale)
+        if suspect.fault != "scale"
+        or (
+            whole.fits_scale(suspect.streams[0], scale)
+            if whole is not None and any(suspect.streams[0] in joint for joint in whole.joints)
+            else _lowers_misfit(judge, Recording(plausible), suspect.streams[0], scale)
+        )
     ]
     unknown = undetermined_mounts(calibration)
     others = [
@@ -121,6 +135,17 @@ def _by_units(
     return [*own, *joints], agreeing, is_whole
 
 
+def _lowers_misfit(judge: MisfitEvaluator, recording: Recording, name: str, scale: float) -> bool:
+    """Whether the model follows the readings better with the rates of one unit times `scale`."""
+    start_s, _ = most_motion(recording, SCALED_S)
+    part = on_grid(recording, start_s, SCALED_S, RATE_HZ)
+    if part is None:
+        return False
+    scaled = FaultCorrection("scale", (name,), "", fields=("gyro_rad_s",), matrix=scale).applied(part)
+    before, after = judge.misfits([part, scaled])
+    return after.total < before.total
+
+
 def _known(model: Model, recording: Recording) -> Recording | None:
     """The streams for which the model has a sensor or input joint."""
     names = {*model.sensor_names, *(joint.name for joint in model.describe().inputs)}
@@ -132,12 +157,11 @@ def _by_tracking(
     model: Model,
     recording: Recording,
     calibration: Calibration | None,
-    config: Config | None,
+    judge: MisfitEvaluator,
     seconds: float,
-    limits: tuple[float, frozenset[str]],
+    agreeing: frozenset[str],
 ) -> list[Suspect]:
-    """`limits`: when the search ends, s, and units that are not suspected."""
-    end_s, agreeing = limits
+    """`agreeing`: units that are not suspected."""
     comparable = [name for name in recording.names if name not in undetermined_mounts(calibration)]
     if not comparable:
         return []
@@ -146,7 +170,6 @@ def _by_tracking(
     grids = [on_grid(recording, start_s, seconds, rate) for rate in (RATE_HZ, SCREEN_HZ)]
     if grids[0] is None or grids[1] is None:
         return []
-    judge = MisfitEvaluator(model, calibration, config.closures if config is not None else True, end_s)
     gravity = RestGravity.of(model, recording, calibration)
     outcome = search(judge, Second(model, grids[0], grids[1], gravity, agreeing))
     return _suspects_of(outcome, start_s, motion_score)
