@@ -89,8 +89,7 @@ def _write_angles(track: Track, angles: list[dict[str, Any]]) -> None:
     from oarlock.movement.ranges import CAUSES
     from oarlock.report.viewer.sides import side_of
 
-    well: dict[str, list[str]] = {}
-    badly: dict[str, list[str]] = {}
+    spans: dict[str, dict[str, list[str]]] = {"": {}}
     unusable: list[str] = []
     for one in angles:
         side, stem = side_of(one["name"])
@@ -101,24 +100,21 @@ def _write_angles(track: Track, angles: list[dict[str, Any]]) -> None:
         span = f"{side[:1].upper()} {ends} (range {one['range_deg']:.0f}{band}{where})".strip()
         if one["doubt"] == CAUSES[UNDETERMINED]:
             unusable.append(f"{name} {side[:1].upper()}".strip())
-        elif one["doubt"]:
-            badly.setdefault(one["doubt"], []).append(f"{name} {span}")
         else:
-            well.setdefault(name, []).append(span)
-    pairs(
-        [
-            (name, ", ".join(sorted(spans, key=lambda span: span[:1], reverse=True)))
-            for name, spans in list(well.items())[:MOST_LINES]
+            spans.setdefault(one["doubt"], {}).setdefault(name, []).append(span)
+    for doubt, by_name in spans.items():
+        if doubt:
+            say(f"not measured well, {doubt}:")
+        rows = [
+            (name, ", ".join(sorted(own, key=lambda span: span[:1], reverse=True)))
+            for name, own in by_name.items()
         ]
-    )
-    if len(well) > MOST_LINES:
-        say(f"and {len(well) - MOST_LINES} more in the report")
-    for doubt, spans in badly.items():
-        more = f" and {len(spans) - MOST_LINES} more" if len(spans) > MOST_LINES else ""
-        say(f"not measured well, {doubt}: {', '.join(spans[:MOST_LINES])}{more}")
+        pairs(rows[:MOST_LINES])
+        if len(rows) > MOST_LINES:
+            say(f"and {len(rows) - MOST_LINES} more in the report")
     if unusable:
         say(f"not usable, {CAUSES[UNDETERMINED]}: {', '.join(dict.fromkeys(unusable))}")
-    if well or badly:
+    if any(spans.values()):
         say(f"{_meaning(movement_of(track))}; +-: half of the 95 % interval of the range", style="dim")
     if not angles:
         say("No angle moved by 5 deg or more.")
