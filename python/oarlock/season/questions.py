@@ -273,7 +273,7 @@ def trend(
         change = None
         if row["low"] is not None:
             change = Change(**{key: row[key] for key in ("per_month", "low", "high", "change", "changed")})
-        notes = [*_notes(database, months.num_rows), *beside]
+        notes = [*_notes(database, months.num_rows), *_rate_notes(column, months), *beside]
         return Trend(athlete, column, comparable, months, change, notes)
 
 
@@ -304,6 +304,19 @@ def one_class(database: Database) -> str:
     return first
 
 
+def _rate_notes(metric: str, months: pa.Table) -> list[str]:
+    """To which rate the means of months are brought."""
+    rows = [row for row in months.to_pylist() if row["rate"] is not None]
+    strokes = sum(row["strokes"] for row in rows)
+    if metric == "rate_per_min" or not strokes:
+        return []
+    usual = sum(row["strokes"] * row["rate"] for row in rows) / strokes
+    return [
+        f"Means are brought to the usual rate of about {usual:.0f} strokes a minute, with the slope inside of "
+        "sessions; the question `sessions` has them as they were."
+    ]
+
+
 def _notes(database: Database, months: int) -> list[str]:
     notes = []
     if months < MONTHS_FOR_CHANGE:
@@ -313,6 +326,10 @@ def _notes(database: Database, months: int) -> list[str]:
     if len(boats) > 1:
         names = ", ".join(row["boat"] for row in boats)
         notes.append(f"Rowed in several boats: {names}. Choose one with --boat.")
+    devices = database.rows(f"SELECT DISTINCT device {done} AND device IS NOT NULL ORDER BY device")
+    if len(devices) > 1:
+        names = ", ".join(row["device"] for row in devices)
+        notes.append(f"Measured by several kinds of device, whose numbers may mean different things: {names}.")
     rigs = database.rows(
         f"SELECT boat, rig, strftime(min(started), '%Y-%m-%d') AS day {done} AND rig IS NOT NULL "
         "GROUP BY boat, rig QUALIFY row_number() OVER (PARTITION BY boat ORDER BY min(started)) > 1 ORDER BY day"
