@@ -329,7 +329,9 @@ def _notes(database: Database, months: int) -> list[str]:
     devices = database.rows(f"SELECT DISTINCT device {done} AND device IS NOT NULL ORDER BY device")
     if len(devices) > 1:
         names = ", ".join(row["device"] for row in devices)
-        notes.append(f"Measured by several kinds of device, whose numbers may mean different things: {names}.")
+        notes.append(
+            f"Measured by several kinds of device, whose numbers may mean different things: {names}."
+        )
     rigs = database.rows(
         f"SELECT boat, rig, strftime(min(started), '%Y-%m-%d') AS day {done} AND rig IS NOT NULL "
         "GROUP BY boat, rig QUALIFY row_number() OVER (PARTITION BY boat ORDER BY min(started)) > 1 ORDER BY day"
