@@ -242,4 +242,4 @@ def test_an_arm_in_one_command_against_the_vendor(tmp_path):
         assert np.degrees(np.median(off_rad)) < bound_deg, name
         assert np.mean(off_rad < 1.96 * angles[name].std_rad) > coverage, name
     assert not [note for note in track.notes if "beyond its range" in note]
-    assert [note for note in track.notes if "one ball in place of elbow_flexion_r" in note]
+    assert [note for note in track.notes if "elbow_pronation_r are one ball" in note]

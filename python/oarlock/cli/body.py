@@ -52,24 +52,6 @@ def body_of(
     return Body(body, " ".join(words), model, set_ or {})
 
 
-def sized_body(
-    *,
-    model: ModelName,
-    set_: dict[str, float] | None = None,
-    stature_m: float | None = None,
-    mass_kg: float | None = None,
-) -> Body:
-    """The model with these parameters and lengths of a person.
-
-    Args:
-        model: name of a shipped model, or a model file.
-        set_: a model parameter, e.g. l_ua_r=0.31 (SI). Repeatable.
-        stature_m: standing height, m: sets the lengths of a body, e.g. 1.78.
-        mass_kg: mass, kg, with --stature-m: sets the radii of limbs, e.g. 74.
-    """
-    return body_of(model=model, set_=set_, stature_m=stature_m, mass_kg=mass_kg)
-
-
 def with_loose_joints(body: Model, balls: Sequence[str], plays: Sequence[str]) -> Model:
     """The model with balls in place of pairs of hinges, and with play of hinges, `knee_flexion_r=3` (deg)."""
     from oarlock.model.ball_joint import with_ball_joint

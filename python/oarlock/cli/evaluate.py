@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 
 import typer
 
-from oarlock.cli.markers import mapping
+from oarlock.cli.markers import frames_by_marker
 from oarlock.cli.tables import write_evaluation, write_marker_evaluation
 from oarlock.cli.terminal import UsageError
 from oarlock.cli.verbs import command
@@ -85,7 +85,7 @@ def _pairs(frames: str | None, attachments: Path | None) -> dict[str, str] | tup
         raise UsageError("give --frames or --attachments, not both")
     if attachments is not None:
         return load_attachments(attachments)
-    return None if frames is None else mapping(frames, "--frames")
+    return None if frames is None else frames_by_marker(frames)
 
 
 def truth_folder(folder: Path) -> Path:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import typer
 
 from oarlock.cli.show import show_document
-from oarlock.cli.terminal import UsageError, heading, output_folder, progress, say, table
-from oarlock.cli.verbs import NewFile, NewFolder, command
+from oarlock.cli.terminal import heading, output_folder, progress, say, table
+from oarlock.cli.verbs import NewFile, NewFolder, command, text_assignments
 
 if TYPE_CHECKING:
     from oarlock.cli.body import Body as SizedBody
@@ -118,7 +118,7 @@ def attach(
     """
     from oarlock.markers import attach_markers, save_attachments
 
-    attachments = attach_markers(model.model, file.load(), mapping(frames, "--frames"), posture or {})
+    attachments = attach_markers(model.model, file.load(), frames_by_marker(frames), posture or {})
     save_attachments(attachments, out)
     return {
         "attachments": [
@@ -254,21 +254,10 @@ def _body_row(body: BodyFit) -> dict[str, Any]:
     }
 
 
-def mapping(text: str, flag: str) -> dict[str, str]:
-    """`"LELB=l_elbow,LWRI=l_wrist"` as a dictionary; a marker's name may have `=`.
-
-    Raises:
-        UsageError: a part is not MARKER=FRAME, or a marker comes twice.
-    """
-    frames: dict[str, str] = {}
-    for part in (part.strip() for part in text.split(",") if part.strip()):
-        marker, equals, frame = (piece.strip() for piece in part.rpartition("="))
-        if not (marker and equals and frame):
-            raise UsageError(f"{flag} {part}: expected MARKER=FRAME, for example {flag} LELB=l_elbow")
-        if marker in frames:
-            raise UsageError(f"{flag}: {marker} is given twice")
-        frames[marker] = frame
-    return frames
+def frames_by_marker(text: str) -> dict[str, str]:
+    """What `--frames` says: `"LELB=l_elbow,LWRI=l_wrist"` as a dictionary."""
+    parts = [part.strip() for part in text.split(",") if part.strip()]
+    return text_assignments(parts, "--frames", "LELB=l_elbow", "MARKER=FRAME")
 
 
 def _show_gaps(gaps: list[dict[str, Any]]) -> None:

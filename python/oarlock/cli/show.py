@@ -85,7 +85,7 @@ def label(name: str) -> str:
 
 
 def value_text(value: Any, factor: float = 1.0) -> str:
-    """A value for people: numbers with four digits, times to the minute, `-` for none."""
+    """A value for people: numbers with three digits, times to the minute, nothing for none."""
     if value is None or value == "":
         return ""
     if isinstance(value, bool):

@@ -1,7 +1,7 @@
 """Makes verbs of functions: arguments, options and their help come from signature and docstring, JSON from the result.
 
 Parameters before `*` are arguments, the others options: `still_s` is `--still-s`, `with_` is `--with`. What a parameter
-is read from depends on its annotation (`KINDS`): a `Track` is a folder, `tuple[str, ...]` names behind commas. One
+is read from depends on its annotation (`KINDS`): a `Recording` is a folder, `tuple[str, ...]` names behind commas. One
 whose annotation is in `GROUPS` has several options. What the function returns is printed, by `show` or as JSON.
 """
 
@@ -19,7 +19,7 @@ from typing import Annotated, Any, TypeVar
 
 import typer
 
-from oarlock.cli.show import show_document
+from oarlock.cli.show import UNITS, show_document
 from oarlock.cli.terminal import (
     EXIT_DATA,
     QUIET,
@@ -99,17 +99,19 @@ def assignments(
     return numbers
 
 
-def text_assignments(texts: Sequence[str] | None, flag: str, sample: str) -> dict[str, str]:
-    """`["back=65577B49"]` as `{"back": "65577B49"}`; `sample` is for the error messages.
+def text_assignments(
+    texts: Sequence[str] | None, flag: str, sample: str, form: str = "NAME=VALUE"
+) -> dict[str, str]:
+    """`["back=65577B49"]` as `{"back": "65577B49"}`: a name may have `=`; `sample` and `form` are for errors.
 
     Raises:
-        UsageError: a text is not NAME=VALUE, or a name comes twice.
+        UsageError: a text is not of this form, or a name comes twice.
     """
     values: dict[str, str] = {}
     for text in texts or ():
-        name, equals, value = (part.strip() for part in text.partition("="))
+        name, equals, value = (part.strip() for part in text.rpartition("="))
         if not (name and equals and value):
-            raise UsageError(f"{flag} {text}: expected NAME=VALUE, for example {flag} {sample}")
+            raise UsageError(f"{flag} {text}: expected {form}, for example {flag} {sample}")
         if name in values:
             raise UsageError(f"{flag}: {name} is given twice")
         values[name] = value
@@ -154,7 +156,6 @@ KINDS: dict[str, Kind] = {
     "NewFile": _FILE,
     "NewFolder": Kind(Path, "FOLDER"),
     "AnyPath": Kind(Path, "FOLDER"),
-    "Track": Kind(Path, "TRACK", _loaded("oarlock:load_track")),
     "Recording": Kind(Path, "RECORDING", _loaded("oarlock:load_recording")),
     "Recording | AnyPath": Kind(Path, "PATH"),
     "Calibration": Kind(Path, "FILE", _loaded("oarlock:load_calibration")),
@@ -175,12 +176,11 @@ KINDS: dict[str, Kind] = {
     "Span": Kind(tuple[float, float], "START END"),
     "Span | Mapping[str, Span]": Kind(tuple[float, float], "START END"),
     "Progress": Kind(None),
-    "Unpack[Settings]": Kind(None),
 }
 """By annotation, without `| None`."""
 GROUPS = {
     "Body": "oarlock.cli.body:body_of",
-    "SizedBody": "oarlock.cli.body:sized_body",
+    "SizedBody": "oarlock.cli.body:body_of",
     "MarkerSource": "oarlock.cli.markers:marker_source",
     "Session": "oarlock.cli.session_options:session_of",
     "ScanRequest": "oarlock.cli.live_scan:scan_request",
@@ -188,23 +188,11 @@ GROUPS = {
     "Selection": "oarlock.cli.season:selection_of",
 }
 """By annotation: a function whose parameters are options and whose result is the argument."""
+LEFT_OUT = {"SizedBody": ("sensors",)}
+"""By annotation: parameters of the group's function that are no options."""
 SMALLEST = {"jobs": 1}
 """Bounds of whole numbers, by name."""
 SHORT = {"model": ("-m",), "out": ("-o",), "attachments": ("-a",), "format": ("-f",)}
-UNITS = {
-    "rad_s": "RAD/S",
-    "m_s2": "M/S2",
-    "s": "S",
-    "hz": "HZ",
-    "m": "M",
-    "kg": "KG",
-    "rad": "RAD",
-    "deg": "DEG",
-    "spm": "SPM",
-    "ut": "UT",
-    "ppm": "PPM",
-    "ms": "MS",
-}
 
 
 def kind_of(annotation: str) -> Kind:
@@ -225,14 +213,10 @@ def kind_of(annotation: str) -> Kind:
     return KINDS[annotation]
 
 
-def metavar_of(name: str, kind: Any, default: str = "") -> str | None:
-    """Placeholder of a value: the unit at the end of the name, else by kind; None for a flag."""
-    unit = next((unit for end, unit in UNITS.items() if f"_{name}".endswith(f"_{end}")), None)
-    return (
-        (unit if kind is float else None)
-        or default
-        or {float: "X", int: "N", str: "NAME", Path: "FILE"}.get(kind)
-    )
+def unit_placeholder(name: str) -> str:
+    """`RAD/S` of `gyro_bias_rad_s`, `X` of a name without a unit."""
+    unit = next((end for end in UNITS if f"_{name}".endswith(f"_{end}")), "x")
+    return unit.replace("_", "/").upper()
 
 
 # --- options of a function ----------------------------------------------------------------------------
@@ -274,7 +258,9 @@ class Option:
     def parameter(self) -> Parameter:
         """For typer."""
         kind = kind_of(self.annotation)
-        metavar = self.metavar or metavar_of(self.name, kind.type, kind.metavar)
+        metavar = (
+            self.metavar or kind.metavar or (unit_placeholder(self.name) if kind.type is float else None)
+        )
         low, high = self.bounds
         low = SMALLEST.get(self.name) if low is None else low
         place: Any
@@ -329,6 +315,12 @@ class FunctionText:
             is_argument = parameter.kind is not Parameter.KEYWORD_ONLY
             options.append(Option(name, annotation, default, _entry(doc, name), is_argument))
         return cls(tuple(options), doc, lambda: function)
+
+    @classmethod
+    def of_group(cls, annotation: str) -> FunctionText:
+        """Of a group of options."""
+        text = cls.of(_imported(GROUPS[annotation]))
+        return replace(text, options=text.only(without=LEFT_OUT.get(annotation, ())))
 
     @classmethod
     def at(cls, place: str) -> FunctionText:
@@ -485,9 +477,7 @@ def add_verb(
     wants = set(signature(function).parameters)
     own = [option for option in text.options if option.name not in ("force", "json_output")]
     groups = {
-        option.name: FunctionText.of(_imported(GROUPS[option.annotation]))
-        for option in own
-        if option.annotation in GROUPS
+        option.name: FunctionText.of_group(option.annotation) for option in own if option.annotation in GROUPS
     }
     spread: list[Option] = []
     for option in own:
