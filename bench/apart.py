@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 import oarlock
 from oarlock import rowing
+from oarlock.storage.arrays import Floats
 
-Floats = NDArray[np.float64]
 Stream = oarlock.recording.ImuStream | oarlock.recording.ScalarStream
 
 RATES_HZ = {

@@ -14,6 +14,7 @@ LAB = ROOT / "lab/oarlock_lab"
 # A room may use those before it, never one behind it. "" is the public face, `oarlock/__init__.py`. Modules of plain
 # data that the engine takes, returns or raises stand before it, apart from their room.
 LAYERS = (
+    "storage.arrays",
     "storage.errors",
     "storage.suggest",
     "model.description",
@@ -58,7 +59,6 @@ ROWING_OWN = (
     "oarlock.rowing",
     "oarlock.storage",
     "oarlock.live",
-    "oarlock.evaluation.distributions",
     "oarlock.simulation.motion",
     "oarlock.model.edit",
     "oarlock.model.jacobians",

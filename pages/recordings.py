@@ -16,9 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import oarlock
+from oarlock.storage.arrays import Floats
 from oarlock.tracking.track import joint_units
-
-Floats = NDArray[np.float64]
 
 UNITS = ("back", "r_upperarm", "r_forearm", "l_upperarm", "l_forearm")
 ENCODERS = ("seat", "r_oar_phi", "r_oar_alpha", "l_oar_phi", "l_oar_alpha")

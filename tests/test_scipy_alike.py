@@ -6,7 +6,7 @@ from scipy import signal, special, stats
 from scipy.spatial.transform import Rotation
 
 from oarlock.calibration.static.inclination import _turn
-from oarlock.evaluation.distributions import (
+from oarlock.storage.statistics import (
     chi2_quantile,
     f_tail,
     range_quantile,

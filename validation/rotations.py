@@ -1,11 +1,9 @@
 """Quaternions w first, as files and results hold them, to scipy's rotations and back."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from oarlock.storage.arrays import Bools, Floats
 
 AXES = {"x": 0, "y": 1, "z": 2}
 

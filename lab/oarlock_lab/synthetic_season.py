@@ -15,7 +15,6 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from oarlock import _core
@@ -29,6 +28,7 @@ from oarlock.season.athletes import PSEUDONYM_LENGTH, PSEUDONYM_LETTERS, Athlete
 from oarlock.season.object_storage import open_storage
 from oarlock.season.records import SEASON_FILE, STROKES_FILE, RunRecord, Setup
 from oarlock.season.store import Season, open_season
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
 _DEG = pi / 180.0
@@ -228,7 +228,6 @@ def plan(seed: int, squad: Sequence[SyntheticAthlete], recordings: int, classes:
     return found
 
 
-Floats = NDArray[np.float64]
 UNITS: Final = ("seat", "trunk", "oar")
 RAW_S: Final = 2.0
 _RAW_HZ: Final = 50.0

@@ -11,8 +11,8 @@ from scipy.spatial import ConvexHull
 
 import oarlock
 from oarlock import rowing
+from oarlock.storage.arrays import Floats
 
-Floats = NDArray[np.float64]
 FRAMES = 40
 STROKE_S = 2.5
 BEGIN_S = 4.0

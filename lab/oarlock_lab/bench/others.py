@@ -18,8 +18,9 @@ from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
 
+from oarlock.storage.arrays import Floats
 from oarlock_lab.bench import with_biorbd
-from oarlock_lab.bench.problem import BenchProblem, Floats, sculling
+from oarlock_lab.bench.problem import BenchProblem, sculling
 from oarlock_lab.bench.unscented import filterpy_run, jax_run, numpy_run
 
 Run = Callable[[], Floats]

@@ -10,7 +10,8 @@ from typing import Final
 
 import numpy as np
 
-from oarlock_lab.bench.problem import ESTIMATES, WARM, BenchProblem, Floats
+from oarlock.storage.arrays import Floats
+from oarlock_lab.bench.problem import ESTIMATES, WARM, BenchProblem
 
 FILTERS: Final = ("ukf", "ekf", "factorised")
 BARE: Final = "bare_ukf"

@@ -7,14 +7,13 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.model.description import ModelDescription
+from oarlock.storage.arrays import Floats
 
 if TYPE_CHECKING:
     from oarlock import Config, Model, Recording, Tracker
 
-Floats = NDArray[np.float64]
 
 RATE_HZ: Final = 125.0
 WARM: Final = 100

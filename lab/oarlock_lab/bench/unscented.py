@@ -9,8 +9,9 @@ import numpy as np
 from scipy import linalg
 
 from oarlock.model.description import ModelDescription
+from oarlock.storage.arrays import Floats
 from oarlock_lab.bench.plain_kinematics import Array, PlainKinematics
-from oarlock_lab.bench.problem import RATE_HZ, WARM, BenchProblem, Floats
+from oarlock_lab.bench.problem import RATE_HZ, WARM, BenchProblem
 
 
 class SigmaFilter:

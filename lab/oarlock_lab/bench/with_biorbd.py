@@ -14,7 +14,8 @@ from typing import Final
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from oarlock_lab.bench.problem import RATE_HZ, BenchProblem, Floats
+from oarlock.storage.arrays import Floats
+from oarlock_lab.bench.problem import RATE_HZ, BenchProblem
 
 # name, parent, axes of its hinges
 _CHAIN: Final = (

@@ -11,7 +11,7 @@ from oarlock import Recording, Track, simulate
 from oarlock.live.simulated_devices import at_zero
 from oarlock.model.description import JointDescription
 from oarlock.simulation import Motion
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
 if TYPE_CHECKING:
@@ -53,8 +53,8 @@ def swinging(
 
 
 def _swings(
-    joint: JointDescription, time_s: FloatArray, rng: np.random.Generator
-) -> Iterator[tuple[str, FloatArray]]:
+    joint: JointDescription, time_s: Floats, rng: np.random.Generator
+) -> Iterator[tuple[str, Floats]]:
     rest = np.atleast_1d(joint.rest)
     for k, (name, middle) in enumerate(zip(joint.coordinates, rest, strict=True)):
         is_place = joint.kind == "slide" or (joint.kind == "free" and k < 3)

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from oarlock.storage.arrays import Floats
+
 Row = dict[str, Any]
 Mark = Literal["", "met", "missed"]
 Verdict = Literal["holds", "holds in part", "does not hold", "not checked"]

@@ -18,8 +18,9 @@ from oarlock.rowing.simulation import paper
 from oarlock.rowing.simulation.experiment import simulate_sculling
 from oarlock.simulation import Motion
 from oarlock.simulation.simulate import simulate
+from oarlock.storage.arrays import Floats
 from oarlock.storage.progress import Told
-from oarlock_lab.reproduce.contents import Cell, Chart, Floats, PaperPart, Row, Table, shown
+from oarlock_lab.reproduce.contents import Cell, Chart, PaperPart, Row, Table, shown
 
 RATE_HZ = 125.0
 _HEAD = """

@@ -17,19 +17,10 @@ from oarlock.rowing.field.trial import simulate_field
 from oarlock.rowing.simulation import paper
 from oarlock.rowing.simulation.experiment import simulate_sculling
 from oarlock.rowing.simulation.simulators import SIMULATORS
+from oarlock.storage.arrays import Floats
 from oarlock.storage.progress import Told, share
 from oarlock.studies import Study, StudyResult
-from oarlock_lab.reproduce.contents import (
-    Cell,
-    Claim,
-    Floats,
-    PaperPart,
-    Row,
-    Table,
-    Verdict,
-    finite_mean,
-    shown,
-)
+from oarlock_lab.reproduce.contents import Cell, Claim, PaperPart, Row, Table, Verdict, finite_mean, shown
 from oarlock_lab.reproduce.table5 import ELEVEN, ESTIMATORS
 from oarlock_lab.reproduce.table6 import POINTS
 

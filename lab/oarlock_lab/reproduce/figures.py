@@ -12,7 +12,8 @@ from oarlock import Track, load_model
 from oarlock.evaluation import Evaluation
 from oarlock.rowing.simulation import paper
 from oarlock.rowing.simulation.experiment import simulate_sculling
-from oarlock_lab.reproduce.contents import EstimateCurve, Floats, PaperPart, Row, shown
+from oarlock.storage.arrays import Floats
+from oarlock_lab.reproduce.contents import EstimateCurve, PaperPart, Row, shown
 from oarlock_lab.reproduce.table6 import NOT_PUBLIC, RATE_HZ, TrackedTrial, marker_at
 
 SHOWN_S = 12.0

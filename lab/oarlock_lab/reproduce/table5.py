@@ -12,9 +12,10 @@ from oarlock import load_model
 from oarlock.evaluation.study.pool import all_rows
 from oarlock.rowing.simulation import paper
 from oarlock.rowing.simulation.simulators import SIMULATORS
+from oarlock.storage.arrays import Floats
 from oarlock.storage.progress import Told
 from oarlock.studies import Study, StudyResult
-from oarlock_lab.reproduce.contents import Cell, Floats, Mark, PaperPart, Table, finite_mean, shown, spread
+from oarlock_lab.reproduce.contents import Cell, Mark, PaperPart, Table, finite_mean, shown, spread
 
 ARM = ("shoulder_abduction", "shoulder_rotation", "shoulder_flexion", "elbow_flexion", "elbow_rotation")
 ELEVEN = ("trunk", *(f"{side}_{joint}" for side in ("r", "l") for joint in ARM))

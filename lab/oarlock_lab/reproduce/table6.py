@@ -17,8 +17,9 @@ from oarlock.evaluation.markers.trajectories import Markers
 from oarlock.rowing.field.effects import FieldEffects
 from oarlock.rowing.field.trial import simulate_field
 from oarlock.rowing.simulation import paper
+from oarlock.storage.arrays import Floats
 from oarlock.storage.progress import Told
-from oarlock_lab.reproduce.contents import Cell, Floats, PaperPart, Row, Table, finite_mean, shown, spread
+from oarlock_lab.reproduce.contents import Cell, PaperPart, Row, Table, finite_mean, shown, spread
 
 NO_BAND_M = 1e-9
 

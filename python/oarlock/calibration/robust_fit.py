@@ -10,25 +10,25 @@ from collections.abc import Callable
 
 import numpy as np
 
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 TURNS = 30
 ROUNDING = 1e-12
 HALVINGS = 8
 
-Linearised = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-Loss = Callable[[FloatArray], tuple[float, FloatArray]]
+Linearised = Callable[[Floats], tuple[Floats, Floats]]
+Loss = Callable[[Floats], tuple[float, Floats]]
 
 
 def robust_fit(
     linearised: Linearised,
-    start: FloatArray,
+    start: Floats,
     loss: Loss,
     *,
-    moved: Callable[[FloatArray, FloatArray], FloatArray] = np.add,
+    moved: Callable[[Floats, Floats], Floats] = np.add,
     damping: float = 0.0,
     converged: float = 1e-8,
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[Floats, Floats]:
     """The estimate and the covariance (n, n) of its steps.
 
     Args:
@@ -58,14 +58,14 @@ def robust_fit(
     return estimate, np.asarray(np.linalg.inv(_information(slopes, weights, damping)), dtype=np.float64)
 
 
-def _information(slopes: FloatArray, weights: FloatArray, damping: float) -> FloatArray:
+def _information(slopes: Floats, weights: Floats, damping: float) -> Floats:
     return np.asarray((slopes * weights[:, None]).T @ slopes + damping * np.eye(slopes.shape[1]))
 
 
 def huber(threshold: float, rows: int = 1) -> Loss:
     """The loss of Huber (1964); the norm of each `rows` consecutive residuals counts as one residual."""
 
-    def loss(residuals: FloatArray) -> tuple[float, FloatArray]:
+    def loss(residuals: Floats) -> tuple[float, Floats]:
         size = np.linalg.norm(residuals.reshape(-1, rows), axis=1)
         inner = np.minimum(size, threshold)
         cost = float((inner * (size - 0.5 * inner)).sum())

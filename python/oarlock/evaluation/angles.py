@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from oarlock.evaluation.errors import true_values
-from oarlock.evaluation.interval import Bools, Floats
 from oarlock.model.angle_sequence import angle_labels, angles_near, near_singular
 from oarlock.model.coordinates import JointPart
 from oarlock.model.rotation import wrap
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.tracking.track import Track
 
 

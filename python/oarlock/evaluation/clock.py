@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 from scipy.signal import correlate, find_peaks
 
-from oarlock.evaluation.interval import Floats
 from oarlock.evaluation.resample import resample
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.even_times import even_times
 

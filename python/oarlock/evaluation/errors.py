@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock._core import Model
-from oarlock.evaluation.interval import Floats, Interval
+from oarlock.evaluation.interval import Interval
 from oarlock.evaluation.resample import resample, resample_rotation
 from oarlock.evaluation.scores import JointScore, PositionScore
 from oarlock.model.coordinates import JointPart, parts
 from oarlock.model.rotation import quat_from_rotvec, rotvec_between, wrap
+from oarlock.storage.arrays import Floats
 from oarlock.storage.progress import Told
 from oarlock.tracking.track import Track
 

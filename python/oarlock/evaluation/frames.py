@@ -17,11 +17,12 @@ from typing import Any
 import numpy as np
 
 from oarlock.evaluation.errors import rms
-from oarlock.evaluation.interval import Bools, Floats, Interval
+from oarlock.evaluation.interval import Interval
 from oarlock.evaluation.orientation_scores import OrientationEvaluation, OrientationScore
 from oarlock.evaluation.reference import Reference
 from oarlock.evaluation.resample import resample_rotation
 from oarlock.model.rotation import quat_from_matrix, quat_inverse, quat_product
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
 from oarlock.tracking.track import Track

@@ -5,13 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.tracking.records import Beliefs, SensorInfo
 from oarlock.tracking.track import Track
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 STAMP_TOLERANCE_S = 1e-9
 """Stamps closer than this are the same instant."""

@@ -15,10 +15,11 @@ from oarlock.evaluation.errors import (
     seen,
     true_values,
 )
-from oarlock.evaluation.interval import Bools, Floats, Interval
+from oarlock.evaluation.interval import Interval
 from oarlock.evaluation.scores import JointScore
 from oarlock.model.coordinates import JointPart, parts
 from oarlock.model.rotation import mean_quat, quat_from_rotvec, quat_inverse, quat_product, rotvec_from_quat
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.tracking.track import Track
 
 

@@ -10,12 +10,13 @@ from scipy.optimize import minimize, minimize_scalar
 from scipy.spatial.transform import Rotation
 
 from oarlock.evaluation.clock import coarse_offset
-from oarlock.evaluation.interval import Bools, Floats, Interval
+from oarlock.evaluation.interval import Interval
 from oarlock.evaluation.marker_scores import MarkerEvaluation, PointScore
 from oarlock.evaluation.markers.attachments import Attachment, attachments_of, check_frames
 from oarlock.evaluation.markers.trajectories import Markers
 from oarlock.evaluation.resample import resample
 from oarlock.model.rotation import matrix_from_quat
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.storage.errors import DataError
 from oarlock.tracking.track import Track
 

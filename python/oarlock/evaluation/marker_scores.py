@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from oarlock.evaluation.interval import Floats
 from oarlock.evaluation.scores import aligned, json_number, plain
+from oarlock.storage.arrays import Floats
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,15 +11,15 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from oarlock.evaluation.consistency import sensor_scores
-from oarlock.evaluation.interval import Bools, Floats, Interval
+from oarlock.evaluation.interval import Interval
 from oarlock.evaluation.joints import joint_scores
 from oarlock.evaluation.scores import Evaluation
 from oarlock.model.chain_geometry import HingeLink, hinge_links, posture
 from oarlock.storage.array_gate import real_array
+from oarlock.storage.arrays import Bools, Floats, Indices
 from oarlock.storage.errors import DataError
 from oarlock.tracking.track import Track, track_without_filter
 
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from oarlock.recording.recording import Recording
 
 Span = tuple[float, float]
-Rows = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +169,7 @@ def _shared_stamps(recording: Recording, names: Sequence[str]) -> Floats:
     return first
 
 
-def _still_rows(time_s: Floats, still_s: object) -> Rows:
+def _still_rows(time_s: Floats, still_s: object) -> Indices:
     if not isinstance(still_s, list | tuple) or len(still_s) != 2:
         raise DataError(
             "orientations: the calibration does not contain the stationary interval from which rotations are counted; "
@@ -204,7 +203,7 @@ def _earth_from_sensor(
 
 
 def _world_from_link(
-    link: HingeLink, unit: Rotation, there: Bools, link_from_sensor: Floats, still: Rows
+    link: HingeLink, unit: Rotation, there: Bools, link_from_sensor: Floats, still: Indices
 ) -> Rotation:
     """Orientation of the link, (T): its posture at rest, rotated by the sensor's rotation since then."""
     resting = still[there[still]]
@@ -215,7 +214,7 @@ def _world_from_link(
     return Rotation.from_matrix(link.world_from_link) * mount * since_rest * mount.inv()
 
 
-def _twist(between: Rotation, link: HingeLink, still: Rows, good: Bools) -> tuple[Floats, Floats]:
+def _twist(between: Rotation, link: HingeLink, still: Indices, good: Bools) -> tuple[Floats, Floats]:
     """Twist about the link's hinge since rest, rad, continuous; and the angle of the rest of the rotation."""
     resting = between[still[good[still]]].mean()
     along, across = _parts(resting.inv() * between, link)

@@ -5,12 +5,10 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
-from oarlock.storage.array_gate import FloatArray, real_array, time_array
+from oarlock.storage.array_gate import real_array, time_array
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.storage.errors import DataError
-
-Bools = NDArray[np.bool_]
 
 LARGEST_NORM_ERROR = 0.01
 """Largest deviation of a quaternion's norm from 1. A larger one means another quantity or a wrong column."""
@@ -33,9 +31,9 @@ class Reference:
     """
 
     source: str
-    time_s: FloatArray
-    quat_wxyz: Mapping[str, FloatArray]
-    position_m: Mapping[str, FloatArray] = field(default_factory=dict)
+    time_s: Floats
+    quat_wxyz: Mapping[str, Floats]
+    position_m: Mapping[str, Floats] = field(default_factory=dict)
     scored: Bools = field(default_factory=lambda: np.ones(0, dtype=np.bool_))
 
     def __post_init__(self) -> None:
@@ -54,7 +52,7 @@ class Reference:
     def _where(self, body: str) -> str:
         return f'{self.source} reference of "{body}"'
 
-    def _rows(self, quantity: str, body: str, values: FloatArray, width: int) -> FloatArray:
+    def _rows(self, quantity: str, body: str, values: Floats, width: int) -> Floats:
         where = f"{self._where(body)}, {quantity}"
         rows = real_array(values, (None, width), where)
         if len(rows) != len(self.time_s):
@@ -87,7 +85,7 @@ class Reference:
         return there
 
 
-def _unit(quat_wxyz: FloatArray, where: str) -> FloatArray:
+def _unit(quat_wxyz: Floats, where: str) -> Floats:
     with np.errstate(over="ignore"):  # an infinite or NaN norm is not 1 either
         norms = np.linalg.norm(quat_wxyz, axis=1)
     gap = np.isnan(quat_wxyz).all(axis=1)
@@ -100,6 +98,6 @@ def _unit(quat_wxyz: FloatArray, where: str) -> FloatArray:
             f"{where}: row {wrong[0]} has a quaternion of norm {norms[wrong[0]]:.4f} ({wrong.size} rows are not "
             "of norm 1). Are these the columns w, x, y, z?"
         )
-    unit: FloatArray = quat_wxyz / norms[:, None]
+    unit: Floats = quat_wxyz / norms[:, None]
     unit.setflags(write=False)
     return unit

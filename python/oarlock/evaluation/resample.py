@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.evaluation.interval import STAMP_TOLERANCE_S, Bools, Floats
+from oarlock.evaluation.interval import STAMP_TOLERANCE_S
 from oarlock.model.rotation import continuous_quat
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.extras import FULL, optional
 

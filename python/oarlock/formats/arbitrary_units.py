@@ -8,7 +8,8 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike
 
-from oarlock.storage.array_gate import FloatArray, real_array
+from oarlock.storage.array_gate import real_array
+from oarlock.storage.arrays import Floats
 
 ARBITRARY = "a.u."
 """How mapping files name the unit."""
@@ -20,7 +21,7 @@ SCALE_KEY = "mag_scale"
 """`Recording.meta[SCALE_KEY][stream]` is the factor, uT per unit of the file."""
 
 
-def scaled_mag(mag: ArrayLike, name: str = "") -> tuple[FloatArray | None, str]:
+def scaled_mag(mag: ArrayLike, name: str = "") -> tuple[Floats | None, str]:
     """The readings in uT, on the assumption that the median of their norms is `NOMINAL_FIELD_UT`.
 
     Only the direction of such readings is measured: the local field is found by `oarlock calibrate field`.

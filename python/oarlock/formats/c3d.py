@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from oarlock.formats.child_process import arrays_of
 from oarlock.formats.marker_table import held_unit, markers_of
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def read_c3d(file: Path, unit: str | None = None) -> Markers:
     return markers_of(file, names, time_s, position.transpose(2, 1, 0).reshape(frames, -1), held)
 
 
-def _unseen(raw: FloatArray, residual: FloatArray) -> Any:
+def _unseen(raw: Floats, residual: Floats) -> Any:
     return (residual < 0.0) | np.isnan(raw).any(axis=0) | (raw == 0.0).all(axis=0)
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.delimited import ColumnLayout, numbers
 from oarlock.storage.errors import DataError
 
@@ -24,7 +24,7 @@ class Places(Sequence[str]):
         return f"{self._layout.file}:{self._lines[row]}, {self._layout.label(self._index)}"
 
 
-def read_columns(layout: ColumnLayout, names: Sequence[str | int]) -> FloatArray:
+def read_columns(layout: ColumnLayout, names: Sequence[str | int]) -> Floats:
     """The columns of these names or numbers from 1, (T, len(names)); NaN where a cell is empty.
 
     Raises:

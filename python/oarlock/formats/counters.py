@@ -6,14 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
 Lost = dict[str, list[float]]
 """As in `recording.packets.META_KEY`: time stamps before lost packets, their number, duration of one packet."""
 
 
-def unwrapped(values: FloatArray, wraps_at: float, places: Sequence[str]) -> FloatArray:
+def unwrapped(values: Floats, wraps_at: float, places: Sequence[str]) -> Floats:
     """The count without wrapping, (T,).
 
     A step back by more than half the modulus is a wrap; a smaller one is not changed. A dropout of more than half the
@@ -41,7 +41,7 @@ def unwrapped(values: FloatArray, wraps_at: float, places: Sequence[str]) -> Flo
 _REGISTERS = (2.0**8, 2.0**16, 2.0**24, 2.0**32)
 
 
-def probable_modulus(values: FloatArray) -> float | None:
+def probable_modulus(values: Floats) -> float | None:
     """The register size (8, 16, 24 or 32 bit) at which a count restarts; None if it does not restart, or not so.
 
     Every step back must be one to three usual steps modulo the register.
@@ -58,7 +58,7 @@ def probable_modulus(values: FloatArray) -> float | None:
     return None
 
 
-def lost_packets(counter: FloatArray, time_s: FloatArray, places: Sequence[str]) -> Lost:
+def lost_packets(counter: Floats, time_s: Floats, places: Sequence[str]) -> Lost:
     """Find jumps of a packet counter, and their sizes.
 
     Args:

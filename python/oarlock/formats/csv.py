@@ -29,7 +29,8 @@ from oarlock.recording.epoch import CLOCK_KEY
 from oarlock.recording.packets import META_KEY
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream, ScalarStream, ScalarUnit, Stream, VectorStream
-from oarlock.storage.array_gate import FloatArray, disorder_text
+from oarlock.storage.array_gate import disorder_text
+from oarlock.storage.arrays import Floats
 from oarlock.storage.delimited import ColumnLayout, numbers
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
@@ -45,7 +46,7 @@ class _CsvColumns:
     layout: ColumnLayout
     stamps: Stamps
     lines: NDArray[np.int64]
-    columns: dict[int, FloatArray]
+    columns: dict[int, Floats]
     unit: TimeUnit
     said: tuple[str, ...]
 
@@ -55,8 +56,8 @@ class _Part:
     """The data of one sensor in one file, on the common clock."""
 
     sensor: SensorColumns
-    time_s: FloatArray
-    fields: dict[str, FloatArray]
+    time_s: Floats
+    fields: dict[str, Floats]
 
 
 def read_csv(mapping_file: str | PathLike[str], folder: str | PathLike[str] | None = None) -> Recording:
@@ -116,7 +117,7 @@ def read_mapped(
     return Recording(streams, meta | dict(scales) | dict(mapping.meta))
 
 
-def _lost(table: _CsvColumns, time_s: FloatArray, counter: Counter) -> Lost:
+def _lost(table: _CsvColumns, time_s: Floats, counter: Counter) -> Lost:
     index = table.layout.index(counter.column)
     places = Places(table.layout, table.lines, index)
     count = table.columns[index]
@@ -159,11 +160,11 @@ def _counted_rows(layout: ColumnLayout, entry: FileMapping, most_rows: int | Non
 
 def _columns(
     layout: ColumnLayout, wanted: Sequence[int], as_text: int, most_rows: int | None
-) -> tuple[list[int], list[str], dict[int, FloatArray]]:
+) -> tuple[list[int], list[str], dict[int, Floats]]:
     """Line numbers, texts of the first column if it is wanted `as_text`, and the other columns by position."""
     lines: list[int] = []
     texts: list[str] = []
-    readings: list[list[FloatArray]] = [[] for _ in wanted]
+    readings: list[list[Floats]] = [[] for _ in wanted]
     for batch in layout.batches(wanted):
         lines += batch.lines
         if as_text:
@@ -177,9 +178,7 @@ def _columns(
     return lines, texts, {i: np.concatenate(r) for i, r in zip(wanted, readings, strict=True) if r}
 
 
-def _without_empty_end(
-    lines: list[int], columns: dict[int, FloatArray]
-) -> tuple[list[int], dict[int, FloatArray]]:
+def _without_empty_end(lines: list[int], columns: dict[int, Floats]) -> tuple[list[int], dict[int, Floats]]:
     """The rows up to the last one that has any number: beside a faster sensor, a slower one's columns end earlier."""
     filled = np.flatnonzero(np.logical_or.reduce([np.isfinite(values) for values in columns.values()]))
     stop = int(filled[-1]) + 1 if filled.size else len(lines)
@@ -200,7 +199,7 @@ def _wanted(layout: ColumnLayout, entry: FileMapping) -> list[int]:
     return list(found)
 
 
-def _check_present(layout: ColumnLayout, index: int, values: FloatArray, lines: list[int]) -> None:
+def _check_present(layout: ColumnLayout, index: int, values: Floats, lines: list[int]) -> None:
     missing = np.flatnonzero(np.isnan(values))
     if missing.size:
         raise DataError(
@@ -209,7 +208,7 @@ def _check_present(layout: ColumnLayout, index: int, values: FloatArray, lines: 
         )
 
 
-def _check_increasing(table: _CsvColumns, time_s: FloatArray, entry: FileMapping) -> None:
+def _check_increasing(table: _CsvColumns, time_s: Floats, entry: FileMapping) -> None:
     if entry.time_column is None:
         return
     late = np.flatnonzero(np.diff(time_s) <= 0.0)
@@ -223,11 +222,11 @@ def _check_increasing(table: _CsvColumns, time_s: FloatArray, entry: FileMapping
         )
 
 
-def _part(sensor: SensorColumns, table: _CsvColumns, time_s: FloatArray) -> _Part:
+def _part(sensor: SensorColumns, table: _CsvColumns, time_s: Floats) -> _Part:
     return _Part(sensor, time_s, {q.field: _readings(q, table) for q in sensor.quantities})
 
 
-def _readings(quantity: Quantity, table: _CsvColumns) -> FloatArray:
+def _readings(quantity: Quantity, table: _CsvColumns) -> Floats:
     raw = np.column_stack([table.columns[table.layout.index(c)] for c in quantity.columns])
     if any(s != 1.0 for s in quantity.scale) or any(o != 0.0 for o in quantity.offset):
         raw = raw * np.array(quantity.scale) + np.array(quantity.offset)
@@ -238,7 +237,7 @@ def _readings(quantity: Quantity, table: _CsvColumns) -> FloatArray:
 
 def _streams(parts: Sequence[_Part]) -> tuple[list[Stream], list[str], Mapping[str, object]]:
     """The streams, sentences on magnetometers in arbitrary units, and the factors of these."""
-    arbitrary: dict[str, FloatArray] = {}
+    arbitrary: dict[str, Floats] = {}
     notes: list[str] = []
     by_name: dict[str, list[_Part]] = {}
     for part in parts:
@@ -274,7 +273,7 @@ def _stream(parts: list[_Part]) -> Stream:
     if first.sensor.kind == "vector":
         return VectorStream(name, time_s, fields["value"])
     unit = "rad" if first.sensor.quantities[0].unit in ANGLE else "m"
-    return ScalarStream(name, time_s, fields["value"], cast(ScalarUnit, unit))
+    return ScalarStream(name, time_s, fields["value"], cast("ScalarUnit", unit))
 
 
 def find_csv(listing: Listing) -> list[FileMatch]:

@@ -13,7 +13,7 @@ from oarlock.formats.counters import probable_modulus, unwrapped
 from oarlock.formats.csv_mapping import FileMapping
 from oarlock.formats.time_units import recognised_unit
 from oarlock.formats.times import COUNTED, SAMPLES, Stamps, relative_stamps
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.delimited import Batch, ColumnLayout, numbers
 from oarlock.storage.errors import DataError
 from oarlock.storage.regular_file import open_text
@@ -64,7 +64,7 @@ def time_unit(layout: ColumnLayout, entry: FileMapping) -> TimeUnit:
 
 
 def counted_stamps(
-    count: FloatArray, found: TimeUnit, entry: FileMapping, places: Sequence[str]
+    count: Floats, found: TimeUnit, entry: FileMapping, places: Sequence[str]
 ) -> tuple[Stamps, tuple[str, ...]]:
     """Time stamps of a count, and a sentence if it wraps and the mapping file does not say so.
 
@@ -90,7 +90,7 @@ def _recognised(layout: ColumnLayout, index: int) -> tuple[str, str]:
     return recognised_unit(header, batch.cells[0], _as_numbers(layout, batch, index), place)
 
 
-def _as_numbers(layout: ColumnLayout, batch: Batch, index: int) -> FloatArray | None:
+def _as_numbers(layout: ColumnLayout, batch: Batch, index: int) -> Floats | None:
     try:
         values = numbers(layout, batch, 0, index)
     except DataError:

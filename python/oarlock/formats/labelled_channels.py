@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from oarlock.formats.arbitrary_units import ARBITRARY, scaled_mag
 from oarlock.formats.table.header import Quantity, channel_of
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.units import to_held_unit
 
 _FIELDS: Mapping[Quantity, str] = {"gyro": "gyro_rad_s", "accel": "accel_m_s2", "mag": "mag_ut"}
@@ -31,8 +31,8 @@ class Triple:
 
 
 def inertial_fields(
-    triples: Sequence[Triple], values: FloatArray, name: str
-) -> tuple[dict[str, FloatArray], FloatArray | None, list[str]]:
+    triples: Sequence[Triple], values: Floats, name: str
+) -> tuple[dict[str, Floats], Floats | None, list[str]]:
     """The fields of an `ImuStream` from the triples of one unit.
 
     Args:
@@ -43,7 +43,7 @@ def inertial_fields(
     Returns:
         The fields in the units of a stream; the readings of a magnetometer in arbitrary units; notes.
     """
-    fields: dict[str, FloatArray] = {}
+    fields: dict[str, Floats] = {}
     arbitrary, notes = None, []
     for triple in triples:
         rows = values[:, triple.places]

@@ -19,7 +19,7 @@ from oarlock.formats.marker_table import (
     read_rows,
     read_text,
 )
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
 _COLUMN = re.compile(r"(?P<name>.+)[ _.:](?P<axis>[xyz])(?:[ _]*[\[(]?(?P<unit>mm|cm|m)[\])]?)?", re.I)
@@ -71,7 +71,7 @@ def _read_plain(file: Path, unit: str | None) -> Markers:
     return markers_of(file, names, _time_column(data, times[0], file), chosen, held)
 
 
-def _picked(data: Sequence[Row], columns: Sequence[int], file: Path) -> FloatArray:
+def _picked(data: Sequence[Row], columns: Sequence[int], file: Path) -> Floats:
     rows = [Row(row.line, tuple(row.cells[c] if c < len(row.cells) else "" for c in columns)) for row in data]
     return numbers(rows, 0, len(columns), file)
 
@@ -162,6 +162,6 @@ def _starts_data(row: Row) -> bool:
     return True
 
 
-def _time_column(data: Sequence[Row], column: int, file: Path) -> FloatArray:
+def _time_column(data: Sequence[Row], column: int, file: Path) -> Floats:
     cells = [(row, row.cells[column] if column < len(row.cells) else "") for row in data]
     return np.array([number(cell, row.line, column + 1, file) for row, cell in cells])

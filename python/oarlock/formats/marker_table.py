@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from oarlock.evaluation.markers.trajectories import Markers
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.regular_file import read_bytes
 from oarlock.storage.units import LENGTH, plain_unit, to_held_unit, unknown_unit_text
@@ -69,7 +69,7 @@ def filled(row: Row) -> bool:
     return any(row.cells)
 
 
-def numbers(rows: Sequence[Row], start: int, width: int, file: Path) -> FloatArray:
+def numbers(rows: Sequence[Row], start: int, width: int, file: Path) -> Floats:
     """Cells `start` to `start + width` of every row, (rows, width); NaN where missing or where a row ends early.
 
     Raises:
@@ -137,9 +137,7 @@ def short_names(names: Sequence[str]) -> tuple[str, ...]:
     return short if max(Counter(short).values(), default=0) <= 1 else tuple(names)
 
 
-def markers_of(
-    file: Path, names: Sequence[str], time_s: FloatArray, values: FloatArray, unit: str
-) -> Markers:
+def markers_of(file: Path, names: Sequence[str], time_s: Floats, values: Floats, unit: str) -> Markers:
     """Markers from rows of 3 n numbers in `unit`; errors name the file."""
     position = to_held_unit(values, unit).reshape(len(values), len(names), 3)
     try:

@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 
 def merged(
-    parts: Sequence[tuple[FloatArray, Mapping[str, FloatArray]]],
-) -> tuple[FloatArray, dict[str, FloatArray]]:
+    parts: Sequence[tuple[Floats, Mapping[str, Floats]]],
+) -> tuple[Floats, dict[str, Floats]]:
     """All time stamps of the parts, in order, and their fields (T, 3); NaN where a part has no sample."""
     if len(parts) == 1:
         return parts[0][0], dict(parts[0][1])

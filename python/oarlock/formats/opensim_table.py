@@ -6,14 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 
 def table_text(
     title: str,
     labels: Sequence[str],
-    time_s: FloatArray,
-    values: FloatArray,
+    time_s: Floats,
+    values: Floats,
     in_degrees: bool,
     remarks: Sequence[str] = (),
 ) -> str:
@@ -47,7 +47,7 @@ def table_text(
     return "\n".join([*head, *("\t".join(map(repr, (time, *row))) for time, row in rows)]) + "\n"
 
 
-def quaternion_text(labels: Sequence[str], time_s: FloatArray, quat_wxyz: FloatArray) -> str:
+def quaternion_text(labels: Sequence[str], time_s: Floats, quat_wxyz: Floats) -> str:
     """A table of orientations for OpenSense: cells `w,x,y,z`, rows with a NaN left out.
 
     Args:

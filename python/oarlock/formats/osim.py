@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from oarlock.model.angle_sequence import angles_from_quat
 from oarlock.model.rotation import quat_from_matrix
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 Kind = Literal["weld", "pin", "slider", "custom"]
 GROUND: Final = "ground"
@@ -65,8 +65,8 @@ class OsimJoint:
     kind: Kind
     parent: str
     child: str
-    parent_from_joint: FloatArray
-    child_from_joint: FloatArray
+    parent_from_joint: Floats
+    child_from_joint: Floats
     coordinates: tuple[OsimCoordinate, ...] = ()
 
 
@@ -75,7 +75,7 @@ class OsimBody:
     """A body; `bones` (N, 2, 3) are lines that are drawn in its axes, start and end, m."""
 
     name: str
-    bones: FloatArray
+    bones: Floats
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,7 @@ def _body(parent: ElementTree.Element, body: OsimBody) -> None:
     _numbers(element, "inertia", [_PLACEHOLDER_KG_M2] * 3 + [0.0] * 3)
 
 
-def _bone(parent: ElementTree.Element, name: str, start: FloatArray, end: FloatArray) -> None:
+def _bone(parent: ElementTree.Element, name: str, start: Floats, end: Floats) -> None:
     """A cylinder with axis y, centred at the origin."""
     length = float(np.linalg.norm(end - start))
     pose = np.eye(4)
@@ -202,9 +202,7 @@ def _marker(parent: ElementTree.Element, name: str, body: str) -> None:
     _leaf(element, "fixed", "true")
 
 
-def _offset_frame(
-    parent: ElementTree.Element, name: str, socket: str, pose: FloatArray
-) -> ElementTree.Element:
+def _offset_frame(parent: ElementTree.Element, name: str, socket: str, pose: Floats) -> ElementTree.Element:
     element = ElementTree.SubElement(parent, "PhysicalOffsetFrame", name=name)
     _leaf(element, "socket_parent", socket)
     _numbers(element, "translation", pose[:3, 3])
@@ -230,7 +228,7 @@ def _numbers(parent: ElementTree.Element, tag: str, values: Iterable[float] | Ar
     _leaf(parent, tag, " ".join(repr(float(v) + 0.0) for v in np.asarray(values).ravel()))
 
 
-def _rotation_from_y(direction: FloatArray) -> FloatArray:
+def _rotation_from_y(direction: Floats) -> Floats:
     """A rotation (3, 3) that maps y to a unit vector."""
     aside = np.eye(3)[int(np.argmin(np.abs(direction)))]
     third = np.cross(aside, direction)

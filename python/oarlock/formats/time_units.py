@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 
 from oarlock.formats.times import CLOCK, ISO, RELATIVE, SAMPLES, TICKS, TIME_UNITS, is_clock_time, is_iso_time
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.epoch import FIRST_S, LAST_S, moment_text
 from oarlock.storage.errors import DataError
 
@@ -45,9 +45,7 @@ class TimeUnitCandidate:
     meaning: str
 
 
-def recognised_unit(
-    header: str, cells: Sequence[str], values: FloatArray | None, place: str
-) -> tuple[str, str]:
+def recognised_unit(header: str, cells: Sequence[str], values: Floats | None, place: str) -> tuple[str, str]:
     """The unit of a time column, and a sentence that says what was recognised and why.
 
     Args:
@@ -70,7 +68,7 @@ def recognised_unit(
     return found[0].unit, f"{place}: read as {found[0].keys} ({found[0].meaning}), {because}."
 
 
-def possible_units(header: str, values: FloatArray) -> list[TimeUnitCandidate]:
+def possible_units(header: str, values: Floats) -> list[TimeUnitCandidate]:
     """The units that a time column of numbers may have: those that give a plausible rate and date.
 
     Args:
@@ -98,7 +96,7 @@ def _scale_in(header: str) -> str:
     return found[0] if len(found) == 1 else ""
 
 
-def _readings(values: FloatArray, scale: str) -> Iterator[TimeUnitCandidate]:
+def _readings(values: Floats, scale: str) -> Iterator[TimeUnitCandidate]:
     """The units that give a plausible rate and date; with a unit in the header only that one."""
     step = float(np.median(np.diff(values))) if len(values) > 1 else float("nan")
     low, high = float(values.min()), float(values.max())
@@ -130,7 +128,7 @@ def _within(value: float, bounds: tuple[float, float]) -> bool:
     return bounds[0] <= value <= bounds[1]
 
 
-def _whole(values: FloatArray) -> bool:
+def _whole(values: Floats) -> bool:
     return bool((values == np.round(values)).all())
 
 
@@ -138,7 +136,7 @@ def _rate(rate_hz: float) -> str:
     return "one sample" if np.isnan(rate_hz) else f"{rate_hz:.4g} Hz"
 
 
-def _unclear(place: str, values: FloatArray, found: Sequence[TimeUnitCandidate], scale: str) -> str:
+def _unclear(place: str, values: Floats, found: Sequence[TimeUnitCandidate], scale: str) -> str:
     step = f" in steps of {np.median(np.diff(values)):.6g}" if len(values) > 1 else ""
     says = f', and the header says "{scale}"' if scale else ""
     begin = f"{place}: the unit of time is not clear: the column begins at {values[0]:.15g}{step}{says}. "

@@ -14,7 +14,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.epoch import FIRST_S, LAST_S, epoch_text, moment_text
 from oarlock.storage.errors import DataError
 
@@ -48,7 +48,7 @@ class Stamps:
     """
 
     family: Family
-    seconds: FloatArray
+    seconds: Floats
     nanoseconds: NDArray[np.int64]
 
 
@@ -74,7 +74,7 @@ def is_iso_time(cell: str) -> bool:
     return ":" in cell
 
 
-def relative_stamps(values: FloatArray, unit: str, tick_s: float = 1.0) -> Stamps:
+def relative_stamps(values: Floats, unit: str, tick_s: float = 1.0) -> Stamps:
     """Time stamps in s, ms, us, ns, or ticks or samples of `tick_s`, from an unknown start."""
     seconds = values / RELATIVE[unit] if unit in RELATIVE else values * tick_s
     return Stamps("samples" if unit == SAMPLES else "relative", seconds, np.zeros(0, dtype=np.int64))
@@ -101,7 +101,7 @@ def parsed_stamps(cells: Sequence[str], places: Sequence[str], unit: str) -> Sta
     return Stamps("utc", np.zeros(0), found)
 
 
-def on_one_axis(files: Sequence[Stamps], names: Sequence[str]) -> tuple[list[FloatArray], dict[str, object]]:
+def on_one_axis(files: Sequence[Stamps], names: Sequence[str]) -> tuple[list[Floats], dict[str, object]]:
     """Times of all files in seconds on a common axis, and a note on its zero.
 
     Relative time stamps stay unchanged; for the others the earliest time stamp or sample becomes 0 s.

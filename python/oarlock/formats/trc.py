@@ -9,7 +9,7 @@ import numpy as np
 
 from oarlock.evaluation.markers.trajectories import Markers
 from oarlock.formats.marker_table import Row, filled, held_unit, markers_of, number, numbers, read_rows
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
 
@@ -68,7 +68,7 @@ def _names(row: Row, settings: dict[str, str], file: Path) -> tuple[str, ...]:
     return names
 
 
-def _stamps(data: Sequence[Row], file: Path) -> FloatArray:
+def _stamps(data: Sequence[Row], file: Path) -> Floats:
     cells = [(row, row.cells[1] if len(row.cells) > 1 else "") for row in data]
     return np.array([number(cell, row.line, 2, file) for row, cell in cells])
 

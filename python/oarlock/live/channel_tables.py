@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.live.intake import Spare
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.folder_writer import read_manifest, replaced_folder
 from oarlock.storage.names import file_names
@@ -49,13 +49,13 @@ class Channel:
     """
 
     name: str
-    time_s: FloatArray
-    arrival_s: FloatArray
-    clock_s: FloatArray
+    time_s: Floats
+    arrival_s: Floats
+    clock_s: Floats
     address: NDArray[Any]
     values: Mapping[str, NDArray[Any]]
 
-    def of(self, quantity: str) -> tuple[FloatArray, NDArray[Any]]:
+    def of(self, quantity: str) -> tuple[Floats, NDArray[Any]]:
         """Times and values of one quantity, without the messages that do not have it or have no time.
 
         Raises:

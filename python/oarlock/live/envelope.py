@@ -14,7 +14,7 @@ from itertools import islice
 
 import numpy as np
 
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 WINDOW_S, WINDOWS = 5.0, 240
 """The least delay is taken of each such window; the line goes through those of the last 20 minutes."""
@@ -89,7 +89,7 @@ class Envelope:
                 return
 
 
-def line(least: FloatArray, prior: tuple[float, float] = (0.0, DRIFT_STD)) -> tuple[float, float, float]:
+def line(least: Floats, prior: tuple[float, float] = (0.0, DRIFT_STD)) -> tuple[float, float, float]:
     """The line through the least delays of windows: a time, the offset there (s), and the drift.
 
     Args:

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from oarlock.storage.arrays import Floats
 
 if TYPE_CHECKING:
     from oarlock._core import Model
@@ -14,7 +15,6 @@ if TYPE_CHECKING:
     from oarlock.live.picture import LivePicture
     from oarlock.live.session import Estimate
 
-Floats = NDArray[np.float64]
 SCHEMA = 1
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 import oarlock
 from oarlock.live.session import Estimate, LiveSession, recorded
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.tracking.notes import Note
 from oarlock.tracking.records import FAULT, FIELD, SensorInfo, SlowSeries
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from oarlock._core import Belief
     from oarlock.live.folder import LiveFolder
 
-Floats = NDArray[np.float64]
 Progress = Callable[[float], object]
 _ARRAYS = ("q", "qd", "qdd", "q_std", "qd_std", "qdd_std")
 _COUNTS = ("used", "rejected", "missing")

@@ -7,17 +7,16 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.model.angle_sequence import angle_labels, angles_from_quat, angles_near
 from oarlock.model.coordinates import joint_columns
 from oarlock.model.rotation import quat_from_rotvec, quat_product, wrap
+from oarlock.storage.arrays import Floats
 from oarlock.tracking.joint_angles import NamedRotation, named_rotation
 
 if TYPE_CHECKING:
     from oarlock._core import Model
 
-Floats = NDArray[np.float64]
 _STEP_RAD = 1e-5
 _TURNED = quat_from_rotvec(_STEP_RAD * np.concatenate([np.zeros((1, 3)), np.eye(3)]))
 """As it is, and turned a little about each of the child's axes."""

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from oarlock.model.shapes import Look, Strand
 from oarlock.report.viewer.figure import SAME_PLACE_M, Figure, add_frames, add_loops, carried_shapes
 from oarlock.report.viewer.scene import viewpoints_of
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
 if TYPE_CHECKING:
     from oarlock._core import Model
 
-Floats = NDArray[np.float64]
 Strands = Callable[[Floats], Sequence[Strand]]
 """Coordinates (T, n) -> strands."""
 _POSTURES = 5

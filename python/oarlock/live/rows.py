@@ -14,7 +14,7 @@ import oarlock
 from oarlock.live.intake import SensorReading
 from oarlock.live.rig import Feed, Rig
 from oarlock.recording.streams import Stream
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
 _WIDTHS = {"imu": 3, "vector": 3, "orientation": 4}
@@ -97,5 +97,5 @@ class _Columns:
             return oarlock.recording.VectorStream(name, time_s, values["value"])
         return oarlock.recording.ScalarStream(name, time_s, values["value"][:, 0])
 
-    def _of(self, name: str) -> FloatArray:
+    def _of(self, name: str) -> Floats:
         return np.array(self._columns[name]).reshape(-1, len(self._missing))

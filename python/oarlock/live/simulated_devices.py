@@ -16,16 +16,15 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock._core import Model
 from oarlock.live.rig import Feed, Rig, Source, streams_of
 from oarlock.recording.recording import Recording
+from oarlock.storage.arrays import Floats
 
 if TYPE_CHECKING:
     from oarlock.recording.streams import Stream
 
-Floats = NDArray[np.float64]
 LINES = "lines"
 _WRAP = 2**32
 

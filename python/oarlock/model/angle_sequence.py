@@ -11,13 +11,10 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec, quat_product, wrap
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.storage.errors import DataError
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 DEFAULT_SEQUENCE = "ZXY"
 NEAR_SINGULAR_RAD = np.radians(15.0)

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from oarlock.model.description import ModelDescription
-from oarlock.storage.array_gate import FloatArray, real_array
+from oarlock.storage.array_gate import real_array
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
 
@@ -33,18 +34,18 @@ class HingeLink:
 
     sensor: str
     joint: str
-    world_from_link: FloatArray
-    origin_in_world: FloatArray
-    axis_in_world: FloatArray
-    hinge_in_world: FloatArray
+    world_from_link: Floats
+    origin_in_world: Floats
+    axis_in_world: Floats
+    hinge_in_world: Floats
 
     @property
-    def axis_in_link(self) -> FloatArray:
+    def axis_in_link(self) -> Floats:
         """(3,) unit vector, fixed in the link."""
         return np.asarray(self.world_from_link.T @ self.axis_in_world)
 
 
-def hinge_links(model: Model, sensors: Sequence[str], q: FloatArray) -> tuple[HingeLink, ...]:
+def hinge_links(model: Model, sensors: Sequence[str], q: Floats) -> tuple[HingeLink, ...]:
     """The links of a chain from base to tip, one sensor each, at values of the coordinates q (n_coordinates,).
 
     Raises:
@@ -65,7 +66,7 @@ def hinge_links(model: Model, sensors: Sequence[str], q: FloatArray) -> tuple[Hi
     return tuple(_link(model, name, frame_of[name], paths[name][-1], q) for name in ordered)
 
 
-def posture(model: Model, rest_q: Mapping[str, float] | ArrayLike | None) -> FloatArray:
+def posture(model: Model, rest_q: Mapping[str, float] | ArrayLike | None) -> Floats:
     """Values of the coordinates (n_coordinates,), rad or m: a mapping by name (others 0), an array, or None (all 0).
 
     Raises:
@@ -132,7 +133,7 @@ def _check_chain(
         before, carried = f'"{name}"', path
 
 
-def _link(model: Model, sensor: str, frame: str, joint: str, q: FloatArray) -> HingeLink:
+def _link(model: Model, sensor: str, frame: str, joint: str, q: Floats) -> HingeLink:
     at, k = model.frame_names.index(frame), model.coordinate_names.index(joint)
     # Finite turns give axis and centre without the error of a difference.
     turns = np.tile(q, (3, 1))

@@ -8,12 +8,11 @@ Source of the formulas: J. Solà, J. Deray, D. Atchuthan, "A micro Lie theory fo
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from oarlock.storage.array_gate import real_array
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
-
-Floats = NDArray[np.float64]
 
 NORM_TOLERANCE = 0.01
 """A quaternion whose norm is further from 1 is none: text formats with three digits stay well inside."""

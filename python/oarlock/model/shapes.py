@@ -7,13 +7,12 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from oarlock.storage.array_gate import real_array
+from oarlock.storage.arrays import Floats, Ints
 from oarlock.storage.errors import DataError
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Part = Literal["body", "right", "left", "tool", "frame", "seat", "shell"]
 """What a shape belongs to; whoever draws it chooses the colour."""
 PARTS: tuple[Part, ...] = ("body", "right", "left", "tool", "frame", "seat", "shell")

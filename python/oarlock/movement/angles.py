@@ -6,18 +6,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock import Track, joint_angles
 from oarlock.evaluation.errors import BAND_95
 from oarlock.model.angle_sequence import angle_labels, angles_from_quat, angles_per_turn
 from oarlock.movement.turns import SegmentTurns, Sensitivity
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.tracking.joint_angles import JointAngle, NamedRotation, named_rotation
 from oarlock.tracking.joint_series import BallSeries
 from oarlock.tracking.notes import contradicted_units, undetermined_units
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 UNDETERMINED, CONTRADICTED, LIMITS, BESIDE = "undetermined", "contradicted", "limits", "beside"
 """What makes an angle unreliable: the mount or the readings of a unit of its joint, its own value, another joint of its

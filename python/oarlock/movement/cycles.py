@@ -14,7 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.movement.angles import Floats, MovementAngle
+from oarlock.movement.angles import MovementAngle
+from oarlock.storage.arrays import Floats
 from oarlock.storage.even_times import even_times_of_stretches
 
 WINDOWS_S, HOP_S, RATE_HZ = (10.0, 6.0), 1.0, 25.0

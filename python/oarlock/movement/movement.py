@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock import Track
-from oarlock.movement.angles import UNRELIABLE, Floats, MovementAngle, movement_angles, room_angles
+from oarlock.movement.angles import UNRELIABLE, MovementAngle, movement_angles, room_angles
 from oarlock.movement.blocks import MovementAnalysis, MovementBlock
 from oarlock.movement.cycles import Repetition, cycle_courses, find_cycles
 from oarlock.movement.evenness import drifting
 from oarlock.movement.ranges import DRIFTS, MotionRange, cycle_ranges, ranges_of_motion
 from oarlock.movement.turns import SegmentTurns
+from oarlock.storage.arrays import Floats
 
 
 @lru_cache(maxsize=1)  # the report and the terminal give the same analysis

@@ -6,15 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.evaluation.errors import BAND_95
-from oarlock.movement.angles import BESIDE, CONTRADICTED, LIMITS, UNDETERMINED, Floats, MovementAngle
+from oarlock.movement.angles import BESIDE, CONTRADICTED, LIMITS, UNDETERMINED, MovementAngle
 from oarlock.movement.cycles import cycle_courses
 from oarlock.movement.turns import Sensitivity
 from oarlock.report.viewer.sides import side_of
-
-Ints = NDArray[np.int64]
+from oarlock.storage.arrays import Floats, Ints
 
 LEAST_DIFFERENCE_DEG = 2.0
 """Differences of the sides below this are not reported, even if they are certain."""

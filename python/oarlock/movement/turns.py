@@ -11,14 +11,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock import Track
 from oarlock.model.coordinates import joint_columns, with_untold_at_zero
 from oarlock.model.description import JointDescription, ModelDescription
+from oarlock.storage.arrays import Floats
 from oarlock.tracking.places import model_of, poses_of
-
-Floats = NDArray[np.float64]
 
 MOST_ROWS = 4096
 """Rows whose derivatives are computed at once: those of all coordinates take much memory."""

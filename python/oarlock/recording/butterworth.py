@@ -6,13 +6,13 @@ import math
 
 import numpy as np
 
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 # The impulse response ends where it has fallen below the rounding of doubles.
 _NEGLIGIBLE = 1e-17
 
 
-def passed_twice(values: FloatArray, rate_hz: float, cutoff_hz: float, order: int = 4) -> FloatArray:
+def passed_twice(values: Floats, rate_hz: float, cutoff_hz: float, order: int = 4) -> Floats:
     """The rows (T, n) without what is faster than the cut-off; ends are extended by odd reflection over one period.
 
     Args:
@@ -32,7 +32,7 @@ def passed_twice(values: FloatArray, rate_hz: float, cutoff_hz: float, order: in
     return _passed(_passed(extended, response)[::-1], response)[::-1][pad : pad + len(rows)]
 
 
-def _passed(rows: FloatArray, response: FloatArray) -> FloatArray:
+def _passed(rows: Floats, response: Floats) -> Floats:
     """One pass; before the first row the input was constant."""
     size = 1 << (len(rows) + len(response)).bit_length()  # powers of two are the fastest
     spectrum = np.fft.rfft(rows - rows[0], size, axis=0)
@@ -40,7 +40,7 @@ def _passed(rows: FloatArray, response: FloatArray) -> FloatArray:
     return np.asarray(rows[0] + np.fft.irfft(spectrum, size, axis=0)[: len(rows)])
 
 
-def _impulse_response(cutoff_hz: float, rate_hz: float, order: int) -> FloatArray:
+def _impulse_response(cutoff_hz: float, rate_hz: float, order: int) -> Floats:
     """Response of one pass; two passes together have the requested cut-off."""
     twice, count = (math.sqrt(2.0) - 1.0) ** (-1.0 / order), order // 2
     warped = math.tan(math.pi * cutoff_hz / rate_hz) * twice

@@ -25,7 +25,7 @@ from oarlock.recording.calibration_values import (
 from oarlock.recording.corrections import CORRECTING, corrected
 from oarlock.recording.reader_notes import copied_notes
 from oarlock.recording.stream_scales import Clock, EncoderScale
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
 from oarlock.storage.toml import TomlTable, toml_text
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Calibration", "Clock", "EncoderScale", "Mount", "load_calibration"]
 
-BySensor: TypeAlias = Mapping[str, FloatArray]
+BySensor: TypeAlias = Mapping[str, Floats]
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +126,7 @@ def calibration_text(calibration: Calibration) -> str:
     return toml_text(document_of({f.name: getattr(calibration, f.name) for f in fields(calibration)}))
 
 
-def _three(check: Callable[..., FloatArray], name: str, unit: str) -> Callable[[Any, str], FloatArray]:
+def _three(check: Callable[..., Floats], name: str, unit: str) -> Callable[[Any, str], Floats]:
     return lambda value, sensor: check(value, name, sensor, unit)
 
 

@@ -5,10 +5,11 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from oarlock.storage.array_gate import FloatArray, real_array
+from oarlock.storage.array_gate import real_array
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
-Mount: TypeAlias = tuple[FloatArray, FloatArray]
+Mount: TypeAlias = tuple[Floats, Floats]
 
 # Rotations typed by hand have four to six digits; the error of a wrong matrix is far larger.
 ROTATION_TOLERANCE = 1e-4
@@ -34,7 +35,7 @@ def parameter_std(value: ArrayLike, name: str) -> float:
     return float(number)
 
 
-def finite_three(value: ArrayLike, field: str, name: str, unit: str) -> FloatArray:
+def finite_three(value: ArrayLike, field: str, name: str, unit: str) -> Floats:
     """(3,) values of one sensor, checked to be finite."""
     where = f'calibration, {field} of "{name}"'
     three = real_array(value, (3,), where)
@@ -43,7 +44,7 @@ def finite_three(value: ArrayLike, field: str, name: str, unit: str) -> FloatArr
     return three
 
 
-def std_three(value: ArrayLike, field: str, name: str, unit: str) -> FloatArray:
+def std_three(value: ArrayLike, field: str, name: str, unit: str) -> Floats:
     """(3,) standard deviations of one sensor, checked to be 0 or more."""
     three = finite_three(value, field, name, unit)
     if (three < 0.0).any():
@@ -54,7 +55,7 @@ def std_three(value: ArrayLike, field: str, name: str, unit: str) -> FloatArray:
     return three
 
 
-def accel_scale(value: ArrayLike, name: str) -> FloatArray:
+def accel_scale(value: ArrayLike, name: str) -> Floats:
     """(3,) scale factors of an accelerometer (reading per true m/s2), checked to be positive."""
     three = finite_three(value, "accel_scales", name, "reading per m/s2")
     if (three <= 0.0).any():
@@ -65,7 +66,7 @@ def accel_scale(value: ArrayLike, name: str) -> FloatArray:
     return three
 
 
-def mag_matrix(value: ArrayLike, name: str) -> FloatArray:
+def mag_matrix(value: ArrayLike, name: str) -> Floats:
     """(3, 3) soft-iron correction, checked to be finite and to have a positive determinant."""
     where = f'calibration, mag_matrices of "{name}"'
     matrix = real_array(value, (3, 3), where)
@@ -95,7 +96,7 @@ def checked_mount(value: object, name: str) -> Mount:
     return link_from_sensor, offset_m
 
 
-def _check_rotation(matrix: FloatArray, where: str) -> None:
+def _check_rotation(matrix: Floats, where: str) -> None:
     with np.errstate(over="ignore", invalid="ignore"):
         error = float(np.abs(matrix @ matrix.T - np.eye(3)).max())
     if not error <= ROTATION_TOLERANCE:

@@ -15,10 +15,10 @@ from oarlock import _core
 from oarlock.recording.recording import Recording
 from oarlock.recording.stream_scales import Clock, EncoderScale
 from oarlock.recording.streams import ImuStream, OrientationStream, ScalarStream, Stream, VectorStream
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
-Fields = Mapping[str, FloatArray]
+Fields = Mapping[str, Floats]
 
 
 class Corrections(Protocol):
@@ -72,7 +72,7 @@ def corrected(recording: Recording, calibration: Corrections | None) -> Recordin
     return Recording(streams, recording.meta)
 
 
-def true_readings(calibration: Corrections, unit: str, field: str, readings: FloatArray) -> FloatArray:
+def true_readings(calibration: Corrections, unit: str, field: str, readings: Floats) -> Floats:
     """Readings (T, 3) of one quantity of an inertial unit as the engine uses them, magnetometer offsets subtracted."""
     found = _core.corrected_readings(calibration, unit, field, readings)
     return readings if found is None else found
@@ -155,14 +155,14 @@ def _corrected_stream(stream: Stream, calibration: Corrections) -> Stream:
     return ScalarStream(stream.name, time_s, value, stream.unit)
 
 
-def _corrected_unit(stream: ImuStream, time_s: FloatArray, calibration: Corrections) -> ImuStream:
+def _corrected_unit(stream: ImuStream, time_s: Floats, calibration: Corrections) -> ImuStream:
     name = stream.name
     corrected = {f: _corrected_values(name, f, v, calibration) for f, v in stream.values.items()}
     same = time_s is stream.time_s and all(corrected[f] is v for f, v in stream.values.items())
     return stream if same else ImuStream(name, time_s, **corrected)
 
 
-def _corrected_values(unit: str, field: str, values: FloatArray, calibration: Corrections) -> FloatArray:
+def _corrected_values(unit: str, field: str, values: Floats, calibration: Corrections) -> Floats:
     if field == "mag_ut" and unit not in calibration.mag_matrices:
         return values
     found = true_readings(calibration, unit, field, values)

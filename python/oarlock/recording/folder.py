@@ -17,7 +17,7 @@ from oarlock.recording.streams import (
     Stream,
     VectorStream,
 )
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.csv_cells import plain_columns, write_csv
 from oarlock.storage.delimited import ColumnLayout, Dialect, numbers
 from oarlock.storage.errors import DataError
@@ -132,7 +132,7 @@ def _entry(stream: Stream, file: str) -> dict[str, object]:
     return entry
 
 
-def _columns_of(stream: Stream) -> dict[str, FloatArray]:
+def _columns_of(stream: Stream) -> dict[str, Floats]:
     columns = {"time_s": stream.time_s}
     if isinstance(stream, ScalarStream):
         return {**columns, "value": stream.value}
@@ -165,7 +165,7 @@ def _read_stream(table: TomlTable, root: Path) -> Stream:
     if kind == "orientation":
         return OrientationStream(name, found["time_s"], fields["quat_wxyz"])
     unit = units.string("value") if "value" in units.values else None
-    return ScalarStream(name, found["time_s"], fields["value"][:, 0], cast(ScalarUnit | None, unit))
+    return ScalarStream(name, found["time_s"], fields["value"][:, 0], cast("ScalarUnit | None", unit))
 
 
 def _expected_columns(table: TomlTable, kind: str, units: TomlTable) -> dict[str, tuple[str, ...]]:
@@ -203,7 +203,7 @@ def _check_unit(units: TomlTable, key: str, held: tuple[str, ...]) -> None:
         )
 
 
-def _read_columns(table: TomlTable, root: Path, names: list[str]) -> dict[str, FloatArray]:
+def _read_columns(table: TomlTable, root: Path, names: list[str]) -> dict[str, Floats]:
     """The named columns of the stream's file. Missing and additional columns are errors."""
     given = table.string("file")
     file = place_of(root / given)
@@ -228,7 +228,7 @@ def _check_columns(file: Path, found: list[str], names: list[str]) -> None:
             )
 
 
-def _read_parquet(file: Path, names: list[str]) -> dict[str, FloatArray]:
+def _read_parquet(file: Path, names: list[str]) -> dict[str, Floats]:
     table = read_table(file)
     _check_columns(file, list(table.columns), names)
     for name in names:
@@ -239,14 +239,14 @@ def _read_parquet(file: Path, names: list[str]) -> dict[str, FloatArray]:
     return {name: table.numbers(name) for name in names}
 
 
-def _read_csv(file: Path, names: list[str]) -> dict[str, FloatArray]:
+def _read_csv(file: Path, names: list[str]) -> dict[str, Floats]:
     layout = ColumnLayout.of(file, Dialect())
     _check_columns(file, list(layout.names), names)
     plain = plain_columns(file, layout.names)
     if plain is not None:
         return plain
     wanted = [layout.index(name) for name in names]
-    parts: list[list[FloatArray]] = [[] for _ in names]
+    parts: list[list[Floats]] = [[] for _ in names]
     for batch in layout.batches(wanted):
         for position, index in enumerate(wanted):
             parts[position].append(numbers(layout, batch, position, index))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.recording.streams import ImuStream
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 STUCK_S, STUCK_ROWS = 0.5, 20
 """A constant value over this time and this number of samples is stuck if the sensor moves."""
@@ -121,7 +121,7 @@ def _longest(same: NDArray[np.bool_]) -> tuple[int, int]:
     return int(starts[best]), int(stops[best]) + 1
 
 
-def _flat_top(column: FloatArray) -> tuple[int, float] | None:
+def _flat_top(column: Floats) -> tuple[int, float] | None:
     """Number of readings in flat tops at the largest value, and that value."""
     there = column[np.isfinite(column)]
     if not there.size or (top := float(there.max())) <= 0.0:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from oarlock.recording.streams import ImuStream
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 # Accelerations of the body average out over this time, while gravity still rotates visibly.
 SMOOTHING_S = 0.25
@@ -49,19 +49,19 @@ def gyro_per_gravity_turn(stream: ImuStream) -> float | None:
     return _slope(seen[usable], told[usable])
 
 
-def row_norms(rows: FloatArray) -> FloatArray:
+def row_norms(rows: Floats) -> Floats:
     """Norm of each row: (T,) of (T, 3)."""
-    lengths: FloatArray = np.sqrt(np.einsum("ij,ij->i", rows, rows))
+    lengths: Floats = np.sqrt(np.einsum("ij,ij->i", rows, rows))
     return lengths
 
 
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+def _cross(a: Floats, b: Floats) -> Floats:
     """Cross product row by row; faster than `numpy.cross`, which handles arbitrary axes."""
     (ax, ay, az), (bx, by, bz) = a.T, b.T
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
 
 
-def _running_mean(rows: FloatArray, width: int) -> FloatArray:
+def _running_mean(rows: Floats, width: int) -> Floats:
     """Mean over each `width` steps by the trapezoid rule; NaN only where one of these steps is NaN."""
     middle = 0.5 * (rows[1:] + rows[:-1])
     gone = np.isnan(middle)
@@ -74,7 +74,7 @@ def _running_mean(rows: FloatArray, width: int) -> FloatArray:
     return np.where(holes[width:] > holes[:-width], np.nan, mean)
 
 
-def _slope(seen: FloatArray, told: FloatArray) -> float | None:
+def _slope(seen: Floats, told: Floats) -> float | None:
     """Least-squares ratio told / seen; None if either is too small or their correlation is too low."""
     if len(seen) < LEAST_ROWS or float(np.sqrt((seen**2).mean())) < LEAST_TURN_PER_S:
         return None

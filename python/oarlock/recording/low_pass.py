@@ -8,7 +8,7 @@ import numpy as np
 
 from oarlock.recording.butterworth import passed_twice
 from oarlock.recording.streams import ImuStream, Stream
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
 _SAMPLES_A_PERIOD = 4.0
@@ -54,7 +54,7 @@ def _filtered(stream: ImuStream, cutoff_hz: float) -> Stream:
     return ImuStream(stream.name, stream.time_s[kept], **{name: v[kept] for name, v in values.items()})
 
 
-def _in_stretches(time_s: FloatArray, values: FloatArray, step_s: float, cutoff_hz: float) -> FloatArray:
+def _in_stretches(time_s: Floats, values: Floats, step_s: float, cutoff_hz: float) -> Floats:
     filtered = np.array(values)
     there = np.asarray(np.isfinite(values).all(axis=1))
     broken = np.diff(time_s) > _GAP * step_s

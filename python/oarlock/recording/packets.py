@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 
 from oarlock.recording.epoch import PACKETS_KEY
 from oarlock.recording.streams import Stream
-from oarlock.storage.array_gate import FloatArray, real_array
+from oarlock.storage.array_gate import real_array
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
 META_KEY = PACKETS_KEY
@@ -41,9 +42,9 @@ class Lost:
         by_counter: true if counted by the device's packet counter, false if detected from time stamps.
     """
 
-    after_s: FloatArray
-    packets: FloatArray
-    silent_s: FloatArray
+    after_s: Floats
+    packets: Floats
+    silent_s: Floats
     by_counter: bool
 
     def text(self) -> str:
@@ -150,7 +151,7 @@ def _own(stream: Stream) -> _Own:
     return _OWN[stream]
 
 
-def _slow(stream: Stream, values: FloatArray) -> _Slow | None:
+def _slow(stream: Stream, values: Floats) -> _Slow | None:
     read = np.isfinite(values)
     if read.all():
         return None
@@ -159,7 +160,7 @@ def _slow(stream: Stream, values: FloatArray) -> _Slow | None:
     return None if lost is None else _Slow(own.size + int(lost.packets.sum()), float(own[0]), float(own[-1]))
 
 
-def _by_steps(time_s: FloatArray, may_be_thin: bool = False) -> Lost | None:
+def _by_steps(time_s: Floats, may_be_thin: bool = False) -> Lost | None:
     steps = np.diff(time_s)
     if steps.size < _LEAST_STEPS:
         return None

@@ -14,7 +14,7 @@ from oarlock.recording.gyro_scale import gyro_per_gravity_turn, row_norms
 from oarlock.recording.packets import expected_quantity_rows, lost_packets
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream, ScalarStream, Stream
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
 Severity: TypeAlias = Literal["error", "warning", "note"]
@@ -307,7 +307,7 @@ def _gap_findings(recording: Recording, stream: Stream) -> list[SignalFinding]:
     return findings
 
 
-def _norms(rows: FloatArray | None) -> tuple[FloatArray, NDArray[np.bool_]]:
+def _norms(rows: Floats | None) -> tuple[Floats, NDArray[np.bool_]]:
     """Norms of the rows without NaN, and a mask of these rows. An axis without any reading counts as absent."""
     if rows is None:
         return np.zeros(0), np.zeros(0, dtype=np.bool_)
@@ -315,7 +315,7 @@ def _norms(rows: FloatArray | None) -> tuple[FloatArray, NDArray[np.bool_]]:
     return row_norms(rows[whole]), whole
 
 
-def _stillest(time_s: FloatArray, rows: FloatArray) -> slice:
+def _stillest(time_s: Floats, rows: Floats) -> slice:
     """The second with the least scatter of the readings; the whole stream if it is shorter."""
     step = float(np.median(np.diff(time_s))) if len(time_s) > 1 else STILL_S
     width = max(2, round(STILL_S / step))

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from math import isfinite, isnan, nan
 
 from oarlock import _core
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
 MOST_DRIFT = 0.1
@@ -42,11 +42,11 @@ class Clock:
             if not (isnan(std) or (isfinite(std) and std >= 0.0)):
                 raise DataError(f"clock, {name}: is {std:g}; expected 0 or more, or NaN for unknown")
 
-    def true_s(self, stamps_s: FloatArray) -> FloatArray:
+    def true_s(self, stamps_s: Floats) -> Floats:
         """(T,) true times, s, from (T,) time stamps, s; identical to them if offset and drift are zero."""
         return _core.true_times_s(self, stamps_s)
 
-    def stamps_s(self, true_s: FloatArray) -> FloatArray:
+    def stamps_s(self, true_s: Floats) -> Floats:
         """(T,) time stamps of this clock, s, at (T,) true times, s."""
         return true_s + self.offset_s + self.drift * true_s
 
@@ -72,7 +72,7 @@ class EncoderScale:
         if self.scale == 0.0:
             raise DataError("encoder, scale: is 0, which makes every value 0; expected a number near 1 or -1")
 
-    def value(self, readings: FloatArray) -> FloatArray:
+    def value(self, readings: Floats) -> Floats:
         """(T,) corrected values of (T,) readings, rad or m; NaN remains NaN."""
         return _core.encoder_values(self, readings)
 

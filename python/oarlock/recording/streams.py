@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.storage.array_gate import FloatArray, check_no_infinity, real_array, time_array
+from oarlock.storage.array_gate import check_no_infinity, real_array, time_array
+from oarlock.storage.arrays import Floats
 from oarlock.storage.dataframes import pandas_table, polars_table
 from oarlock.storage.errors import DataError
 from oarlock.storage.names import check_name
@@ -30,7 +31,7 @@ class _Stream:
 
     kind: ClassVar[str]
     name: str
-    time_s: FloatArray
+    time_s: Floats
 
     def _admit(self, width: int | None, names: Iterable[str]) -> None:
         name: object = self.name
@@ -41,7 +42,7 @@ class _Stream:
         for field_name in names:
             self._put(field_name, self._rows(field_name, width))
 
-    def _rows(self, field_name: str, width: int | None) -> FloatArray:
+    def _rows(self, field_name: str, width: int | None) -> Floats:
         where = f"{self._where}, {field_name}"
         shape = (None,) if width is None else (None, width)
         rows = real_array(getattr(self, field_name), shape, where)
@@ -60,7 +61,7 @@ class _Stream:
         return f'stream "{self.name}"'
 
     @property
-    def values(self) -> Mapping[str, FloatArray]:
+    def values(self) -> Mapping[str, Floats]:
         """The measured arrays by field name, each (T,), (T, 3) or (T, 4), without those that are None."""
         raise NotImplementedError
 
@@ -75,7 +76,7 @@ class _Stream:
         total = sum(v.size for v in self.values.values())
         return sum(int(np.isnan(v).sum()) for v in self.values.values()) / total
 
-    def columns(self) -> dict[str, FloatArray]:
+    def columns(self) -> dict[str, Floats]:
         """Time stamps and readings, (T,) each, under names such as `gyro_rad_s_x`."""
         found = {"time_s": self.time_s}
         for name, rows in self.values.items():
@@ -94,7 +95,7 @@ class _Stream:
     def __len__(self) -> int:
         return len(self.time_s)
 
-    def at_rows(self, rows: NDArray[Any] | slice, time_s: FloatArray | None = None) -> Self:
+    def at_rows(self, rows: NDArray[Any] | slice, time_s: Floats | None = None) -> Self:
         """The samples at these indices or where this mask is true, with new time stamps (T,) in s if given."""
         values = {name: array[rows] for name, array in self.values.items()}
         stamps = self.time_s[rows] if time_s is None else time_s
@@ -130,10 +131,10 @@ class ImuStream(_Stream):
 
     kind: ClassVar[str] = "imu"
     name: str
-    time_s: FloatArray
-    gyro_rad_s: FloatArray | None = None
-    accel_m_s2: FloatArray | None = None
-    mag_ut: FloatArray | None = None
+    time_s: Floats
+    gyro_rad_s: Floats | None = None
+    accel_m_s2: Floats | None = None
+    mag_ut: Floats | None = None
 
     def __post_init__(self) -> None:
         present = [f for f in _OF_UNITS if getattr(self, f) is not None]
@@ -144,7 +145,7 @@ class ImuStream(_Stream):
             )
 
     @property
-    def values(self) -> Mapping[str, FloatArray]:
+    def values(self) -> Mapping[str, Floats]:
         """The (T, 3) arrays that are present, by field name."""
         fields = {"gyro_rad_s": self.gyro_rad_s, "accel_m_s2": self.accel_m_s2, "mag_ut": self.mag_ut}
         return {name: rows for name, rows in fields.items() if rows is not None}
@@ -173,8 +174,8 @@ class ScalarStream(_Stream):
 
     kind: ClassVar[str] = "scalar"
     name: str
-    time_s: FloatArray
-    value: FloatArray
+    time_s: Floats
+    value: Floats
     unit: ScalarUnit | None = None
 
     def __post_init__(self) -> None:
@@ -185,7 +186,7 @@ class ScalarStream(_Stream):
             )
 
     @property
-    def values(self) -> Mapping[str, FloatArray]:
+    def values(self) -> Mapping[str, Floats]:
         """The (T,) readings under the name "value"."""
         return {"value": self.value}
 
@@ -210,14 +211,14 @@ class VectorStream(_Stream):
 
     kind: ClassVar[str] = "vector"
     name: str
-    time_s: FloatArray
-    value: FloatArray
+    time_s: Floats
+    value: Floats
 
     def __post_init__(self) -> None:
         self._admit(3, ["value"])
 
     @property
-    def values(self) -> Mapping[str, FloatArray]:
+    def values(self) -> Mapping[str, Floats]:
         """The (T, 3) positions under the name "value"."""
         return {"value": self.value}
 
@@ -247,8 +248,8 @@ class OrientationStream(_Stream):
 
     kind: ClassVar[str] = "orientation"
     name: str
-    time_s: FloatArray
-    quat_wxyz: FloatArray
+    time_s: Floats
+    quat_wxyz: Floats
 
     def __post_init__(self) -> None:
         self._admit(4, ["quat_wxyz"])
@@ -263,7 +264,7 @@ class OrientationStream(_Stream):
             )
 
     @property
-    def values(self) -> Mapping[str, FloatArray]:
+    def values(self) -> Mapping[str, Floats]:
         """The (T, 4) quaternions under the name "quat_wxyz"."""
         return {"quat_wxyz": self.quat_wxyz}
 
@@ -278,7 +279,7 @@ class OrientationStream(_Stream):
 Stream: TypeAlias = ImuStream | ScalarStream | VectorStream | OrientationStream
 
 
-def _rows_between(time_s: FloatArray, start_s: float, end_s: float) -> slice | None:
+def _rows_between(time_s: Floats, start_s: float, end_s: float) -> slice | None:
     first, stop = (int(i) for i in np.searchsorted(time_s, [start_s, end_s], side="left"))
     return slice(first, stop) if stop > first else None
 

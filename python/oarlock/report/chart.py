@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from oarlock.report import markup, plot
-from oarlock.report.plot import Floats, Panel
+from oarlock.report.plot import Panel
 from oarlock.report.text import number
+from oarlock.storage.arrays import Floats
 
 WIDTH, HEIGHT = 400.0, 214.0
 PLACE = (40.0, 14.0, 354.0, 160.0)

@@ -10,12 +10,13 @@ import numpy as np
 
 from oarlock.evaluation.angles import angle_error, named_angles
 from oarlock.evaluation.errors import BAND_95, part_error
-from oarlock.evaluation.interval import Bools, Floats, Interval
+from oarlock.evaluation.interval import Interval
 from oarlock.evaluation.joints import part_unit
 from oarlock.evaluation.scores import Evaluation, JointScore, presentation
 from oarlock.model.coordinates import JointPart, parts
 from oarlock.report import markup, plot
 from oarlock.report.text import MINUS, number, percent
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.tracking.track import Track
 
 WIDTH, LEFT, RIGHT = 400.0, 44.0, 8.0

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from oarlock.evaluation.errors import BAND_95
-from oarlock.evaluation.interval import Bools, Floats
 from oarlock.evaluation.markers.gaps import Gap, stretches
 from oarlock.evaluation.markers.simulated import MarkerStudy
 from oarlock.evaluation.scores import presentation
@@ -17,6 +16,7 @@ from oarlock.model.coordinates import coordinate_units
 from oarlock.report import page, plot
 from oarlock.report.markup import bar_legend, figure, grid, notes_list, table
 from oarlock.report.text import breakable, fixed, percent, plural
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.storage.write_file import write_file
 
 WIDTH, HEIGHT, FOOT = 400.0, 96.0, 20.0

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.report.text import MINUS
-
-Floats = NDArray[np.float64]
+from oarlock.storage.arrays import Floats
 
 BUCKETS = 280
 """Columns of a decimated curve; each keeps its smallest and largest sample."""

@@ -7,10 +7,10 @@ import math
 import numpy as np
 
 from oarlock.evaluation.errors import BAND_95
-from oarlock.evaluation.interval import Floats
 from oarlock.report import plot
 from oarlock.report.markup import figure, grid
 from oarlock.report.text import number
+from oarlock.storage.arrays import Floats
 from oarlock.tracking.records import SlowSeries
 from oarlock.tracking.track import Track
 

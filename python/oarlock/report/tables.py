@@ -12,7 +12,6 @@ import numpy as np
 
 from oarlock.evaluation.angles import named_angles
 from oarlock.evaluation.errors import seen
-from oarlock.evaluation.interval import Bools, Floats
 from oarlock.evaluation.joints import part_unit
 from oarlock.evaluation.scores import Evaluation, JointScore, PositionScore, StateScore, presentation
 from oarlock.model.coordinates import JointPart, parts
@@ -20,6 +19,7 @@ from oarlock.model.rotation import mean_quat, quat_from_rotvec, rotvec_between
 from oarlock.report.markup import table
 from oarlock.report.text import DASH, breakable, decimals, fixed, number, percent, plural
 from oarlock.report.verdict import NARROW_COVERAGE, WIDE_COVERAGE
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.tracking.track import Track
 
 

@@ -13,7 +13,8 @@ from oarlock.calibration.static.pose_mounts import rest_posture
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.unit_names import place_of_name
 from oarlock.report.markup import rendered, table
-from oarlock.report.pose_picture.skeleton import SkeletonLine, StickFigure, Vector, View, skeleton
+from oarlock.report.pose_picture.skeleton import SkeletonLine, StickFigure, View, skeleton
+from oarlock.storage.arrays import Floats
 
 if TYPE_CHECKING:
     from oarlock._core import Model
@@ -56,7 +57,7 @@ STRAIGHT_DEG = 15.0
 MARKS = {"good": "✓", "bad": "✗", "unsure": "?"}
 
 Point = tuple[float, float]
-Place = Callable[[Vector], Point]
+Place = Callable[[Floats], Point]
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,8 +75,8 @@ class WornUnit:
     name: str
     style: str
     verdict: str
-    point: Vector
-    root_from_sensor: Vector
+    point: Floats
+    root_from_sensor: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,13 +85,13 @@ class WornBody:
 
     body: StickFigure
     units: tuple[WornUnit, ...]
-    right: Vector
+    right: Floats
 
     @classmethod
     def of(
         cls,
         model: Model,
-        q: Vector,
+        q: Floats,
         calibration: Calibration,
         verdicts: Mapping[str, tuple[str, str]],
     ) -> WornBody:
@@ -136,29 +137,29 @@ def worn_picture(worn: WornBody) -> str:
     return f'<div class="grid-figures worn">{panels}</div>'
 
 
-def _bounds(worn: WornBody, view: View) -> tuple[Vector, Vector]:
+def _bounds(worn: WornBody, view: View) -> tuple[Floats, Floats]:
     """Least and largest (right, up) of the body and its units in a view, m."""
     ends = [point for link in worn.body.links for point in (link.start, link.end)]
     flat = np.array([view.project(point) for point in [*ends, *(unit.point for unit in worn.units)]])
     return flat.min(axis=0), flat.max(axis=0)
 
 
-def _wide(size_m: Vector) -> bool:
+def _wide(size_m: Floats) -> bool:
     return float(size_m[0]) > WIDE_M
 
 
-def _scale(size_m: Vector) -> float:
+def _scale(size_m: Floats) -> float:
     """Pixels per metre at which a body of this size leaves room for labels."""
     room = WIDTH - 2 * (PAD if _wide(size_m) else MARGIN)
     return float(min(room / max(size_m[0], 0.1), TALLEST / max(size_m[1], 0.1), MOST_PX_PER_M))
 
 
 def _panel(
-    worn: WornBody, view: View, units: Sequence[WornUnit], bounds: tuple[Vector, Vector], scale: float
+    worn: WornBody, view: View, units: Sequence[WornUnit], bounds: tuple[Floats, Floats], scale: float
 ) -> str:
     low, high = bounds
 
-    def place(point: Vector) -> Point:
+    def place(point: Floats) -> Point:
         right, up = view.project(point)
         return WIDTH / 2 + scale * (right - 0.5 * (low[0] + high[0])), PAD + scale * (high[1] - up)
 
@@ -179,7 +180,7 @@ def _panel(
     )
 
 
-def _limbs(worn: WornBody, near: Vector) -> list[list[SkeletonLine]]:
+def _limbs(worn: WornBody, near: Floats) -> list[list[SkeletonLine]]:
     """Links of the trunk and of each limb, those behind first."""
     limbs: dict[tuple[str, str], list[SkeletonLine]] = {}
     for link in worn.body.links:
@@ -189,7 +190,7 @@ def _limbs(worn: WornBody, near: Vector) -> list[list[SkeletonLine]]:
     return sorted(limbs.values(), key=lambda links: float(np.mean([(k.start + k.end) @ near for k in links])))
 
 
-def _limb(links: Sequence[SkeletonLine], up: Vector, place: Place, scale: float) -> str:
+def _limb(links: Sequence[SkeletonLine], up: Floats, place: Place, scale: float) -> str:
     """Thick lines with one outline around them all."""
     lines = []
     for link in links:
@@ -205,7 +206,7 @@ def _limb(links: Sequence[SkeletonLine], up: Vector, place: Place, scale: float)
     return edges + "".join(f'<line class="limb" {line}="{thick:.1f}"/>' for line, thick in lines)
 
 
-def _unit(unit: WornUnit, view: View, near: Vector, place: Place) -> str:
+def _unit(unit: WornUnit, view: View, near: Floats, place: Place) -> str:
     """A square in the colour of its verdict, and the three axes of the sensor with their letters."""
     x, y = place(unit.point)
     half, axes = UNIT_PX / 2.0, []
@@ -283,7 +284,7 @@ def _label(unit: WornUnit, at: Point, y: float, on_the_right: bool) -> str:
     )
 
 
-def pointing(axis: Vector, body: StickFigure, right: Vector) -> str:
+def pointing(axis: Floats, body: StickFigure, right: Floats) -> str:
     """Where an axis points in the still pose: "up", or "up, 23 deg forward" if it is more than 15 degrees off."""
     named = {"up": body.up, "down": -body.up, "forward": body.forward, "backward": -body.forward}
     named |= {"right": right, "left": -right}
@@ -316,7 +317,7 @@ def worn_section(calibration: Calibration, model: Model, pose: Mapping[str, floa
     return f'{lead}{worn_picture(worn)}<div class="compared">{listed}</div>'
 
 
-def heading_stds_deg(calibration: Calibration, model: Model, q: Vector) -> dict[str, float]:
+def heading_stds_deg(calibration: Calibration, model: Model, q: Floats) -> dict[str, float]:
     """Unit -> standard deviation of its mount about the vertical in a posture, deg."""
     poses, up = np.asarray(model.forward_kinematics(q)), np.asarray(model.describe().world.up)
     found = {}

@@ -14,8 +14,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.storage.errors import DataError
 
 EARTH_RADIUS_M = 6_371_008.8
@@ -30,11 +30,8 @@ _POINT = re.compile(
 )
 _WIDER = 1.5
 
-Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
-
-def far_from_ends(latitude_deg: Floats, longitude_deg: Floats, cut_m: float, secret: bytes = b"") -> Mask:
+def far_from_ends(latitude_deg: Floats, longitude_deg: Floats, cut_m: float, secret: bytes = b"") -> Bools:
     """Which positions of a track may be shown, (T,); False where there is none.
 
     Args:
@@ -79,7 +76,7 @@ class GpsCut:
             raise DataError(f"{where}: positions in FIT files are not cut; export it as TCX or CSV first")
         return (self._xml if name.endswith((".tcx", ".xml")) else self._csv)(contents, where)
 
-    def _far(self, positions: Sequence[Sequence[str]], where: str) -> Mask:
+    def _far(self, positions: Sequence[Sequence[str]], where: str) -> Bools:
         degrees = np.array([[_degrees(text) for text in position] for position in positions]).reshape(-1, 2)
         if (np.abs(degrees) > 360.0).any():
             raise DataError(f"{where}: its positions are not in degrees, so they cannot be cut")

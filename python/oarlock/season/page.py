@@ -18,12 +18,13 @@ import numpy as np
 from oarlock.report import markup, plot
 from oarlock.report.markup import BAR_SWATCH, Column, grid, legend, notes_list, sort_script, table, value_cell
 from oarlock.report.page import shell
-from oarlock.report.plot import Floats, Panel
+from oarlock.report.plot import Panel
 from oarlock.report.section import KeyFigure, tiles
 from oarlock.report.text import DASH, fixed, number, plural
 from oarlock.season.database import Database, Selection
 from oarlock.season.questions import MONTHS_FOR_CHANGE, left_out, shown_metric
 from oarlock.season.store import Season, not_in_season
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.write_file import write_file
 

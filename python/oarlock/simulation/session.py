@@ -12,7 +12,6 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
 
@@ -26,6 +25,7 @@ from oarlock.recording.streams import ImuStream
 from oarlock.simulation.motion import Motion
 from oarlock.simulation.session_course import PostureErrors, body_course, table_course
 from oarlock.simulation.simulate import simulate
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.folder_writer import replaced_folder
 
@@ -33,8 +33,7 @@ if TYPE_CHECKING:
     from oarlock._core import Model
     from oarlock.tracking.track import Track
 
-Array = NDArray[np.float64]
-Skin = Callable[[ImuDescription, Array, Array], Array]
+Skin = Callable[[ImuDescription, Floats, Floats], Floats]
 
 
 @dataclass(frozen=True)
@@ -200,7 +199,7 @@ def _true_calibration(
     return Calibration(**fields)
 
 
-def _with_skin(stream: ImuStream, knots_s: Array, turns: Array) -> dict[str, Array]:
+def _with_skin(stream: ImuStream, knots_s: Floats, turns: Floats) -> dict[str, Floats]:
     """The signals of a unit that rotates relative to its mount, by rotation vectors (K, 3) in its own axes."""
     signals = {name: np.array(values) for name, values in stream.values.items()}
     if not turns.any():
@@ -214,12 +213,12 @@ def _with_skin(stream: ImuStream, knots_s: Array, turns: Array) -> dict[str, Arr
 
 
 def _after_table(
-    table: tuple[Array, Array],
+    table: tuple[Floats, Floats],
     world: WorldDescription,
     azimuth: float,
-    time_s: Array,
-    signals: dict[str, Array],
-) -> tuple[Array, dict[str, Array]]:
+    time_s: Floats,
+    signals: dict[str, Floats],
+) -> tuple[Floats, dict[str, Floats]]:
     """Times and signals of a unit that first lies on a table and is then mounted."""
     lying_s, room_from_sensor = table  # z of the room is up, x forward
     strength, dip = world.magnetic_norm_ut, world.magnetic_dip_rad
@@ -238,8 +237,8 @@ def _after_table(
 
 def _read(
     sensor: ImuDescription,
-    time_s: Array,
-    signals: Mapping[str, Array],
+    time_s: Floats,
+    signals: Mapping[str, Floats],
     rng: np.random.Generator,
 ) -> ImuStream:
     """Ideal signals of a unit with its noise."""

@@ -11,16 +11,15 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from oarlock.calibration.session.plan import SessionPlan, SessionStep
 from oarlock.model.description import ModelDescription
+from oarlock.storage.arrays import Floats
 
 if TYPE_CHECKING:
     from oarlock._core import Model
 
-Array = NDArray[np.float64]
 
 KNOT_S = 0.05
 HOLD_S, PAUSE_S, CHANGE_S = 4.0, 2.0, 1.5
@@ -38,8 +37,8 @@ LIE_S, FACE_S, TURN_S, TUMBLE_S = 10.0, 3.0, 0.8, 12.0
 class SessionMotion:
     """Coordinates (K, n) at knots (K,) s, and the true interval of each step."""
 
-    time_s: Array
-    q: Array
+    time_s: Floats
+    q: Floats
     spans: Mapping[str, tuple[float, float]]
 
 
@@ -59,7 +58,7 @@ class PostureErrors:
     segment_rad: float
     sway_rad: float
 
-    def drawn(self, posture: Array, turning: Array, rng: np.random.Generator) -> Array:
+    def drawn(self, posture: Floats, turning: Floats, rng: np.random.Generator) -> Floats:
         """Errors (n,) of the coordinates of a posture."""
         errors = turning * rng.normal(0.0, self.joint_rad, len(posture))
         if not self.segment_rad:
@@ -75,26 +74,26 @@ class PostureErrors:
 class _Score:
     """Waypoints, connected by minimum-jerk movements (Flash and Hogan 1985)."""
 
-    def __init__(self, q: Array) -> None:
-        self.parts: list[Array] = [q[None]]
+    def __init__(self, q: Floats) -> None:
+        self.parts: list[Floats] = [q[None]]
 
     @property
     def now_s(self) -> float:
         return (sum(len(p) for p in self.parts) - 1) * KNOT_S
 
     @property
-    def q(self) -> Array:
+    def q(self) -> Floats:
         return np.asarray(self.parts[-1][-1])
 
     def hold(self, seconds: float) -> None:
         self.parts.append(np.repeat(self.q[None], round(seconds / KNOT_S), axis=0))
 
-    def go(self, q: Array, seconds: float) -> None:
+    def go(self, q: Floats, seconds: float) -> None:
         share = smooth_step(np.arange(1, round(seconds / KNOT_S) + 1) / round(seconds / KNOT_S))
         self.parts.append(self.q + share[:, None] * (q - self.q))
 
 
-def smooth_step(share: Array) -> Array:
+def smooth_step(share: Floats) -> Floats:
     """A minimum-jerk transition from 0 to 1, at rest at both ends."""
     return np.asarray(share**3 * (10.0 - 15.0 * share + 6.0 * share**2))
 
@@ -151,8 +150,8 @@ def _coordinates(description: ModelDescription, joint: str) -> list[str]:
 
 
 def _swings(
-    description: ModelDescription, step: SessionStep, names: Sequence[str], posture: Array
-) -> list[Array]:
+    description: ModelDescription, step: SessionStep, names: Sequence[str], posture: Floats
+) -> list[Floats]:
     """Waypoints: four times to the first side and to the other, as far as the joint allows, and back."""
     waypoints = []
     for k in range(2 * SWINGS + 1):
@@ -175,7 +174,7 @@ def _swings(
     return waypoints
 
 
-def _among(time_s: Array, spans: Sequence[tuple[float, float]]) -> Array:
+def _among(time_s: Floats, spans: Sequence[tuple[float, float]]) -> Floats:
     """1 inside the spans, 0 outside, with smooth flanks of half a second inside."""
     inside = np.zeros_like(time_s)
     for start, end in spans:
@@ -184,7 +183,7 @@ def _among(time_s: Array, spans: Sequence[tuple[float, float]]) -> Array:
     return inside
 
 
-def _wander(count: int, columns: int, rng: np.random.Generator) -> Array:
+def _wander(count: int, columns: int, rng: np.random.Generator) -> Floats:
     """Slow random courses (count, columns) with an rms of 1: sums of sines from 0.05 to 0.4 Hz."""
     time_s = KNOT_S * np.arange(count)
     rates = 2.0 * np.pi * rng.uniform(0.05, 0.4, (6, columns))
@@ -192,7 +191,7 @@ def _wander(count: int, columns: int, rng: np.random.Generator) -> Array:
     return np.asarray(np.sin(time_s[:, None, None] * rates + phases).sum(axis=1) / np.sqrt(3.0))
 
 
-def table_course(rate_hz: float, rng: np.random.Generator) -> tuple[Array, Array]:
+def table_course(rate_hz: float, rng: np.random.Generator) -> tuple[Floats, Floats]:
     """Times (T,) s and attitudes (T, 3, 3), room from sensor, of a unit on a table, then turned by hand."""
     tilt = Rotation.from_rotvec(rng.normal(0.0, 0.05, 3)) * Rotation.from_rotvec([0, 0, rng.uniform(-3, 3)])
     faces = [tilt * Rotation.from_euler("xyz", face) for face in FACES]

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from oarlock import _core
@@ -23,6 +22,7 @@ from oarlock.recording.corrections import as_measured
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream, OrientationStream, ScalarStream, Stream, VectorStream
 from oarlock.storage.array_gate import real_array
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.memory_limit import check_memory
 from oarlock.storage.progress import Progress, shown
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from oarlock.recording.calibration import Calibration
     from oarlock.simulation.motion import Motion
 
-Floats = NDArray[np.float64]
 
 STENCIL = 9
 STEP_S = 2e-3

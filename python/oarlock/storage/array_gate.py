@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
-
-FloatArray = NDArray[np.float64]
 
 LEAST_INTERVAL_S = 5e-7
 """Half a microsecond. Loggers count microseconds at best, and float64 keeps stamps of the epoch to 2.4e-7 s, so two
@@ -16,7 +15,7 @@ samples of one sensor that are closer have no order that can be trusted."""
 _LARGEST_EXACT_INTEGER = 2**53
 
 
-def real_array(value: ArrayLike, shape: Sequence[int | None], where: str) -> FloatArray:
+def real_array(value: ArrayLike, shape: Sequence[int | None], where: str) -> Floats:
     """Read-only float64 copy of a real numeric array, converted without loss.
 
     Args:
@@ -45,7 +44,7 @@ def real_array(value: ArrayLike, shape: Sequence[int | None], where: str) -> Flo
     return _sealed(result)
 
 
-def time_array(value: ArrayLike, where: str) -> FloatArray:
+def time_array(value: ArrayLike, where: str) -> Floats:
     """Time stamps: read-only (T,) float64 in s, T >= 1, finite and strictly increasing.
 
     Raises:
@@ -71,7 +70,7 @@ def time_array(value: ArrayLike, where: str) -> FloatArray:
     return time_s
 
 
-def _too_close_text(steps_s: FloatArray, close: NDArray[np.intp]) -> str:
+def _too_close_text(steps_s: Floats, close: NDArray[np.intp]) -> str:
     first = int(close[0])
     reason = (
         "Are the stamps in another unit? They must be seconds."
@@ -85,7 +84,7 @@ def _too_close_text(steps_s: FloatArray, close: NDArray[np.intp]) -> str:
     )
 
 
-def disorder_text(time_s: FloatArray, index: int) -> str:
+def disorder_text(time_s: Floats, index: int) -> str:
     """What is wrong with the stamp at `index`, which is not later than the one before it."""
     here, before = float(time_s[index]), float(time_s[index - 1])
     if here == before:
@@ -99,7 +98,7 @@ def disorder_text(time_s: FloatArray, index: int) -> str:
     )
 
 
-def check_no_infinity(values: FloatArray, time_s: FloatArray, where: str) -> None:
+def check_no_infinity(values: Floats, time_s: Floats, where: str) -> None:
     """Refuse +-inf; NaN is a missing value and passes.
 
     Args:
@@ -119,7 +118,7 @@ def check_no_infinity(values: FloatArray, time_s: FloatArray, where: str) -> Non
         )
 
 
-def _sealed(values: FloatArray) -> FloatArray:
+def _sealed(values: Floats) -> Floats:
     """The same numbers in memory that nothing can write to, not even through `base`."""
     if not values.size:  # numpy reads no array from an empty buffer
         empty = np.empty(values.shape, values.dtype)
@@ -164,7 +163,7 @@ def _check_shape(found: tuple[int, ...], shape: Sequence[int | None], where: str
     raise DataError(f"{where}: has shape {found}, expected {wanted}.{hint}")
 
 
-def _check_exact(given: NDArray[Any], result: FloatArray, where: str) -> None:
+def _check_exact(given: NDArray[Any], result: Floats, where: str) -> None:
     if given.dtype.kind == "f" and given.dtype.itemsize <= 8:
         return
     plain, seen = np.asarray(given), ~np.ma.getmaskarray(given)

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from oarlock import _core
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.parquet_table import Column, Texts
 from oarlock.storage.regular_file import UnreadableFileError, read_bytes
 
@@ -40,7 +40,7 @@ def _inert(column: Column) -> Column:
     return column
 
 
-def plain_columns(file: Path, names: Sequence[str]) -> dict[str, FloatArray] | None:
+def plain_columns(file: Path, names: Sequence[str]) -> dict[str, Floats] | None:
     """The columns of a comma-separated file with this header, (T,) each; NaN where a cell is empty or NaN.
 
     None where anything else is in the file: `delimited` then reads it, or says which line is wrong. Numbers are the

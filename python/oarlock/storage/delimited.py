@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.regular_file import open_regular, open_text
 from oarlock.storage.suggest import did_you_mean
@@ -137,7 +137,7 @@ class ColumnLayout:
         raise DataError(f"{self.file}:{line}: has {len(row)} fields, {expected} has {self.width}. {hint}")
 
 
-def numbers(layout: ColumnLayout, batch: Batch, position: int, index: int) -> FloatArray:
+def numbers(layout: ColumnLayout, batch: Batch, position: int, index: int) -> Floats:
     """The cells of one column as float64, NaN where missing.
 
     Args:
@@ -158,7 +158,7 @@ def numbers(layout: ColumnLayout, batch: Batch, position: int, index: int) -> Fl
     )
 
 
-def _plain_numbers(cells: list[str], dialect: Dialect) -> FloatArray | None:
+def _plain_numbers(cells: list[str], dialect: Dialect) -> Floats | None:
     """Fast path for cells that are all numbers; None where one needs a closer look."""
     text = "\n".join(cells)
     if (

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
-
-Floats = NDArray[np.float64]
 
 LONGEST_GAP_S = 60.0
 MOST_PER_ROW = 200

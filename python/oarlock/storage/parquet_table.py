@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock._core import read_parquet, write_parquet
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.regular_file import open_regular, shown_bytes
 
@@ -55,7 +55,7 @@ class ParquetTable:
     about: Mapping[str, str] = field(default_factory=dict)
     advice: str = ""
 
-    def numbers(self, name: str, dimensions: int = 1) -> FloatArray:
+    def numbers(self, name: str, dimensions: int = 1) -> Floats:
         """A column of numbers, (T,), or (T, N) with two dimensions; NaN where a number is missing.
 
         Raises:

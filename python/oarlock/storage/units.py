@@ -6,7 +6,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.suggest import did_you_mean
 
 STANDARD_GRAVITY_M_S2 = 9.80665
@@ -58,7 +58,7 @@ def plain_unit(text: str) -> str:
     return _SPELLINGS.get(unit, unit)
 
 
-def to_held_unit(values: FloatArray, unit: str) -> FloatArray:
+def to_held_unit(values: Floats, unit: str) -> Floats:
     """Values in `unit`, as rad/s, m/s2, uT, m or rad; unchanged bit for bit where it is that unit already."""
     factor, divisor = _CONVERSIONS[unit]
     with np.errstate(over="ignore"):  # a stream refuses infinite readings by name
@@ -66,7 +66,7 @@ def to_held_unit(values: FloatArray, unit: str) -> FloatArray:
         return scaled if divisor == 1.0 else scaled / divisor
 
 
-def from_held_unit(values: FloatArray, unit: str) -> FloatArray:
+def from_held_unit(values: Floats, unit: str) -> Floats:
     """What `to_held_unit` undoes: values in rad/s, m/s2, uT, m or rad as values in `unit`."""
     factor, divisor = _CONVERSIONS[unit]
     scaled = values if divisor == 1.0 else values * divisor

@@ -5,13 +5,11 @@ from __future__ import annotations
 import re
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.model.angle_sequence import angle_labels
+from oarlock.storage.arrays import Floats
 from oarlock.tracking.estimates import Estimates
 from oarlock.tracking.joint_series import BallSeries
-
-Floats = NDArray[np.float64]
 
 FIELDS = {
     "q": ("", ""),

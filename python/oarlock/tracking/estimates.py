@@ -8,10 +8,10 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Self, TypeVar, overload
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.model.angle_sequence import DEFAULT_SEQUENCE
 from oarlock.model.coordinates import joint_columns
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
 from oarlock.tracking.counts import StreamCount
@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from oarlock._core import Belief, Model, Run
     from oarlock.recording.calibration import Calibration
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 _Kind = TypeVar("_Kind", bound=JointSeries | BallSeries)
 _ARRAYS = ("time_s", "q", "qd", "qdd", "q_std", "qd_std", "qdd_std", "observed")
 

@@ -13,18 +13,15 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.model.angle_sequence import angle_stds, angles_from_quat, near_singular
 from oarlock.model.coordinates import joint_columns
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.storage.errors import DataError
 from oarlock.tracking.joint_series import BallSeries, FreeSeries
 
 if TYPE_CHECKING:
     from oarlock.tracking.track import Track
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

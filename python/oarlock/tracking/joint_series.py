@@ -7,15 +7,12 @@ from functools import cached_property
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.model.angle_sequence import angle_stds, angles_from_quat, checked_sequence, near_singular
 from oarlock.model.rotation import continuous_quat, matrix_from_quat, quat_from_rotvec
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.storage.short_repr import ShortRepr
 from oarlock.storage.suggest import did_you_mean
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, repr=False)

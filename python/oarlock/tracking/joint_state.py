@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from oarlock.storage.arrays import Floats
 from oarlock.storage.suggest import did_you_mean
 
-Floats = NDArray[np.float64]
 AXES = {"rx", "ry", "rz", "x", "y", "z"}
 
 

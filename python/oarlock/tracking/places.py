@@ -13,10 +13,10 @@ from oarlock._core import Model
 from oarlock.model.coordinates import with_untold_at_zero
 from oarlock.model.jacobians import relative_moves
 from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.tracking.estimates import Estimates
 
-Floats = NDArray[np.float64]
 Rows = slice | NDArray[np.int64]
 Source = Literal["beliefs", "deviations", "unknown"]
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.model.angle_sequence import angle_labels
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.extras import optional
 from oarlock.tracking.estimates import Estimates
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-Floats = NDArray[np.float64]
 Panel: TypeAlias = str | Sequence[str]
 """A joint, or several joints in one panel."""
 

@@ -7,12 +7,10 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.short_repr import ShortRepr
 from oarlock.storage.suggest import did_you_mean
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 FIELD = ("missing", "undisturbed", "norm", "dip", "innovation")
 """Result of the tests of a magnetometer's reading: missing, undisturbed, or the first test that it failed."""

@@ -11,12 +11,13 @@ import numpy as np
 
 from oarlock.model.coordinates import angle_sequences, coordinate_units, joint_units
 from oarlock.model.rotation import continuous_quat, quat_from_matrix
+from oarlock.storage.arrays import Floats
 from oarlock.storage.dataframes import pandas_table, polars_table, xarray_dataset
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
 from oarlock.tracking.columns import columns_of, unit_of
 from oarlock.tracking.counts import StreamCount
-from oarlock.tracking.estimates import Estimates, Floats, Later
+from oarlock.tracking.estimates import Estimates, Later
 from oarlock.tracking.folder import read_track, write_track
 from oarlock.tracking.html import track_html
 from oarlock.tracking.notes import Note

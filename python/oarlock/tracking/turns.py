@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from oarlock.storage.arrays import Bools, Floats
+
 if TYPE_CHECKING:
     from oarlock.model.description import JointDescription
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 TURN = 2.0 * np.pi
 _ROUNDING_RAD = 1e-9

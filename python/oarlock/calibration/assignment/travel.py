@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from oarlock.calibration.session.timing import segments_of
 from oarlock.calibration.session.unit_rows import Span, UnitRows
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 LEAST_S = 1.0
 LEAST_TURN_RAD = 1.0
@@ -110,12 +110,12 @@ def _lever_m(unit: UnitRows, span_s: Span) -> float:
     return float(np.linalg.norm(solved[:3]))
 
 
-def _cross(vectors: FloatArray) -> FloatArray:
+def _cross(vectors: Floats) -> Floats:
     """(T, 3, 3) matrices that multiply like the cross product with (T, 3) vectors."""
     return np.asarray(np.cross(np.eye(3), vectors[:, None]))
 
 
-def _smooth(values: FloatArray, width: int) -> FloatArray:
+def _smooth(values: Floats, width: int) -> Floats:
     """Moving average over an odd number of rows."""
     kernel = np.ones(2 * (width // 2) + 1)
     counts = np.convolve(np.ones(len(values)), kernel, "same")[:, None]

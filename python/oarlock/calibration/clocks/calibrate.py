@@ -6,7 +6,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock._core import Model
 from oarlock.calibration.clocks.coarse import coarse_delays
@@ -23,8 +22,6 @@ from oarlock.storage.errors import DataError
 from oarlock.storage.progress import Progress, shown
 from oarlock.tracking.known_streams import known_streams
 from oarlock.tracking.tracking import admit
-
-Floats = NDArray[np.float64]
 
 LARGEST_STD_S = 0.003
 

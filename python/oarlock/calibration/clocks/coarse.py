@@ -10,13 +10,11 @@ from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream, Stream
-
-Floats = NDArray[np.float64]
+from oarlock.storage.arrays import Floats
 
 LARGEST_S = 0.6
 WORTH_S = 0.06

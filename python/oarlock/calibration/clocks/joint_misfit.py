@@ -10,16 +10,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock import _core
 from oarlock._core import Config, Model
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.recording import Recording
 from oarlock.recording.stream_scales import Clock
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
-
-Floats = NDArray[np.float64]
 
 STEP_S = 0.010
 """Distance of the points of a parabola."""

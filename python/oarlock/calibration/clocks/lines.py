@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.recording.stream_scales import Clock
-
-Floats = NDArray[np.float64]
+from oarlock.storage.arrays import Floats
 
 CRYSTAL_DRIFT = 3e-5
 """Prior standard deviation of a clock's drift: quartz oscillators are specified to 20 to 50 ppm. Its tails are those of

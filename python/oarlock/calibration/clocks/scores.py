@@ -7,16 +7,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock._core import Config, Model, score_many
 from oarlock.calibration.clocks.devices import is_one_logger
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
-Floats = NDArray[np.float64]
 Span = tuple[float, float]
 Groups = Sequence[tuple[str, ...]]
 

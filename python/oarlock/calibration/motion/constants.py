@@ -16,11 +16,11 @@ from oarlock.calibration.motion.searched_model import PLACE, ZERO
 from oarlock.calibration.static.offset_parameters import place_parameters
 from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec
 from oarlock.recording.calibration import Calibration, EncoderScale
+from oarlock.storage.arrays import Floats
 
 if TYPE_CHECKING:
     from oarlock._core import Belief
 
-Floats = NDArray[np.float64]
 
 OBSERVABLE_SHARE = 0.1
 """A constant of which the movement took less than this share of the prior variance counts as not determined."""

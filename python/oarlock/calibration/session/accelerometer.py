@@ -9,7 +9,7 @@ import numpy as np
 
 from oarlock.calibration.robust_fit import huber, robust_fit
 from oarlock.calibration.session.unit_rows import Span, UnitRows
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 BIAS_PRIOR_M_S2 = 0.3
 SCALE_PRIOR = 0.02
@@ -24,9 +24,9 @@ OUTLIER_STDS = 3.0
 class AccelRest:
     """Bias (3,) m/s2, scale (3,), the bias's std, number of attitudes, and the worst norm's error before and after."""
 
-    bias_m_s2: FloatArray
-    scale: FloatArray
-    bias_std_m_s2: FloatArray
+    bias_m_s2: Floats
+    scale: Floats
+    bias_std_m_s2: Floats
     attitudes: int
     before_m_s2: float
     after_m_s2: float
@@ -45,7 +45,7 @@ def accel_rest(unit: UnitRows, stills: Sequence[tuple[Span, bool]], gravity_m_s2
     forces = np.array(means)
     prior = 1.0 / np.repeat([BIAS_PRIOR_M_S2, SCALE_PRIOR], 3)
 
-    def linearised(p: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def linearised(p: Floats) -> tuple[Floats, Floats]:
         true = (forces - p[:3]) / (1.0 + p[3:])
         norms = np.linalg.norm(true, axis=1)
         by_bias = -true / norms[:, None] / (1.0 + p[3:])
@@ -67,9 +67,9 @@ def accel_rest(unit: UnitRows, stills: Sequence[tuple[Span, bool]], gravity_m_s2
     )
 
 
-def _attitudes(forces: FloatArray) -> int:
+def _attitudes(forces: Floats) -> int:
     """How many directions lie 20 deg or more apart."""
-    kept: list[FloatArray] = []
+    kept: list[Floats] = []
     for up in forces / np.linalg.norm(forces, axis=1, keepdims=True):
         if all(up @ other < APART for other in kept):
             kept.append(up)

@@ -11,7 +11,7 @@ import numpy as np
 from oarlock.calibration.static.pose_mounts import rest_posture
 from oarlock.model.coordinates import rotation_columns
 from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec, quat_inverse, right_jacobian
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 if TYPE_CHECKING:
     from oarlock._core import Model
@@ -42,8 +42,8 @@ class BodyKinematics:
     turns_with: Mapping[str, frozenset[str]]
     joints: Mapping[str, tuple[str, ...]]
     carriers: Mapping[tuple[str, str], str]
-    up: FloatArray
-    forward: FloatArray
+    up: Floats
+    forward: Floats
 
     @classmethod
     def of(cls, model: Model, units: Sequence[str]) -> BodyKinematics:
@@ -71,11 +71,11 @@ class BodyKinematics:
         }
         return cls(model, tuple(units), frames, turns, joints, carriers, up, forward)
 
-    def posture(self, pose: Mapping[str, float]) -> FloatArray:
+    def posture(self, pose: Mapping[str, float]) -> Floats:
         """(n,) coordinates, the rest posture where the pose names none."""
         return rest_posture(self.model, dict(pose) or None)
 
-    def root_from_link(self, unit: str, q: FloatArray) -> FloatArray:
+    def root_from_link(self, unit: str, q: Floats) -> Floats:
         """(..., 3, 3) at postures (..., n)."""
         return np.asarray(self.model.forward_kinematics(q)[..., self.frames[unit], :3, :3])
 
@@ -95,9 +95,7 @@ class BodyKinematics:
         moved = [u for u in self.units if turning <= self.turns_with[u]]
         return [u for u in moved if not any(self.turns_with[v] < self.turns_with[u] for v in moved)]
 
-    def axis_in_link(
-        self, joint: str, about: FloatArray | None, child: str, q: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def axis_in_link(self, joint: str, about: Floats | None, child: str, q: Floats) -> tuple[Floats, Floats]:
         """Unit axis (3,) about which a joint turns, in a link's axes, and its derivatives (n, 3) by all coordinates.
 
         The axis is constant in the frame that carries the joint, so that only the angular velocities of this frame and

@@ -23,7 +23,7 @@ from oarlock.recording.streams import ImuStream
 
 if TYPE_CHECKING:
     from oarlock._core import Model
-    from oarlock.storage.array_gate import FloatArray
+    from oarlock.storage.arrays import Floats
 
 CLEAR = 20.0
 """The exchange must lower the sum of squared residuals, in variances, by so much: two clear contradictions."""
@@ -58,7 +58,7 @@ def exchanged_units(model: Model, recording: Recording, plan: SessionPlan) -> tu
     return tuple(name for name, column in zip(names, columns, strict=True) if names[column] != name)
 
 
-def _contradictions(search: MountSearch) -> FloatArray:
+def _contradictions(search: MountSearch) -> Floats:
     """(unit, link): squared residuals of the best mount of a unit on a link."""
     found = np.zeros((len(search.units), len(search.units)))
     for i, unit in enumerate(search.units.values()):
@@ -70,7 +70,7 @@ def _contradictions(search: MountSearch) -> FloatArray:
     return found
 
 
-def _wrong_turns(search: MountSearch) -> FloatArray:
+def _wrong_turns(search: MountSearch) -> Floats:
     """(unit, link): cost of turning in movements in which the link rests, and of resting where it turns."""
     body, found = search.body, np.zeros((len(search.units), len(search.units)))
     for step in (s for s in search.plan.steps if s.kind == "move" and s.name in search.spans):

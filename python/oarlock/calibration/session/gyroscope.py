@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from oarlock.calibration.session.unit_rows import Span, UnitRows
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 SWAY_RAD = 0.005
 """Net turn of somebody who stands still, over one stretch."""
@@ -22,9 +22,9 @@ BIAS_LIMIT_RAD_S, WORN_BIAS_LIMIT_RAD_S = 0.001, 0.003
 class GyroRest:
     """A gyroscope at rest: bias and its std (3,) rad/s, noise (3,) rad/s a sample, seconds of rest, whether it lay."""
 
-    bias_rad_s: FloatArray
-    std_rad_s: FloatArray
-    noise_rad_s: FloatArray
+    bias_rad_s: Floats
+    std_rad_s: Floats
+    noise_rad_s: Floats
     rest_s: float
     lay: bool
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from oarlock.calibration.robust_fit import huber, robust_fit
 from oarlock.calibration.session.unit_rows import Span, UnitRows
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 MOST_ROWS = 1500
 ROW_STD_UT = 1.5
@@ -28,11 +28,11 @@ NORM_LIMIT = 0.05
 class MagFit:
     """Offset (3,) uT, matrix (3, 3), norm uT and dip rad of the field, std of the offset, coverage, scatter."""
 
-    offset_ut: FloatArray
-    matrix: FloatArray
+    offset_ut: Floats
+    matrix: Floats
     norm_ut: float
     dip_rad: float
-    offset_std_ut: FloatArray
+    offset_std_ut: Floats
     coverage: float
     before: float
     after: float
@@ -89,17 +89,17 @@ class _EllipsoidProblem:
     The unknowns are offset (3), matrix (5), norm of the field, uT, and sine of its dip.
     """
 
-    rows_ut: FloatArray
-    ups: FloatArray
-    resting_ut: FloatArray
-    expected: FloatArray
+    rows_ut: Floats
+    ups: Floats
+    resting_ut: Floats
+    expected: Floats
 
-    def linearised(self, p: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def linearised(self, p: Floats) -> tuple[Floats, Floats]:
         """Residuals (n + k + 8,) of norms, dips and prior, in standard deviations, and their Jacobian."""
         parts = self._norms(p), self._dips(p), self._prior(p)
         return np.concatenate([r for r, _ in parts]), np.concatenate([s for _, s in parts])
 
-    def _norms(self, p: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _norms(self, p: Floats) -> tuple[Floats, Floats]:
         matrix, offsetless = _matrix(p[3:8]), self.rows_ut - p[:3]
         field = offsetless @ matrix.T
         norms = np.linalg.norm(field, axis=1)
@@ -107,21 +107,21 @@ class _EllipsoidProblem:
         slopes = [-along @ matrix, _by_matrix(along, offsetless), np.tile([-1.0, 0.0], (len(along), 1))]
         return (norms - p[8]) / ROW_STD_UT, np.hstack(slopes) / ROW_STD_UT
 
-    def _dips(self, p: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _dips(self, p: Floats) -> tuple[Floats, Floats]:
         matrix, offsetless, norm = _matrix(p[3:8]), self.resting_ut - p[:3], p[8]
         sines = np.einsum("ki,ij,kj->k", self.ups, matrix, offsetless) / norm
         by_norm_and_dip = np.column_stack([-sines / norm, np.ones_like(sines)])
         slopes = [-self.ups @ matrix / norm, _by_matrix(self.ups, offsetless) / norm, by_norm_and_dip]
         return (sines + p[9]) / DIP_STD, np.hstack(slopes) / DIP_STD
 
-    def _prior(self, p: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _prior(self, p: Floats) -> tuple[Floats, Floats]:
         std = np.repeat([OFFSET_PRIOR_UT, SOFT_PRIOR, 1.0], [3, 5, 1])
         # Without rests nothing shows the dip.
         rows = [*range(8), 9][: 8 if len(self.ups) else 9]
         return (p - self.expected)[rows] / std[: len(rows)], np.eye(10)[rows] / std[: len(rows), None]
 
 
-def _matrix(p: FloatArray) -> FloatArray:
+def _matrix(p: Floats) -> Floats:
     """Symmetric, with a mean stretch of one."""
     xx, yy, xy, xz, yz = p
     return np.asarray(np.eye(3) + np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, -xx - yy]]))
@@ -130,12 +130,12 @@ def _matrix(p: FloatArray) -> FloatArray:
 _BY_ENTRY = np.stack([_matrix(p) - np.eye(3) for p in np.eye(5)])
 
 
-def _by_matrix(left: FloatArray, right: FloatArray) -> FloatArray:
+def _by_matrix(left: Floats, right: Floats) -> Floats:
     """(n, 5) derivatives of ``left @ _matrix(p) @ right`` by p, for rows of vectors (n, 3)."""
     return np.asarray(np.einsum("ni,kij,nj->nk", left, _BY_ENTRY, right))
 
 
-def _at_rest(unit: UnitRows, stills: Sequence[tuple[Span, bool]]) -> tuple[FloatArray, FloatArray]:
+def _at_rest(unit: UnitRows, stills: Sequence[tuple[Span, bool]]) -> tuple[Floats, Floats]:
     """Up (k, 3) and the magnetometer's mean (k, 3), uT, in each interval at rest."""
     assert unit.mag is not None
     ups, means = [], []

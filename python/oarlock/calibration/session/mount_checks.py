@@ -13,7 +13,7 @@ from oarlock.calibration.session.plan import SessionPlan
 from oarlock.calibration.session.timing import EDGE_S
 from oarlock.calibration.session.unit_rows import Span, UnitRows
 from oarlock.model.rotation import quat_from_matrix, rotvec_from_quat
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 REST_LIMIT_RAD_S = 0.25
 """Scatter of a gyroscope in a posture: a person sways by a fifth of it, and moves by four times as much."""
@@ -24,7 +24,7 @@ NORTH_LIMIT_RAD = float(np.radians(12.0))
 
 
 def mount_checks(
-    found: Mounts, plan: SessionPlan, body: BodyKinematics, nominal: Mapping[str, FloatArray]
+    found: Mounts, plan: SessionPlan, body: BodyKinematics, nominal: Mapping[str, Floats]
 ) -> list[Check]:
     """Movements first, then postures, mounts, and north as a test."""
     return [
@@ -107,7 +107,7 @@ def _postures(found: Mounts, plan: SessionPlan) -> list[Check]:
     return checks
 
 
-def _mount(name: str, found: Mounts, nominal: FloatArray) -> Check:
+def _mount(name: str, found: Mounts, nominal: Floats) -> Check:
     solved = found.solved[name]
     std, limit = float(np.degrees(solved.worst_std_rad)), float(np.degrees(MOUNT_LIMIT_RAD))
     turned = np.linalg.norm(rotvec_from_quat(quat_from_matrix(solved.link_from_sensor @ nominal.T)))

@@ -12,7 +12,7 @@ from oarlock.calibration.session.movement import Turning, turning
 from oarlock.calibration.session.plan import SessionPlan, SessionStep
 from oarlock.calibration.session.unit_rows import Span, UnitRows
 from oarlock.calibration.session.wahba import DirectionPair, SolvedMount, isotropic, solved_mount
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 ACCEL_STD = 0.01
 """What bias is left in an accelerometer, against gravity."""
@@ -54,7 +54,7 @@ class MountSearch:
     plan: SessionPlan
     spans: Mapping[str, Span]
     units: Mapping[str, UnitRows]
-    nominal: Mapping[str, FloatArray]
+    nominal: Mapping[str, Floats]
 
     def run(self) -> Mounts:
         """All mounts."""
@@ -96,7 +96,7 @@ class MountSearch:
                 )
         return found
 
-    def _up_in_sensor(self, unit: UnitRows, step: SessionStep) -> FloatArray | None:
+    def _up_in_sensor(self, unit: UnitRows, step: SessionStep) -> Floats | None:
         """The mean of a posture, or of the rest in which a movement begins."""
         span = self.spans[step.name]
         stills = unit.still(worn=True, within_s=span)
@@ -148,10 +148,10 @@ class MountSearch:
         step: SessionStep,
         child: str,
         parent: str | None,
-        q: FloatArray,
+        q: Floats,
         mounts: Mapping[str, SolvedMount],
     ) -> Turning | None:
-        def attitude(unit: str) -> FloatArray:
+        def attitude(unit: str) -> Floats:
             return self.body.root_from_link(unit, q) @ mounts[unit].link_from_sensor
 
         other = None if parent is None else self.units[parent]
@@ -160,8 +160,8 @@ class MountSearch:
         return turning(self.units[child], other, span, attitude(child), at_parent, step.first)
 
     def _axis_in_link(
-        self, step: SessionStep, joint: str, about: FloatArray | None, child: str, q: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+        self, step: SessionStep, joint: str, about: Floats | None, child: str, q: Floats
+    ) -> tuple[Floats, Floats]:
         """The axis in the child's link, and how uncertain the posture of the other joints leaves it."""
         axis, slopes = self.body.axis_in_link(joint, about, child, q)
         turning_ones = [
@@ -189,14 +189,14 @@ class MountSearch:
                     found.setdefault(name, {})[step.name] = self._azimuth(field)
         return found
 
-    def _mag(self, unit: UnitRows, step: SessionStep) -> FloatArray | None:
+    def _mag(self, unit: UnitRows, step: SessionStep) -> Floats | None:
         if unit.mag is None:
             return None
         rows = unit.mag[unit.rows(self.spans[step.name])]
         rows = rows[np.isfinite(rows).all(axis=1)]
         return rows.mean(axis=0) if len(rows) >= 4 else None
 
-    def _azimuth(self, field: FloatArray) -> float:
+    def _azimuth(self, field: Floats) -> float:
         forward, side = self._level
         return float(np.arctan2(field @ side, field @ forward))
 
@@ -227,6 +227,6 @@ class MountSearch:
         return self.plan.posture_std_rad if step.posture_std_rad is None else step.posture_std_rad
 
     @property
-    def _level(self) -> tuple[FloatArray, FloatArray]:
+    def _level(self) -> tuple[Floats, Floats]:
         """Two level directions at right angles, root axes: forward, and from there the way azimuths count."""
         return self.body.forward, np.cross(self.body.up, self.body.forward)

@@ -8,7 +8,7 @@ import numpy as np
 
 from oarlock.calibration.session.unit_rows import Span, UnitRows
 from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 BLOCK_S = 0.1
 FLOOR_RAD = float(np.radians(1.0))
@@ -30,7 +30,7 @@ class Turning:
         clear: whether a first turn was clear enough to tell the sign.
     """
 
-    axis: FloatArray
+    axis: Floats
     std_rad: float
     purity: float
     swept_rad: float
@@ -41,8 +41,8 @@ def turning(
     child: UnitRows,
     parent: UnitRows | None,
     span_s: Span,
-    root_from_child: FloatArray,
-    root_from_parent: FloatArray,
+    root_from_child: Floats,
+    root_from_parent: Floats,
     first: int,
 ) -> Turning | None:
     """The axis of the relative angular velocity, in the child's axes.
@@ -90,11 +90,11 @@ def turning(
     return Turning(axis, std_rad, purity, float(np.ptp(angle)), bool(len(clear)))
 
 
-def _pairs(values: FloatArray) -> FloatArray:
+def _pairs(values: Floats) -> Floats:
     return np.asarray(values[1:] + values[:-1])
 
 
-def _attitudes(time_s: FloatArray, gyro: FloatArray, start: FloatArray) -> FloatArray:
+def _attitudes(time_s: Floats, gyro: Floats, start: Floats) -> Floats:
     """(T, 3, 3) by integrating (T, 3) angular velocity in the body's axes."""
     turns = matrix_from_quat(quat_from_rotvec(0.5 * _pairs(gyro) * np.diff(time_s)[:, None]))
     found = np.empty((len(time_s), 3, 3))
@@ -104,7 +104,7 @@ def _attitudes(time_s: FloatArray, gyro: FloatArray, start: FloatArray) -> Float
     return found
 
 
-def _principal(rates: FloatArray) -> tuple[FloatArray, float, float]:
+def _principal(rates: Floats) -> tuple[Floats, float, float]:
     """Principal direction, its std by leaving out each of eight parts, and the share of energy about it."""
     axis, share = _direction(rates)
     parts = [p for p in np.array_split(np.arange(len(rates)), PARTS) if len(p)]
@@ -119,6 +119,6 @@ def _principal(rates: FloatArray) -> tuple[FloatArray, float, float]:
     return axis, float(np.hypot(jackknife, FLOOR_RAD)), share
 
 
-def _direction(rates: FloatArray) -> tuple[FloatArray, float]:
+def _direction(rates: Floats) -> tuple[Floats, float]:
     values, vectors = np.linalg.eigh(rates.T @ rates)
     return np.asarray(vectors[:, 2]), float(values[2] / max(values.sum(), 1e-12))

@@ -16,7 +16,7 @@ from oarlock.calibration.session.unit_rows import Span, UnitRows
 from oarlock.model.rotation import angle_between
 
 if TYPE_CHECKING:
-    from oarlock.storage.array_gate import FloatArray
+    from oarlock.storage.arrays import Floats
 
 LEAST_APART_RAD = float(np.radians(40.0))
 """Half of what hanging and level arms differ by: postures of people are never that far off."""
@@ -62,6 +62,6 @@ def _off_rad(
     return max(offs)
 
 
-def _up(unit: UnitRows, span_s: Span) -> FloatArray | None:
+def _up(unit: UnitRows, span_s: Span) -> Floats | None:
     force = unit.accel[unit.rows(span_s)]
     return np.asarray(force.mean(axis=0)) if len(force) >= LEAST_ROWS else None

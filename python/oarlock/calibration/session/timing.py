@@ -14,7 +14,7 @@ from oarlock.calibration.session.posture_match import of_another_posture
 from oarlock.calibration.session.unit_rows import Span, UnitRows, common, joined
 
 if TYPE_CHECKING:
-    from oarlock.storage.array_gate import FloatArray
+    from oarlock.storage.arrays import Floats
 
 LEAST_STILL_S = 1.0
 LEAST_MOVE_S = 2.0
@@ -59,13 +59,13 @@ def located(plan: SessionPlan, body: BodyKinematics, units: Mapping[str, UnitRow
 
 
 def _in_posture(
-    scores: FloatArray,
+    scores: Floats,
     found: Sequence[int | None],
     sought: Sequence[SessionStep],
     segments: Sequence[Segment],
     body: BodyKinematics,
     units: Mapping[str, UnitRows],
-) -> FloatArray:
+) -> Floats:
     """The scores without rests in which gravity shows another posture than that of the step."""
     known = [
         (step, (segments[index][1] - ROOM_S, segments[index][1]))
@@ -144,12 +144,12 @@ def _swings(names: set[str], units: Mapping[str, UnitRows], span_s: Span) -> flo
     """2 for units that turn to and fro about one axis, 0 for a turn to one side, as on the way to a posture."""
     shares = []
     for name in names & set(units):
-        gyro: FloatArray = units[name].gyro[units[name].rows(span_s)]
+        gyro: Floats = units[name].gyro[units[name].rows(span_s)]
         shares.append(1.0 - float(np.linalg.norm(gyro.sum(axis=0)) / np.linalg.norm(gyro, axis=1).sum()))
     return 2.0 * min(shares, default=0.0)
 
 
-def _assigned(scores: FloatArray, missed: FloatArray) -> list[int | None]:
+def _assigned(scores: Floats, missed: Floats) -> list[int | None]:
     """The best way to give each step (rows) a segment (columns) of its own in any order; a step may be missed."""
     steps, segments = scores.shape
     own_column = np.where(np.eye(steps, dtype=bool), missed, -np.inf)
@@ -158,7 +158,7 @@ def _assigned(scores: FloatArray, missed: FloatArray) -> list[int | None]:
     return [int(column) if column < segments else None for column in columns]
 
 
-def _laid(scores: FloatArray, missed: FloatArray) -> list[int | None]:
+def _laid(scores: Floats, missed: Floats) -> list[int | None]:
     """The best way to give steps (rows) segments (columns) in order; a step may be missed."""
     steps, segments = scores.shape
     best = np.full((steps + 1, segments + 1), -np.inf)

@@ -6,13 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.recording.streams import ImuStream
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats, Indices
 
 Span = tuple[float, float]
-Indices = NDArray[np.intp]
 
 WINDOW_S = 0.25
 LYING_GYRO_RAD_S = 0.03
@@ -36,10 +34,10 @@ class UnitRows:
     """
 
     name: str
-    time_s: FloatArray
-    gyro: FloatArray
-    accel: FloatArray
-    mag: FloatArray | None
+    time_s: Floats
+    gyro: Floats
+    accel: Floats
+    mag: Floats | None
 
     @classmethod
     def of(cls, stream: ImuStream) -> UnitRows:
@@ -72,7 +70,7 @@ class UnitRows:
         return joined([(time_s[e], end) for e, end, c in zip(edges, ends, calm, strict=True) if c])
 
 
-def _scatter(values: FloatArray, edges: Indices, counts: Indices) -> FloatArray:
+def _scatter(values: Floats, edges: Indices, counts: Indices) -> Floats:
     """Largest standard deviation of the three axes in each block."""
     mean = np.add.reduceat(values, edges, axis=0) / counts[:, None]
     squares = np.add.reduceat(values**2, edges, axis=0) / counts[:, None] - mean**2

@@ -9,7 +9,7 @@ import numpy as np
 
 from oarlock.calibration.robust_fit import huber, robust_fit
 from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 PRIOR_STD_RAD = float(np.radians(60.0))
 """Weight of the nominal mount: it only decides directions that nothing else determines."""
@@ -34,10 +34,10 @@ class DirectionPair:
 
     step: str
     kind: str
-    in_sensor: FloatArray
-    in_link: FloatArray
-    own: FloatArray
-    posture: FloatArray
+    in_sensor: Floats
+    in_link: Floats
+    own: Floats
+    posture: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,13 +51,13 @@ class SolvedMount:
         off_stds: the same in standard deviations.
     """
 
-    link_from_sensor: FloatArray
-    covariance: FloatArray
+    link_from_sensor: Floats
+    covariance: Floats
     off_rad: tuple[float, ...]
     off_stds: tuple[float, ...]
 
     @property
-    def std_rad(self) -> FloatArray:
+    def std_rad(self) -> Floats:
         """(3,) about the link's axes."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
@@ -67,18 +67,18 @@ class SolvedMount:
         return float(np.sqrt(np.linalg.eigvalsh(self.covariance)[-1]))
 
 
-def isotropic(direction: FloatArray, std_rad: float) -> FloatArray:
+def isotropic(direction: Floats, std_rad: float) -> Floats:
     """(3, 3) covariance of a unit vector that is off by `std_rad` in each of two directions."""
     return std_rad**2 * (np.eye(3) - np.outer(direction, direction))
 
 
-def solved_mount(sights: Sequence[DirectionPair], nominal: FloatArray) -> SolvedMount:
+def solved_mount(sights: Sequence[DirectionPair], nominal: Floats) -> SolvedMount:
     """The most likely mount. Undetermined directions keep the nominal mount and have a large covariance."""
     in_sensor = np.reshape([s.in_sensor for s in sights], (-1, 3))
     in_link = np.reshape([s.in_link for s in sights], (-1, 3))
     whitened = np.reshape([np.linalg.cholesky(np.linalg.inv(c)).T for c in _covariances(sights)], (-1, 3, 3))
 
-    def linearised(rotation: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def linearised(rotation: Floats) -> tuple[Floats, Floats]:
         seen = in_sensor @ rotation.T
         slopes = whitened @ np.cross(np.eye(3), -seen[:, None])
         return np.einsum("nij,nj->ni", whitened, seen - in_link).reshape(-1), slopes.reshape(-1, 3)
@@ -99,7 +99,7 @@ def solved_mount(sights: Sequence[DirectionPair], nominal: FloatArray) -> Solved
     )
 
 
-def _start(sights: Sequence[DirectionPair], nominal: FloatArray) -> FloatArray:
+def _start(sights: Sequence[DirectionPair], nominal: Floats) -> Floats:
     """Wahba's problem with one variance for each sight, and the nominal mount as three more sights.
 
     Source: F. L. Markley 1988, "Attitude determination using vector observations and the singular value
@@ -114,7 +114,7 @@ def _start(sights: Sequence[DirectionPair], nominal: FloatArray) -> FloatArray:
     return np.asarray(left @ right)
 
 
-def _covariances(sights: Sequence[DirectionPair]) -> list[FloatArray]:
+def _covariances(sights: Sequence[DirectionPair]) -> list[Floats]:
     """Of each sight; the common part of postures that repeat a direction does not average out."""
     found = []
     for sight in sights:

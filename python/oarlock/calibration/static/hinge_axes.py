@@ -21,7 +21,7 @@ from oarlock.recording.corrections import corrected
 from oarlock.recording.inertial_units import chosen_units
 from oarlock.recording.plausibility import require_plausible
 from oarlock.recording.recording import Recording
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ def _prior_std_rad(name: str, worn: Worn) -> float:
     return EXACT_STD_RAD if name == ROOT else float(max(worn.mount_stds_rad[name]))
 
 
-def _in_link(pair: LinkPair) -> FloatArray:
+def _in_link(pair: LinkPair) -> Floats:
     """(2, 3) the axis in the axes of both links."""
     assert pair.axis is not None
     return pair.axis.reshape(2, 3)

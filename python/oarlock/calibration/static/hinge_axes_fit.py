@@ -8,7 +8,7 @@ import numpy as np
 
 from oarlock.calibration.robust_fit import huber, robust_fit
 from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 STARTS = 24
 MISFIT_STD_RAD = float(np.radians(3.0))
@@ -35,23 +35,23 @@ class AxesFit:
         cost: of the robust fit.
     """
 
-    first: FloatArray
-    second: FloatArray
+    first: Floats
+    second: Floats
     cosine: float
-    heading_rad: FloatArray
+    heading_rad: Floats
     misfit_rad: float
-    stds_rad: FloatArray
-    estimate: FloatArray
+    stds_rad: Floats
+    estimate: Floats
     cost: float
 
-    def apart(self, other: AxesFit) -> FloatArray:
+    def apart(self, other: AxesFit) -> Floats:
         """(2,) angles between the axes of two solutions, rad."""
         cosines = [self.first @ other.first, self.second @ other.second]
         return np.asarray(np.arccos(np.clip(np.abs(cosines), 0.0, 1.0)))
 
 
 def fitted_axes(
-    time_s: FloatArray, upper: FloatArray, lower: FloatArray, cosine: float, near: AxesFit | None = None
+    time_s: Floats, upper: Floats, lower: Floats, cosine: float, near: AxesFit | None = None
 ) -> AxesFit:
     """The axes with which the angle between them changes least.
 
@@ -65,7 +65,7 @@ def fitted_axes(
     late_s = time_s - time_s.mean()
     loss = huber(HUBER)
 
-    def linearised(estimate: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def linearised(estimate: Floats) -> tuple[Floats, Floats]:
         one, two, heading, drift, angle = _parts(estimate)
         turned = about_up(heading + drift * late_s) @ lower
         a, b = upper @ one, turned @ two
@@ -81,7 +81,7 @@ def fitted_axes(
         residuals = ((a * b).sum(axis=1) - angle) / MISFIT_STD_RAD
         return np.concatenate([residuals, known]), np.concatenate([slopes, priors])
 
-    def solved(start: FloatArray) -> AxesFit:
+    def solved(start: Floats) -> AxesFit:
         estimate, covariance = robust_fit(linearised, start, loss, moved=_moved, damping=DAMPING)
         residuals, _ = linearised(estimate)
         one, two, heading, drift, angle = _parts(estimate)
@@ -102,23 +102,23 @@ def fitted_axes(
     return min((solved(start) for start in _starts()), key=lambda fit: fit.cost)
 
 
-def _parts(estimate: FloatArray) -> tuple[FloatArray, FloatArray, float, float, float]:
+def _parts(estimate: Floats) -> tuple[Floats, Floats, float, float, float]:
     return estimate[:3], estimate[3:6], float(estimate[6]), float(estimate[7]), float(estimate[8])
 
 
-def _across(axis: FloatArray, covariance: FloatArray) -> float:
+def _across(axis: Floats, covariance: Floats) -> float:
     """Largest standard deviation of an axis; a step along it turns nothing."""
     across = np.eye(3) - np.outer(axis, axis)
     return float(np.sqrt(max(np.linalg.eigvalsh(across @ covariance @ across)[-1], 0.0)))
 
 
-def _moved(before: FloatArray, step: FloatArray) -> FloatArray:
+def _moved(before: Floats, step: Floats) -> Floats:
     turns = matrix_from_quat(quat_from_rotvec(step[:6].reshape(2, 3)))
     axes = (turns @ before[:6].reshape(2, 3, 1)).reshape(-1)
     return np.concatenate([axes, before[6:] + step[6:]])
 
 
-def _starts() -> list[FloatArray]:
+def _starts() -> list[Floats]:
     random = np.random.default_rng(0)
     axes = random.standard_normal((STARTS, 2, 3))
     axes /= np.linalg.norm(axes, axis=2, keepdims=True)
@@ -126,6 +126,6 @@ def _starts() -> list[FloatArray]:
     return [np.concatenate([a.reshape(-1), [h, 0.0, 0.0]]) for a, h in zip(axes, headings, strict=True)]
 
 
-def about_up(angle_rad: FloatArray | float) -> FloatArray:
+def about_up(angle_rad: Floats | float) -> Floats:
     """(..., 3, 3) turns about the third axis."""
     return matrix_from_quat(quat_from_rotvec(np.multiply.outer(angle_rad, [0.0, 0.0, 1.0])))

@@ -20,7 +20,8 @@ from oarlock.recording.inertial_units import chosen_units, readings
 from oarlock.recording.plausibility import require_plausible
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
-from oarlock.storage.array_gate import FloatArray, real_array
+from oarlock.storage.array_gate import real_array
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
 
@@ -151,7 +152,7 @@ def _entry(link: HingeLink, stream: object, swing_s: Span | None) -> dict[str, A
 
 
 def _lengths(
-    model: Model, links: Sequence[HingeLink], arms: Sequence[Mapping[str, Any]], q: FloatArray
+    model: Model, links: Sequence[HingeLink], arms: Sequence[Mapping[str, Any]], q: Floats
 ) -> tuple[dict[str, float], list[str]]:
     """Parameters that are the distance between two hinges, and the distances for which there is no such one."""
     names = [link.sensor for link in links]
@@ -183,7 +184,7 @@ def _lengths(
     return values, kept
 
 
-def _distances(links: Sequence[HingeLink]) -> list[FloatArray]:
+def _distances(links: Sequence[HingeLink]) -> list[Floats]:
     """From each hinge to the next, square to both axes, in axes of the first one's link, m."""
     found = []
     for link, following in pairwise(links):
@@ -195,9 +196,7 @@ def _distances(links: Sequence[HingeLink]) -> list[FloatArray]:
     return found
 
 
-def _slopes(
-    model: Model, names: Sequence[str], q: FloatArray, parameter: str, value: float
-) -> list[FloatArray]:
+def _slopes(model: Model, names: Sequence[str], q: Floats, parameter: str, value: float) -> list[Floats]:
     """Change of each distance per unit of a parameter; distances are linear in lengths."""
     step = 0.01
     low, high = (model.with_parameters({parameter: value + h}) for h in (-0.5 * step, 0.5 * step))
@@ -207,7 +206,7 @@ def _slopes(
 
 def _offset(
     link: HingeLink, arm: Mapping[str, Any] | None, nominal: Sequence[float]
-) -> tuple[FloatArray, list[str]]:
+) -> tuple[Floats, list[str]]:
     """The sensor in its frame's axes, m, and the axes along which the model's value is kept."""
     if arm is None:
         return np.asarray(nominal), []
@@ -217,7 +216,7 @@ def _offset(
     return np.where(known, found, nominal), [axis for axis, k in zip("xyz", known, strict=True) if not k]
 
 
-def _mag_offsets(field: Mapping[str, Any] | None) -> dict[str, FloatArray]:
+def _mag_offsets(field: Mapping[str, Any] | None) -> dict[str, Floats]:
     return {o["name"]: np.asarray(o["offset_ut"]) for o in (field or {}).get("offsets", ()) if _is_worth(o)}
 
 
@@ -228,9 +227,7 @@ def _is_worth(offset: Mapping[str, Any]) -> bool:
 # --- what is noted ------------------------------------------------------------------------------------
 
 
-def _noted(
-    found: Mapping[str, Any], links: Sequence[HingeLink], q: FloatArray, model: Model
-) -> dict[str, Any]:
+def _noted(found: Mapping[str, Any], links: Sequence[HingeLink], q: Floats, model: Model) -> dict[str, Any]:
     """Texts, numbers and tables only, so that a file can hold them."""
     field = found["field"]
     noted: dict[str, Any] = {

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 if TYPE_CHECKING:
     from oarlock.recording.streams import ImuStream
@@ -20,7 +20,7 @@ TIME_CONSTANT_S = 3.0
 """Longer than the accelerations of ordinary movement, shorter than the drift of the inclination."""
 
 
-def world_from_sensor(stream: ImuStream, still_s: tuple[float, float], time_s: FloatArray) -> FloatArray:
+def world_from_sensor(stream: ImuStream, still_s: tuple[float, float], time_s: Floats) -> Floats:
     """(N, 3, 3) at `time_s`, with z up and an arbitrary heading.
 
     Args:
@@ -53,7 +53,7 @@ def world_from_sensor(stream: ImuStream, still_s: tuple[float, float], time_s: F
     return found[nearest]
 
 
-def _turn(x: float, y: float) -> FloatArray:
+def _turn(x: float, y: float) -> Floats:
     """(3, 3) of a rotation vector in the plane; a row at a time, `quat_from_rotvec` takes ten times as long."""
     angle = math.hypot(x, y)
     sine, cosine = (math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle**2) if angle else (1.0, 0.5)

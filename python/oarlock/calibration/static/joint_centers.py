@@ -22,7 +22,7 @@ from oarlock.recording.corrections import corrected
 from oarlock.recording.inertial_units import chosen_units
 from oarlock.recording.plausibility import require_plausible
 from oarlock.recording.recording import Recording
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
 if TYPE_CHECKING:
@@ -119,11 +119,11 @@ def _found(
 class Solved:
     """Offsets (3,) m, parameters, standard deviations m of both, what joints still miss (6,) m, what was kept."""
 
-    offsets: Mapping[str, FloatArray]
+    offsets: Mapping[str, Floats]
     parameters: Mapping[str, float]
-    offset_stds: Mapping[str, FloatArray]
+    offset_stds: Mapping[str, Floats]
     parameter_stds: Mapping[str, float]
-    left: Mapping[str, FloatArray]
+    left: Mapping[str, Floats]
     kept: list[str]
 
 
@@ -145,8 +145,8 @@ class Tree:
     worn: Worn
     pairs: Sequence[LinkPair]
     columns: Mapping[str, slice]
-    slopes: Mapping[str, FloatArray]
-    prior: FloatArray
+    slopes: Mapping[str, Floats]
+    prior: Floats
     search_std_m: float
 
     @classmethod
@@ -174,7 +174,7 @@ class Tree:
         """Length -> its unknown; a length may have the name of a unit."""
         return {name: 3 * len(self.columns) + k for k, name in enumerate(self.slopes)}
 
-    def design(self, pair: LinkPair) -> FloatArray:
+    def design(self, pair: LinkPair) -> Floats:
         """(6, size) slopes of a joint's levers."""
         rows = np.zeros((6, self.size))
         for i, name in enumerate(pair.units):
@@ -212,10 +212,10 @@ class Tree:
 
     def _solved(
         self,
-        moved: FloatArray,
-        std: FloatArray,
-        difference: Mapping[str, FloatArray],
-        tight: Mapping[str, FloatArray],
+        moved: Floats,
+        std: Floats,
+        difference: Mapping[str, Floats],
+        tight: Mapping[str, Floats],
     ) -> Solved:
         offsets = {name: self.worn.offsets[name] + moved[part] for name, part in self.columns.items()}
         parameters = {n: self.worn.model.parameters[n] + float(moved[k]) for n, k in self.lengths.items()}
@@ -233,20 +233,20 @@ class Tree:
         return Solved(offsets, parameters, offset_stds, parameter_stds, left, kept)
 
 
-def _without_prior(information: FloatArray, prior_std_m: float) -> FloatArray:
+def _without_prior(information: Floats, prior_std_m: float) -> Floats:
     """What the motion alone shows: information (6, 6) less that of the prior with which it was sought."""
     motion, directions = np.linalg.eigh(information - np.eye(6) / prior_std_m**2)
     return np.asarray(directions * np.maximum(motion, 0.0) @ directions.T)
 
 
-def _tight(covariance: FloatArray) -> FloatArray:
+def _tight(covariance: Floats) -> Floats:
     """Projection on the directions that are well known; the others are independent of them."""
     variances, directions = np.linalg.eigh(covariance)
     kept = directions[:, variances < WELL_KNOWN_M**2]
     return np.asarray(kept @ kept.T)
 
 
-def _unknown_units(pairs: Sequence[LinkPair], slopes: Mapping[str, FloatArray]) -> list[str]:
+def _unknown_units(pairs: Sequence[LinkPair], slopes: Mapping[str, Floats]) -> list[str]:
     """Units whose offset is to be found: those below a joint, and those above joints that no lengths place freely.
 
     Where lengths can place one, the unit's own place would only shift all that hangs on it.
@@ -259,7 +259,7 @@ def _unknown_units(pairs: Sequence[LinkPair], slopes: Mapping[str, FloatArray]) 
     return list(dict.fromkeys(below + above))
 
 
-def _slopes(model: Model, pairs: Sequence[LinkPair]) -> dict[str, FloatArray]:
+def _slopes(model: Model, pairs: Sequence[LinkPair]) -> dict[str, Floats]:
     """(n_pairs, 6) derivatives of the centres by each length that moves one."""
     slopes = np.array([pair.center_by_length for pair in pairs])
     moving = (np.abs(slopes) > EXACT).any(axis=(0, 1))

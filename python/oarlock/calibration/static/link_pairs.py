@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from oarlock.model.chain_geometry import joints_above
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
 if TYPE_CHECKING:
@@ -40,9 +40,9 @@ class LinkPair:
     parent: str
     child: str
     joints: tuple[str, ...]
-    center: FloatArray | None
-    axis: FloatArray | None
-    center_by_length: FloatArray | None
+    center: Floats | None
+    axis: Floats | None
+    center_by_length: Floats | None
 
     @property
     def label(self) -> str:
@@ -96,7 +96,7 @@ def link_pairs(
     return tuple(pairs)
 
 
-def _poses(model: Model) -> tuple[FloatArray, FloatArray]:
+def _poses(model: Model) -> tuple[Floats, Floats]:
     """(POSTURES, n_frames, 4, 4) in arbitrary postures, always the same, and derivatives of the origins by lengths."""
     described = model.describe()
     slides = {j.name for j in described.joints if j.kind == "slide"}
@@ -106,9 +106,7 @@ def _poses(model: Model) -> tuple[FloatArray, FloatArray]:
     return np.asarray(model.forward_kinematics(q)), np.asarray(model.frame_jacobian(q).by_length)
 
 
-def _joint(
-    poses: FloatArray, by_length: FloatArray
-) -> tuple[FloatArray | None, FloatArray | None, FloatArray | None]:
+def _joint(poses: Floats, by_length: Floats) -> tuple[Floats | None, Floats | None, Floats | None]:
     """Centre and axis of a joint and the centre's derivatives, from two frames' (POSTURES, 2, 4, 4) poses."""
     between = np.linalg.inv(poses[:, 0]) @ poses[:, 1]
     turns, shifts = between[:, :3, :3], between[:, :3, 3]

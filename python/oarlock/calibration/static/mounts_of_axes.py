@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from oarlock.calibration.static.prior_width import prior_share
 from oarlock.model.rotation import angle_between
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 STEPS = 50
 SETTLED_RAD = 1e-10
@@ -32,10 +32,10 @@ class SeenAxis:
     """
 
     units: tuple[str, str]
-    in_link: FloatArray
-    in_sensor: FloatArray
-    information: FloatArray
-    pull: FloatArray
+    in_link: Floats
+    in_sensor: Floats
+    information: Floats
+    pull: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,13 +48,13 @@ class LikelyMount:
         covariance: (3, 3) rad2, of small turns about the link's axes.
     """
 
-    link_from_sensor: FloatArray
-    turn_rad: FloatArray
-    covariance: FloatArray
+    link_from_sensor: Floats
+    turn_rad: Floats
+    covariance: Floats
 
 
 def solved_mounts(
-    nominal: Mapping[str, FloatArray], prior_stds_rad: Mapping[str, FloatArray], axes: Sequence[SeenAxis]
+    nominal: Mapping[str, Floats], prior_stds_rad: Mapping[str, Floats], axes: Sequence[SeenAxis]
 ) -> dict[str, LikelyMount]:
     """The most likely mounts of all units that have a prior (maximum a posteriori).
 
@@ -83,8 +83,8 @@ def solved_mounts(
 
 
 def _most_likely(
-    nominal: Mapping[str, FloatArray], names: Sequence[str], prior: FloatArray, axes: Sequence[SeenAxis]
-) -> tuple[Rotation, FloatArray]:
+    nominal: Mapping[str, Floats], names: Sequence[str], prior: Floats, axes: Sequence[SeenAxis]
+) -> tuple[Rotation, Floats]:
     """Turns from the nominal mounts by Gauss-Newton steps, and their information (3 n, 3 n)."""
     turns = Rotation.identity(len(names))
     for _ in range(STEPS):
@@ -101,16 +101,12 @@ def _most_likely(
     return turns, information
 
 
-def _mounts(
-    names: Sequence[str], turns: Rotation, nominal: Mapping[str, FloatArray]
-) -> dict[str, FloatArray]:
+def _mounts(names: Sequence[str], turns: Rotation, nominal: Mapping[str, Floats]) -> dict[str, Floats]:
     turned = turns.as_matrix()
     return {name: turned[k] @ nominal[name] for k, name in enumerate(names)}
 
 
-def _seen(
-    axis: SeenAxis, mounts: Mapping[str, FloatArray], names: Sequence[str]
-) -> tuple[FloatArray, FloatArray]:
+def _seen(axis: SeenAxis, mounts: Mapping[str, Floats], names: Sequence[str]) -> tuple[Floats, Floats]:
     """(6, 3 n) derivatives of a hinge's axes in the sensors by turns of the mounts, and (6,) how far they are off."""
     slopes, change = np.zeros((6, 3 * len(names))), np.zeros(6)
     for end, name in enumerate(axis.units):
@@ -122,7 +118,7 @@ def _seen(
     return slopes, change
 
 
-def _from_to(one: FloatArray, two: FloatArray) -> FloatArray:
+def _from_to(one: Floats, two: Floats) -> Floats:
     """(3,) the smallest rotation vector that takes a unit vector to another."""
     across = np.cross(one, two)
     sine = float(np.linalg.norm(across))

@@ -10,7 +10,7 @@ import numpy as np
 
 from oarlock.calibration.static.worn_model import Worn
 from oarlock.model.description import ImuDescription, ModelDescription
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 if TYPE_CHECKING:
     from oarlock._core import Model
@@ -55,7 +55,7 @@ def place_parameters(model: Model) -> set[str]:
 
 
 def offset_parameters(
-    worn: Worn, offsets: Mapping[str, FloatArray], taken: Collection[str]
+    worn: Worn, offsets: Mapping[str, Floats], taken: Collection[str]
 ) -> dict[str, dict[str, float]]:
     """Unit -> its three parameters and what they have to be for these offsets, where the model file has it so.
 
@@ -89,7 +89,7 @@ def _moved_alone(model: ModelDescription, longer: ModelDescription) -> list[tupl
     return [(unit, axis)] if follows else []
 
 
-def _places(model: ModelDescription) -> dict[str, FloatArray]:
+def _places(model: ModelDescription) -> dict[str, Floats]:
     return {s.name: np.asarray(s.mount.offset) for s in model.inertial_units}
 
 

@@ -19,7 +19,7 @@ from oarlock.recording.corrections import corrected
 from oarlock.recording.inertial_units import chosen_units, readings
 from oarlock.recording.plausibility import require_plausible
 from oarlock.recording.recording import Recording
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ def calibrate_pose(
     return worn.calibrated(mounts, noted)
 
 
-def rest_posture(model: Model, pose: Mapping[str, float] | ArrayLike | None) -> FloatArray:
+def rest_posture(model: Model, pose: Mapping[str, float] | ArrayLike | None) -> Floats:
     """Coordinates (n_coordinates,) in rad or m: those given, and the model's rest posture for the others.
 
     Raises:

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 SHARES = np.geomspace(0.01, 1.0, 101)
 """Widths that are tried, as shares of the stated standard deviations."""
 
 
-def prior_share(motion: FloatArray, std: FloatArray, change: FloatArray) -> float:
+def prior_share(motion: Floats, std: Floats, change: Floats) -> float:
     """Share of the stated standard deviations with the largest likelihood of what the motion shows, at most 1.
 
     Args:

@@ -28,7 +28,7 @@ from oarlock.recording.corrections import corrected
 from oarlock.recording.inertial_units import chosen_units
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
 if TYPE_CHECKING:
@@ -62,8 +62,8 @@ class _Swing:
         share: share of the level turning that was about the axis.
     """
 
-    time_s: FloatArray
-    angle_rad: FloatArray
+    time_s: Floats
+    angle_rad: Floats
     heading_rad: float
     std_rad: float
     share: float
@@ -96,18 +96,18 @@ class _Standing:
     """
 
     body: BodyKinematics
-    q: FloatArray
+    q: Floats
     units: Mapping[str, ImuStream]
-    rotations: Mapping[str, FloatArray]
+    rotations: Mapping[str, Floats]
     still_s: tuple[float, float]
 
-    def level(self, name: str) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def level(self, name: str) -> tuple[Floats, Floats, Floats]:
         """Up, forward and lateral (to the right) of the posture in a link's axes."""
         link_from_root = self.body.root_from_link(name, self.q).T
         right = np.cross(self.body.forward, self.body.up)
         return link_from_root @ self.body.up, link_from_root @ self.body.forward, link_from_root @ right
 
-    def rests(self, time_s: FloatArray) -> NDArray[np.bool_]:
+    def rests(self, time_s: Floats) -> NDArray[np.bool_]:
         """(T,) whether the stamps are in the still stretch."""
         return np.asarray((time_s >= self.still_s[0]) & (time_s <= self.still_s[1]))
 
@@ -131,7 +131,7 @@ class _Standing:
         std_rad = float(np.hypot(jackknife, PLANE_STD_RAD))
         return _Swing(time_s, angle - angle[rest].mean(), heading, std_rad, share)
 
-    def turned(self, name: str, heading_rad: float) -> FloatArray:
+    def turned(self, name: str, heading_rad: float) -> Floats:
         """The mount (3, 3) of a unit, turned about the vertical: the axis at this angle becomes the lateral one."""
         up, _, _ = self.level(name)
         # A positive turn about up takes forward to the left, so forward goes to lateral by a negative one.
@@ -150,7 +150,7 @@ class _Standing:
         field = self.rotations[name] @ rows.mean(axis=0)
         return float(np.arctan2(field @ forward, field @ right))
 
-    def stds_rad(self, name: str, posture_std_rad: float, heading_std_rad: float) -> FloatArray:
+    def stds_rad(self, name: str, posture_std_rad: float, heading_std_rad: float) -> Floats:
         """(3,) about the link's axes: the heading's about the vertical, the posture's about the others."""
         up, _, _ = self.level(name)
         return np.sqrt(posture_std_rad**2 * (1.0 - up**2) + heading_std_rad**2 * up**2)
@@ -280,7 +280,7 @@ def _unit(recording: Recording, name: str) -> ImuStream:
     return stream
 
 
-def _principal(level: FloatArray) -> tuple[float, float]:
+def _principal(level: Floats) -> tuple[float, float]:
     """Angle of the principal axis from the first column to the second, within a quarter turn, and its share."""
     values, vectors = np.linalg.eigh(level.T @ level)
     x, y = vectors[:, 1]

@@ -13,9 +13,9 @@ from itertools import product
 import numpy as np
 
 from oarlock.calibration.session.body import BodyKinematics
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
-Turns = Mapping[str, tuple[FloatArray, FloatArray]]
+Turns = Mapping[str, tuple[Floats, Floats]]
 
 LATERAL = 0.8
 """Smallest cosine between a joint's axis and the lateral one."""
@@ -42,7 +42,7 @@ class _UnitPair:
     beyond_rad2: Mapping[tuple[int, int], float]
 
 
-def facing(body: BodyKinematics, q: FloatArray, turns: Turns) -> tuple[dict[str, int], set[str]]:
+def facing(body: BodyKinematics, q: Floats, turns: Turns) -> tuple[dict[str, int], set[str]]:
     """Whether each unit's turn about its axis is that about the lateral axis (+1) or its opposite (-1).
 
     Args:
@@ -84,7 +84,7 @@ def _cost(links: Mapping[str, _UnitPair], signs: Mapping[str, int]) -> float:
     return sum(link.beyond_rad2[above[name], signs[name]] for name, link in links.items())
 
 
-def _link(body: BodyKinematics, q: FloatArray, turns: Turns, name: str) -> _UnitPair:
+def _link(body: BodyKinematics, q: Floats, turns: Turns, name: str) -> _UnitPair:
     above = body.unit_above(name, turns)
     time_s, angle = turns[name]
     carried = np.zeros(len(time_s)) if above is None else np.interp(time_s, *turns[above])
@@ -97,7 +97,7 @@ def _link(body: BodyKinematics, q: FloatArray, turns: Turns, name: str) -> _Unit
     return _UnitPair(above, beyond)
 
 
-def _range(body: BodyKinematics, q: FloatArray, name: str, above: frozenset[str]) -> tuple[float, float]:
+def _range(body: BodyKinematics, q: Floats, name: str, above: frozenset[str]) -> tuple[float, float]:
     """How far a unit may turn about the lateral axis against the unit above it, rad from the posture."""
     right = np.cross(body.forward, body.up)
     low = high = 0.0

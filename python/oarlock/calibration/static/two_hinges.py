@@ -18,7 +18,7 @@ from oarlock.calibration.session.body import BodyKinematics
 from oarlock.calibration.session.wahba import DirectionPair, SolvedMount, isotropic, solved_mount
 from oarlock.calibration.static.hinge_axes_fit import AxesFit, about_up, fitted_axes
 from oarlock.calibration.static.inclination import world_from_sensor
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 if TYPE_CHECKING:
     from oarlock._core import Model
@@ -60,7 +60,7 @@ class TwoHinges:
     mounts: Mapping[str, SolvedMount]
     misfit_rad: float
     off_rad: float
-    stds_rad: FloatArray
+    stds_rad: Floats
     refused: str
     upright: bool
 
@@ -84,9 +84,9 @@ class TwoHinges:
 def two_hinges(
     model: Model,
     body: BodyKinematics,
-    q: FloatArray,
+    q: Floats,
     units: Mapping[str, ImuStream],
-    nominal: Mapping[str, FloatArray],
+    nominal: Mapping[str, Floats],
     still_s: tuple[float, float],
     posture_std_rad: float,
 ) -> list[TwoHinges]:
@@ -127,13 +127,13 @@ def _pairs(model: Model, body: BodyKinematics) -> Iterator[tuple[tuple[str, str]
 class _Pair:
     model: Model
     body: BodyKinematics
-    q: FloatArray
+    q: Floats
     units: tuple[str, str]
     joints: tuple[str, str]
     still_s: tuple[float, float]
     posture_std_rad: float
 
-    def found(self, units: Mapping[str, ImuStream], nominal: Mapping[str, FloatArray]) -> TwoHinges:
+    def found(self, units: Mapping[str, ImuStream], nominal: Mapping[str, Floats]) -> TwoHinges:
         streams = [units[n] for n in self.units]
         start = max(s.time_s[0] for s in streams)
         time_s = np.arange(start, min(s.time_s[-1] for s in streams), STEP_S)
@@ -158,7 +158,7 @@ class _Pair:
         return TwoHinges(self.units, self.joints, mounts, fit.misfit_rad, off, stds, refused, upright)
 
     @cached_property
-    def _axes_in_links(self) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]:
+    def _axes_in_links(self) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
         """Of each hinge its axis in the link above and in the link below, in the posture."""
         child = self.units[1]
         links = [self.body.root_from_link(n, self.q) for n in self.units]
@@ -166,7 +166,7 @@ class _Pair:
         above = [links[0].T @ links[1] @ axis for axis in below]
         return (above[0], below[0]), (above[1], below[1])
 
-    def _refused(self, fit: AxesFit, stds: FloatArray, off: float) -> str:
+    def _refused(self, fit: AxesFit, stds: Floats, off: float) -> str:
         figures = [
             ("the angle between the axes, which two hinges keep, changes by", fit.misfit_rad, LARGEST_MISFIT_RAD),
             ("the angle between the axes differs from the model's by", off, LARGEST_OFF_RAD),
@@ -181,11 +181,11 @@ class _Pair:
     def _mounts(
         self,
         fit: AxesFit,
-        stds: FloatArray,
-        ups: list[FloatArray],
-        turns: list[FloatArray],
+        stds: Floats,
+        ups: list[Floats],
+        turns: list[Floats],
         rest: np.ndarray[tuple[int], np.dtype[np.bool_]],
-        nominal: Mapping[str, FloatArray],
+        nominal: Mapping[str, Floats],
     ) -> dict[str, SolvedMount]:
         """By the sense of both axes with which the posture and the limits agree best."""
         first, second = self._axes_in_links
@@ -214,7 +214,7 @@ class _Pair:
         assert best is not None
         return best[1]
 
-    def _beyond(self, solved: Mapping[str, SolvedMount], fit: AxesFit, turns: list[FloatArray]) -> float:
+    def _beyond(self, solved: Mapping[str, SolvedMount], fit: AxesFit, turns: list[Floats]) -> float:
         """Mean square of what the first hinge turns beyond its limits, rad2."""
         above, below = (solved[n].link_from_sensor for n in self.units)
         first, second = self._axes_in_links
@@ -229,7 +229,7 @@ class _Pair:
         )
 
 
-def _up(in_sensor: FloatArray, in_link: FloatArray, posture_std_rad: float) -> DirectionPair:
+def _up(in_sensor: Floats, in_link: Floats, posture_std_rad: float) -> DirectionPair:
     return DirectionPair(
         "posture",
         "up",
@@ -240,8 +240,6 @@ def _up(in_sensor: FloatArray, in_link: FloatArray, posture_std_rad: float) -> D
     )
 
 
-def _axis(
-    in_sensor: FloatArray, in_link: FloatArray, std_rad: float, posture_std_rad: float
-) -> DirectionPair:
+def _axis(in_sensor: Floats, in_link: Floats, std_rad: float, posture_std_rad: float) -> DirectionPair:
     own, posture = isotropic(in_link, std_rad + 1e-3), isotropic(in_link, posture_std_rad)
     return DirectionPair("movement", "axis", in_sensor, in_link, own, posture)

@@ -12,7 +12,7 @@ from oarlock.calibration.static.link_pairs import ROOT, LinkPair
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.inertial_units import readings
 from oarlock.recording.recording import Recording
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 if TYPE_CHECKING:
     from oarlock._core import Model
@@ -35,9 +35,9 @@ class Worn:
     """
 
     model: Model
-    rotations: Mapping[str, FloatArray]
-    offsets: Mapping[str, FloatArray]
-    mount_stds_rad: Mapping[str, FloatArray]
+    rotations: Mapping[str, Floats]
+    offsets: Mapping[str, Floats]
+    mount_stds_rad: Mapping[str, Floats]
     before: Calibration
 
     @classmethod
@@ -48,13 +48,13 @@ class Worn:
         mounts = {s.name: s.mount for s in model.describe(before).inertial_units}
         own = {name: np.full(3, mount.std_rad) for name, mount in mounts.items()}
         given = {**own, **before.mount_stds_rad}
-        stds: dict[str, FloatArray] = {name: np.maximum(std, EXACT_STD_RAD) for name, std in given.items()}
+        stds: dict[str, Floats] = {name: np.maximum(std, EXACT_STD_RAD) for name, std in given.items()}
         rotations = {name: np.asarray(m.rotation) for name, m in mounts.items()}
         offsets = {name: np.asarray(m.offset) for name, m in mounts.items()}
         rotations[ROOT], offsets[ROOT] = np.eye(3), np.zeros(3)
         return cls(sized, rotations, offsets, stds, before)
 
-    def levers(self, pair: LinkPair) -> tuple[FloatArray, FloatArray]:
+    def levers(self, pair: LinkPair) -> tuple[Floats, Floats]:
         """(3,) each: from the joint of a pair to both of its units, in their own axes, m."""
         assert pair.center is not None
         both = np.concatenate([self.offsets[name] for name in pair.units]) - pair.center
@@ -77,8 +77,8 @@ class Worn:
         noted: Mapping[str, Any],
         parameters: Mapping[str, float] | None = None,
         *,
-        mount_stds_rad: Mapping[str, FloatArray] | None = None,
-        mount_offset_stds_m: Mapping[str, FloatArray] | None = None,
+        mount_stds_rad: Mapping[str, Floats] | None = None,
+        mount_offset_stds_m: Mapping[str, Floats] | None = None,
     ) -> Calibration:
         """What was known before, with what was found in its place; `noted` keeps the older notes under ``before``.
 

@@ -5,15 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ScalarStream
+from oarlock.storage.arrays import Floats
 
 if TYPE_CHECKING:
     from oarlock._core import Model
-
-Floats = NDArray[np.float64]
 
 
 def direct_readings(

@@ -13,17 +13,14 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.model.coordinates import plus, rotation_columns
 from oarlock.model.rotation import quat_from_matrix, quat_inverse, quat_product, rotvec_from_quat
+from oarlock.storage.arrays import Bools, Floats, Indices
 
 if TYPE_CHECKING:
     from oarlock._core import Model
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Rows = NDArray[np.intp]
 
 ORIENTATION_STD_RAD = 0.05
 """Usual error of a single unit's filter in motion. It matters only if encoders read the same joint."""
@@ -70,9 +67,9 @@ class _Targets:
     weights: Floats
     values: Floats
     value_weights: Floats
-    columns: Rows
+    columns: Indices
 
-    def rows(self, chosen: Rows) -> _Targets:
+    def rows(self, chosen: Indices) -> _Targets:
         quats, weights = self.quats[chosen], self.weights[chosen]
         return _Targets(quats, weights, self.values[chosen], self.value_weights[chosen], self.columns)
 
@@ -106,7 +103,7 @@ def solve(model: Model, measured: Measured, time_s: Floats) -> tuple[Floats, Boo
 class _OrientationProblem:
     """The least-squares problem of one model and its measured frames."""
 
-    def __init__(self, model: Model, frames: list[str], read: Rows) -> None:
+    def __init__(self, model: Model, frames: list[str], read: Indices) -> None:
         self._model = model
         self._frames = frames
         self._rows = [model.frame_names.index(name) for name in frames]
@@ -121,7 +118,7 @@ class _OrientationProblem:
         self._turns = rotation_columns(model.coordinate_names)
         self._low, self._high, self._rest = _limits_and_rest(model)
 
-    def start(self, targets: _Targets, knots: Rows) -> tuple[int, Floats]:
+    def start(self, targets: _Targets, knots: Indices) -> tuple[int, Floats]:
         """A knot and its posture (n,): the best fit from several guesses at several knots.
 
         Three hinges in a row reach every orientation in two ways; the one inside the joints' limits is chosen.
@@ -240,7 +237,7 @@ def _limits_and_rest(model: Model) -> tuple[Floats, Floats, Floats]:
     return low, high, rest
 
 
-def _knots(time_s: Floats) -> Rows:
-    """Rows about 1 / `KNOTS_HZ` apart, including the first one."""
+def _knots(time_s: Floats) -> Indices:
+    """Indices about 1 / `KNOTS_HZ` apart, including the first one."""
     slots = np.floor((time_s - time_s[0]) * KNOTS_HZ)
     return np.flatnonzero(np.concatenate([[True], np.diff(slots) > 0]))

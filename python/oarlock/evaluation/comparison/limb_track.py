@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock._core import Config
 from oarlock.evaluation.comparison.direct_readings import direct_readings
@@ -18,6 +17,7 @@ from oarlock.model.rotation import quat_from_rotvec, rotvec_from_quat
 from oarlock.recording.calibration import Calibration
 from oarlock.recording.corrections import corrected
 from oarlock.recording.recording import Recording
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.progress import Progress, share, shown
 from oarlock.tracking.known_streams import known_streams
@@ -28,7 +28,6 @@ from oarlock.tracking.tracking import admit, track
 if TYPE_CHECKING:
     from oarlock._core import Model
 
-Floats = NDArray[np.float64]
 
 _ESTIMATES = ("q", "qd", "qdd", "q_std", "qd_std", "qdd_std")
 

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from oarlock.evaluation.comparison.single_units import UnitSegment
 from oarlock.model.rotation import quat_from_matrix, quat_product
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
-
-Floats = NDArray[np.float64]
 
 START_S = 2.0
 

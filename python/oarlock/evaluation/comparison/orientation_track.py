@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock import _core
 from oarlock.calibration.static.worn_model import Worn
@@ -25,6 +24,7 @@ from oarlock.recording.calibration import Calibration
 from oarlock.recording.corrections import corrected, correction_notes
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.progress import Progress, shown
 from oarlock.storage.suggest import did_you_mean
@@ -36,7 +36,6 @@ from oarlock.tracking.turns import hinges_of, placed
 if TYPE_CHECKING:
     from oarlock._core import Model
 
-Floats = NDArray[np.float64]
 
 FILTERS: Mapping[str, OrientationFilter] = dict(
     zip(ORIENTATION_FILTERS, (vqf, madgwick, quaternion_ekf, quest_ekf, vector_kf), strict=True)

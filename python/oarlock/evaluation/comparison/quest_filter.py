@@ -9,14 +9,12 @@ process. The noise in the paper is that of its sensors; the constants below are 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.evaluation.comparison.orientation_filters import begun, package
 from oarlock.evaluation.comparison.single_units import UnitSegment
 from oarlock.evaluation.comparison.vector_filter import ACCEL_STD, GYRO_STD_RAD_S
 from oarlock.model.rotation import quat_product
-
-Floats = NDArray[np.float64]
+from oarlock.storage.arrays import Floats
 
 RATE_STD_RAD_S, RATE_MEMORY_S = 5.0, 0.5
 """Standard deviation of limbs' angular rates, rad/s, and their correlation time, s."""

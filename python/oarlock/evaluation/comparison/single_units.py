@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.model.rotation import continuous_quat
 from oarlock.recording.streams import ImuStream
-
-Floats = NDArray[np.float64]
+from oarlock.storage.arrays import Floats
 
 BRIDGED_S = 0.1
 """A longer stretch without gyroscope or accelerometer is a gap, after which the filter restarts, s."""

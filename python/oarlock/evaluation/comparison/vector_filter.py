@@ -8,13 +8,11 @@ accelerometer and magnetometer measure them, and their directions give the orien
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.evaluation.comparison.orientation_filters import begun, upright
 from oarlock.evaluation.comparison.single_units import UnitSegment
 from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec
-
-Floats = NDArray[np.float64]
+from oarlock.storage.arrays import Floats
 
 GYRO_STD_RAD_S, ACCEL_STD, MAG_STD = 0.3, 0.5, 0.8
 """Noise of the Kalman filter in `ahrs`, including motion; the last two are of vectors of length 1."""

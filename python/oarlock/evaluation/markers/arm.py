@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 from oarlock.evaluation.markers.attachments import Attachment, check_frames
 from oarlock.evaluation.markers.hinge_triple import Line, hinge_angle, hinge_triple, turn
 from oarlock.evaluation.markers.point_tree import PointTree
-from oarlock.evaluation.markers.trajectories import Bools
 from oarlock.model.description import pose_of
-from oarlock.storage.array_gate import FloatArray, real_array
+from oarlock.storage.array_gate import real_array
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.storage.errors import DataError
 
 if TYPE_CHECKING:
@@ -46,12 +46,12 @@ class ArmPostures:
     """
 
     joint_names: tuple[str, ...]
-    q: FloatArray
+    q: Floats
     reachable: Bools
-    miss_m: FloatArray
+    miss_m: Floats
     stretched: Bools
     pole: Bools
-    swivel_rad: FloatArray
+    swivel_rad: Floats
 
 
 class Arm:
@@ -162,7 +162,7 @@ class Arm:
             swivel_rad=np.where(stretched, np.nan, swivel),
         )
 
-    def _wrist_point(self) -> FloatArray:
+    def _wrist_point(self) -> Floats:
         """Intersection of the axes below the elbow; with a single axis, the tip's origin."""
         if len(self._lines) >= 7:
             return _meeting(self._lines[4:7], f"arm to {self.tip}: the last three hinges")
@@ -171,7 +171,7 @@ class Arm:
         pose = self.model.forward_kinematics(np.zeros(len(self.model.coordinate_names)))
         return np.asarray(_in_base(pose[self.model.frame_names.index(self.base)], at[None])[0])
 
-    def _elbow_angle(self, distance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _elbow_angle(self, distance: Floats) -> tuple[Floats, Floats]:
         """Law of cosines: d^2 = middle + swing cos(q - turned). The second result is the distance beyond reach."""
         middle, swing, turned = self._reach
         nearest, furthest = self.reach_m
@@ -182,7 +182,7 @@ class Arm:
         both = np.stack([turned + bend, turned - bend], axis=1)
         return self._nearer(both[:, :, None], slice(3, 4))[:, 0], miss
 
-    def _circle(self, unit: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _circle(self, unit: Floats) -> tuple[Floats, Floats]:
         """Directions from the circle's centre to its lowest point, and to the point a quarter turn further."""
         down = np.broadcast_to(self._down, unit.shape)
         # if the line is vertical any direction is possible: the model's forward is used
@@ -193,7 +193,7 @@ class Arm:
         low /= np.linalg.norm(low, axis=1, keepdims=True)
         return low, np.cross(unit, low)
 
-    def _outward(self, elbow: FloatArray, wrist: FloatArray) -> FloatArray:
+    def _outward(self, elbow: Floats, wrist: Floats) -> Floats:
         unit = wrist / np.linalg.norm(wrist, axis=1, keepdims=True)
         out = elbow - unit * np.sum(elbow * unit, axis=1, keepdims=True)
         length = np.linalg.norm(out, axis=1, keepdims=True)
@@ -201,18 +201,18 @@ class Arm:
         across = np.cross(np.broadcast_to(self._lines[3].axis, unit.shape), unit)
         return np.asarray(np.where(length > 1e-12, out, across))
 
-    def _triple(self, rotation: FloatArray, which: slice) -> tuple[FloatArray, Bools]:
+    def _triple(self, rotation: Floats, which: slice) -> tuple[Floats, Bools]:
         both, pole = hinge_triple(rotation, *(line.axis for line in self._lines[which]))
         return self._nearer(both, which), pole
 
     def _below_elbow(
         self,
-        shoulder: FloatArray,
-        q4: FloatArray,
+        shoulder: Floats,
+        q4: Floats,
         tip_rotation: ArrayLike | None,
-        pose: FloatArray,
+        pose: Floats,
         rows: int,
-    ) -> tuple[FloatArray, Bools]:
+    ) -> tuple[Floats, Bools]:
         if tip_rotation is None or len(self._lines) == 4:
             return np.empty((rows, 0)), np.zeros(rows, dtype=bool)
         given = np.asarray(tip_rotation, dtype=np.float64)
@@ -225,7 +225,7 @@ class Arm:
             return hinge_angle(left, self._lines[4].axis)[:, None], np.zeros(rows, dtype=bool)
         return self._triple(left, slice(4, 7))
 
-    def _nearer(self, both: FloatArray, which: slice) -> FloatArray:
+    def _nearer(self, both: Floats, which: slice) -> Floats:
         """The one of two wrapped solutions (T, 2, n) that is nearer to the middle of the soft limits, (T, n)."""
         middle, width = self._middle[which], self._width[which]
         wrapped = middle + np.mod(both - middle + np.pi, 2.0 * np.pi) - np.pi
@@ -233,16 +233,16 @@ class Arm:
         return np.asarray(wrapped[np.arange(len(both)), np.argmin(away, axis=1)])
 
 
-def _rows(value: ArrayLike, width: int, name: str) -> FloatArray:
+def _rows(value: ArrayLike, width: int, name: str) -> Floats:
     given = np.atleast_2d(np.asarray(value, dtype=np.float64))
     return real_array(given, (None, width), f"arm, {name}")
 
 
-def _in_base(pose: FloatArray, points: FloatArray) -> FloatArray:
+def _in_base(pose: Floats, points: Floats) -> Floats:
     return np.asarray(np.einsum("...ji,...j->...i", pose[..., :3, :3], points - pose[..., :3, 3]))
 
 
-def _from_two(main: FloatArray, other: FloatArray) -> FloatArray:
+def _from_two(main: Floats, other: Floats) -> Floats:
     """Right-handed axes (T, 3, 3): the first along `main`, the second toward `other`."""
     x = main / np.linalg.norm(main, axis=1, keepdims=True)
     z = np.cross(x, other)
@@ -250,7 +250,7 @@ def _from_two(main: FloatArray, other: FloatArray) -> FloatArray:
     return np.stack([x, np.cross(z, x), z], axis=2)
 
 
-def _cosine(line: Line, wrist: FloatArray, shoulder: FloatArray) -> tuple[float, float, float]:
+def _cosine(line: Line, wrist: Floats, shoulder: Floats) -> tuple[float, float, float]:
     """Squared distance of shoulder and wrist as middle + swing cos(q - turned), from three angles of the elbow."""
     places = turn(line, np.array([0.0, 0.5 * np.pi, np.pi]), wrist) - shoulder
     zero, quarter, half = np.sum(places**2, axis=1)
@@ -298,7 +298,7 @@ def _lines(model: Model, base: str, joints: list[str]) -> tuple[Line, ...]:
     return tuple(found)
 
 
-def _meeting(lines: tuple[Line, ...], what: str) -> FloatArray:
+def _meeting(lines: tuple[Line, ...], what: str) -> Floats:
     """The intersection of axes."""
     across = [np.eye(3) - np.outer(line.axis, line.axis) for line in lines]
     point = np.linalg.solve(sum(across), sum(a @ line.point for a, line in zip(across, lines, strict=True)))
@@ -312,7 +312,7 @@ def _meeting(lines: tuple[Line, ...], what: str) -> FloatArray:
     return np.asarray(point)
 
 
-def _habits(model: Model, joints: list[str]) -> tuple[FloatArray, FloatArray]:
+def _habits(model: Model, joints: list[str]) -> tuple[Floats, Floats]:
     limits = {j.name: j.limits for j in model.describe().joints}
     both = np.array([limits[joint] for joint in joints], dtype=np.float64)
     return both.mean(axis=1), np.diff(both, axis=1)[:, 0]

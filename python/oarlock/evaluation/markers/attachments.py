@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 
 from oarlock.evaluation.markers.trajectories import Markers
 from oarlock.model.chain_geometry import posture
-from oarlock.storage.array_gate import FloatArray, real_array
+from oarlock.storage.array_gate import real_array
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
 from oarlock.storage.suggest import did_you_mean
@@ -42,7 +43,7 @@ class Attachment:
 
     marker: str
     frame: str
-    point_m: FloatArray
+    point_m: Floats
     std_m: float = MARKER_STD_M
 
     def __post_init__(self) -> None:
@@ -164,7 +165,7 @@ def attach_markers(
     return tuple(found)
 
 
-def _three(entry: TomlTable, point: object) -> FloatArray:
+def _three(entry: TomlTable, point: object) -> Floats:
     numbers = isinstance(point, list) and all(
         isinstance(v, int | float) and not isinstance(v, bool) for v in point
     )

@@ -17,7 +17,8 @@ from oarlock.evaluation.markers.trajectories import Markers
 from oarlock.model.chain_geometry import posture
 from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec
 from oarlock.recording.calibration import Calibration
-from oarlock.storage.array_gate import FloatArray, real_array
+from oarlock.storage.array_gate import real_array
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.progress import Progress, shown
 from oarlock.storage.suggest import did_you_mean
@@ -52,7 +53,7 @@ class BodyFit:
     parameters: Mapping[str, float]
     parameter_std: Mapping[str, float]
     attachments: tuple[Attachment, ...]
-    root_from_markers: FloatArray
+    root_from_markers: Floats
     rms_m: float
     frames: int
     notes: tuple[str, ...]
@@ -67,10 +68,10 @@ class BodyFit:
 class _Guess:
     """All unknowns: lengths, points, pose, and the postures of the frames."""
 
-    lengths: FloatArray
-    points: FloatArray
-    pose: FloatArray
-    q: FloatArray
+    lengths: Floats
+    points: Floats
+    pose: Floats
+    q: Floats
 
 
 class _BodyFitProblem:
@@ -107,12 +108,12 @@ class _BodyFitProblem:
         """The markers in root axes."""
         return MarkerObservation(self.position @ guess.pose[:3, :3].T + guess.pose[:3, 3], self.weight)
 
-    def residual(self, guess: _Guess) -> FloatArray:
+    def residual(self, guess: _Guess) -> Floats:
         """Residuals (T, n, 3) in standard deviations; 0 where not visible."""
         sight = self.sight(guess)
         return np.asarray((sight.place_m - self.tree(guess).at(guess.q)) * sight.weight[..., None])
 
-    def constant_residual(self, guess: _Guess) -> FloatArray:
+    def constant_residual(self, guess: _Guess) -> Floats:
         """Changes of lengths and points from their priors, in standard deviations; the pose has none."""
         moved = (guess.points - self.start_points)[list(self.free)].ravel() / _OFFSET_STD_M
         return np.concatenate([(guess.lengths - self.start_lengths) / self.length_std, moved])
@@ -123,7 +124,7 @@ class _BodyFitProblem:
         parts = (self.residual(guess), away, self.constant_residual(guess))
         return float(sum(np.sum(part**2) for part in parts))
 
-    def slopes(self, guess: _Guess) -> tuple[FloatArray, FloatArray]:
+    def slopes(self, guess: _Guess) -> tuple[Floats, Floats]:
         """Derivatives by postures (T, 3 n, c) and by constants (T, 3 n, k), in standard deviations of the priors."""
         rows = len(guess.q)
         _, by_q = self.tree(guess).with_slopes(guess.q)
@@ -138,7 +139,7 @@ class _BodyFitProblem:
             rows, by_q.shape[1] * 3, -1
         )
 
-    def moved(self, guess: _Guess, constants: FloatArray, q: FloatArray) -> _Guess:
+    def moved(self, guess: _Guess, constants: Floats, q: Floats) -> _Guess:
         """The unknowns after steps in standard deviations."""
         step = constants * self.constant_std
         lengths, points = len(self.names), guess.points.copy()
@@ -153,7 +154,7 @@ class _BodyFitProblem:
         moved_q = self.tree(guess).plus(guess.q, q * self.std)
         return _Guess(guess.lengths + step[:lengths], points, pose, moved_q)
 
-    def _by_point(self, guess: _Guess, marker: int) -> list[FloatArray]:
+    def _by_point(self, guess: _Guess, marker: int) -> list[Floats]:
         frame = self.model.frame_names.index(self.used[marker].frame)
         axes = self.model.forward_kinematics(guess.q)[:, frame, :3, :3]
         found = []
@@ -163,13 +164,13 @@ class _BodyFitProblem:
             found.append(column)
         return found
 
-    def _by_pose(self, guess: _Guess) -> list[FloatArray]:
+    def _by_pose(self, guess: _Guess) -> list[Floats]:
         # residual = marker minus model point, so the two derivatives have opposite signs
         places = self.sight(guess).place_m
         shifts = [np.broadcast_to(-axis, places.shape) for axis in np.eye(3)]
         return [*shifts, *(-np.cross(axis, places - self._middle(guess)) for axis in np.eye(3))]
 
-    def _middle(self, guess: _Guess) -> FloatArray:
+    def _middle(self, guess: _Guess) -> Floats:
         seen = self.weight > 0.0
         return np.asarray(self.sight(guess).place_m[seen].mean(axis=0))
 
@@ -249,7 +250,7 @@ def _chosen(markers: Markers, frames: int) -> Markers:
     return Markers(markers.names, markers.time_s[rows], markers.position_m[rows])
 
 
-def _first(problem: _BodyFitProblem, pose: FloatArray, start: FloatArray | None) -> _Guess:
+def _first(problem: _BodyFitProblem, pose: Floats, start: Floats | None) -> _Guess:
     """Postures for the initial constants; with an unknown pose, for the best of eight headings."""
     rows = len(problem.weight)
     guess = _Guess(problem.start_lengths, problem.start_points, pose, np.tile(problem.mean, (rows, 1)))
@@ -262,9 +263,7 @@ def _first(problem: _BodyFitProblem, pose: FloatArray, start: FloatArray | None)
     return replace(guess, q=with_prior(tree, problem.sight(guess), Prior(q, problem.std), q))
 
 
-def _heading(
-    problem: _BodyFitProblem, guess: _Guess, k: int, start: FloatArray | None
-) -> tuple[float, _Guess]:
+def _heading(problem: _BodyFitProblem, guess: _Guess, k: int, start: Floats | None) -> tuple[float, _Guess]:
     up = np.asarray(problem.model.describe().world.up)
     turn = matrix_from_quat(quat_from_rotvec(up * 2.0 * np.pi * k / _HEADINGS))
     pose = np.eye(4)
@@ -308,9 +307,7 @@ def _best(problem: _BodyFitProblem, guess: _Guess, rounds: int = _MOST_ROUNDS) -
     return guess
 
 
-def _step(
-    problem: _BodyFitProblem, guess: _Guess, damping: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _step(problem: _BodyFitProblem, guess: _Guess, damping: float) -> tuple[Floats, Floats, Floats]:
     """Steps of constants (k,) and postures (T, c), in standard deviations, and the constants' information (k, k)."""
     rows, width = guess.q.shape
     residual = problem.residual(guess).reshape(rows, -1)

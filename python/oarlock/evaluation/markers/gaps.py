@@ -11,8 +11,8 @@ from typing import Any, Final
 import numpy as np
 
 from oarlock.evaluation.markers.smoothing_spline import smoothed_at
-from oarlock.evaluation.markers.trajectories import Bools, Markers
-from oarlock.storage.array_gate import FloatArray
+from oarlock.evaluation.markers.trajectories import Markers
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.storage.errors import DataError
 
 WINDOW_S: Final = 0.2
@@ -66,7 +66,7 @@ class FilledMarkers:
 
     markers: Markers
     gaps: tuple[Gap, ...]
-    std_m: FloatArray
+    std_m: Floats
 
     @property
     def estimated(self) -> Bools:
@@ -122,7 +122,7 @@ def stretches(true: Bools) -> Iterator[tuple[int, int]]:
         yield int(first), int(last)
 
 
-def _span(time_s: FloatArray, first: int, last: int) -> tuple[float, float, float, int]:
+def _span(time_s: Floats, first: int, last: int) -> tuple[float, float, float, int]:
     # the last frame has no successor; the previous interval is used
     again = time_s[last] if last < len(time_s) else 2.0 * time_s[-1] - time_s[max(len(time_s) - 2, 0)]
     return float(time_s[first]), float(time_s[last - 1]), float(again - time_s[first]), last - first
@@ -147,7 +147,7 @@ def _neighbours(markers: Markers, k: int, gap: tuple[int, int], longest_s: float
     return "", np.concatenate([before, behind])
 
 
-def _side(time_s: FloatArray, seen: Bools, gap: tuple[int, int], side: int) -> Any:
+def _side(time_s: Floats, seen: Bools, gap: tuple[int, int], side: int) -> Any:
     """Visible frames before (-1) or after (1) a gap, in order of time."""
     if side < 0:
         seen_there, edge = np.flatnonzero(seen[: gap[0]])[::-1], time_s[gap[0] - 1]

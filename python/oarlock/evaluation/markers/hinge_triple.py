@@ -7,9 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from oarlock.evaluation.markers.trajectories import Bools
 from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Bools, Floats
 
 _POLE: Final = 1e-6
 """Smallest sine between first and third axis; below it only the sum of their angles is determined."""
@@ -19,26 +18,24 @@ _POLE: Final = 1e-6
 class Line:
     """An axis in space: unit vector (3,) and a point (3,) on it, m."""
 
-    axis: FloatArray
-    point: FloatArray
+    axis: Floats
+    point: Floats
 
 
-def turn(line: Line, angle_rad: FloatArray, point: FloatArray | None = None) -> FloatArray:
+def turn(line: Line, angle_rad: Floats, point: Floats | None = None) -> Floats:
     """Rotations (T, 3, 3) about a line, or a point (3,) rotated about it, (T, 3)."""
     rotation = matrix_from_quat(quat_from_rotvec(np.asarray(angle_rad)[:, None] * line.axis))
     return rotation if point is None else line.point + rotation @ (point - line.point)
 
 
-def hinge_angle(rotation: FloatArray, axis: FloatArray) -> FloatArray:
+def hinge_angle(rotation: Floats, axis: Floats) -> Floats:
     """The angle (T,) about an axis that fits a rotation (T, 3, 3) best."""
     across = _across(axis)
     turned = rotation @ across
     return np.asarray(np.arctan2(np.cross(across, turned) @ axis, turned @ across))
 
 
-def hinge_triple(
-    rotation: FloatArray, first: FloatArray, second: FloatArray, third: FloatArray
-) -> tuple[FloatArray, Bools]:
+def hinge_triple(rotation: Floats, first: Floats, second: Floats, third: Floats) -> tuple[Floats, Bools]:
     """Both triples of angles (T, 2, 3) with R = Exp(first q1) Exp(second q2) Exp(third q3), and poles (T,).
 
     The angle between the first and the third axis determines the second angle; the other two follow from directions. At
@@ -68,9 +65,7 @@ def hinge_triple(
     return np.stack(found, axis=1), np.asarray(poles[0] | poles[1])
 
 
-def _first_angle(
-    rotation: FloatArray, first: FloatArray, bent: FloatArray, third: FloatArray
-) -> tuple[FloatArray, Bools]:
+def _first_angle(rotation: Floats, first: Floats, bent: Floats, third: Floats) -> tuple[Floats, Bools]:
     wanted = rotation @ third
     start = bent - np.outer(bent @ first, first)
     end = wanted - np.outer(wanted @ first, first)
@@ -79,7 +74,7 @@ def _first_angle(
     return np.where(pole, 0.0, angle), pole
 
 
-def _across(axis: FloatArray) -> FloatArray:
+def _across(axis: Floats) -> Floats:
     other = np.eye(3)[int(np.argmin(np.abs(axis)))]
     across = other - axis * (axis @ other)
     return np.asarray(across / np.linalg.norm(across))

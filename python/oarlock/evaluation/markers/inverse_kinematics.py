@@ -16,7 +16,8 @@ from oarlock.evaluation.markers.posture_fit import PostureFit
 from oarlock.evaluation.markers.start import ANCHOR_S, anchor_postures, between_anchors, body_prior
 from oarlock.evaluation.markers.trajectories import Markers
 from oarlock.model.chain_geometry import posture
-from oarlock.storage.array_gate import FloatArray, real_array
+from oarlock.storage.array_gate import real_array
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.progress import Progress, Told, share, shown
 
@@ -90,7 +91,7 @@ def inverse_kinematics(
     return _fit(tree, placed, sight, used, found)
 
 
-def _std(markers: Markers, used: tuple[Attachment, ...], added_std_m: ArrayLike | None) -> FloatArray:
+def _std(markers: Markers, used: tuple[Attachment, ...], added_std_m: ArrayLike | None) -> Floats:
     """Standard deviations (T, n) of the used markers' coordinates, m."""
     own = np.array([a.std_m for a in used])
     if added_std_m is None:
@@ -113,10 +114,10 @@ def _used(model: Model, markers: Markers, attachments: GivenAttachments) -> tupl
 
 def _all_frames(
     tree: PointTree,
-    time_s: FloatArray,
+    time_s: Floats,
     sight: MarkerObservation,
     prior: Prior,
-    start: FloatArray | None,
+    start: Floats | None,
     progress: Told | None,
 ) -> PostureSolution:
     anchors = _anchors(time_s)
@@ -134,7 +135,7 @@ def _all_frames(
     return _refitted(tree, sight, prior, found)
 
 
-def _anchors(time_s: FloatArray) -> FloatArray:
+def _anchors(time_s: Floats) -> Floats:
     """Frames about a tenth of a second apart, the last included."""
     found = [0]
     for k in range(1, len(time_s)):

@@ -8,8 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from oarlock.evaluation.markers.point_tree import PointTree
-from oarlock.evaluation.markers.trajectories import Bools
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Bools, Floats
 
 _MOST_ROUNDS: Final = 60
 _SETTLED: Final = 1e-12
@@ -28,8 +27,8 @@ class MarkerObservation:
         weight: (T, n) reciprocal of the standard deviation in m; 0 where not visible.
     """
 
-    place_m: FloatArray
-    weight: FloatArray
+    place_m: Floats
+    weight: Floats
 
     def rows(self, kept: Any) -> MarkerObservation:
         """Some of the frames."""
@@ -40,8 +39,8 @@ class MarkerObservation:
 class Prior:
     """Prior of a posture: mean (T, c) and standard deviation (c,)."""
 
-    mean: FloatArray
-    std: FloatArray
+    mean: Floats
+    std: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,16 +55,14 @@ class PostureSolution:
         cost: (T,) sum of the squared residuals in standard deviations.
     """
 
-    q: FloatArray
-    std: FloatArray
+    q: Floats
+    std: Floats
     determined: Bools
     settled: Bools
-    cost: FloatArray
+    cost: Floats
 
 
-def found_postures(
-    tree: PointTree, sight: MarkerObservation, prior: Prior, start: FloatArray
-) -> PostureSolution:
+def found_postures(tree: PointTree, sight: MarkerObservation, prior: Prior, start: Floats) -> PostureSolution:
     """The postures that fit the markers best; undetermined directions stay nearest to the prior.
 
     Levenberg-Marquardt with the prior comes first and always converges. Gauss-Newton without the prior follows, in the
@@ -83,8 +80,8 @@ def found_postures(
 
 
 def with_prior(
-    tree: PointTree, sight: MarkerObservation, prior: Prior, start: FloatArray, tolerance: float = _LOOSE
-) -> FloatArray:
+    tree: PointTree, sight: MarkerObservation, prior: Prior, start: Floats, tolerance: float = _LOOSE
+) -> Floats:
     """Postures (T, c) that minimise the squares of residuals and of deviations from the prior."""
     q, damping = np.array(start), np.full(len(start), 1e-3)
     cost = _cost(tree, sight, prior, q)
@@ -114,8 +111,8 @@ def with_prior(
 
 
 def _without_prior(
-    tree: PointTree, sight: MarkerObservation, prior: Prior, start: FloatArray
-) -> tuple[FloatArray, Bools]:
+    tree: PointTree, sight: MarkerObservation, prior: Prior, start: Floats
+) -> tuple[Floats, Bools]:
     """Gauss-Newton in the determined directions. A step that makes the fit worse is halved; if that fails it ends."""
     q = np.array(start)
     active = np.ones(len(q), dtype=bool)
@@ -145,10 +142,10 @@ def _halved(
     tree: PointTree,
     sight: MarkerObservation,
     prior: Prior,
-    q: FloatArray,
-    step: FloatArray,
-    before: FloatArray,
-) -> tuple[Bools, FloatArray]:
+    q: Floats,
+    step: Floats,
+    before: Floats,
+) -> tuple[Bools, Floats]:
     tried, better = np.array(q), np.zeros(len(q), dtype=bool)
     for share in (1.0, 0.5, 0.25, 0.125):
         rows = np.flatnonzero(~better)
@@ -163,16 +160,14 @@ def _halved(
 
 
 def _directions(
-    tree: PointTree, sight: MarkerObservation, prior: Prior, q: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+    tree: PointTree, sight: MarkerObservation, prior: Prior, q: Floats
+) -> tuple[Floats, Floats, Floats]:
     residual, slopes = _linear(tree, sight, prior, q)
     size, shapes = np.linalg.eigh(np.einsum("trc,trd->tcd", slopes, slopes))
     return residual, size, shapes
 
 
-def _linear(
-    tree: PointTree, sight: MarkerObservation, prior: Prior, q: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _linear(tree: PointTree, sight: MarkerObservation, prior: Prior, q: Floats) -> tuple[Floats, Floats]:
     """Residuals (T, 3 n) in standard deviations, and derivatives (T, 3 n, c) by steps in those of the prior."""
     places, slopes = tree.with_slopes(q)
     weight = sight.weight[..., None]
@@ -181,16 +176,16 @@ def _linear(
     return residual.reshape(len(q), -1), scaled.reshape(len(q), -1, q.shape[1])
 
 
-def _residual(tree: PointTree, sight: MarkerObservation, q: FloatArray) -> FloatArray:
+def _residual(tree: PointTree, sight: MarkerObservation, q: Floats) -> Floats:
     weight = sight.weight[..., None]
     residual = np.where(weight > 0.0, sight.place_m - tree.at(q), 0.0) * weight
     return np.asarray(residual.reshape(len(q), -1))
 
 
-def _cost(tree: PointTree, sight: MarkerObservation, prior: Prior, q: FloatArray) -> FloatArray:
+def _cost(tree: PointTree, sight: MarkerObservation, prior: Prior, q: Floats) -> Floats:
     away = tree.minus(q, prior.mean) / prior.std
     return _square(_residual(tree, sight, q)) + _square(away)
 
 
-def _square(rows: FloatArray) -> FloatArray:
+def _square(rows: Floats) -> Floats:
     return np.asarray(np.einsum("tr,tr->t", rows, rows))

@@ -10,7 +10,7 @@ import numpy as np
 from oarlock.evaluation.markers.gaps import FilledMarkers, stretches
 from oarlock.evaluation.markers.trajectories import Markers
 from oarlock.recording.butterworth import passed_twice
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
 _FEWEST_FRAMES_A_PERIOD: Final = 2.5
@@ -70,7 +70,7 @@ def low_pass(
     return Markers(markers.names, markers.time_s, position)
 
 
-def _check_even(time_s: FloatArray) -> None:
+def _check_even(time_s: Floats) -> None:
     steps = np.diff(time_s)
     usual = float(np.median(steps))
     off = np.flatnonzero(np.abs(steps - usual) > _MOST_JITTER * usual)

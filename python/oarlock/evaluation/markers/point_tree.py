@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from oarlock.evaluation.markers.attachments import Attachment
-from oarlock.evaluation.markers.trajectories import Bools
 from oarlock.model.coordinates import plus, rotation_columns
 from oarlock.model.rotation import quat_from_rotvec, rotvec_between
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Bools, Floats
 
 if TYPE_CHECKING:
     from oarlock._core import Model
@@ -30,7 +29,7 @@ class PointTree:
     """
 
     def __init__(
-        self, model: Model, attachments: Sequence[Attachment], lengths_m: FloatArray | None = None
+        self, model: Model, attachments: Sequence[Attachment], lengths_m: Floats | None = None
     ) -> None:
         self.model, self.lengths_m = model, lengths_m
         self.rotations = rotation_columns(model.coordinate_names)
@@ -53,28 +52,28 @@ class PointTree:
                 name = frames[name].parent
         return np.array([name in moved for name in self.model.coordinate_names], dtype=bool)
 
-    def at(self, q: FloatArray) -> FloatArray:
+    def at(self, q: Floats) -> Floats:
         """Points (T, n, 3) in root axes at coordinates (T, n_coordinates), m."""
         return self._placed(self._poses(q))[1]
 
-    def with_slopes(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def with_slopes(self, q: Floats) -> tuple[Floats, Floats]:
         """Points (T, n, 3), and their derivatives (T, n, 3, n_coordinates) by small steps of the coordinates."""
         arms, places = self._placed(self._poses(q))
         return places, self._moved(
             self.model.frame_jacobian(q, self._carriers, self.lengths_m).by_coordinate, arms
         )
 
-    def by_length(self, q: FloatArray) -> FloatArray:
+    def by_length(self, q: Floats) -> Floats:
         """Derivatives (T, n, 3, n_lengths) of the points by the model's lengths."""
         return np.asarray(
             self.model.frame_jacobian(q, self._carriers, self.lengths_m).by_length[:, self._carrier]
         )
 
-    def plus(self, q: FloatArray, step: FloatArray) -> FloatArray:
+    def plus(self, q: Floats, step: Floats) -> Floats:
         """Coordinates (T, n_coordinates) after small steps."""
         return plus(q, step, self.rotations)
 
-    def minus(self, q: FloatArray, other: FloatArray) -> FloatArray:
+    def minus(self, q: Floats, other: Floats) -> Floats:
         """The steps that lead from `other` to `q`, (T, n_coordinates)."""
         step = np.asarray(q - other)
         for columns in self.rotations:
@@ -82,15 +81,15 @@ class PointTree:
             step[:, columns] = rotvec_between(start, end)
         return step
 
-    def _poses(self, q: FloatArray) -> FloatArray:
+    def _poses(self, q: Floats) -> Floats:
         return np.asarray(self.model.forward_kinematics(q, self.lengths_m))
 
-    def _placed(self, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _placed(self, poses: Floats) -> tuple[Floats, Floats]:
         """Positions of the points relative to their frames' origins and to the root, in root axes."""
         carriers = poses[:, self._frames]
         arms = np.einsum("tnij,nj->tni", carriers[..., :3, :3], self._points)
         return arms, np.asarray(arms + carriers[..., :3, 3])
 
-    def _moved(self, by_coordinate: FloatArray, arms: FloatArray) -> FloatArray:
+    def _moved(self, by_coordinate: Floats, arms: Floats) -> Floats:
         of_frames = by_coordinate[:, self._carrier]
         return np.asarray(of_frames[:, :, :3] + np.cross(of_frames[:, :, 3:], arms[..., None], axis=2))

@@ -11,11 +11,10 @@ from scipy.interpolate import CubicSpline
 from oarlock import _core
 from oarlock.evaluation.markers.attachments import Attachment
 from oarlock.evaluation.markers.gaps import stretches
-from oarlock.evaluation.markers.trajectories import Bools
 from oarlock.model.coordinates import coordinate_units, parts
 from oarlock.model.rotation import continuous_quat, quat_from_rotvec, rotvec_from_quat
 from oarlock.simulation.motion import Motion
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.storage.errors import DataError
 from oarlock.tracking.track import Track, track_without_filter
 
@@ -43,13 +42,13 @@ class PostureFit:
     """
 
     model: Model
-    time_s: FloatArray
-    q: FloatArray
-    q_std: FloatArray
+    time_s: Floats
+    q: Floats
+    q_std: Floats
     determined: Bools
     settled: Bools
     attachments: tuple[Attachment, ...]
-    residual_m: FloatArray
+    residual_m: Floats
     noise_scale: float
 
     @property

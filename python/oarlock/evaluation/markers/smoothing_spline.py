@@ -6,13 +6,13 @@ from typing import Final
 
 import numpy as np
 
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 _SHARES: Final = np.logspace(-13, 3, 97)
 """Range of the noise variance relative to the largest variance of the spline: from rounding errors to a parabola."""
 
 
-def smoothed_at(time_s: FloatArray, value: FloatArray, at_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+def smoothed_at(time_s: Floats, value: Floats, at_s: Floats) -> tuple[Floats, Floats]:
     """The smoothing spline through (T, c) noisy values, read at other stamps: (N, c), and its standard deviation (N,).
 
     It minimises the squared distance to the points plus a multiple of the integral of its squared third derivative.
@@ -47,18 +47,18 @@ def smoothed_at(time_s: FloatArray, value: FloatArray, at_s: FloatArray) -> tupl
     return np.asarray(level + share @ (value - level)), np.sqrt(np.maximum(drive * spread, 0.0))
 
 
-def _parabola(t: FloatArray) -> FloatArray:
+def _parabola(t: Floats) -> Floats:
     return np.stack([np.ones_like(t), t, t * t], axis=1)
 
 
-def _kernel(t: FloatArray, s: FloatArray) -> FloatArray:
+def _kernel(t: Floats, s: Floats) -> Floats:
     """Covariance of a path whose third derivative is white, at rest at 0: the integral of (t-u)^2 (s-u)^2 / 4."""
     a = np.minimum(t[:, None], s)
     apart = np.abs(t[:, None] - s)
     return np.asarray(a**3 * (a * a / 5.0 + a * apart / 2.0 + apart * apart / 3.0) / 4.0)
 
 
-def _noise(size: FloatArray, heights: FloatArray) -> float:
+def _noise(size: Floats, heights: Floats) -> float:
     """The noise variance relative to the kernel that maximises the restricted likelihood."""
     candidates = _SHARES * float(size.max())
     total = np.maximum(size, 0.0) + candidates[:, None]

@@ -9,7 +9,7 @@ import numpy as np
 from oarlock.evaluation.markers.least_squares import MarkerObservation, Prior, with_prior
 from oarlock.evaluation.markers.point_tree import PointTree
 from oarlock.model.rotation import continuous_quat, quat_from_rotvec, rotvec_from_quat
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.progress import Told
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ _PLACE_STD_M: Final = 10.0
 """Standard deviation of the position of a free joint in a laboratory, m."""
 
 
-def body_prior(model: Model) -> tuple[FloatArray, FloatArray]:
+def body_prior(model: Model) -> tuple[Floats, Floats]:
     """Mean and standard deviation (c,) of a posture: soft limits lie two standard deviations from their middle."""
     mean, std = [], []
     for joint in model.describe().joints:
@@ -40,9 +40,7 @@ def body_prior(model: Model) -> tuple[FloatArray, FloatArray]:
     return np.array(mean), np.array(std)
 
 
-def first_posture(
-    tree: PointTree, sight: MarkerObservation, prior: Prior, given: FloatArray | None
-) -> FloatArray:
+def first_posture(tree: PointTree, sight: MarkerObservation, prior: Prior, given: Floats | None) -> Floats:
     """The best of many fits of one frame, (1, c): one starts at the prior's mean, others around it.
 
     The start postures are the same in every run because their seed is fixed.
@@ -71,9 +69,9 @@ def anchor_postures(
     sight: MarkerObservation,
     prior: Prior,
     frames: Any,
-    given: FloatArray | None,
+    given: Floats | None,
     progress: Told | None,
-) -> FloatArray:
+) -> Floats:
     """Postures (A, c) of some frames, each fitted from its neighbour's, beginning with the most visible markers.
 
     The prior's mean is the neighbour's posture, so undetermined directions keep its values.
@@ -97,7 +95,7 @@ def anchor_postures(
     return q
 
 
-def between_anchors(tree: PointTree, at_s: FloatArray, anchors_s: FloatArray, q: FloatArray) -> FloatArray:
+def between_anchors(tree: PointTree, at_s: Floats, anchors_s: Floats, q: Floats) -> Floats:
     """Postures (T, c) at all time stamps, interpolated linearly between the anchors; rotations take the shorter way."""
     found = np.stack([np.interp(at_s, anchors_s, q[:, k]) for k in range(q.shape[1])], axis=1)
     for columns in tree.rotations:
@@ -107,7 +105,7 @@ def between_anchors(tree: PointTree, at_s: FloatArray, anchors_s: FloatArray, q:
     return found
 
 
-def _placed_mean(tree: PointTree, sight: MarkerObservation, prior: Prior) -> FloatArray:
+def _placed_mean(tree: PointTree, sight: MarkerObservation, prior: Prior) -> Floats:
     """The prior's mean (1, c), with free joints of the root moved to the markers."""
     mean = np.array(prior.mean[:1])
     places = np.where(sight.weight[..., None] > 0.0, sight.place_m, np.nan)

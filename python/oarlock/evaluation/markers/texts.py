@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.units import from_held_unit
 
@@ -18,7 +18,7 @@ _LABELS = (
 )
 
 
-def frame_rate_hz(time_s: FloatArray) -> float:
+def frame_rate_hz(time_s: Floats) -> float:
     """Frames per second, to nine digits; NaN for a single frame. If frames are missing, one over the median step."""
     if len(time_s) < 2:
         return float("nan")
@@ -29,9 +29,7 @@ def frame_rate_hz(time_s: FloatArray) -> float:
     return float(f"{1.0 / float(step):.9g}")
 
 
-def trc_text(
-    names: Sequence[str], time_s: FloatArray, position_m: FloatArray, file: Path, unit: str = "m"
-) -> str:
+def trc_text(names: Sequence[str], time_s: Floats, position_m: Floats, file: Path, unit: str = "m") -> str:
     """The file's text, in m or another unit of length, every number with all its digits.
 
     Raises:
@@ -57,7 +55,7 @@ def trc_text(
     return "\n".join(lines) + "\n"
 
 
-def csv_text(names: Sequence[str], time_s: FloatArray, position_m: FloatArray, file: Path) -> str:
+def csv_text(names: Sequence[str], time_s: Floats, position_m: Floats, file: Path) -> str:
     """The file's text, in m, every number with all its digits; an empty cell where a marker was not visible."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")

@@ -10,15 +10,15 @@ from types import MappingProxyType
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from oarlock.evaluation.markers.texts import csv_text, frame_rate_hz, trc_text
-from oarlock.storage.array_gate import FloatArray, check_no_infinity, real_array, time_array
+from oarlock.storage.array_gate import check_no_infinity, real_array, time_array
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
 from oarlock.storage.write_file import write_file
 
-Bools = NDArray[np.bool_]
 NamedAxes = Literal["y-up-from-z-up", "z-up-from-y-up"]
 
 ROTATION_TOLERANCE: Final = 1e-6
@@ -48,8 +48,8 @@ class Markers:
     """
 
     names: tuple[str, ...]
-    time_s: FloatArray
-    position_m: FloatArray
+    time_s: Floats
+    position_m: Floats
 
     def __post_init__(self) -> None:
         names = tuple(str(name) for name in self.names)
@@ -72,7 +72,7 @@ class Markers:
     def __len__(self) -> int:
         return len(self.time_s)
 
-    def __getitem__(self, name: str) -> FloatArray:
+    def __getitem__(self, name: str) -> Floats:
         """Positions (T, 3) of one marker, m."""
         return self.position_m[:, self.index(name)]
 
@@ -94,7 +94,7 @@ class Markers:
         return there
 
     @property
-    def middle_m(self) -> FloatArray:
+    def middle_m(self) -> Floats:
         """Mean position of each marker, (n, 3), m; NaN if never visible."""
         count = self.seen.sum(axis=0)[:, None]
         total = np.where(self.seen[:, :, None], self.position_m, 0.0).sum(axis=0)
@@ -170,7 +170,7 @@ class Markers:
         write_file(file, text)
 
 
-def rotation_of(axes: NamedAxes | ArrayLike) -> FloatArray:
+def rotation_of(axes: NamedAxes | ArrayLike) -> Floats:
     """The rotation (3, 3) for a name or a matrix.
 
     Raises:
@@ -192,7 +192,7 @@ def rotation_of(axes: NamedAxes | ArrayLike) -> FloatArray:
     return given
 
 
-def _refuse_parts(names: tuple[str, ...], time_s: FloatArray, position: FloatArray) -> None:
+def _refuse_parts(names: tuple[str, ...], time_s: Floats, position: Floats) -> None:
     missing = np.isnan(position).sum(axis=2)
     part = np.argwhere((missing > 0) & (missing < 3))
     if len(part):

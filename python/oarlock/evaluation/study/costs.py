@@ -10,15 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.evaluation.study.rows import null_if_nan, scores_of, write_rows
 from oarlock.evaluation.study.run import Row
 from oarlock.evaluation.study.spec import Study
 from oarlock.evaluation.study.sweeps import NO_FAULT, USUAL_SETTING, FaultSweep
+from oarlock.storage.arrays import Floats
 from oarlock.storage.write_file import write_file
-
-Floats = NDArray[np.float64]
 
 LOST_DEG = 30.0
 """Mean error above which a run counts as lost, like a run that ended early."""

@@ -10,15 +10,15 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock import _core
-from oarlock.evaluation.distributions import student_quantile
+from oarlock.storage.statistics import student_quantile
 from oarlock.evaluation.study.costs import save_costs
 from oarlock.evaluation.study.pool import identity
 from oarlock.evaluation.study.rows import scores_of, write_rows
 from oarlock.evaluation.study.run import MEAN, SCORES, Row
 from oarlock.evaluation.study.spec import Study, shown
+from oarlock.storage.arrays import Floats
 from oarlock.storage.dataframes import columns_of_rows, pandas_table, polars_table
 from oarlock.storage.folder_writer import replaced_folder
 from oarlock.storage.notebook_html import card, html_table
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     import pandas as pd
     import polars as pl
 
-Floats = NDArray[np.float64]
 
 CONFIDENCE = 0.95
 RUN_FILE = "run.toml"

@@ -9,14 +9,12 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-from numpy.typing import NDArray
 from pyarrow import parquet
 
 from oarlock.evaluation.study.run import MEAN, Row
 from oarlock.evaluation.study.spec import Study, shown
+from oarlock.storage.arrays import Floats
 from oarlock.storage.arrow_csv import write_arrow_csv
-
-Floats = NDArray[np.float64]
 
 
 def scores_of(

@@ -15,7 +15,7 @@ from oarlock.recording.gyro_scale import gyro_per_gravity_turn
 from oarlock.recording.plausibility import GYRO_MAX_RAD_S
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream, Stream
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 if TYPE_CHECKING:
     from oarlock._core import Model
@@ -47,11 +47,11 @@ class FaultCorrection:
     text: str
     names: Mapping[str, str] = field(default_factory=dict)
     fields: tuple[str, ...] = ()
-    matrix: FloatArray | float = 1.0
+    matrix: Floats | float = 1.0
     rarity: float = 1.0
 
     @property
-    def of_force(self) -> FloatArray | None:
+    def of_force(self) -> Floats | None:
         """(3, 3) that readings of accelerometers are multiplied by; None if they stay."""
         if "accel_m_s2" not in self.fields:
             return None
@@ -69,7 +69,7 @@ class FaultCorrection:
         return type(stream)(name, stream.time_s, **values)  # type: ignore[arg-type]
 
 
-def changed_rows(rows: FloatArray, by: FloatArray | float) -> FloatArray:
+def changed_rows(rows: Floats, by: Floats | float) -> Floats:
     """Rows times a factor, or turned by a matrix (3, 3)."""
     return np.asarray(rows * by if isinstance(by, float) else rows @ by.T)
 
@@ -209,7 +209,7 @@ class LikeStreams:
         )
 
 
-def _largest(rows: FloatArray) -> float:
+def _largest(rows: Floats) -> float:
     """Largest magnitude; 0 without readings."""
     sizes = np.abs(rows) if rows.ndim == 1 else np.sqrt((rows**2).sum(axis=1))
     sizes = sizes[np.isfinite(sizes)]
@@ -235,7 +235,7 @@ def _exchanged(pairs: Sequence[tuple[str, str]]) -> FaultCorrection:
     )
 
 
-def _signed_permutations() -> list[FloatArray]:
+def _signed_permutations() -> list[Floats]:
     found = []
     for order in permutations(range(3)):
         for signs in product((1.0, -1.0), repeat=3):

@@ -34,7 +34,7 @@ from oarlock.evaluation.suspects.suspect import Suspect, of_units
 from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec
 from oarlock.recording.butterworth import passed_twice
 from oarlock.recording.streams import ImuStream
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
 if TYPE_CHECKING:
@@ -67,11 +67,11 @@ LEAST_TURN_RAD, LEAST_BIAS_M_S2, LEAST_SCALE = 0.2, 0.7, 0.08
 class _GridReadings:
     """(T, 3) rad/s and m/s2 of one unit on the common grid, and where they are no interpolation over a gap."""
 
-    gyro_rad_s: FloatArray
-    accel_m_s2: FloatArray
+    gyro_rad_s: Floats
+    accel_m_s2: Floats
     there: NDArray[np.bool_]
 
-    def changed(self, by: FloatArray | float, fields: Sequence[str] = UNIT_FIELDS) -> _GridReadings:
+    def changed(self, by: Floats | float, fields: Sequence[str] = UNIT_FIELDS) -> _GridReadings:
         """With some of its quantities times a factor, or turned by a matrix."""
         gyro, accel = (
             changed_rows(rows, by) if field in fields else rows
@@ -79,7 +79,7 @@ class _GridReadings:
         )
         return _GridReadings(gyro, accel, self.there)
 
-    def later(self, rows: FloatArray) -> _GridReadings:
+    def later(self, rows: Floats) -> _GridReadings:
         """As they are with a clock set back by so many rows, one number or one a row."""
         at = np.arange(len(self.there)) + rows
         near = np.clip(np.round(at).astype(int), 0, len(self.there) - 1)
@@ -89,7 +89,7 @@ class _GridReadings:
     def rows(self, rows: slice) -> _GridReadings:
         return _GridReadings(self.gyro_rad_s[rows], self.accel_m_s2[rows], self.there[rows])
 
-    def force(self, lever: FloatArray) -> FloatArray:
+    def force(self, lever: Floats) -> Floats:
         """(T,) size of the force at a joint, m/s2; `lever`: from the joint to the unit, in the unit's axes, m."""
         turning = np.gradient(self.gyro_rad_s, 1.0 / RATE_HZ, axis=0)
         w2 = np.einsum("ij,ij->i", self.gyro_rad_s, self.gyro_rad_s)
@@ -114,7 +114,7 @@ class JointForces:
     start_s: float
     units: Mapping[str, _GridReadings]
     joints: tuple[tuple[str, str], ...]
-    levers: tuple[tuple[FloatArray, FloatArray], ...]
+    levers: tuple[tuple[Floats, Floats], ...]
 
     @classmethod
     def of(cls, model: Model, recording: Recording, calibration: Calibration | None) -> JointForces | None:
@@ -146,7 +146,7 @@ class JointForces:
             return None
         return cls(start_s, units, tuple(p.units for p in joints), tuple(worn.levers(p) for p in joints))
 
-    def misfits(self) -> FloatArray:
+    def misfits(self) -> Floats:
         """(n_joints,) squared differences of the force over that of its changes."""
         return np.array([self.misfit(k, self.units) for k in range(len(self.joints))])
 
@@ -177,7 +177,7 @@ class JointForces:
         changes = min(float(np.var(force)) for force in forces)
         return float(np.mean((forces[0] - forces[1]) ** 2) / (changes + LEAST_M_S2**2))
 
-    def residual(self, name: str, change: Readings) -> FloatArray:
+    def residual(self, name: str, change: Readings) -> Floats:
         """(N,) differences of the forces at the joints of one unit, m/s2, with a change of its readings."""
         units, parts = {**self.units, **change(self.units)}, []
         for (a, b), (first, second) in zip(self.joints, self.levers, strict=True):
@@ -186,7 +186,7 @@ class JointForces:
                 parts.append((units[a].force(first) - units[b].force(second))[there])
         return np.concatenate(parts)
 
-    def cost_of_lags(self, k: int, name: str, lags: NDArray[np.int_]) -> FloatArray:
+    def cost_of_lags(self, k: int, name: str, lags: NDArray[np.int_]) -> Floats:
         """(n_lags,) misfit of a joint if one of its units is late by so many rows."""
         (a, b), levers = self.joints[k], self.levers[k]
         own, other = (0, 1) if a == name else (1, 0)
@@ -223,7 +223,7 @@ class JointForces:
         return [slice(int(a), int(b)) for a, b in pairwise(edges)]
 
 
-def _on(stream: ImuStream, grid: FloatArray) -> _GridReadings | None:
+def _on(stream: ImuStream, grid: Floats) -> _GridReadings | None:
     assert stream.gyro_rad_s is not None and stream.accel_m_s2 is not None
     columns = np.hstack([stream.gyro_rad_s, stream.accel_m_s2])
     read = _interpolated(stream.time_s, columns, grid)
@@ -232,7 +232,7 @@ def _on(stream: ImuStream, grid: FloatArray) -> _GridReadings | None:
 
 def on_grid_of(
     stream: ImuStream,
-) -> tuple[FloatArray, FloatArray, FloatArray | None, NDArray[np.bool_]] | None:
+) -> tuple[Floats, Floats, Floats | None, NDArray[np.bool_]] | None:
     """Gyroscope, accelerometer and magnetometer of one unit on an even grid, and where they read; None if too few."""
     if stream.gyro_rad_s is None or stream.accel_m_s2 is None:
         return None
@@ -247,9 +247,7 @@ def on_grid_of(
     return read.gyro_rad_s, read.accel_m_s2, field[0], read.there & field[1]
 
 
-def _interpolated(
-    time_s: FloatArray, columns: FloatArray, grid: FloatArray
-) -> tuple[FloatArray, NDArray[np.bool_]] | None:
+def _interpolated(time_s: Floats, columns: Floats, grid: Floats) -> tuple[Floats, NDArray[np.bool_]] | None:
     whole = np.isfinite(columns).all(axis=1)
     time_s, columns = time_s[whole], columns[whole]
     if len(time_s) < RATE_HZ or len(grid) < RATE_HZ:
@@ -279,7 +277,7 @@ class _Cause:
     error_rad: float
     change: Readings
     rarity: float = 1.0
-    of_force: FloatArray | None = None
+    of_force: Floats | None = None
 
 
 def _discrete(names: Sequence[str]) -> Iterator[_Cause]:
@@ -305,7 +303,7 @@ def _changed(change: FaultCorrection, units: Mapping[str, _GridReadings]) -> dic
 def _mounted(forces: JointForces, name: str) -> _Cause:
     """A mount that is off by any rotation, as far as forces tell it."""
 
-    def turn(x: FloatArray) -> Readings:
+    def turn(x: Floats) -> Readings:
         matrix = matrix_from_quat(quat_from_rotvec(x))
         return lambda units: {name: units[name].changed(matrix)}
 
@@ -320,7 +318,7 @@ def _mounted(forces: JointForces, name: str) -> _Cause:
 
 
 def _biased(forces: JointForces, name: str) -> _Cause:
-    def shift(x: FloatArray) -> Readings:
+    def shift(x: Floats) -> Readings:
         return lambda units: {name: replace(units[name], accel_m_s2=units[name].accel_m_s2 - x)}
 
     best = _fit(forces, name, shift, 3, 1.0)
@@ -364,8 +362,8 @@ def _late(forces: JointForces, name: str) -> Iterator[_Cause]:
 
 
 def _fit(
-    forces: JointForces, name: str, changed: Callable[[FloatArray], Readings], size: int, prior: float
-) -> FloatArray:
+    forces: JointForces, name: str, changed: Callable[[Floats], Readings], size: int, prior: float
+) -> Floats:
     """Least squares over the joints of one unit by Gauss-Newton steps; `prior`: usual size of what is sought."""
     x, step = np.zeros(size), 0.02 * prior
     for _ in range(5):

@@ -12,7 +12,7 @@ from oarlock.calibration.session.unit_rows import UnitRows
 from oarlock.calibration.static.pose_mounts import rest_posture
 from oarlock.calibration.static.worn_model import Worn
 from oarlock.recording.streams import ImuStream
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 if TYPE_CHECKING:
     from oarlock._core import Model
@@ -35,8 +35,8 @@ class RestGravity:
         rests: unit -> start of each rest, s, and mean force (3,), m/s2.
     """
 
-    expected: Mapping[str, FloatArray]
-    rests: Mapping[str, Sequence[tuple[float, FloatArray]]]
+    expected: Mapping[str, Floats]
+    rests: Mapping[str, Sequence[tuple[float, Floats]]]
 
     @classmethod
     def of(cls, model: Model, recording: Recording, calibration: Calibration | None) -> RestGravity:
@@ -57,9 +57,7 @@ class RestGravity:
             rests[stream.name] = _rests(UnitRows.of(stream), world.gravity_m_s2)
         return cls(expected, rests)
 
-    def contradicts(
-        self, names: Sequence[str], of_force: FloatArray | None, from_s: float | None = None
-    ) -> bool:
+    def contradicts(self, names: Sequence[str], of_force: Floats | None, from_s: float | None = None) -> bool:
         """Whether a unit that rests agrees with gravity, and would not with its force times a matrix (3, 3)."""
         if of_force is None:
             return False
@@ -72,7 +70,7 @@ class RestGravity:
         return any(before < AGREES_RAD and after > before + WORSE_RAD for before, after in angles)
 
 
-def _rests(unit: UnitRows, gravity_m_s2: float) -> list[tuple[float, FloatArray]]:
+def _rests(unit: UnitRows, gravity_m_s2: float) -> list[tuple[float, Floats]]:
     means = [
         (start_s, unit.accel[unit.rows((start_s, end_s))].mean(axis=0))
         for start_s, end_s in unit.still(worn=True)
@@ -85,5 +83,5 @@ def _rests(unit: UnitRows, gravity_m_s2: float) -> list[tuple[float, FloatArray]
     ]
 
 
-def _angle(one: FloatArray, other: FloatArray) -> float:
+def _angle(one: Floats, other: Floats) -> float:
     return float(np.arctan2(np.linalg.norm(np.cross(one, other)), one @ other))

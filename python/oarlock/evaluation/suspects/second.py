@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream, Stream
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 STEP_S = 0.25
 """Interval between the starts of the examined seconds, s."""
@@ -25,7 +25,7 @@ def most_motion(recording: Recording, seconds: float) -> tuple[float, float]:
     """Start of the second with the most motion, s, and its motion score, 0 to 1."""
     begin, end = recording.start_s, min(recording.end_s, recording.start_s + SEARCHED_S)
     steps = np.arange(max(1, int((end - begin - seconds) / STEP_S + 1e-6) + 1))
-    starts: FloatArray = np.asarray(begin + STEP_S * steps, dtype=np.float64)
+    starts: Floats = np.asarray(begin + STEP_S * steps, dtype=np.float64)
     scores = np.mean([_motion_score(stream, starts, seconds) for stream in recording.streams], axis=0)
     best = int(np.argmax(scores))
     return float(starts[best]), float(scores[best])
@@ -39,14 +39,14 @@ def on_grid(recording: Recording, start_s: float, seconds: float, rate_hz: float
     """
     step = 1.0 / rate_hz
     rows = np.arange(max(1, round(seconds * rate_hz)))
-    grid: FloatArray = np.asarray(start_s + step * (0.5 + rows), dtype=np.float64)
+    grid: Floats = np.asarray(start_s + step * (0.5 + rows), dtype=np.float64)
     parts = [part for stream in recording.streams if (part := _nearest(stream, grid, step)) is not None]
     if not parts or max(len(part) for part in parts) < LEAST_ROWS:
         return None
     return Recording(parts)
 
 
-def _motion_score(stream: Stream, starts: FloatArray, seconds: float) -> FloatArray:
+def _motion_score(stream: Stream, starts: Floats, seconds: float) -> Floats:
     """Motion score, 0 to 1: root mean square of the gyroscope, or deviation of a value, times the share of rows."""
     if isinstance(stream, ImuStream):
         if stream.gyro_rad_s is None:
@@ -67,12 +67,12 @@ def _motion_score(stream: Stream, starts: FloatArray, seconds: float) -> FloatAr
     return np.asarray(np.minimum(1.0, spread / full_motion) * there)
 
 
-def _between(values: FloatArray, edges: NDArray[np.intp]) -> FloatArray:
+def _between(values: Floats, edges: NDArray[np.intp]) -> Floats:
     sums = np.concatenate([[0.0], np.cumsum(values)])
     return np.asarray(sums[edges[1]] - sums[edges[0]])
 
 
-def _nearest(stream: Stream, grid: FloatArray, step: float) -> Stream | None:
+def _nearest(stream: Stream, grid: Floats, step: float) -> Stream | None:
     if len(stream) == 1:
         rows = np.zeros(len(grid), dtype=int)
     else:

@@ -8,7 +8,7 @@ from math import degrees, isfinite, isnan, nan
 
 import numpy as np
 
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 SUSPECT_NOTE = "Suspect: "
 """First word of a track's note that names a suspect."""
@@ -121,7 +121,7 @@ def stuck_text(name: str, value: float) -> str:
     return f"{name} looks stuck: it reads {value:.5g} throughout. Check the sensor; until then leave it out."
 
 
-def turn_text(streams: Sequence[str], matrix: FloatArray) -> str:
+def turn_text(streams: Sequence[str], matrix: Floats) -> str:
     """Text for an inertial unit that is mounted in another orientation."""
     name = streams[0] if len(streams) == 1 else "NAME"
     half_turn = abs(np.trace(matrix) + 1.0) < 0.5 and np.linalg.det(matrix) > 0
@@ -133,7 +133,7 @@ def turn_text(streams: Sequence[str], matrix: FloatArray) -> str:
     )
 
 
-def axes_text(streams: Sequence[str], quantities: Sequence[str], matrix: FloatArray) -> str:
+def axes_text(streams: Sequence[str], quantities: Sequence[str], matrix: Floats) -> str:
     """Text for readings in axes of another convention."""
     one = quantities[0] if len(quantities) == 1 else ""
     keys = _QUANTITY[one] if one else "gyro, accel and mag"
@@ -154,7 +154,7 @@ def _look(streams: Sequence[str]) -> str:
     return "looks" if len(streams) == 1 else "look"
 
 
-def angle_text(matrix: FloatArray) -> str:
+def angle_text(matrix: Floats) -> str:
     """`180 deg about its x`: the rotation of the readings from recorded to correct axes."""
     cosine = (np.trace(matrix) - 1.0) / 2.0
     angle = round(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
@@ -169,14 +169,14 @@ def angle_text(matrix: FloatArray) -> str:
     return f"{angle} deg about its {_direction(axis)}"
 
 
-def _direction(axis: FloatArray) -> str:
+def _direction(axis: Floats) -> str:
     parts = [(value, letter) for value, letter in zip(axis, "xyz", strict=True) if abs(value) > 0.5]
     if len(parts) == 1:
         return ("-" if parts[0][0] < 0 else "") + parts[0][1]
     return "diagonal " + " ".join(("-" if value < 0 else "+") + letter for value, letter in parts)
 
 
-def mirror_text(matrix: FloatArray) -> str:
+def mirror_text(matrix: Floats) -> str:
     """`x reversed`, `x and y exchanged`."""
     if np.allclose(matrix, -np.eye(3)):
         return "all three reversed"
@@ -186,7 +186,7 @@ def mirror_text(matrix: FloatArray) -> str:
     return " and ".join("xyz"[i] for i in range(3) if i not in kept) + " exchanged"
 
 
-def axes_list(matrix: FloatArray) -> str:
+def axes_list(matrix: Floats) -> str:
     """`axes` for the mapping file: the recorded axis for each correct axis."""
     found = []
     for row in matrix:
@@ -195,7 +195,7 @@ def axes_list(matrix: FloatArray) -> str:
     return f"[{', '.join(found)}]"
 
 
-def _rows(matrix: FloatArray) -> str:
+def _rows(matrix: Floats) -> str:
     return str([[round(x) for x in row] for row in matrix]).replace(" ", "")
 
 

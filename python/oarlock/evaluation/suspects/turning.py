@@ -19,7 +19,7 @@ from oarlock.evaluation.suspects.joint_forces import LEAST_M_S2, RATE_HZ, on_gri
 from oarlock.evaluation.suspects.suspect import Suspect, axes_text, of_units
 from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec
 from oarlock.recording.streams import ImuStream
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 PARTS = 8
 SPAN_S = 0.24
@@ -46,8 +46,8 @@ LEAST_BIAS_RAD_S, LEAST_STEP_RAD_S = np.radians(6.0), np.radians(3.0)
 class _Sums:
     """Sums over rows of squares of the slopes by matrix (9, row by row) and shift (3), and of their products."""
 
-    squares: FloatArray
-    products: FloatArray
+    squares: Floats
+    products: Floats
     change: float
     rows: int
 
@@ -59,7 +59,7 @@ class _Sums:
             self.rows + other.rows,
         )
 
-    def fit(self, axes: FloatArray = AS_RECORDED) -> tuple[float, FloatArray, float]:
+    def fit(self, axes: Floats = AS_RECORDED) -> tuple[float, Floats, float]:
         """Scale and shift (3,) that fit best with these axes, and the share of the changes that is left."""
         basis = np.zeros((12, 4))
         basis[:9, 0], basis[9:, 1:] = axes.ravel(), np.eye(3)
@@ -71,7 +71,7 @@ class _Sums:
             max(0.0, 1.0 - float(solved @ products) / self.change),
         )
 
-    def shift(self, scale: float) -> FloatArray:
+    def shift(self, scale: float) -> Floats:
         """(3,) what is added to the rates at this scale, rad/s."""
         squares = self.squares[9:, 9:] + 1e-6 * self.rows * np.eye(3)
         fixed = np.concatenate([scale * np.eye(3).ravel(), np.zeros(3)])
@@ -101,7 +101,7 @@ def own_suspect(stream: ImuStream) -> tuple[Suspect, float] | None:
 
 
 def _explained_by_means(
-    stream: ImuStream, gyro: FloatArray, accel: FloatArray, there: NDArray[np.bool_]
+    stream: ImuStream, gyro: Floats, accel: Floats, there: NDArray[np.bool_]
 ) -> tuple[Suspect, float] | None:
     width = round(WINDOW_S * RATE_HZ)
     starts = np.arange(0, len(gyro) - 2 * width, round(WINDOWS_EVERY_S * RATE_HZ))
@@ -123,11 +123,11 @@ def _explained_by_means(
 class _MeanForces:
     """Rates and forces (T, 3) of a unit, and the rows where two adjacent windows of `WINDOW_S` begin."""
 
-    gyro: FloatArray
-    accel: FloatArray
+    gyro: Floats
+    accel: Floats
     starts: NDArray[np.int_]
 
-    def differences(self, scale: float, shift: FloatArray) -> FloatArray:
+    def differences(self, scale: float, shift: Floats) -> Floats:
         """(N, 3) mean force of the second window less that of the first, m/s2, in the axes of its begin."""
         width, first = round(WINDOW_S * RATE_HZ), int(self.starts[0])
         rows = slice(first, int(self.starts[-1]) + 2 * width + 1)
@@ -136,22 +136,22 @@ class _MeanForces:
         a, b, c = (sums[self.starts - first + k * width] for k in range(3))
         return np.asarray(np.einsum("tji,tj->ti", turned[self.starts - first], c - 2.0 * b + a) / width)
 
-    def fit(self) -> tuple[float, FloatArray, float]:
+    def fit(self) -> tuple[float, Floats, float]:
         """Scale and shift (3,) that fit best, and the share of the changes that is left."""
         solved = self._solve(np.array([1.0, 0.0, 0.0, 0.0]), np.eye(4))
         return float(solved[0]), solved[1:], self.left(solved[0], solved[1:])
 
-    def left(self, scale: float, shift: FloatArray) -> float:
+    def left(self, scale: float, shift: Floats) -> float:
         """Squared differences over those of a unit that does not turn."""
         still = float(np.sum(self.differences(0.0, np.zeros(3)) ** 2))
         return float(np.sum(self.differences(scale, shift) ** 2)) / max(still, 1e-9)
 
-    def shift(self, scale: float) -> FloatArray:
+    def shift(self, scale: float) -> Floats:
         """(3,) what is added to the rates at this scale, rad/s."""
         begin = np.array([scale, 0.0, 0.0, 0.0])
         return np.asarray(self._solve(begin, np.eye(4)[1:])[1:])
 
-    def _solve(self, values: FloatArray, free: FloatArray) -> FloatArray:
+    def _solve(self, values: Floats, free: Floats) -> Floats:
         """Least squares by Gauss-Newton steps along the rows of `free`, (n, 4)."""
         step = 1e-3
         for _ in range(4):
@@ -167,7 +167,7 @@ class _MeanForces:
         return np.asarray(values)
 
 
-def _orientations(rates: FloatArray) -> FloatArray:
+def _orientations(rates: Floats) -> Floats:
     """(T, 3, 3) axes of the first row from those of each row, by products of twice as many rotations at a time."""
     steps = np.vstack([np.zeros((1, 3)), 0.5 * (rates[1:] + rates[:-1])]) / RATE_HZ
     turned, apart = matrix_from_quat(quat_from_rotvec(steps)), 1
@@ -177,7 +177,7 @@ def _orientations(rates: FloatArray) -> FloatArray:
     return np.asarray(turned)
 
 
-def _parts(gyro: FloatArray, direction: FloatArray, usable: NDArray[np.bool_]) -> Iterator[_Sums | None]:
+def _parts(gyro: Floats, direction: Floats, usable: NDArray[np.bool_]) -> Iterator[_Sums | None]:
     width = round(SPAN_S * RATE_HZ)
     change = (direction[width:] - direction[:-width]) / SPAN_S
     sums = np.cumsum(np.concatenate([np.zeros((1, 3, 12)), _slopes(gyro, direction)]), axis=0)
@@ -194,7 +194,7 @@ def _parts(gyro: FloatArray, direction: FloatArray, usable: NDArray[np.bool_]) -
         yield _Sums(np.einsum("tij,tik->jk", own, own), np.einsum("tij,ti->j", own, turned), total, len(rows))
 
 
-def _slopes(gyro: FloatArray, direction: FloatArray) -> FloatArray:
+def _slopes(gyro: Floats, direction: Floats) -> Floats:
     """(T, 3, 12) derivatives of a direction's change by the matrix from readings to rates, and by what is added."""
     x, y, z = direction.T
     none = np.zeros(len(x))
@@ -226,7 +226,7 @@ def _explained(stream: ImuStream, parts: list[_Sums], by: str) -> tuple[Suspect,
 
 
 def _scaled_or_biased(
-    stream: ImuStream, parts: Sequence[_Sums | _MeanForces], scales: tuple[float, FloatArray], by: str
+    stream: ImuStream, parts: Sequence[_Sums | _MeanForces], scales: tuple[float, Floats], by: str
 ) -> tuple[Suspect, float] | None:
     """`scales`: that of all parts together, and of each."""
     scale, each = scales
@@ -260,7 +260,7 @@ def _bias(stream: ImuStream, parts: Sequence[_Sums | _MeanForces], scale: float,
     return None
 
 
-def _apart(first: FloatArray, second: FloatArray) -> tuple[float, float]:
+def _apart(first: Floats, second: Floats) -> tuple[float, float]:
     """Distance of the means of two groups (n, 3), and how many standard deviations the surest axis has of it."""
     away = np.concatenate([first - first.mean(axis=0), second - second.mean(axis=0)])
     scatter = np.sqrt(np.sum(away**2, axis=0) / max(1, len(away) - 2))

@@ -23,7 +23,7 @@ from oarlock.formats.columns import read_columns
 from oarlock.formats.listing import FileMatch, Listing
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.delimited import ColumnLayout, Dialect
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
@@ -97,7 +97,7 @@ def read_diodem_reference(folder: str | PathLike[str]) -> Reference:
         raise DataError(f"{file}: {error}") from error
 
 
-def _read(layout: ColumnLayout, axes: Mapping[str, str]) -> dict[str, FloatArray]:
+def _read(layout: ColumnLayout, axes: Mapping[str, str]) -> dict[str, Floats]:
     """Quantity -> (T, number of its axes), for columns named QUANTITY_AXIS."""
     rows = read_columns(layout, [f"{name}_{axis}" for name, letters in axes.items() for axis in letters])
     ends = np.cumsum([len(letters) for letters in axes.values()])[:-1]
@@ -120,7 +120,7 @@ def _open(file: Path) -> tuple[ColumnLayout, float]:
     return ColumnLayout.of(file, Dialect(skip_rows=_COMMENT_LINES)), rate_hz
 
 
-def _whole_rows(rows: FloatArray) -> FloatArray:
+def _whole_rows(rows: Floats) -> Floats:
     """A row that lacks a component is missing as a whole."""
     return np.where(np.isnan(rows).any(axis=1, keepdims=True), np.nan, rows)
 

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.formats.child_process import arrays_of
-from oarlock.storage.array_gate import FloatArray, real_array
+from oarlock.storage.array_gate import real_array
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
 
@@ -50,7 +51,7 @@ def structure(variables: Variables, name: str, file: Path) -> Variables:
     return fields
 
 
-def matrix(variables: Variables, name: str, columns: int, file: Path) -> FloatArray:
+def matrix(variables: Variables, name: str, columns: int, file: Path) -> Floats:
     """A matrix of (T, columns).
 
     Raises:
@@ -83,7 +84,7 @@ def sampling_rate(variables: Variables, name: str, file: Path) -> float:
     return rate_hz
 
 
-def same_length(first: FloatArray, other: FloatArray, names: tuple[str, str], file: Path) -> None:
+def same_length(first: Floats, other: Floats, names: tuple[str, str], file: Path) -> None:
     """Refuse two matrices of one file that do not have one row for each sample.
 
     Raises:

@@ -17,7 +17,8 @@ from oarlock.formats.columns import read_columns
 from oarlock.formats.listing import FileMatch, Listing
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
-from oarlock.storage.array_gate import FloatArray, time_array
+from oarlock.storage.array_gate import time_array
+from oarlock.storage.arrays import Floats
 from oarlock.storage.delimited import ColumnLayout, Dialect
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
@@ -95,7 +96,7 @@ def read_openaxes_reference(folder: str | PathLike[str], run: str) -> Reference:
     return Reference("encoders", first, {link: quat_wxyz for link, (_, quat_wxyz) in links.items()})
 
 
-def _clock_and_orientation(folder: str | PathLike[str], run: str, link: str) -> tuple[FloatArray, FloatArray]:
+def _clock_and_orientation(folder: str | PathLike[str], run: str, link: str) -> tuple[Floats, Floats]:
     """Time stamps of the robot in s, (T,) from 0, and world_from_link as quat_wxyz, (T, 4)."""
     file = _reference_file(folder, run, link)
     rows = read_columns(ColumnLayout.of(file, Dialect()), ["TIME", *(f"QUATERNION_{i}" for i in range(4))])

@@ -18,7 +18,8 @@ from oarlock.formats.listing import FileMatch, Listing
 from oarlock.formats.times import on_one_axis, parsed_stamps, relative_stamps
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
-from oarlock.storage.array_gate import FloatArray, disorder_text
+from oarlock.storage.array_gate import disorder_text
+from oarlock.storage.arrays import Floats
 from oarlock.storage.delimited import ColumnLayout, Dialect, numbers
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
@@ -84,7 +85,7 @@ def read_apdm(path: str | PathLike[str]) -> Recording:
     return Recording(streams, {"source": export.meta, "clock": clock})
 
 
-def read_apdm_orientations(path: str | PathLike[str]) -> dict[str, FloatArray]:
+def read_apdm_orientations(path: str | PathLike[str]) -> dict[str, Floats]:
     """Read the orientations of the vendor's own filter.
 
     Args:
@@ -224,13 +225,11 @@ def _check_units(file: Path, names: Sequence[str], units: Sequence[str], sensors
             )
 
 
-def _read(
-    export: _Export, quantities: set[str]
-) -> tuple[FloatArray, dict[int, FloatArray], dict[str, object]]:
+def _read(export: _Export, quantities: set[str]) -> tuple[Floats, dict[int, Floats], dict[str, object]]:
     """Time stamps in s, the columns of these quantities by position, and the note on the clock."""
     layout = export.layout
     wanted = [0, *(i for s in export.sensors.values() for q in sorted(quantities & s.keys()) for i in s[q])]
-    parts: list[list[FloatArray]] = [[] for _ in wanted]
+    parts: list[list[Floats]] = [[] for _ in wanted]
     lines: list[int] = []
     stamps: list[str] = []
     for batch in layout.batches(wanted):
@@ -252,7 +251,7 @@ def _read(
     return time_s, columns, clock
 
 
-def _check_stamps(time_s: FloatArray, places: list[str]) -> None:
+def _check_stamps(time_s: Floats, places: list[str]) -> None:
     bad = np.flatnonzero(np.isnan(time_s))
     if bad.size:
         raise DataError(f"{places[bad[0]]}: the time is missing ({bad.size} of {time_s.size} rows)")

@@ -22,7 +22,7 @@ from oarlock.formats.times import Stamps, on_one_axis
 from oarlock.recording.epoch import CLOCK_KEY
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.units import plain_unit
 
@@ -63,7 +63,7 @@ def hdf5_recording(file: Path) -> Recording:
     return Recording(streams, {"source": source, CLOCK_KEY: clock})
 
 
-def hdf5_orientations(file: Path) -> dict[str, FloatArray]:
+def hdf5_orientations(file: Path) -> dict[str, Floats]:
     """Stream name -> (T, 4) quat_wxyz, earth_from_sensor, for the sensors that have it, by the rows of its stream.
 
     Raises:
@@ -130,7 +130,7 @@ def _rows(
     count: int,
     content: Mapping[str, NDArray[np.generic]],
     units: tuple[str, ...],
-) -> FloatArray | None:
+) -> Floats | None:
     found = content.get(path)
     if found is None:
         return None

@@ -18,7 +18,7 @@ from oarlock.formats.listing import FileMatch, Listing
 from oarlock.recording.epoch import CLOCK_KEY
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream, ScalarStream, Stream
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.names import LONGEST_NAME, numbered
 from oarlock.storage.paths import place_of
@@ -57,7 +57,7 @@ def read_c3d(path: str | PathLike[str]) -> Recording:
     units = _padded(content["units"], values.shape[1])
     triples, notes = inertial_triples(labels, units)
     streams: list[Stream] = []
-    scales: dict[str, FloatArray] = {}
+    scales: dict[str, Floats] = {}
     for unit in dict.fromkeys(triple.unit for triple in triples):
         name = f"imu_{unit}" if not unit or unit.isdigit() else unit
         name = name.rstrip("_")[:LONGEST_NAME]

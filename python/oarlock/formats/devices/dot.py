@@ -37,7 +37,7 @@ from oarlock.formats.devices.unit_readings import (
 )
 from oarlock.formats.listing import FileMatch, ListedFile, Listing
 from oarlock.recording.recording import Recording
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
 from oarlock.storage.units import to_held_unit
@@ -85,7 +85,7 @@ class _DotFile:
     def has(self, names: Sequence[str]) -> bool:
         return self.table.present(names)
 
-    def fields(self) -> dict[str, FloatArray]:
+    def fields(self) -> dict[str, Floats]:
         fields = {}
         if self.has(ACCEL):
             fields["accel_m_s2"] = self.columns.rows(ACCEL)

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from oarlock.formats.columns import Places
 from oarlock.formats.listing import ListedFile, listed
-from oarlock.storage.array_gate import FloatArray, disorder_text
+from oarlock.storage.array_gate import disorder_text
+from oarlock.storage.arrays import Floats
 from oarlock.storage.delimited import ColumnLayout, Dialect, numbers
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
@@ -81,10 +82,10 @@ class Columns:
 
     layout: ColumnLayout
     lines: NDArray[np.int64]
-    values: Mapping[str, FloatArray]
+    values: Mapping[str, Floats]
     texts: Mapping[str, list[str]]
 
-    def rows(self, names: Sequence[str]) -> FloatArray:
+    def rows(self, names: Sequence[str]) -> Floats:
         """(T, len(names)) of these columns."""
         return np.column_stack([self.values[name] for name in names])
 
@@ -101,7 +102,7 @@ class Columns:
         """File, line and column of the cells of a column."""
         return Places(self.layout, self.lines, self.layout.index(name))
 
-    def present(self, name: str, what: str) -> FloatArray:
+    def present(self, name: str, what: str) -> Floats:
         """The numbers of a column in which none may be missing; `what` they are, for the error."""
         values = self.values[name]
         missing = np.flatnonzero(np.isnan(values))
@@ -112,7 +113,7 @@ class Columns:
             )
         return values
 
-    def check_increasing(self, time_s: FloatArray, name: str, hint: str = "") -> None:
+    def check_increasing(self, time_s: Floats, name: str, hint: str = "") -> None:
         """Refuse time stamps of a column that repeat or go back."""
         late = np.flatnonzero(np.diff(time_s) <= 0.0)
         if late.size:
@@ -185,7 +186,7 @@ def read_columns_of(table: ExportedTable, names: Sequence[str], texts: Sequence[
     wanted = list(dict.fromkeys((*names, *texts)))
     indices = [layout.index(name) for name in wanted]
     lines: list[int] = []
-    parts: dict[str, list[FloatArray]] = {name: [] for name in names}
+    parts: dict[str, list[Floats]] = {name: [] for name in names}
     cells: dict[str, list[str]] = {name: [] for name in texts}
     for batch in layout.batches(indices):
         lines += batch.lines

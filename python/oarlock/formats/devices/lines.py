@@ -18,7 +18,8 @@ from oarlock.recording.epoch import CLOCK_KEY
 from oarlock.recording.packets import META_KEY
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
-from oarlock.storage.array_gate import LEAST_INTERVAL_S, FloatArray
+from oarlock.storage.array_gate import LEAST_INTERVAL_S
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
 from oarlock.storage.regular_file import read_bytes
@@ -93,7 +94,7 @@ def _looks_like_lines(file: ListedFile) -> bool:
     return bool((steps[:, 1] == 1).all() and (steps[:, 0] >= 100).all())
 
 
-def _samples(file: Path) -> tuple[FloatArray, int]:
+def _samples(file: Path) -> tuple[Floats, int]:
     """(T, 11) numbers of the samples in the order of the file, and how many other lines there are."""
     content = read_bytes(file).removeprefix(_BYTE_ORDER_MARK)
     lines = [line for line in content.replace(b"\r", b"\n").split(b"\n") if line.strip()]
@@ -124,7 +125,7 @@ def sample_of(line: bytes) -> list[float] | None:
     return stamps + values + [math.nan] * (_WIDTHS[1] - len(cells))
 
 
-def _in_order(rows: FloatArray) -> tuple[list[int], int, float | None]:
+def _in_order(rows: Floats) -> tuple[list[int], int, float | None]:
     """Indices of the samples whose count is later than that of all before, how many are not, and where it wraps."""
     count = rows[:, 1]
     wraps_at = probable_modulus(count)
@@ -141,6 +142,6 @@ def _left_out(damaged: int, late: int) -> tuple[tuple[int, str], ...]:
     return (damaged, "lines are no whole samples and were"), (late, "samples came late or twice and were")
 
 
-def _stream(name: str, time_s: FloatArray, rows: FloatArray) -> ImuStream:
+def _stream(name: str, time_s: Floats, rows: Floats) -> ImuStream:
     fields = {"accel_m_s2": rows[:, 2:5], "gyro_rad_s": rows[:, 5:8], "mag_ut": rows[:, 8:11]}
     return ImuStream(name, time_s, **{key: v for key, v in fields.items() if not np.isnan(v).all()})

@@ -24,7 +24,7 @@ from oarlock.formats.times import Stamps, on_one_axis
 from oarlock.recording.epoch import CLOCK_KEY
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.names import LONGEST_NAME
 from oarlock.storage.paths import place_of
@@ -45,7 +45,7 @@ class _TopicReadings:
     topic: str
     frame: str
     time_ns: NDArray[np.int64]
-    fields: Mapping[str, FloatArray]
+    fields: Mapping[str, Floats]
 
 
 def read_mcap(path: str | PathLike[str]) -> Recording:
@@ -155,7 +155,7 @@ def _message(body: bytes, count: int) -> tuple[int, str, tuple[float, ...]]:
     return seconds * 10**9 + nanoseconds, frame, struct.unpack_from(f"{order}{count}d", body, begin)
 
 
-def _imu_fields(values: FloatArray) -> dict[str, FloatArray]:
+def _imu_fields(values: Floats) -> dict[str, Floats]:
     fields = {}
     for field, place in (("gyro_rad_s", _GYRO), ("accel_m_s2", _ACCEL)):
         if not (values[:, place + 3] == -1.0).all():
@@ -163,5 +163,5 @@ def _imu_fields(values: FloatArray) -> dict[str, FloatArray]:
     return fields
 
 
-def _mag_fields(values: FloatArray) -> dict[str, FloatArray]:
+def _mag_fields(values: Floats) -> dict[str, Floats]:
     return {"mag_ut": to_held_unit(values[:, :3], "T")}

@@ -34,7 +34,7 @@ from oarlock.formats.devices.unit_readings import (
 )
 from oarlock.formats.listing import FileMatch, ListedFile, Listing
 from oarlock.recording.recording import Recording
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
 
@@ -87,7 +87,7 @@ class _MtManagerFile:
     def has(self, names: Sequence[str]) -> bool:
         return self.table.present(names)
 
-    def quat_wxyz(self) -> FloatArray | None:
+    def quat_wxyz(self) -> Floats | None:
         if self.said.get("coordinate_system", "ENU") not in _Z_UP:
             return None
         if self.has(_QUAT):

@@ -22,7 +22,8 @@ from oarlock.formats.devices.unit_readings import UnitReadings, check_quaternion
 from oarlock.formats.listing import FileMatch, Listing
 from oarlock.model.rotation import matrix_from_quat
 from oarlock.recording.recording import Recording
-from oarlock.storage.array_gate import FloatArray, disorder_text
+from oarlock.storage.array_gate import disorder_text
+from oarlock.storage.arrays import Floats
 from oarlock.storage.epoch import epoch_text
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
@@ -91,7 +92,7 @@ def find_mvnx(listing: Listing) -> list[FileMatch]:
     return found
 
 
-def _turns(found: MvnxContents, element: str) -> FloatArray | None:
+def _turns(found: MvnxContents, element: str) -> Floats | None:
     """(T, n, 4) quaternions of an element."""
     turns = found.rows(element)
     if turns is not None:
@@ -100,7 +101,7 @@ def _turns(found: MvnxContents, element: str) -> FloatArray | None:
     return turns
 
 
-def _sensors(found: MvnxContents, time_s: FloatArray, lost: Lost | None) -> list[UnitReadings]:
+def _sensors(found: MvnxContents, time_s: Floats, lost: Lost | None) -> list[UnitReadings]:
     turns, field = _turns(found, "sensorOrientation"), found.rows("sensorMagneticField")
     free = found.rows(FREE_ACCELERATION) if turns is not None else None
     counts = {rows.shape[1] for rows in (turns, field, free) if rows is not None}
@@ -124,7 +125,7 @@ def _sensors(found: MvnxContents, time_s: FloatArray, lost: Lost | None) -> list
     ]
 
 
-def _specific_force(quat_wxyz: FloatArray, free_m_s2: FloatArray) -> FloatArray:
+def _specific_force(quat_wxyz: Floats, free_m_s2: Floats) -> Floats:
     """What an accelerometer reads, in its axes, from free acceleration in global axes; their z points up."""
     lifted = free_m_s2 + np.array([0.0, 0.0, STANDARD_GRAVITY_M_S2])
     return np.asarray(np.einsum("tji,tj->ti", matrix_from_quat(quat_wxyz), lifted))
@@ -142,7 +143,7 @@ def _numbered(what: str, count: int) -> list[str]:
     return [f"{what}_{k + 1}" for k in range(count)]
 
 
-def _times(found: MvnxContents) -> tuple[FloatArray, bool]:
+def _times(found: MvnxContents) -> tuple[Floats, bool]:
     """Seconds since the start, and whether they are index / rate.
 
     The milliseconds of the frames are rounded: where they fit, the index divided by the frame rate is exact.
@@ -162,14 +163,14 @@ def _times(found: MvnxContents) -> tuple[FloatArray, bool]:
     return stamps, by_index
 
 
-def _by_index(found: MvnxContents) -> FloatArray | None:
+def _by_index(found: MvnxContents) -> Floats | None:
     rate = found.subject.get("frameRate", "")
     if not _WHOLE.fullmatch(rate) or int(rate) == 0 or not all(map(_WHOLE.fullmatch, found.index)):
         return None
     return np.array([int(text) for text in found.index]) / float(rate)
 
 
-def _lost(found: MvnxContents, time_s: FloatArray) -> Lost | None:
+def _lost(found: MvnxContents, time_s: Floats) -> Lost | None:
     """Frames that are missing by their index; None if frames have none."""
     if not all(_WHOLE.fullmatch(text) for text in found.index):
         return None

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.xml_stream import XmlStream
 
 WIDTHS = MappingProxyType(
@@ -51,7 +51,7 @@ class MvnxContents:
     numbers: dict[str, array[float]] = field(default_factory=dict)
     others: dict[str, None] = field(default_factory=dict)
 
-    def rows(self, element: str) -> FloatArray | None:
+    def rows(self, element: str) -> Floats | None:
         """(frames, n, width) of an element; None if the frames have none."""
         found = self.numbers.get(element)
         if found is None:

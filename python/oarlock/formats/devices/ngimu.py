@@ -18,7 +18,8 @@ from oarlock.formats.listing import FileMatch, Listing
 from oarlock.recording.epoch import CLOCK_KEY
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream, OrientationStream
-from oarlock.storage.array_gate import FloatArray, disorder_text
+from oarlock.storage.array_gate import disorder_text
+from oarlock.storage.arrays import Floats
 from oarlock.storage.delimited import ColumnLayout, Dialect
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
@@ -154,7 +155,7 @@ def _stream(name: str, file: Path) -> ImuStream:
     return ImuStream(name, time_s, **fields)
 
 
-def _rows(file: Path, columns: list[str] | tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
+def _rows(file: Path, columns: list[str] | tuple[str, ...]) -> tuple[Floats, Floats]:
     if file.stat().st_size == 0:
         raise DataError(f"{file}: is empty; its header is missing")
     rows = read_columns(ColumnLayout.of(file, Dialect()), (_TIME, *columns))

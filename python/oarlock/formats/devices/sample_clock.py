@@ -10,7 +10,7 @@ import numpy as np
 from oarlock.formats.choices import UnclearError
 from oarlock.formats.counters import Lost, lost_packets, unwrapped
 from oarlock.formats.devices.exported_table import Columns
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
 COUNTER, TICKS = "PacketCounter", "SampleTimeFine"
@@ -25,7 +25,7 @@ class Stamped:
         lost: lost packets by its counter.
     """
 
-    time_s: FloatArray
+    time_s: Floats
     lost: Lost
 
 
@@ -63,12 +63,12 @@ class SampleClock:
             for unit, count, time_s in zip(units, counts, times, strict=True)
         ]
 
-    def _count(self, unit: Columns) -> FloatArray:
+    def _count(self, unit: Columns) -> Floats:
         return _unwrapped(unit, COUNTER, "counter", self.counter_wraps_at)
 
     def _times(
-        self, units: Sequence[Columns], counts: Sequence[FloatArray], rates_hz: Sequence[float | None]
-    ) -> list[FloatArray]:
+        self, units: Sequence[Columns], counts: Sequence[Floats], rates_hz: Sequence[float | None]
+    ) -> list[Floats]:
         ticking = [has_ticks(unit) for unit in units]
         if not any(ticking):
             zero = min(float(count[0]) for count in counts)
@@ -114,7 +114,7 @@ def has_ticks(unit: Columns) -> bool:
     return TICKS in unit.values and bool(np.isfinite(unit.values[TICKS]).any())
 
 
-def _unwrapped(unit: Columns, name: str, what: str, wraps_at: float) -> FloatArray:
+def _unwrapped(unit: Columns, name: str, what: str, wraps_at: float) -> Floats:
     values = unit.present(name, what)
     outside = np.flatnonzero((values < 0.0) | (values >= wraps_at))
     if outside.size:
@@ -123,7 +123,7 @@ def _unwrapped(unit: Columns, name: str, what: str, wraps_at: float) -> FloatArr
     return unwrapped(values, wraps_at, unit.places(name))
 
 
-def _aligned(counts: Sequence[FloatArray], wraps_at: float) -> list[FloatArray]:
+def _aligned(counts: Sequence[Floats], wraps_at: float) -> list[Floats]:
     """Counts of one clock that began near each other, possibly on both sides of a wrap."""
     first = float(counts[0][0])
     return [count - wraps_at * round((float(count[0]) - first) / wraps_at) for count in counts]

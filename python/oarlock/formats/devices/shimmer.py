@@ -25,7 +25,7 @@ from oarlock.formats.devices.unit_readings import UnitReadings, recording_of, so
 from oarlock.formats.listing import FileMatch, ListedFile, Listing
 from oarlock.formats.times import ISO, Stamps, on_one_axis, parsed_stamps, relative_stamps
 from oarlock.recording.recording import Recording
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
 from oarlock.storage.units import plain_unit, to_held_unit
@@ -227,8 +227,8 @@ def _iso(cell: str) -> str:
     return f"{date[1]}-{date[2]}-{date[3]}T{date[4].replace(',', '.')}" if date else cell
 
 
-def _readings(unit: _ShimmerColumns, columns: Columns, time_s: FloatArray, accel: str | None) -> UnitReadings:
-    fields: dict[str, FloatArray] = {}
+def _readings(unit: _ShimmerColumns, columns: Columns, time_s: Floats, accel: str | None) -> UnitReadings:
+    fields: dict[str, Floats] = {}
     for field, channel in unit.fields(accel).items():
         names = unit.channels[channel]
         found = {plain_unit(re.sub(r"[()*]", "", unit.unit_of(name))) for name in names}

@@ -20,7 +20,7 @@ from oarlock.formats.devices.unit_readings import UnitReadings, check_quaternion
 from oarlock.formats.listing import FileMatch, ListedFile, Listing
 from oarlock.model.rotation import quat_product
 from oarlock.recording.recording import Recording
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
 
@@ -96,7 +96,7 @@ def _said(table: ExportedTable) -> dict[str, dict[str, object]]:
     return {"header": {key.strip(): value.strip() for key, mark, value in pairs if mark and key.strip()}}
 
 
-def _quaternions(cells: Sequence[str], places: Sequence[str]) -> FloatArray:
+def _quaternions(cells: Sequence[str], places: Sequence[str]) -> Floats:
     quat = np.full((len(cells), 4), np.nan)
     for row, cell in enumerate(cells):
         parts = cell.split(",")

@@ -16,7 +16,7 @@ from oarlock.recording.epoch import CLOCK_KEY
 from oarlock.recording.packets import META_KEY
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream, OrientationStream, Stream
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
 ORIENTATION = "_orientation"
@@ -42,12 +42,12 @@ class UnitReadings:
     """
 
     name: str
-    time_s: FloatArray
-    gyro_rad_s: FloatArray | None = None
-    accel_m_s2: FloatArray | None = None
-    mag_ut: FloatArray | None = None
-    mag_arbitrary: FloatArray | None = None
-    quat_wxyz: FloatArray | None = None
+    time_s: Floats
+    gyro_rad_s: Floats | None = None
+    accel_m_s2: Floats | None = None
+    mag_ut: Floats | None = None
+    mag_arbitrary: Floats | None = None
+    quat_wxyz: Floats | None = None
     lost: Lost | None = None
 
     def streams(self, orientations: bool) -> tuple[list[Stream], list[str]]:
@@ -140,7 +140,7 @@ def _parts(text: str) -> list[str]:
     return _WORD.findall(text) if camel else [text] if text else []
 
 
-def quat_from_matrices(matrices: FloatArray, places: Sequence[str]) -> FloatArray:
+def quat_from_matrices(matrices: Floats, places: Sequence[str]) -> Floats:
     """(T, 4) quaternions of (T, 3, 3) rotations; NaN where an element is missing.
 
     Raises:
@@ -162,7 +162,7 @@ def quat_from_matrices(matrices: FloatArray, places: Sequence[str]) -> FloatArra
     return np.where(there[:, None], quat_from_matrix(left @ right), np.nan)
 
 
-def check_quaternions(quat_wxyz: FloatArray, places: Sequence[str]) -> FloatArray:
+def check_quaternions(quat_wxyz: Floats, places: Sequence[str]) -> Floats:
     """The same (T, 4), none of which may be other than a unit quaternion; errors name its place."""
     with np.errstate(over="ignore"):
         norm = np.linalg.norm(quat_wxyz, axis=1)
@@ -176,7 +176,7 @@ def check_quaternions(quat_wxyz: FloatArray, places: Sequence[str]) -> FloatArra
     return quat_wxyz
 
 
-def quat_from_roll_pitch_yaw(angles_deg: FloatArray) -> FloatArray:
+def quat_from_roll_pitch_yaw(angles_deg: Floats) -> Floats:
     """(T, 4) quaternions of (T, 3) roll, pitch, yaw in deg, R = Rz(yaw) Ry(pitch) Rx(roll); NaN where any is."""
     roll, pitch, yaw = (
         quat_from_rotvec(np.radians(angles_deg[:, k, None]) * axis) for k, axis in enumerate(np.eye(3))

@@ -16,7 +16,7 @@ from oarlock.formats.listing import FileMatch, Listing
 from oarlock.recording.epoch import CLOCK_KEY
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream, ScalarStream, Stream
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.names import LONGEST_NAME, numbered
 from oarlock.storage.paths import place_of
@@ -95,9 +95,9 @@ class _Reading:
     notes: list[str]
     streams: list[Stream] = field(default_factory=list)
     events: dict[str, object] = field(default_factory=dict)
-    arbitrary: dict[str, FloatArray] = field(default_factory=dict)
+    arbitrary: dict[str, Floats] = field(default_factory=dict)
 
-    def take(self, name: str, stream: XdfStream, time_s: FloatArray) -> None:
+    def take(self, name: str, stream: XdfStream, time_s: Floats) -> None:
         """Add a stream of numbers or of texts."""
         if stream.is_text:
             texts = [" | ".join(sample) for sample in stream.texts]
@@ -119,9 +119,7 @@ class _Reading:
                 channel = f"{_plain(name)}_{label}"[:LONGEST_NAME]
                 self.streams.append(ScalarStream(channel, time_s, values[:, place]))
 
-    def _unit(
-        self, name: str, unit: str, triples: Sequence[Triple], values: FloatArray, time_s: FloatArray
-    ) -> None:
+    def _unit(self, name: str, unit: str, triples: Sequence[Triple], values: Floats, time_s: Floats) -> None:
         own = unit if unit and not unit.isdigit() else "_".join(filter(None, (_plain(name).lower(), unit)))
         fields, arbitrary, said = inertial_fields(triples, values, own)
         self.notes += said
@@ -132,7 +130,7 @@ class _Reading:
             self.notes.append(f"{name}: {own} was recognised by its labels ({', '.join(sorted(fields))}).")
 
 
-def _numbers(name: str, stream: XdfStream, notes: list[str]) -> FloatArray:
+def _numbers(name: str, stream: XdfStream, notes: list[str]) -> Floats:
     """(T, channels) readings; NaN for what is no finite number."""
     raw = np.concatenate(stream.values)
     values = raw.astype(np.float64)

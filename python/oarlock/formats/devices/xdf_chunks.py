@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.recording.streams import MOST_STREAMS
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.regular_file import read_bytes
 
@@ -67,7 +67,7 @@ class XdfStream:
     rate_hz: float
     channels: tuple[ChannelInfo, ...]
     values_are: str
-    stamps: list[FloatArray] = field(default_factory=list)
+    stamps: list[Floats] = field(default_factory=list)
     values: list[NDArray[np.generic]] = field(default_factory=list)
     texts: list[list[str]] = field(default_factory=list)
     offsets_before: list[int] = field(default_factory=list)
@@ -79,7 +79,7 @@ class XdfStream:
         return self.values_are == _TEXT
 
     @property
-    def raw_time_s(self) -> FloatArray:
+    def raw_time_s(self) -> Floats:
         """(T,) stamps of the sender's clock, s."""
         return np.concatenate([np.zeros(0), *self.stamps])
 
@@ -230,7 +230,7 @@ def _samples(stream: XdfStream, body: bytes, at: int) -> None:
     stream.offsets_before.append(len(stream.measured))
 
 
-def _numbers(stream: XdfStream, body: bytes, at: int, stamps: FloatArray) -> NDArray[np.generic]:
+def _numbers(stream: XdfStream, body: bytes, at: int, stamps: Floats) -> NDArray[np.generic]:
     form, width = np.dtype(_NUMBERS[stream.values_are]), len(stream.channels)
     whole = np.dtype([("has", "u1"), ("stamp", "<f8"), ("values", form, (width,))])
     if len(body) - at == whole.itemsize * len(stamps):
@@ -253,7 +253,7 @@ def _stamp(body: bytes, at: int) -> tuple[float, int]:
     return stamp, at + 9
 
 
-def _check_times(seconds: FloatArray) -> None:
+def _check_times(seconds: Floats) -> None:
     odd = np.flatnonzero(~(np.abs(seconds) < _LATEST_S))
     if odd.size:
         raise ValueError(f"a stamp is {seconds[odd[0]]:g} s")
@@ -268,7 +268,7 @@ def _texts(body: bytes, at: int, count: int) -> tuple[list[str], int]:
     return found, at
 
 
-def _deduced(stamps: FloatArray, stream: XdfStream) -> FloatArray:
+def _deduced(stamps: Floats, stream: XdfStream) -> Floats:
     """Stamps for the samples without one, by the nominal interval from the last one that has a stamp."""
     given = ~np.isnan(stamps)
     if given.all():

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.formats.devices.xdf_chunks import XdfStream
-from oarlock.storage.array_gate import LEAST_INTERVAL_S, FloatArray
+from oarlock.storage.array_gate import LEAST_INTERVAL_S
+from oarlock.storage.arrays import Floats
 
 _RESET_S = 1.0
 """Clocks drift by microseconds in a second: a larger step between two measurements is a clock with another zero."""
@@ -44,7 +45,7 @@ class XdfClockFit:
         moved: stamps that were not later than the one before and were set just behind it.
     """
 
-    time_s: FloatArray
+    time_s: Floats
     resets: int
     offset_s: float
     drift_ppm: float
@@ -88,7 +89,7 @@ def _ranges(cuts: Sequence[int], count: int) -> list[tuple[int, int]]:
     return list(zip([0, *cuts], [*cuts, count], strict=True))
 
 
-def _cuts(stream: XdfStream, raw: FloatArray, parts: Sequence[tuple[int, int]]) -> list[int]:
+def _cuts(stream: XdfStream, raw: Floats, parts: Sequence[tuple[int, int]]) -> list[int]:
     """The first sample of each part but the first: behind the largest step near the place of the reset in the file."""
     sizes = [len(chunk) for chunk in stream.stamps]
     before = np.repeat(stream.offsets_before, sizes)
@@ -102,7 +103,7 @@ def _cuts(stream: XdfStream, raw: FloatArray, parts: Sequence[tuple[int, int]]) 
     return cuts
 
 
-def _line(measured: FloatArray) -> tuple[float, float, float]:
+def _line(measured: Floats) -> tuple[float, float, float]:
     """Middle of the times, value there, slope: a line through the measurements, with Cauchy's weights."""
     time_s, offset_s = measured[:, 0], measured[:, 1]
     middle = float(time_s.mean())
@@ -114,7 +115,7 @@ def _line(measured: FloatArray) -> tuple[float, float, float]:
     return middle, float(found[0]), float(found[1] / np.abs(away).max())
 
 
-def _robust(design: FloatArray, wanted: FloatArray) -> FloatArray:
+def _robust(design: Floats, wanted: Floats) -> Floats:
     """Least squares with Cauchy's weights; the median of the residuals is the scale."""
     weight = np.ones(len(wanted))
     found: NDArray[np.floating[Any]] = np.zeros(design.shape[1])
@@ -129,7 +130,7 @@ def _robust(design: FloatArray, wanted: FloatArray) -> FloatArray:
     return np.asarray(found, dtype=np.float64)
 
 
-def _wanders(time_s: FloatArray) -> bool:
+def _wanders(time_s: Floats) -> bool:
     """Whether the sender had no regular clock: the stamps then go astray further the longer one waits.
 
     Jitter of a regular clock is as large after ten times as many samples; that of a random walk is 3.2 times as large.
@@ -141,11 +142,11 @@ def _wanders(time_s: FloatArray) -> bool:
     return far > _WANDERS * near
 
 
-def _spread(values: FloatArray) -> float:
+def _spread(values: Floats) -> float:
     return _SIGMA * float(np.median(np.abs(values - np.median(values))))
 
 
-def _regular(time_s: FloatArray, cuts: Sequence[int]) -> tuple[FloatArray, float, int]:
+def _regular(time_s: Floats, cuts: Sequence[int]) -> tuple[Floats, float, int]:
     """Regular stamps: a line through those of each piece without a gap; their jitter, and how many gaps there are."""
     gaps = _gaps(time_s)
     pieces = _ranges(sorted({*gaps, *(cut for cut in cuts if 0 < cut < len(time_s))}), len(time_s))
@@ -163,7 +164,7 @@ def _regular(time_s: FloatArray, cuts: Sequence[int]) -> tuple[FloatArray, float
     return found, float(np.std(time_s - found)), len(gaps)
 
 
-def _common_step(time_s: FloatArray, pieces: Sequence[tuple[int, int]]) -> float:
+def _common_step(time_s: Floats, pieces: Sequence[tuple[int, int]]) -> float:
     """The interval between samples, from all pieces together."""
     begins, ends = np.array(pieces).T
     spans, counts = time_s[ends - 1] - time_s[begins], ends - 1 - begins
@@ -171,7 +172,7 @@ def _common_step(time_s: FloatArray, pieces: Sequence[tuple[int, int]]) -> float
     return float(spans[longest] / counts[longest]) if counts[longest] else 0.0
 
 
-def _gaps(time_s: FloatArray) -> list[int]:
+def _gaps(time_s: Floats) -> list[int]:
     """Samples before which others are missing: the stamps after it stay late, which those of a late packet do not.
 
     Large steps are tried first, so that a gap does not count again at the jitter beside it.
@@ -194,12 +195,12 @@ def _gaps(time_s: FloatArray) -> list[int]:
     return found[1:-1]
 
 
-def _late(time_s: FloatArray, begin: int, end: int, step_s: float) -> FloatArray:
+def _late(time_s: Floats, begin: int, end: int, step_s: float) -> Floats:
     """How late each stamp is by a regular clock that starts at the first."""
     return time_s[begin:end] - step_s * np.arange(end - begin)
 
 
-def _increasing(time_s: FloatArray) -> tuple[FloatArray, int]:
+def _increasing(time_s: Floats) -> tuple[Floats, int]:
     """The stamps, those that are not later than the one before just behind it; and how many were moved."""
     index = np.arange(len(time_s)) * _LEAST_SPACING_S
     spaced: NDArray[np.float64] = np.maximum.accumulate(time_s - index) + index

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from oarlock.formats.arbitrary_units import scaled_mag
 from oarlock.formats.merged import merged
 from oarlock.recording.streams import ImuStream, OrientationStream
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.units import to_held_unit
 
@@ -36,7 +36,7 @@ class MessageTable:
     """Messages of one kind in the order of the file: (T,) microseconds and (T, k) arguments."""
 
     time_us: NDArray[np.int64]
-    values: FloatArray
+    values: Floats
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Ximu3Unit:
     commands: Mapping[str, object]
     notes: list[str] = field(default_factory=list)
 
-    def in_order(self, kind: str) -> tuple[FloatArray, FloatArray] | None:
+    def in_order(self, kind: str) -> tuple[Floats, Floats] | None:
         """Time stamps in s and arguments of the messages of this kind, in the order of time; None if there is none.
 
         UDP may deliver a message late or twice: it is put into its place, or left out.

@@ -6,14 +6,14 @@ import numpy as np
 
 from oarlock.model.description import ConeDescription
 from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec, quat_product
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 _SHARES = np.linspace(0.0, 1.0, 5)
 _AROUND = np.radians(np.arange(0.0, 360.0, 10.0))
 _TWISTS = 9
 
 
-def angle_box(cone: ConeDescription, rest: FloatArray) -> FloatArray:
+def angle_box(cone: ConeDescription, rest: Floats) -> Floats:
     """Least and greatest X, Y, Z angles (3, 2), rad, in the intrinsic sequence XYZ, of postures in the cone.
 
     Args:

@@ -17,7 +17,7 @@ from oarlock.formats.export.gltf import glb_bytes
 from oarlock.formats.export.skeleton import evenly, skeleton_of
 from oarlock.formats.opensim_table import quaternion_text
 from oarlock.model.rotation import continuous_quat, quat_from_matrix
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.write_file import write_file
 from oarlock.tracking.places import poses_of
@@ -73,7 +73,7 @@ def write_animations(
     return done, tuple(dict.fromkeys(notes))
 
 
-def _write_c3d(track: Track, file: Path, ground: FloatArray, names: Mapping[str, str]) -> None:
+def _write_c3d(track: Track, file: Path, ground: Floats, names: Mapping[str, str]) -> None:
     if find_spec("ezc3d") is None:
         raise DataError("export: C3D files are written with ezc3d: pip install 'oarlock[c3d]'")
     import ezc3d
@@ -104,7 +104,7 @@ def _write_c3d(track: Track, file: Path, ground: FloatArray, names: Mapping[str,
     content.write(str(file))
 
 
-def _orientations(track: Track, ground: FloatArray, names: Mapping[str, str]) -> str:
+def _orientations(track: Track, ground: Floats, names: Mapping[str, str]) -> str:
     assert track.model is not None
     description = track.model.describe()
     carrying = {sensor.frame for sensor in description.sensors if sensor.kind in ("imu", "orientation")}

@@ -12,7 +12,7 @@ import numpy as np
 from oarlock.formats.export.skeleton import Skeleton
 from oarlock.model.angle_sequence import angles_from_quat
 from oarlock.model.rotation import quat_from_matrix
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 CM_PER_M = 100.0
 _SEQUENCE = "ZXY"
@@ -50,11 +50,11 @@ def _depth_first(skeleton: Skeleton, node: int) -> list[int]:
     return [node, *(k for child in skeleton.children(node) for k in _depth_first(skeleton, child))]
 
 
-def _channels(skeleton: Skeleton, node: int) -> FloatArray:
+def _channels(skeleton: Skeleton, node: int) -> Floats:
     position_m, rotation = skeleton.local(node)
     angles_deg = np.degrees(angles_from_quat(quat_from_matrix(rotation), _SEQUENCE))
     return np.hstack([CM_PER_M * position_m, angles_deg]) if skeleton.slides(node) else angles_deg
 
 
-def _vector(values_m: FloatArray) -> str:
+def _vector(values_m: Floats) -> str:
     return " ".join(f"{CM_PER_M * value + 0.0:.6f}" for value in values_m)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from oarlock.evaluation.markers.trajectories import Markers
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.tracking.places import poses_of
 
@@ -28,7 +28,7 @@ def frame_places(track: Track) -> Markers:
     return Markers(tuple(track.model.frame_names), track.time_s, places)
 
 
-def ground_from_root(up: FloatArray, y_up: bool) -> FloatArray:
+def ground_from_root(up: Floats, y_up: bool) -> Floats:
     """OpenSim's ground from the root, (4, 4): the smallest rotation of `up` (3,) to Y, or none."""
     pose = np.eye(4)
     if not y_up:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from oarlock._core import __version__
 from oarlock.formats.export.skeleton import Skeleton
 from oarlock.model.rotation import continuous_quat, quat_from_matrix
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 _FLOAT, _UINT = 5126, 5125
 _VERTICES, _INDICES = 34962, 34963
@@ -107,7 +107,7 @@ def _nodes(skeleton: Skeleton, buffer: _Buffer) -> tuple[list[dict[str, Any]], l
     return nodes, meshes
 
 
-def _mesh(ends_m: list[FloatArray], name: str, buffer: _Buffer) -> dict[str, Any]:
+def _mesh(ends_m: list[Floats], name: str, buffer: _Buffer) -> dict[str, Any]:
     corners = np.concatenate([_bone(end) for end in ends_m]).astype(np.float32)
     sides = corners.reshape(-1, 3, 3)
     normals = np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0])
@@ -119,7 +119,7 @@ def _mesh(ends_m: list[FloatArray], name: str, buffer: _Buffer) -> dict[str, Any
     return {"name": name, "primitives": [{"attributes": attributes, "material": 0}]}
 
 
-def _bone(end_m: FloatArray) -> FloatArray:
+def _bone(end_m: Floats) -> Floats:
     """Corners (24, 3) of the eight triangles of a double pyramid from the origin to `end_m`, seen counter-clockwise."""
     along = end_m / np.linalg.norm(end_m)
     across = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
@@ -137,7 +137,7 @@ def _animation(skeleton: Skeleton, buffer: _Buffer) -> dict[str, Any]:
     samplers: list[dict[str, Any]] = []
     channels: list[dict[str, Any]] = []
 
-    def add(node: int, path: str, values: FloatArray, kind: str) -> None:
+    def add(node: int, path: str, values: Floats, kind: str) -> None:
         samplers.append(
             {"input": times, "output": buffer.add(values.astype(np.float32), kind), "interpolation": "LINEAR"}
         )

@@ -6,19 +6,16 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.formats.export.opensim_body import SEQUENCE
 from oarlock.model.angle_sequence import near_singular
 from oarlock.model.coordinates import parts
 from oarlock.model.rotation import quat_from_rotvec
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Bools, Floats
 
 if TYPE_CHECKING:
     from oarlock._core import Model
     from oarlock.tracking.track import Track
-
-Bools = NDArray[np.bool_]
 
 
 def reading_notes(track: Track) -> tuple[str, ...]:
@@ -97,7 +94,7 @@ def _on_part(name: str, track: Track, columns: list[int]) -> Iterator[str]:
         )
 
 
-def _on_pole(name: str, rotvec_rad: FloatArray) -> Iterator[str]:
+def _on_pole(name: str, rotvec_rad: Floats) -> Iterator[str]:
     near = near_singular(quat_from_rotvec(rotvec_rad), SEQUENCE)
     if near.any():
         yield (

@@ -21,7 +21,7 @@ from oarlock.model.angle_sequence import angle_labels, angles_from_quat
 from oarlock.model.coordinates import JointPart, parts
 from oarlock.model.description import FrameDescription, JointDescription, pose_of
 from oarlock.model.rotation import quat_from_rotvec
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 SEQUENCE: Final = "XYZ"
 """Order of the angles of ball and free joints in OpenSim's files."""
@@ -59,7 +59,7 @@ class OpensimBody:
     frames: Mapping[str, str]
 
 
-def opensim_body(model: Model, ground_from_root: FloatArray) -> OpensimBody:
+def opensim_body(model: Model, ground_from_root: Floats) -> OpensimBody:
     """The OpenSim model of `model`, whose root lies in OpenSim's ground at `ground_from_root` (4, 4)."""
     tree = _Tree(model)
     tree.weld("root_in_ground", GROUND, "root", ground_from_root)
@@ -83,13 +83,13 @@ class _Tree:
             self.parts.setdefault(part.joint, []).append(part)
         self.twins = _twins(frames)
         self.joints: list[OsimJoint] = []
-        self.bones: dict[str, list[tuple[FloatArray, FloatArray]]] = {}
+        self.bones: dict[str, list[tuple[Floats, Floats]]] = {}
         self.sources: list[CoordinateSource] = []
         self.couplers: list[tuple[str, str]] = []
         self.first: dict[str, list[str]] = {}
         self.moved: dict[tuple[Any, ...], str] = {}
 
-    def weld(self, name: str, parent: str, frame: str, parent_from_frame: FloatArray) -> None:
+    def weld(self, name: str, parent: str, frame: str, parent_from_frame: Floats) -> None:
         given = self.joint_names.give(name)
         child = self.bodies[frame]
         self.joints.append(OsimJoint(given, "weld", parent, child, parent_from_frame, np.eye(4)))
@@ -111,9 +111,7 @@ class _Tree:
             self._move(joint, frame.sign, parent, self.moved[key], before, np.eye(4))
         self.weld(f"{name}_weld", self.moved[key], name, after)
 
-    def _move(
-        self, joint: str, sign: float, parent: str, child: str, before: FloatArray, after: FloatArray
-    ) -> None:
+    def _move(self, joint: str, sign: float, parent: str, child: str, before: Floats, after: Floats) -> None:
         kind, axes = _kind_and_axes(self.described[joint].kind, sign)
         child_from_joint = np.linalg.inv(after) @ axes
         coordinates = self._coordinates(joint, child)
@@ -138,10 +136,10 @@ class _Tree:
                 found.append(OsimCoordinate(name, default, span))
         return tuple(found)
 
-    def _bone(self, body: str, start: FloatArray, end: FloatArray) -> None:
+    def _bone(self, body: str, start: Floats, end: Floats) -> None:
         self.bones.setdefault(body, []).append((start, end))
 
-    def finished(self, ground_from_root: FloatArray) -> OpensimBody:
+    def finished(self, ground_from_root: Floats) -> OpensimBody:
         world, name = self.description.world, self.description.name
         down = -world.gravity_m_s2 * (ground_from_root[:3, :3] @ np.asarray(world.up))
         bodies = tuple(
@@ -173,7 +171,7 @@ def _twins(frames: Sequence[FrameDescription]) -> dict[tuple[Any, ...], list[str
     return found
 
 
-def _kind_and_axes(kind: str, sign: float) -> tuple[Kind, FloatArray]:
+def _kind_and_axes(kind: str, sign: float) -> tuple[Kind, Floats]:
     """OpenSim's joint for a joint of Oarlock, and its axes Q (4, 4) in that joint's axes."""
     axes = np.eye(4)
     if kind == "hinge":

@@ -12,7 +12,7 @@ from oarlock.formats.export.opensim_body import SEQUENCE, CoordinateSource
 from oarlock.model.angle_sequence import angle_stds, angles_from_quat, angles_per_turn
 from oarlock.model.coordinates import JointPart, with_untold_at_zero
 from oarlock.model.rotation import quat_from_rotvec
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 if TYPE_CHECKING:
     from oarlock.tracking.track import Track
@@ -32,9 +32,9 @@ class OpensimMotion:
 
     names: tuple[str, ...]
     turns: tuple[bool, ...]
-    value: FloatArray
-    rate: FloatArray
-    std: FloatArray
+    value: Floats
+    rate: Floats
+    std: Floats
 
 
 def opensim_motion(track: Track, coordinates: Sequence[CoordinateSource]) -> OpensimMotion:
@@ -52,7 +52,7 @@ def opensim_motion(track: Track, coordinates: Sequence[CoordinateSource]) -> Ope
     return OpensimMotion(tuple(source.name for source in coordinates), turns, value, rate, std)
 
 
-def _numbers(track: Track, q: FloatArray, part: JointPart) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _numbers(track: Track, q: Floats, part: JointPart) -> tuple[Floats, Floats, Floats]:
     columns = list(part.columns)
     value, rate, std = q[:, columns], track.qd[:, columns], track.q_std[:, columns]
     if part.kind != "rotation":
@@ -64,6 +64,6 @@ def _numbers(track: Track, q: FloatArray, part: JointPart) -> tuple[FloatArray, 
     return angles, _finite(rates), _finite(angle_stds(angles, SEQUENCE, std))
 
 
-def _finite(values: FloatArray) -> FloatArray:
+def _finite(values: Floats) -> Floats:
     """NaN at a pole, where an angle's rate is infinite."""
     return np.where(np.isfinite(values), values, np.nan)

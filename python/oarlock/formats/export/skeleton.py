@@ -26,7 +26,7 @@ from oarlock.model.rotation import (
     quat_product,
     rotvec_between,
 )
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.even_times import even_times
 from oarlock.tracking.places import poses_of
 
@@ -56,21 +56,21 @@ class Skeleton:
 
     names: tuple[str, ...]
     parents: tuple[int, ...]
-    rest_m: FloatArray
-    tips_m: FloatArray
-    time_s: FloatArray
-    position_m: FloatArray
-    turn: FloatArray
+    rest_m: Floats
+    tips_m: Floats
+    time_s: Floats
+    position_m: Floats
+    turn: Floats
 
-    def local(self, node: int) -> tuple[FloatArray, FloatArray]:
+    def local(self, node: int) -> tuple[Floats, Floats]:
         """Position (T, 3) in m and rotation (T, 3, 3) of a node in the axes of its parent."""
         return self._local[node]
 
     @cached_property
-    def _local(self) -> tuple[tuple[FloatArray, FloatArray], ...]:
+    def _local(self) -> tuple[tuple[Floats, Floats], ...]:
         return tuple(self._in_parent(node) for node in range(len(self.names)))
 
-    def _in_parent(self, node: int) -> tuple[FloatArray, FloatArray]:
+    def _in_parent(self, node: int) -> tuple[Floats, Floats]:
         parent = self.parents[node]
         if parent < 0:
             return self.position_m[:, node], self.turn[:, node]
@@ -78,10 +78,10 @@ class Skeleton:
         between = self.position_m[:, node] - self.position_m[:, parent]
         return np.einsum("tij,tj->ti", parent_from_ground, between), parent_from_ground @ self.turn[:, node]
 
-    def offset_m(self, node: int) -> FloatArray:
+    def offset_m(self, node: int) -> Floats:
         """Joint centre from that of the parent in the neutral pose, (3,) m; of the root from the origin."""
         parent = self.parents[node]
-        offset: FloatArray = self.rest_m[node] - (self.rest_m[parent] if parent >= 0 else 0.0)
+        offset: Floats = self.rest_m[node] - (self.rest_m[parent] if parent >= 0 else 0.0)
         return offset
 
     def slides(self, node: int) -> bool:
@@ -95,7 +95,7 @@ class Skeleton:
         return [k for k, parent in enumerate(self.parents) if parent == node]
 
 
-def skeleton_of(track: Track, ground_from_root: FloatArray) -> tuple[Skeleton, tuple[str, ...]]:
+def skeleton_of(track: Track, ground_from_root: Floats) -> tuple[Skeleton, tuple[str, ...]]:
     """The skeleton of a track with its model, and notes on rows that were left out.
 
     Rows in which a joint lacks a reading are left out.

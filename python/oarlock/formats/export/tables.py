@@ -12,7 +12,7 @@ import numpy as np
 
 from oarlock._core import __version__
 from oarlock.storage import csv_cells
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.extras import FULL, optional
 from oarlock.tracking.columns import unit_of
 
@@ -20,15 +20,15 @@ if TYPE_CHECKING:
     from oarlock.evaluation.markers.trajectories import Markers
     from oarlock.tracking.track import Track
 
-Columns = Mapping[str, FloatArray]
+Columns = Mapping[str, Floats]
 
 
-def told_columns(track: Track) -> dict[str, FloatArray]:
+def told_columns(track: Track) -> dict[str, Floats]:
     """The columns of a track without those that have no number, such as velocities of joints that have none."""
     return {name: values for name, values in track.columns().items() if np.isfinite(values).any()}
 
 
-def frame_columns(frames: Markers) -> dict[str, FloatArray]:
+def frame_columns(frames: Markers) -> dict[str, Floats]:
     """`time_s`, then `NAME_x_m`, `NAME_y_m`, `NAME_z_m` of each frame, (T,) each."""
     found = {"time_s": frames.time_s}
     for k, name in enumerate(frames.names):
@@ -36,7 +36,7 @@ def frame_columns(frames: Markers) -> dict[str, FloatArray]:
     return found
 
 
-def angle_columns(columns: Columns) -> dict[str, FloatArray]:
+def angle_columns(columns: Columns) -> dict[str, Floats]:
     """Angles in deg and lengths in cm with their standard deviations: `elbow_deg`, `seat_std_cm`."""
     found = {"time_s": columns["time_s"]}
     for name, values in columns.items():

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.evaluation.markers.texts import trc_text
 from oarlock.evaluation.markers.trajectories import Markers
@@ -18,14 +17,12 @@ from oarlock.formats.export.opensim_body import opensim_body
 from oarlock.formats.export.opensim_motion import OpensimMotion, opensim_motion
 from oarlock.formats.opensim_table import table_text
 from oarlock.formats.osim import osim_text
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.write_file import write_file
 
 if TYPE_CHECKING:
     from oarlock.tracking.track import Track
-
-Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -80,7 +77,7 @@ class _OpenSimTable:
     file: str
     title: str
     what: str
-    values: FloatArray
+    values: Floats
 
     @property
     def there(self) -> Bools:
@@ -99,7 +96,7 @@ def _tables(motion: OpensimMotion, formats: Sequence[str]) -> Iterator[_OpenSimT
 def _text(
     table: _OpenSimTable,
     motion: OpensimMotion,
-    time_s: FloatArray,
+    time_s: Floats,
     kept: Bools,
     degrees: bool,
     remarks: Sequence[str],

@@ -14,7 +14,7 @@ from oarlock.formats.choices import UnclearError
 from oarlock.recording.gyro_scale import gyro_per_gravity_turn, row_norms
 from oarlock.recording.plausibility import GYRO_MAX_RAD_S
 from oarlock.recording.streams import ImuStream
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.units import ACCEL, GYRO
 
 _AT_REST = {"g": (0.8, 1.2), "m/s2": (7.8, 11.8), "mg": (800.0, 1200.0), "mm/s2": (7800.0, 11800.0)}
@@ -93,7 +93,7 @@ def _gyro_vote(one: ImuStream) -> tuple[str, str] | None:
     return None
 
 
-def _usual_norm(rows: FloatArray | None) -> float:
+def _usual_norm(rows: Floats | None) -> float:
     """Median of the norms; NaN without readings."""
     if rows is None:
         return float("nan")
@@ -102,7 +102,7 @@ def _usual_norm(rows: FloatArray | None) -> float:
     return float(np.median(there)) if there.size else float("nan")
 
 
-def _top(rows: FloatArray | None) -> float:
+def _top(rows: Floats | None) -> float:
     """Largest norm; 0 without readings."""
     norms = row_norms(rows) if rows is not None else np.zeros(0)
     there = norms[np.isfinite(norms)]

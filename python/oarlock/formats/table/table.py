@@ -14,7 +14,7 @@ from oarlock.formats.table.layout import table_start
 from oarlock.formats.table.mapping import Given, TableMapping, table_mapping
 from oarlock.formats.table.time_column import column_names, first_moment
 from oarlock.recording.recording import Recording
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.delimited import ColumnLayout
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
@@ -59,7 +59,7 @@ def read_table(
     return Recording(recording.streams, _with_notes(recording.meta, found.notes))
 
 
-def read_table_orientations(file: str | PathLike[str]) -> dict[str, FloatArray]:
+def read_table_orientations(file: str | PathLike[str]) -> dict[str, Floats]:
     """Read the orientations that the units computed themselves.
 
     Args:

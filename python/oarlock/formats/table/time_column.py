@@ -21,7 +21,7 @@ from oarlock.formats.times import (
     parsed_stamps,
     plain_time_unit,
 )
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.epoch import moment_text
 from oarlock.storage.errors import DataError
 
@@ -117,7 +117,7 @@ def _counted(start: TableStart, rate_hz: float | None, place: int | None) -> tup
     return {"column": _column(start, place), **keys}, said
 
 
-def counter_table(start: TableStart, place: int, values: FloatArray) -> dict[str, object]:
+def counter_table(start: TableStart, place: int, values: Floats) -> dict[str, object]:
     """The table `counter` of a mapping; empty if the column does not count up.
 
     Args:
@@ -145,7 +145,7 @@ def column_names(start: TableStart, places: Sequence[int]) -> list[str | int]:
     return [_column(start, place) for place in places]
 
 
-def _numbers(cells: Sequence[str], decimal: str) -> FloatArray | None:
+def _numbers(cells: Sequence[str], decimal: str) -> Floats | None:
     """The cells as numbers, without trailing empty ones; None if one is no number."""
     texts = [cell.strip().replace(",", ".") if decimal == "," else cell.strip() for cell in cells]
     try:

@@ -17,7 +17,7 @@ from oarlock.formats.devices.xdf_chunks import channels_of, text_of, xml_of
 from oarlock.formats.labelled_channels import Triple, inertial_triples
 from oarlock.live.reading import Reading, Value
 from oarlock.recording.streams import MOST_STREAMS
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 from oarlock.storage.units import to_held_unit
 
 HEADER, SAMPLES, CORRECTION = "header", "samples", "correction"
@@ -69,7 +69,7 @@ class LslDecoder:
         self._width, self._triples = count, tuple(triples)
         self._plain = tuple((k, c.label or str(k + 1)) for k, c in enumerate(told) if k not in used)
 
-    def _readings(self, stamp_s: float, row: FloatArray) -> list[Reading]:
+    def _readings(self, stamp_s: float, row: Floats) -> list[Reading]:
         units: dict[str, dict[str, Value]] = {}
         for triple in self._triples:
             value = row[list(triple.places)]

@@ -19,7 +19,7 @@ import numpy as np
 
 from oarlock.live.decoders.quantities import radians
 from oarlock.live.reading import Value
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 
 @dataclass(frozen=True)
@@ -114,8 +114,8 @@ def layout_of(response: bytes) -> PacketLayout | None:
 class ChannelCalibration:
     """Offset b in counts, (3,), and (3, 3) R^-1 K^-1, to deg/s, m/s2 or local flux."""
 
-    offset: FloatArray
-    matrix: FloatArray
+    offset: Floats
+    matrix: Floats
 
 
 def calibrations_of(response: bytes) -> dict[str, ChannelCalibration]:

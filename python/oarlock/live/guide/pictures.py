@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.calibration.session.body import BodyKinematics
 from oarlock.model.rotation import quat_from_rotvec, quat_product, rotvec_from_quat
+from oarlock.storage.arrays import Floats
 
 if TYPE_CHECKING:
     from oarlock._core import Model
@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 FRAMES = 16
 MOST_SWING_RAD, BACK_SWING_RAD, LEAST_SWING_RAD, BALL_SWING_RAD = 1.3, 0.5, 0.3, 0.8
 MARGIN_RAD = 0.1
-
-Floats = NDArray[np.float64]
 
 
 def pictures_of(

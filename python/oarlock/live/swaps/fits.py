@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from oarlock.live.swaps.moves import Moves
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 if TYPE_CHECKING:
     from oarlock._core import Model
@@ -32,9 +32,9 @@ class Fitting:
     """
 
     model: Model
-    time_s: FloatArray
-    rows: FloatArray
-    stds: FloatArray
+    time_s: Floats
+    rows: Floats
+    stds: Floats
 
     def __post_init__(self) -> None:
         self.moves = Moves(self.model, self.time_s, self.rows)
@@ -45,7 +45,7 @@ class Fitting:
         ]
         self._low, self._high = np.array(limits, dtype=float).T
 
-    def fitted(self, seen: FloatArray, q: FloatArray, steps: int = STEPS) -> tuple[FloatArray, FloatArray]:
+    def fitted(self, seen: Floats, q: Floats, steps: int = STEPS) -> tuple[Floats, Floats]:
         """Costs (suppositions,) and postures (suppositions, coordinates) of the best movements.
 
         Args:
@@ -77,16 +77,14 @@ class Fitting:
             damping = np.clip(np.where(better, damping / 8.0, damping * 8.0), 1e-6, 1e6)
         return cost, posture
 
-    def scattered(self, number: int) -> FloatArray:
+    def scattered(self, number: int) -> Floats:
         """One of many postures between the limits of all joints."""
         low = np.where(np.isfinite(self._low), self._low, self.moves.rest - ANYWHERE)
         high = np.where(np.isfinite(self._high), self._high, self.moves.rest + ANYWHERE)
         share = np.random.default_rng(number + 1).uniform(0.2, 0.8, len(low))
         return np.asarray(low + share * (high - low))
 
-    def _normal(
-        self, seen: FloatArray, posture: FloatArray, numbers: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _normal(self, seen: Floats, posture: Floats, numbers: Floats) -> tuple[Floats, Floats, Floats]:
         """Normal equations around movements, and the cost."""
         n = posture.shape[1]
         got = self.moves.readings(posture, numbers)

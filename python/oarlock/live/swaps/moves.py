@@ -14,7 +14,7 @@ from oarlock.model.rotation import (
     quat_product,
     rotvec_from_quat,
 )
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 if TYPE_CHECKING:
     from oarlock._core import Model
@@ -40,9 +40,9 @@ class PredictedReadings:
         q: (movements, times, coordinates).
     """
 
-    values: FloatArray
-    slopes: FloatArray
-    q: FloatArray
+    values: Floats
+    slopes: Floats
+    q: Floats
 
 
 @dataclass
@@ -56,11 +56,11 @@ class Moves:
     """
 
     model: Model
-    time_s: FloatArray
-    rows: FloatArray
-    rest: FloatArray = field(init=False)
+    time_s: Floats
+    rows: Floats
+    rest: Floats = field(init=False)
     """(coordinates,) the posture that is expected if nothing is known."""
-    stds: FloatArray = field(init=False)
+    stds: Floats = field(init=False)
     """(numbers,) standard deviations of a movement's numbers from rest."""
 
     def __post_init__(self) -> None:
@@ -85,7 +85,7 @@ class Moves:
         self._rate = np.stack([np.zeros_like(t), np.ones_like(t), t, t**2 / 2.0])
         self._change = np.stack([np.zeros_like(t), np.zeros_like(t), np.ones_like(t), t])
 
-    def readings(self, posture: FloatArray, numbers: FloatArray) -> PredictedReadings:
+    def readings(self, posture: Floats, numbers: Floats) -> PredictedReadings:
         """Readings of movements.
 
         Args:
@@ -113,7 +113,7 @@ class Moves:
             values, np.concatenate([slopes, *self._by_base(q, qd, qdd, base, values)], axis=-1), q
         )
 
-    def moved(self, posture: FloatArray, step: FloatArray) -> FloatArray:
+    def moved(self, posture: Floats, step: Floats) -> Floats:
         """The posture after a step of the first numbers, (movements, coordinates)."""
         found = posture + step
         for first in self._balls:
@@ -123,7 +123,7 @@ class Moves:
             )
         return found
 
-    def _turned(self, q: FloatArray, posture: FloatArray) -> dict[int, FloatArray]:
+    def _turned(self, q: Floats, posture: Floats) -> dict[int, Floats]:
         """Makes rotation vectors of balls of their turns since the middle, and gives how turns there turn them."""
         found = {}
         for first in self._balls:
@@ -134,8 +134,8 @@ class Moves:
         return found
 
     def _by_base(
-        self, q: FloatArray, qd: FloatArray, qdd: FloatArray, base: _AcceleratingRoot, values: FloatArray
-    ) -> list[FloatArray]:
+        self, q: Floats, qd: Floats, qdd: Floats, base: _AcceleratingRoot, values: Floats
+    ) -> list[Floats]:
         """How readings change with the base's accelerations: they are linear in these."""
         if not len(self._axes):
             return []
@@ -151,12 +151,12 @@ class Moves:
 class _AcceleratingRoot:
     """A root that accelerates and does not turn."""
 
-    def __init__(self, acceleration_m_s2: FloatArray) -> None:
+    def __init__(self, acceleration_m_s2: Floats) -> None:
         self.acceleration_m_s2 = acceleration_m_s2
         self.rotation = np.broadcast_to(np.eye(3), (*acceleration_m_s2.shape[:-1], 3, 3)).copy()
         self.angular_velocity_rad_s = np.zeros_like(acceleration_m_s2)
         self.angular_acceleration_rad_s2 = np.zeros_like(acceleration_m_s2)
 
     @classmethod
-    def of(cls, along: FloatArray, axes: FloatArray) -> _AcceleratingRoot:
+    def of(cls, along: Floats, axes: Floats) -> _AcceleratingRoot:
         return cls(along @ axes)

@@ -16,7 +16,7 @@ from oarlock.live.swaps.window import TIMES_S, WindowLayout
 from oarlock.recording.corrections import corrected
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 if TYPE_CHECKING:
     from oarlock._core import Model
@@ -100,9 +100,9 @@ class Search:
 
     model: Model
     layout: WindowLayout
-    seen: FloatArray
+    seen: Floats
     units: list[str]
-    posture: FloatArray
+    posture: Floats
     middle_s: float
 
     def __post_init__(self) -> None:
@@ -134,7 +134,7 @@ class Search:
         costs = _all_fitted(rough, every, self._tracked, ROUGH_STEPS)[0]
         return [pairs[k] for k in np.argsort(costs)[:MOST_PAIRS]]
 
-    def _costs(self, every: FloatArray) -> FloatArray:
+    def _costs(self, every: Floats) -> Floats:
         """Cost of a reading for each supposition; the first is that nothing was exchanged."""
         starts = [self._tracked, self._fitting.moves.rest, self._fitting.scattered(0)]
         costs, postures = np.full(len(every), np.inf), np.zeros((len(every), len(self._tracked)))
@@ -149,9 +149,7 @@ class Search:
         return costs / self._count
 
 
-def _all_fitted(
-    fitting: Fitting, every: FloatArray, start: FloatArray, steps: int = STEPS
-) -> tuple[FloatArray, FloatArray]:
+def _all_fitted(fitting: Fitting, every: Floats, start: Floats, steps: int = STEPS) -> tuple[Floats, Floats]:
     parts = [every[k : k + TOGETHER] for k in range(0, len(every), TOGETHER)]
     found = [fitting.fitted(part, np.repeat(start[None], len(part), axis=0), steps) for part in parts]
     return np.concatenate([cost for cost, _ in found]), np.concatenate([posture for _, posture in found])

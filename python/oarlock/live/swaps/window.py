@@ -18,7 +18,7 @@ from oarlock.evaluation.suspects.fit import (
 )
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream, ScalarStream
-from oarlock.storage.array_gate import FloatArray
+from oarlock.storage.arrays import Floats
 
 if TYPE_CHECKING:
     from oarlock._core import Model
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 WINDOW_S = 0.4
 """A movement of so long is a cubic of time, nearly; and a joint turns far enough in it."""
 TIMES = 5
-TIMES_S: FloatArray = np.asarray(WINDOW_S * ((np.arange(TIMES) + 0.5) / TIMES - 0.5))
+TIMES_S: Floats = np.asarray(WINDOW_S * ((np.arange(TIMES) + 0.5) / TIMES - 0.5))
 """From the middle of the window."""
 _QUANTITIES = {"gyro": ("gyro_rad_s", GYRO_STD_RAD_S), "accel": ("accel_m_s2", ACCEL_STD_M_S2)}
 
@@ -43,10 +43,10 @@ class WindowLayout:
         turns: inertial unit -> nominal axes from those that it measures in.
     """
 
-    rows: FloatArray
-    stds: FloatArray
+    rows: Floats
+    stds: Floats
     columns: dict[str, list[int]]
-    turns: dict[str, FloatArray]
+    turns: dict[str, Floats]
 
     @classmethod
     def of(cls, model: Model, calibration: Calibration | None) -> WindowLayout:
@@ -76,7 +76,7 @@ class WindowLayout:
             columns.pop(closure, None)
         return cls(np.array(rows), np.array(found), columns, _turns(model, calibration))
 
-    def seen(self, recording: Recording, middle_s: float) -> FloatArray:
+    def seen(self, recording: Recording, middle_s: float) -> Floats:
         """(times, rows) means of the readings around each time; NaN where there are none, 0 for closures."""
         measured = sorted(column for own in self.columns.values() for column in own)
         found = np.zeros((TIMES, len(self.rows)))
@@ -90,7 +90,7 @@ class WindowLayout:
                         found[k, self.columns[stream.name]] = self._mean(stream, rows)
         return found
 
-    def exchanged(self, seen: FloatArray, pairs: Sequence[tuple[str, str]]) -> FloatArray:
+    def exchanged(self, seen: Floats, pairs: Sequence[tuple[str, str]]) -> Floats:
         """(pairs, times, rows) the readings if each pair sat in each other's place."""
         found = np.repeat(seen[None], len(pairs), axis=0)
         for k, (one, other) in enumerate(pairs):
@@ -101,12 +101,12 @@ class WindowLayout:
             )
         return found
 
-    def _placed(self, values: FloatArray, unit: str, place: str) -> FloatArray:
+    def _placed(self, values: Floats, unit: str, place: str) -> Floats:
         """A unit's readings in another's place: it sits there as that one was mounted."""
         turn = self.turns[place] @ self.turns[unit].T
         return (values.reshape(len(values), -1, 3) @ turn.T).reshape(values.shape)
 
-    def _mean(self, stream: Any, rows: FloatArray) -> FloatArray:
+    def _mean(self, stream: Any, rows: Floats) -> Floats:
         if isinstance(stream, ScalarStream):
             return np.atleast_1d(np.nanmean(stream.value[rows]))
         if not isinstance(stream, ImuStream):
@@ -119,7 +119,7 @@ class WindowLayout:
         return np.concatenate(parts)
 
 
-def _turns(model: Model, calibration: Calibration | None) -> dict[str, FloatArray]:
+def _turns(model: Model, calibration: Calibration | None) -> dict[str, Floats]:
     nominal = {unit.name: np.array(unit.mount.rotation) for unit in model.describe().inertial_units}
     worn = {unit.name: np.array(unit.mount.rotation) for unit in model.describe(calibration).inertial_units}
     return {name: nominal[name].T @ worn[name] for name in nominal}

@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 from scipy.signal import correlate, find_peaks
 
 from oarlock.movement.video.signals import HIGHEST_HZ, STEP_S, Signals
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
-
-Floats = NDArray[np.float64]
 
 LEAST_OVERLAP_S = 4.0
 MARGIN = 25.0

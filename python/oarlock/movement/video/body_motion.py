@@ -5,16 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.movement.video.signals import LONGEST_GAP_S, Signals, even_signals, main_courses
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.tracking.places import model_of
 
 if TYPE_CHECKING:
     from oarlock import Track
 
-Floats = NDArray[np.float64]
 
 COURSES = 3
 LEAST_KNOWN = 0.5

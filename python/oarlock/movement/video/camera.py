@@ -13,13 +13,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.regular_file import UnreadableFileError, read_text
-
-Floats = NDArray[np.float64]
 
 KEYS = ("width_px", "height_px", "fx", "fy", "cx", "cy")
 EXAMPLE = """width_px = 1920

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.recording.streams import ImuStream
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
-
-Floats = NDArray[np.float64]
 
 WINDOW_S = 0.004
 """Time in which the sound's energy is summed."""

@@ -6,13 +6,11 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.movement.video.alignment import VideoAlignment, align
 from oarlock.movement.video.signals import Signals
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
-
-Floats = NDArray[np.float64]
 
 WINDOW_S = 30.0
 LEAST_WINDOWS = 6

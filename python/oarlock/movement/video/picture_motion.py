@@ -6,14 +6,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from oarlock.movement.video.reading import Grey, grey_pictures
 from oarlock.movement.video.signals import Signals, even_signals, main_courses
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
-
-Floats = NDArray[np.float64]
 
 WIDTH_PX = 128
 CELL_PX = 8

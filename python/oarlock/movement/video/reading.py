@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.regular_file import open_regular
 
 if TYPE_CHECKING:
     from av.container import InputContainer
 
-Floats = NDArray[np.float64]
 Grey = NDArray[np.float32]
 
 SOUND_HZ = 16_000

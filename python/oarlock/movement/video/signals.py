@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.even_times import even_times
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 STEP_S = 0.02
 HIGHEST_HZ = 5.0

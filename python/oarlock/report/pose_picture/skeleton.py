@@ -8,14 +8,14 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from oarlock.model.description import FrameDescription
+from oarlock.storage.arrays import Floats
 
 if TYPE_CHECKING:
     from oarlock._core import Model
 
-Vector = NDArray[np.float64]
 
 # points closer than this count as one
 SAME_POINT_M = 1e-6
@@ -25,8 +25,8 @@ SAME_POINT_M = 1e-6
 class SkeletonLine:
     """A line on a frame between two points in root axes, m; `moves` is false if it is fixed to the root."""
 
-    start: Vector
-    end: Vector
+    start: Floats
+    end: Floats
     moves: bool
     frame: str
 
@@ -36,7 +36,7 @@ class Spot:
     """A named point in root axes, m; `has_sensor` if a sensor is mounted on its frame."""
 
     name: str
-    point: Vector
+    point: Floats
     has_sensor: bool
 
 
@@ -46,9 +46,9 @@ class StickFigure:
 
     links: tuple[SkeletonLine, ...]
     spots: tuple[Spot, ...]
-    gaps: tuple[tuple[Vector, Vector], ...]
-    up: Vector
-    forward: Vector
+    gaps: tuple[tuple[Floats, Floats], ...]
+    up: Floats
+    forward: Floats
 
 
 @dataclass(frozen=True)
@@ -56,10 +56,10 @@ class View:
     """A projection: which root axes point right and up in the picture."""
 
     title: str
-    right: Vector
-    up: Vector
+    right: Floats
+    up: Floats
 
-    def project(self, point: Vector) -> tuple[float, float]:
+    def project(self, point: Floats) -> tuple[float, float]:
         """Point in root axes to (right, up), m."""
         return float(point @ self.right), float(point @ self.up)
 
@@ -133,7 +133,7 @@ def skeleton(model: Model, q: ArrayLike) -> StickFigure:
 
 
 def _links(
-    frame: FrameDescription, place: Mapping[str, Vector], moves: bool, kind: str
+    frame: FrameDescription, place: Mapping[str, Floats], moves: bool, kind: str
 ) -> list[SkeletonLine]:
     # no line joins a free body to its parent
     if frame.parent is None or kind == "free":
@@ -151,7 +151,7 @@ def _links(
 
 
 def _spots(
-    frames: Sequence[FrameDescription], place: Mapping[str, Vector], with_sensor: set[str | None]
+    frames: Sequence[FrameDescription], place: Mapping[str, Floats], with_sensor: set[str | None]
 ) -> tuple[Spot, ...]:
     spots: list[Spot] = []
     for frame in frames:
@@ -166,11 +166,11 @@ def _spots(
     return tuple(spots)
 
 
-def _at(pose: Vector, point: ArrayLike) -> Vector:
+def _at(pose: Floats, point: ArrayLike) -> Floats:
     return np.asarray(pose[:3, :3] @ np.asarray(point) + pose[:3, 3])
 
 
-def _unit(direction: ArrayLike) -> Vector:
+def _unit(direction: ArrayLike) -> Floats:
     vector = np.asarray(direction, dtype=np.float64)
-    unit: Vector = vector / float(np.linalg.norm(vector))
+    unit: Floats = vector / float(np.linalg.norm(vector))
     return unit

@@ -6,7 +6,8 @@ import math
 from collections.abc import Sequence
 from xml.sax.saxutils import escape
 
-from oarlock.report.pose_picture.skeleton import Bounds, SkeletonLine, Spot, StickFigure, Vector, View, views
+from oarlock.report.pose_picture.skeleton import Bounds, SkeletonLine, Spot, StickFigure, View, views
+from oarlock.storage.arrays import Floats
 
 Point = tuple[float, float]
 Box = tuple[float, float, float, float]
@@ -43,7 +44,7 @@ def draw_svg(body: StickFigure, title: str) -> str:
 
 
 def _svg_panel(body: StickFigure, view: View, box: Bounds, px_per_m: float, left: float, width: float) -> str:
-    def place(point: Vector) -> Point:
+    def place(point: Floats) -> Point:
         right, up = view.project(point)
         return (
             left + _PAD_PX + (right - box.left) * px_per_m,

@@ -13,13 +13,12 @@ from oarlock.model.angle_sequence import angle_labels
 from oarlock.model.coordinates import joint_columns
 from oarlock.report.viewer.packing import packed
 from oarlock.report.viewer.sides import Side, side_of
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.tracking.joint_series import BallSeries, FreeSeries, JointSeries
 
 if TYPE_CHECKING:
     from oarlock.tracking.track import Track
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

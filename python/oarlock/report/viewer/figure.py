@@ -14,8 +14,7 @@ from oarlock.model.description import ModelDescription, Vector
 from oarlock.model.rotation import continuous_quat, quat_from_matrix
 from oarlock.model.shapes import Look
 from oarlock.report.viewer.sides import side_of
-
-Floats = NDArray[np.float64]
+from oarlock.storage.arrays import Floats
 
 SAME_PLACE_M = 1e-6
 """Points that are always closer than this are one point."""

@@ -7,9 +7,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from oarlock.storage.arrays import Floats
 
 STEPS = 65534
 """Steps between minimum and maximum; one value is reserved for NaN."""

@@ -15,13 +15,12 @@ from oarlock.report.viewer.curves import Curve, joint_curves, packed_panels
 from oarlock.report.viewer.figure import Figure, add_frames, add_loops, add_strands, carried_shapes
 from oarlock.report.viewer.marks import Mark, marks_and_spans
 from oarlock.report.viewer.packing import packed, packed_times
+from oarlock.storage.arrays import Floats, Ints
 from oarlock.storage.epoch import ZONE_WORDS, moment_of
 from oarlock.storage.errors import DataError
 from oarlock.tracking.places import model_of, poses_of, position_spreads
 from oarlock.tracking.track import Track
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Scene = dict[str, Any]
 
 FORMAT = 1

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.rowing.alongside.clock_match import FEWEST_PAIRS, ClockMatch, Floats, Places, match_clocks
+from oarlock.rowing.alongside.clock_match import FEWEST_PAIRS, ClockMatch, match_clocks
 from oarlock.rowing.strokes.table import StrokeTable
+from oarlock.storage.arrays import Floats, Ints
 from oarlock.storage.epoch import apart_s
 from oarlock.storage.errors import DataError
 
@@ -33,7 +34,7 @@ class Alignment:
         notes: plain sentences: how the clocks relate, and what could not be aligned.
     """
 
-    stroke: Places
+    stroke: Ints
     onset_s: Floats
     onset_std_s: Floats
     apart_s: Floats
@@ -91,7 +92,7 @@ def align_strokes(export: StrokeTable, track: StrokeTable, offset_s: float | Non
 
 @dataclass
 class _StrokeMatches:
-    stroke: Places
+    stroke: Ints
     onset_s: Floats
     onset_std_s: Floats
     apart_s: Floats
@@ -104,7 +105,7 @@ class _StrokeMatches:
 
 
 def _runs(stamps_s: Floats) -> list[NDArray[np.int64]]:
-    """Places of known stamps, a list for each run of a clock that restarts; a stamp that repeats is left out."""
+    """Ints of known stamps, a list for each run of a clock that restarts; a stamp that repeats is left out."""
     known = np.flatnonzero(np.isfinite(stamps_s))
     step_s = np.diff(stamps_s[known])
     runs = np.split(known, np.flatnonzero(step_s < 0.0) + 1)

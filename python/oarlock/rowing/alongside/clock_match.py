@@ -11,10 +11,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Places = NDArray[np.int64]
+from oarlock.storage.arrays import Floats, Ints
 
 FEWEST_PAIRS = 8
 """With fewer common strokes too many offsets fit by chance."""
@@ -60,7 +58,7 @@ class ClockMatch:
     offset_std_s: float
     drift_std: float
     apart_std_s: float
-    pairs: Places
+    pairs: Ints
     rivals_s: tuple[float, ...] = ()
 
     def on_track(self, device_s: Floats) -> Floats:
@@ -187,7 +185,7 @@ def _refined(
     return _Candidate(match, len(pairs) * gain - _MISSING * unmatched, unmatched)
 
 
-def _paired(moved_s: Floats, track_s: Floats, near_s: float) -> Places:
+def _paired(moved_s: Floats, track_s: Floats, near_s: float) -> Ints:
     """(K, 2) places of onsets that are each other's nearest and at most `near_s` apart."""
     nearest = _nearest_places(moved_s, track_s)
     back = _nearest_places(track_s, moved_s)
@@ -196,13 +194,13 @@ def _paired(moved_s: Floats, track_s: Floats, near_s: float) -> Places:
     return np.column_stack([own[kept], nearest[kept]])
 
 
-def _nearest_places(of_s: Floats, in_s: Floats) -> Places:
+def _nearest_places(of_s: Floats, in_s: Floats) -> Ints:
     after = np.clip(np.searchsorted(in_s, of_s), 1, len(in_s) - 1)
     return np.asarray(after - (of_s - in_s[after - 1] < in_s[after] - of_s), dtype=np.int64)
 
 
 def _fitted(
-    device_s: Floats, track_s: Floats, pairs: Places, middle_s: float, least_s: float
+    device_s: Floats, track_s: Floats, pairs: Ints, middle_s: float, least_s: float
 ) -> tuple[float, float, tuple[float, float, float]]:
     """Offset and drift; standard deviations of a residual, of the offset and of the drift."""
     own_s = device_s[pairs[:, 0]]

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from oarlock.rowing.alongside.piece_start import PieceStart, start_of
 from oarlock.rowing.alongside.stretches import ContinuousPiece, RowTimeline, reasons_left_out, stretches_of
 from oarlock.rowing.exports.activity import Activity
-from oarlock.rowing.strokes.table import Floats, StrokeTable, running
+from oarlock.rowing.strokes.table import StrokeTable, running
+from oarlock.storage.arrays import Floats
 
 QUANTITIES = (
     "speed_m_s",

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from oarlock.rowing.alongside.align import Alignment
-from oarlock.rowing.alongside.clock_match import Places
-from oarlock.rowing.strokes.table import Floats, StrokeTable
+from oarlock.rowing.strokes.table import StrokeTable
+from oarlock.storage.arrays import Floats, Ints
 
 FORCES = ("handle_force_n", "gate_force_n", "r_gate_force_n", "l_gate_force_n")
 LABELS = {
@@ -50,7 +50,7 @@ class ForceStack:
         """Strokes with a curve."""
         return int(np.isfinite(self.force_n).any(axis=1).sum())
 
-    def mean_and_sd(self, rows: Places | None = None) -> tuple[Floats, Floats]:
+    def mean_and_sd(self, rows: Ints | None = None) -> tuple[Floats, Floats]:
         """Mean and standard deviation between strokes (POINTS,), where at least half of the strokes have a force."""
         chosen = self.force_n if rows is None else self.force_n[rows]
         chosen = chosen[np.isfinite(chosen).any(axis=1)]

@@ -18,9 +18,8 @@ from oarlock.live.channel_tables import FOLDER, Channel, channels
 from oarlock.live.folder import SESSION, LiveFolder
 from oarlock.rowing.alongside.align import Alignment
 from oarlock.rowing.strokes.table import StrokeTable
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
-
-Floats = NDArray[np.float64]
 
 ONSET = (
     "the monitor's begin of the drive: the time of its message at the end of the drive, less its drive time"

@@ -5,11 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from oarlock.rowing.strokes.table import Floats
-
-Order = NDArray[np.intp]
+from oarlock.storage.arrays import Floats, Indices
 
 UP_TO_SPEED = 0.9
 """Share of the speed that follows from which a piece is up to speed: it needs three quarters of the power (0.9^3)."""
@@ -37,7 +34,7 @@ class PieceStart:
         standing: whether it began with less than half of the speed that followed.
     """
 
-    rows: Order
+    rows: Indices
     end_s: float
     end_m: float
     standing: bool
@@ -49,7 +46,7 @@ class PieceStart:
 
 
 def start_of(
-    order: Order, time_s: Floats, distance_m: Floats, speed: Floats, begin: tuple[float, float]
+    order: Indices, time_s: Floats, distance_m: Floats, speed: Floats, begin: tuple[float, float]
 ) -> PieceStart | None:
     """The start of a piece; None if it begins at speed, or takes longer than `LONGEST_S`.
 
@@ -75,7 +72,7 @@ def start_of(
     return PieceStart(rows, end_s, end_m, bool(np.nanmin(share[slow[0] : fast[0]]) < STANDING))
 
 
-def _share(order: Order, time_s: Floats, speed: Floats) -> float:
+def _share(order: Indices, time_s: Floats, speed: Floats) -> float:
     """The speed of the first of these rows as a share of the speed that follows; NaN if one is unknown."""
     later = order[1:][time_s[order[1:]] <= time_s[order[0]] + AHEAD_S]
     known = speed[later]
@@ -84,7 +81,7 @@ def _share(order: Order, time_s: Floats, speed: Floats) -> float:
 
 
 def _went_on(
-    later: Order, time_s: Floats, distance_m: Floats, begin: tuple[float, float], rows: Order
+    later: Indices, time_s: Floats, distance_m: Floats, begin: tuple[float, float], rows: Indices
 ) -> bool:
     """Whether the distance says that the boat was up to speed: then the device's speed lags or is wrong."""
     after = later[time_s[later] <= time_s[rows[-1]] + AHEAD_S]

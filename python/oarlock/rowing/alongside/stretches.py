@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.rowing.alongside.piece_start import PieceStart
 from oarlock.rowing.exports.activity import Activity
-from oarlock.rowing.strokes.table import Floats, StrokeTable
-
-Rows = NDArray[np.bool_]
-Order = NDArray[np.intp]
+from oarlock.rowing.strokes.table import StrokeTable
+from oarlock.storage.arrays import Bools, Floats, Indices
 
 RATES_PER_MIN = (14.0, 50.0)
 """Strokes outside are paddling or misread."""
@@ -45,7 +42,7 @@ class ContinuousPiece:
         start: its first strokes, until it is up to speed; None if it begins at speed.
     """
 
-    rows: Rows
+    rows: Bools
     begin_s: float
     end_s: float
     begin_m: float
@@ -54,7 +51,7 @@ class ContinuousPiece:
     start: PieceStart | None = None
 
     @property
-    def steady(self) -> Rows:
+    def steady(self) -> Bools:
         """(N,) its rows after the start."""
         found = self.rows.copy()
         if self.start is not None:
@@ -103,14 +100,14 @@ class RowTimeline:
     distance_m: Floats
     speed_m_s: Floats
     interval: Floats
-    restarts: Rows
+    restarts: Bools
 
 
 def reasons_left_out(found: StrokeTable | Activity, clock: RowTimeline) -> list[str]:
     """Why each row (N) is no rowing; "" for rows that are."""
     reasons = np.full(len(clock.time_s), "", dtype=object)
 
-    def leave_out(rows: Rows, why: str) -> None:
+    def leave_out(rows: Bools, why: str) -> None:
         reasons[rows & (reasons == "")] = why
 
     if np.isfinite(clock.time_s).any():
@@ -131,8 +128,8 @@ def reasons_left_out(found: StrokeTable | Activity, clock: RowTimeline) -> list[
     return [str(reason) for reason in reasons]
 
 
-def _slow(clock: RowTimeline, rowing: Rows) -> Rows:
-    """Rows without way, but for those of a start, which lead to a piece with growing speed."""
+def _slow(clock: RowTimeline, rowing: Bools) -> Bools:
+    """Bools without way, but for those of a start, which lead to a piece with growing speed."""
     order = np.flatnonzero(rowing)
     slow = np.asarray(clock.speed_m_s < SLOW * _usual_m_s(clock, order), dtype=bool)
     for row, after in zip(order[-2::-1], order[:0:-1], strict=True):
@@ -142,7 +139,7 @@ def _slow(clock: RowTimeline, rowing: Rows) -> Rows:
     return slow
 
 
-def stretches_of(clock: RowTimeline, rowing: Rows) -> list[ContinuousPiece]:
+def stretches_of(clock: RowTimeline, rowing: Bools) -> list[ContinuousPiece]:
     """The pieces between pauses, of the rows (N,) of rowing; none without times."""
     order = np.flatnonzero(rowing & np.isfinite(clock.time_s))
     if len(order) < 2:
@@ -164,7 +161,7 @@ def stretches_of(clock: RowTimeline, rowing: Rows) -> list[ContinuousPiece]:
     return found
 
 
-def _stretch(clock: RowTimeline, rows: Order, earlier: ContinuousPiece | None) -> ContinuousPiece:
+def _stretch(clock: RowTimeline, rows: Indices, earlier: ContinuousPiece | None) -> ContinuousPiece:
     inside = np.zeros(len(clock.time_s), dtype=bool)
     inside[rows] = True
     begin_s, begin_m = _begin(clock, int(rows[0]))
@@ -177,7 +174,7 @@ def _stretch(clock: RowTimeline, rows: Order, earlier: ContinuousPiece | None) -
     )
 
 
-def _rowed_on(clock: RowTimeline, order: Order) -> Rows:
+def _rowed_on(clock: RowTimeline, order: Indices) -> Bools:
     """Whether the boat went on between each row of `order` and the next one, as before."""
     steps_s, steps_m = np.diff(clock.time_s[order]), np.diff(clock.distance_m[order])
     speed = clock.speed_m_s[order]
@@ -186,7 +183,7 @@ def _rowed_on(clock: RowTimeline, order: Order) -> Rows:
         return np.asarray((steps_s < _LONGEST_GAP_S) & (steps_m > _ON * before * steps_s), dtype=bool)
 
 
-def _usual_m_s(clock: RowTimeline, order: Order) -> float:
+def _usual_m_s(clock: RowTimeline, order: Indices) -> float:
     known = clock.speed_m_s[order]
     known = known[np.isfinite(known) & (known > 0.0)]
     return float(np.median(known)) if len(known) else float("nan")

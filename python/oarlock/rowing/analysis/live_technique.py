@@ -8,15 +8,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock import Belief, Calibration, Model
 from oarlock.rowing.analysis.technique import technique
 from oarlock.rowing.strokes.live_strokes import LiveStrokes
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.tracking import track_of_beliefs
-
-Floats = NDArray[np.float64]
 
 KEPT_S = 14.0
 """Estimates that are kept: two strokes at 10 a minute."""

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock import Track
 from oarlock.rowing.analysis.rower_places import SIDES, RowerFrames
-
-Floats = NDArray[np.float64]
+from oarlock.storage.arrays import Floats
 
 SEEN_SHARE = 0.5
 """What is observed in less than this share of the time counts as not observed."""

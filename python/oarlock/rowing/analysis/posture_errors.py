@@ -18,7 +18,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock import Model
 from oarlock.rowing.analysis.rower_places import RowerFrames
@@ -32,8 +31,7 @@ from oarlock.rowing.analysis.stroke_values import (
     shoulders,
     stroke_values,
 )
-
-Floats = NDArray[np.float64]
+from oarlock.storage.arrays import Floats
 
 _ROUND = 2.0 * np.pi * np.arange(POINTS) / (POINTS - 1)
 _QUICK = (np.cos(4.0 * _ROUND), np.sin(4.0 * _ROUND))

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from oarlock import Model
 from oarlock.model.jacobians import relative_moves
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
-
-Floats = NDArray[np.float64]
 
 ARM_PARTS = ("elbow", "wrist", "hand")
 PARTS = ("shoulder", *ARM_PARTS, "handle")

@@ -6,13 +6,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock import Track
 from oarlock.rowing.analysis.local_cubic import local_cubic
+from oarlock.storage.arrays import Floats
 from oarlock.storage.even_times import even_times_of_stretches
-
-Floats = NDArray[np.float64]
 
 STEPS = 60
 """Of the drive, and of the recovery."""

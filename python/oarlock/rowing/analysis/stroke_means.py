@@ -13,8 +13,7 @@ from oarlock.rowing.analysis.features import FEATURES
 from oarlock.rowing.analysis.stroke_grid import FINISH, PhaseGrid
 from oarlock.rowing.analysis.stroke_values import Values
 from oarlock.rowing.strokes.table import StrokeTable
-
-Floats = NDArray[np.float64]
+from oarlock.storage.arrays import Floats
 
 _FAR_FROM_ZERO = 5.0
 """Mean over SD from which on a coefficient of variation says something."""

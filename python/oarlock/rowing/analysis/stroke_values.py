@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.rowing.analysis.rower_places import RowerFrames
 from oarlock.rowing.analysis.stroke_grid import (
@@ -20,8 +19,8 @@ from oarlock.rowing.analysis.stroke_grid import (
     STEPS,
     PhaseGrid,
 )
+from oarlock.storage.arrays import Floats
 
-Floats = NDArray[np.float64]
 Values = dict[str, Floats]
 
 BENT_RAD = np.radians(15.0)

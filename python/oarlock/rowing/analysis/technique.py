@@ -31,9 +31,8 @@ from oarlock.rowing.analysis.unknown_features import reasons
 from oarlock.rowing.strokes.find_strokes import find_strokes
 from oarlock.rowing.strokes.strokes import Strokes
 from oarlock.rowing.strokes.table import StrokeTable
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
-
-Floats = NDArray[np.float64]
 
 SETTLED_S = 2.0
 """As `evaluate` scores tracks: until then errors are larger than the filter can know."""

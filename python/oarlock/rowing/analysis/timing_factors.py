@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock import Track
 from oarlock.rowing.strokes.reversals import Reversal, fit_reversal
 from oarlock.rowing.strokes.signals import slope_std
 from oarlock.rowing.strokes.strokes import Strokes
-
-Floats = NDArray[np.float64]
+from oarlock.storage.arrays import Floats
 
 _SEARCH_S = 0.3
 _REACH = {"seat": 0.04, "trunk": np.radians(4.0)}

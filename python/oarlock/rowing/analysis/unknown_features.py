@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock import Track
 from oarlock.rowing.strokes.strokes import Strokes
-
-Floats = NDArray[np.float64]
+from oarlock.storage.arrays import Floats
 
 _WHOLE_STROKE = ("recovery", "path_area", "boat_", "check")
 _ARM = ("elbow", "shoulder", "arm_plane", "forearm")

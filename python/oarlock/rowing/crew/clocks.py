@@ -10,15 +10,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.rowing.crew.common_motion import NoCommonMotion, common_motion
 from oarlock.rowing.crew.matching import aligning_shift
 from oarlock.rowing.crew.seats import CrewSeat
+from oarlock.storage.arrays import Floats
 from oarlock.storage.epoch import apart_s
 from oarlock.storage.errors import DataError
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

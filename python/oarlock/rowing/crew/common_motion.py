@@ -7,13 +7,11 @@ not do: what they measure of the boat is mixed with the rower's movement, whose 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock import Recording
 from oarlock.recording import ImuStream
+from oarlock.storage.arrays import Floats
 from oarlock.storage.even_times import even_times
-
-Floats = NDArray[np.float64]
 
 HULL_NAMES = ("hull", "boat")
 """Names of a unit on the hull."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.evaluation.distributions import f_tail
+from oarlock.storage.statistics import f_tail
 from oarlock.rowing.crew.scatter import FEWEST, inflation
 from oarlock.rowing.crew.timing import CrewTiming, Delay
 

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.intp]
+from oarlock.storage.arrays import Floats, Indices
 
 NEAR_SHARE = 0.25
 """Catches of two seats further apart than this share of a stroke are not of one stroke."""
@@ -14,7 +12,7 @@ FURTHEST_S = 0.5
 """As `NEAR_SHARE`, at most; a pause would make a stroke long."""
 
 
-def matched(leader_s: Floats, own_s: Floats) -> tuple[Integers, Integers]:
+def matched(leader_s: Floats, own_s: Floats) -> tuple[Indices, Indices]:
     """Places (M,) of the strokes that belong together, in both, in order of time.
 
     Two catches belong together if each is the nearest of the other and they are less than a quarter of a stroke and
@@ -70,7 +68,7 @@ _MOST_SHIFTS = 20_000
 _FEWEST = 3
 
 
-def _nearest(among: Floats, times: Floats) -> Integers:
+def _nearest(among: Floats, times: Floats) -> Indices:
     """Place of the nearest of `among` for each time."""
     right = np.clip(np.searchsorted(among, times), 1, max(len(among) - 1, 1)) if len(among) > 1 else None
     if right is None:

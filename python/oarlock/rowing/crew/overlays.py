@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock import Recording, Track
 from oarlock.recording import ScalarStream
 from oarlock.rowing.crew.timing import CrewTiming
-
-Floats = NDArray[np.float64]
+from oarlock.storage.arrays import Floats
 
 POINTS = 101
 _FEWEST = 3

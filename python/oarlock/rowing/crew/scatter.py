@@ -8,9 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.evaluation.distributions import student_quantile
-
-Floats = NDArray[np.float64]
+from oarlock.storage.statistics import student_quantile
+from oarlock.storage.arrays import Floats
 
 FEWEST = 5
 """Strokes that a mean needs."""

@@ -7,16 +7,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock import Recording, Track
 from oarlock.rowing.strokes.events import Event
 from oarlock.rowing.strokes.find_strokes import find_strokes
 from oarlock.rowing.strokes.signals import SOURCES
 from oarlock.rowing.strokes.strokes import Strokes
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
-Floats = NDArray[np.float64]
 _BOW, _STROKE = 1.0, 1000.0
 _SESSION = "session"
 

@@ -13,9 +13,8 @@ from oarlock.rowing.crew.clocks import CrewClocks, crew_clocks
 from oarlock.rowing.crew.matching import matched
 from oarlock.rowing.crew.scatter import Mean, mean_of
 from oarlock.rowing.crew.seats import CrewSeat, seat_place
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
-
-Floats = NDArray[np.float64]
 
 EVENTS = ("catch", "finish", "drive")
 """Of each stroke: the times of catch and finish, and the time between them, which no clock can falsify."""

@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from oarlock.rowing.exports.cells import Cells, Floats, derived, durations, numbers
+from oarlock.rowing.exports.cells import Cells, derived, durations, numbers
 from oarlock.rowing.exports.grid import TableRows
 from oarlock.rowing.strokes.table import StrokeTable
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
 NAMED = "named in the file: "

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.rowing.exports.grid import TableRows
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
-Floats = NDArray[np.float64]
 DEGREE_RAD = np.pi / 180.0
 POUND_FORCE_N = 4.4482216152605
 MOST = 1e12

@@ -11,7 +11,7 @@ import numpy as np
 
 from oarlock.rowing.exports.activity import COLUMNS, Activity, known_columns
 from oarlock.rowing.exports.build import many
-from oarlock.rowing.exports.cells import MOST, Floats
+from oarlock.rowing.exports.cells import MOST
 from oarlock.rowing.exports.rowingdata import follow_by_strokes
 from oarlock.rowing.exports.starts import epoch_of_seconds
 from oarlock.rowing.strokes.fit_fields import (
@@ -25,6 +25,7 @@ from oarlock.rowing.strokes.fit_fields import (
     UNITS,
 )
 from oarlock.rowing.strokes.table import StrokeTable
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.regular_file import begins_with, read_bytes
 

@@ -16,10 +16,11 @@ import numpy as np
 
 from oarlock import Recording
 from oarlock.recording import ScalarStream
-from oarlock.rowing.exports.cells import DEGREE_RAD, Floats, derived, numbers
+from oarlock.rowing.exports.cells import DEGREE_RAD, derived, numbers
 from oarlock.rowing.exports.grid import CellGrid, TableRows
 from oarlock.rowing.strokes.find_strokes import find_strokes
 from oarlock.rowing.strokes.table import StrokeTable
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
 TITLE = "Peach PowerLine, text export"

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.rowing.exports.build import ColumnMap, TableBuilder
-from oarlock.rowing.exports.cells import DEGREE_RAD, Cells, Floats, listed
+from oarlock.rowing.exports.cells import DEGREE_RAD, Cells, listed
 from oarlock.rowing.exports.grid import CellGrid
 from oarlock.rowing.strokes.table import StrokeTable
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
 TITLE = "Quiske, strokes (CSV)"

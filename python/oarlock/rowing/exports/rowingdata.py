@@ -6,10 +6,11 @@ import numpy as np
 
 from oarlock.rowing.exports.activity import Activity, known_columns
 from oarlock.rowing.exports.build import ColumnMap, TableBuilder, left_out_note
-from oarlock.rowing.exports.cells import DEGREE_RAD, POUND_FORCE_N, Cells, Floats
+from oarlock.rowing.exports.cells import DEGREE_RAD, POUND_FORCE_N, Cells
 from oarlock.rowing.exports.grid import CellGrid, TableRows
 from oarlock.rowing.exports.nk_speedcoach import add_arcs, told_angles
 from oarlock.rowing.strokes.table import StrokeTable
+from oarlock.storage.arrays import Floats
 from oarlock.storage.epoch import FIRST_S
 
 TITLE = "RowingData CSV, strokes (rowsandall and others)"

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from oarlock.rowing.exports.build import ColumnMap, TableBuilder, left_out_note, many
-from oarlock.rowing.exports.cells import Floats, listed
+from oarlock.rowing.exports.cells import listed
 from oarlock.rowing.exports.grid import CellGrid
 from oarlock.rowing.strokes.table import StrokeTable
+from oarlock.storage.arrays import Floats
 
 TITLE = "RP3 or RowPerfect, strokes (CSV)"
 MARKS = ("workout_interval_id", "stroke_number", "stroke_length", "peak_force_pos", "curve_data")

@@ -11,14 +11,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from oarlock.model import ModelDescription, TransformDescription
 from oarlock.rowing.simulation.grip import ARM_JOINTS, SIDES
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
-Array = NDArray[np.float64]
-Pose = tuple[Array, Array]
+Pose = tuple[Floats, Floats]
 """Rotation (..., 3, 3) and origin (..., 3) of a frame in root axes."""
 
 DEVIATIONS = (
@@ -102,7 +102,7 @@ class Anatomy:
         """Columns of the posture of these joints and deviations."""
         return [self._column[name] for name in names]
 
-    def forward_kinematics(self, q: ArrayLike, /) -> Array:
+    def forward_kinematics(self, q: ArrayLike, /) -> Floats:
         """Poses (..., n_frames, 4, 4), root from frame, of postures (..., n_joints + n_deviations)."""
         posture = np.asarray(q, dtype=np.float64)
         found = self.poses(posture, self.frame_names)
@@ -112,14 +112,14 @@ class Anatomy:
         stacked[..., 3, 3] = 1.0
         return stacked
 
-    def poses(self, posture: Array, names: Iterable[str]) -> dict[str, Pose]:
+    def poses(self, posture: Floats, names: Iterable[str]) -> dict[str, Pose]:
         """Poses of the named frames in root axes, and of the frames between them and the root."""
         found: dict[str, Pose] = {}
         for name in names:
             self._reach(name, posture, found)
         return found
 
-    def _reach(self, name: str, posture: Array, found: dict[str, Pose]) -> Pose:
+    def _reach(self, name: str, posture: Floats, found: dict[str, Pose]) -> Pose:
         if name in found:
             return found[name]
         frame = self._frames[name]
@@ -140,10 +140,10 @@ class Anatomy:
         found[name] = pose
         return pose
 
-    def _of(self, posture: Array, name: str) -> Array:
+    def _of(self, posture: Floats, name: str) -> Floats:
         return np.asarray(posture[..., self._column[name]])
 
-    def _glided(self, pose: Pose, side: str, posture: Array, found: dict[str, Pose]) -> Pose:
+    def _glided(self, pose: Pose, side: str, posture: Floats, found: dict[str, Pose]) -> Pose:
         """The shoulder's frame: oriented as on a rigid trunk, with its origin moved by girdle and scapula."""
         if not posture[..., self._gliding].any():
             return pose
@@ -155,7 +155,7 @@ class Anatomy:
         origin = origin + self._of(posture, f"{side}_elevation")[..., None] * along
         return pose[0], origin
 
-    def trunk_at(self, share: Array | np.float64, posture: Array, found: dict[str, Pose]) -> Pose:
+    def trunk_at(self, share: Floats | np.float64, posture: Floats, found: dict[str, Pose]) -> Pose:
         """The spine at a share of the way from hip to shoulder line: rotation relative to a rigid trunk, and position.
 
         The spine is an arc of the trunk's length. Its chord has the trunk's inclination, and its twist is uniform.
@@ -169,7 +169,7 @@ class Anatomy:
         _, there, _ = trunk_axes(hip[0], lean + bend * (share - 1.0) / 2.0)
         return beyond, hip[1] + chord[..., None] * there
 
-    def bone(self, frame: str, offset_m: Array, posture: Array) -> Pose:
+    def bone(self, frame: str, offset_m: Floats, posture: Floats) -> Pose:
         """The link under a sensor at ``offset_m`` (3,) in a frame's axes; on the trunk this is the spine."""
         found = self.poses(posture, (frame,))
         rotation, origin = found[frame]
@@ -188,7 +188,7 @@ class Anatomy:
         rotation = beyond @ rotation
         return rotation, place - apply(rotation, offset_m)
 
-    def _gripped(self, pose: Pose, side: str, posture: Array) -> Pose:
+    def _gripped(self, pose: Pose, side: str, posture: Floats) -> Pose:
         """Pose of the handle relative to the hand, with slip along it and tilt, independent of feathering."""
         if not posture[..., self.columns([f"{side}_grip_turn", f"{side}_grip_slip"])].any():
             return pose
@@ -201,19 +201,19 @@ class Anatomy:
         return pose[0] @ rotation_about(across, angle), pose[1] + slip * pose[0][..., :, 2]
 
 
-def trunk_axes(seat: Array, lean: Array) -> tuple[Array, Array, Array]:
+def trunk_axes(seat: Floats, lean: Floats) -> tuple[Floats, Floats, Floats]:
     """Forward, along the trunk and right (..., 3), in root axes, at an inclination (...), positive backwards."""
     up, bow, right = (apply(seat, axis) for axis in (_UP, _BOW, _RIGHT))
     cosine, sine = np.cos(lean)[..., None], np.sin(lean)[..., None]
     return sine * up - cosine * bow, cosine * up + sine * bow, right
 
 
-def apply(rotation: Array, vector: Array) -> Array:
+def apply(rotation: Floats, vector: Floats) -> Floats:
     """Rotations (..., 3, 3) times vectors (3,) or (..., 3)."""
     return np.asarray(sum(rotation[..., k] * vector[..., k, None] for k in range(3)))
 
 
-def rotation_about(axis: Array, angle: Array) -> Array:
+def rotation_about(axis: Floats, angle: Floats) -> Floats:
     """Rodrigues' formula: (..., 3, 3) from unit axes (..., 3) and angles (...)."""
     x, y, z = np.moveaxis(np.broadcast_to(axis, (*np.shape(angle), 3)), -1, 0)
     cosine, sine, versine = np.cos(angle), np.sin(angle), 2.0 * np.sin(angle / 2.0) ** 2
@@ -226,7 +226,7 @@ def rotation_about(axis: Array, angle: Array) -> Array:
     return rotation
 
 
-def rotation_by(vector: Array) -> Array:
+def rotation_by(vector: Floats) -> Floats:
     """(..., 3, 3) from rotation vectors (..., 3), rad."""
     angle = np.linalg.norm(vector, axis=-1)
     return rotation_about(vector / np.maximum(angle, 1e-300)[..., None], angle)
@@ -242,13 +242,13 @@ def placed(pose: Pose, fixed: TransformDescription | None) -> Pose:
     return turned_on, moved
 
 
-def turned(pose: Pose, angle: Array) -> Pose:
+def turned(pose: Pose, angle: Floats) -> Pose:
     """A pose rotated about its own z."""
     x, y, z = (pose[0][..., :, k] for k in range(3))
     cosine, sine = np.cos(angle)[..., None], np.sin(angle)[..., None]
     return np.stack([cosine * x + sine * y, cosine * y - sine * x, z], axis=-1), pose[1]
 
 
-def slid(pose: Pose, way: Array) -> Pose:
+def slid(pose: Pose, way: Floats) -> Pose:
     """A pose moved along its own z."""
     return pose[0], pose[1] + way[..., None] * pose[0][..., :, 2]

@@ -5,14 +5,12 @@ from __future__ import annotations
 from zlib import crc32
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.rowing.field.effects import FieldEffects
 from oarlock.rowing.simulation.curves import PeriodicCurve, Variation
 from oarlock.rowing.simulation.grip import SIDES
 from oarlock.rowing.simulation.timing import StrokeTiming
-
-Array = NDArray[np.float64]
+from oarlock.storage.arrays import Floats
 
 # Values at catch, mid-drive, finish, hands away, mid-recovery. Only the shape matters: effects give the strengths.
 _CURVES = {
@@ -39,7 +37,7 @@ def generator(seed: int, purpose: str) -> np.random.Generator:
     return np.random.default_rng([seed, crc32(purpose.encode())])
 
 
-def body_courses(effects: FieldEffects, timing: StrokeTiming, seed: int) -> dict[str, Array]:
+def body_courses(effects: FieldEffects, timing: StrokeTiming, seed: int) -> dict[str, Floats]:
     """Deviations of the skeleton by name, (K,) each, m and rad; zero where they are off."""
     strengths = {
         "spine_bend": effects.spine_bend_rad,
@@ -55,7 +53,7 @@ def body_courses(effects: FieldEffects, timing: StrokeTiming, seed: int) -> dict
     return {name: course(name, strength, timing, seed) for name, strength in strengths.items()}
 
 
-def hull_courses(effects: FieldEffects, timing: StrokeTiming, seed: int) -> dict[str, Array]:
+def hull_courses(effects: FieldEffects, timing: StrokeTiming, seed: int) -> dict[str, Floats]:
     """`hull_pitch`, `hull_roll`, `hull_yaw` (rad) and `hull_heave` (m), (K,) each."""
     strengths = {
         "hull_pitch": effects.hull_pitch_rad,
@@ -66,7 +64,7 @@ def hull_courses(effects: FieldEffects, timing: StrokeTiming, seed: int) -> dict
     return {name: course(name, strength, timing, seed) for name, strength in strengths.items()}
 
 
-def course(name: str, strength: float, timing: StrokeTiming, seed: int) -> Array:
+def course(name: str, strength: float, timing: StrokeTiming, seed: int) -> Floats:
     """A curve (K,) that repeats with the strokes, with some variation; its peak is the strength."""
     if strength == 0.0:
         return np.zeros_like(timing.time_s)
@@ -78,6 +76,6 @@ def course(name: str, strength: float, timing: StrokeTiming, seed: int) -> Array
     return np.asarray(strength * shape / np.abs(shape).max())
 
 
-def wander(rng: np.random.Generator, timing: StrokeTiming) -> Array:
+def wander(rng: np.random.Generator, timing: StrokeTiming) -> Floats:
     """A smooth random curve (K,) of standard deviation 1 that changes from stroke to stroke."""
     return Variation(rng, timing.stroke).draw(1.0)

@@ -13,8 +13,7 @@ from oarlock.rowing.field.courses import generator
 from oarlock.rowing.field.effects import FieldEffects
 from oarlock.rowing.field.placement import Encoder, UnitErrors
 from oarlock.rowing.field.signals import IdealReadings
-
-Array = NDArray[np.float64]
+from oarlock.storage.arrays import Floats
 
 _MINUTE_S = 60.0
 _LARGEST_JITTER = 0.4
@@ -25,11 +24,11 @@ _LARGEST_JITTER = 0.4
 class SampleTimes:
     """True sampling times of a unit, (N,) s, and its time stamps, (N,) s."""
 
-    time_s: Array
-    stamp_s: Array
+    time_s: Floats
+    stamp_s: Floats
 
 
-def stamped(name: str, time_s: Array, shown_s: Array, effects: FieldEffects, seed: int) -> SampleTimes:
+def stamped(name: str, time_s: Floats, shown_s: Floats, effects: FieldEffects, seed: int) -> SampleTimes:
     """Time stamps with jitter of the samples that are not lost; the first and the last are never lost."""
     rng = generator(seed, f"radio {name}")
     jitter = effects.clock_jitter_s * rng.standard_normal(time_s.size)
@@ -39,7 +38,7 @@ def stamped(name: str, time_s: Array, shown_s: Array, effects: FieldEffects, see
     return SampleTimes(time_s[arrives], (shown_s + np.clip(jitter, -most, most))[arrives])
 
 
-def gap(name: str, units: list[str], time_s: Array, effects: FieldEffects, seed: int) -> NDArray[np.bool_]:
+def gap(name: str, units: list[str], time_s: Floats, effects: FieldEffects, seed: int) -> NDArray[np.bool_]:
     """(N,) True during the dropout of the unit: one unit has one dropout, in the middle half of the recording."""
     rng = generator(seed, "gap")
     chosen = units[int(rng.integers(len(units)))]
@@ -66,7 +65,7 @@ def read_unit(
     mag = ideal.field_ut @ unit.field_gain.T + unit.hard_iron_ut
     limits = (effects.gyro_range_rad_s, effects.accel_range_m_s2, np.inf)
     stds = (sensor.gyro_std_rad_s, sensor.accel_std_m_s2, sensor.mag_std_ut)
-    fields: dict[str, Array | None] = {}
+    fields: dict[str, Floats | None] = {}
     for key, clean, limit, std in zip(
         ("gyro_rad_s", "accel_m_s2", "mag_ut"), (gyro, accel, mag), limits, stds, strict=True
     ):
@@ -80,8 +79,8 @@ def read_unit(
 def read_encoder(
     sensor: EncoderDescription,
     encoder: Encoder,
-    value: Array,
-    time_s: Array,
+    value: Floats,
+    time_s: Floats,
     effects: FieldEffects,
     seed: int,
 ) -> ScalarStream:
@@ -91,7 +90,7 @@ def read_encoder(
     return ScalarStream(sensor.name, time_s, value * (1.0 + encoder.scale) + encoder.offset + noise)
 
 
-def walk(rng: np.random.Generator, time_s: Array, per_minute: float) -> Array:
+def walk(rng: np.random.Generator, time_s: Floats, per_minute: float) -> Floats:
     """A random walk (N, 3) from zero whose standard deviation after a minute is ``per_minute``."""
     steps = rng.standard_normal((time_s.size, 3))
     spread = per_minute * np.sqrt(np.diff(time_s, prepend=time_s[:1]) / _MINUTE_S)

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.model import ImuDescription, ModelDescription
 from oarlock.rowing.field.anatomy import rotation_by
 from oarlock.rowing.field.courses import generator
 from oarlock.rowing.field.effects import FieldEffects
-
-Array = NDArray[np.float64]
+from oarlock.storage.arrays import Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,14 +22,14 @@ class UnitErrors:
     """
 
     frame: str
-    link_from_sensor: Array
-    offset_m: Array
-    field_gain: Array
-    hard_iron_ut: Array
-    gyro_bias_rad_s: Array
-    accel_bias_m_s2: Array
-    gyro_gain: Array
-    accel_gain: Array
+    link_from_sensor: Floats
+    offset_m: Floats
+    field_gain: Floats
+    hard_iron_ut: Floats
+    gyro_bias_rad_s: Floats
+    accel_bias_m_s2: Floats
+    gyro_gain: Floats
+    accel_gain: Floats
 
 
 @dataclass(frozen=True)
@@ -41,11 +39,11 @@ class SimulatedClock:
     offset_s: float = 0.0
     drift: float = 0.0
 
-    def shown(self, time_s: Array) -> Array:
+    def shown(self, time_s: Floats) -> Floats:
         """Time stamps of the clock at true times."""
         return time_s * (1.0 + self.drift) + self.offset_s
 
-    def true(self, shown_s: Array) -> Array:
+    def true(self, shown_s: Floats) -> Floats:
         """True times for time stamps of the clock."""
         return (shown_s - self.offset_s) / (1.0 + self.drift)
 
@@ -115,13 +113,13 @@ def encoder(name: str, slide: bool, effects: FieldEffects, seed: int) -> Encoder
     return Encoder(float(offset * strengths[0]), float(scale * strengths[1]))
 
 
-def direction(rng: np.random.Generator) -> Array:
+def direction(rng: np.random.Generator) -> Floats:
     """A random unit vector (3,), uniform on the sphere."""
     vector = rng.standard_normal(3)
     return np.asarray(vector / np.linalg.norm(vector))
 
 
-def _soft_iron(rng: np.random.Generator, strength: float) -> Array:
+def _soft_iron(rng: np.random.Generator, strength: float) -> Floats:
     """A random symmetric matrix (3, 3) whose largest relative change of length is the strength."""
     axes, _ = np.linalg.qr(rng.standard_normal((3, 3)))
     stretches = rng.uniform(-1.0, 1.0, 3)

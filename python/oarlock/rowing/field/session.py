@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
 from oarlock.model import ModelDescription, WorldDescription
@@ -18,9 +17,8 @@ from oarlock.rowing.simulation.boat import Boat, hull_motion
 from oarlock.rowing.simulation.grip import GripSolver
 from oarlock.rowing.simulation.stroke_shape import StrokeShape, body_and_oars
 from oarlock.rowing.simulation.timing import StrokeTiming, stroke_timing
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
-
-Array = NDArray[np.float64]
 
 KNOTS_HZ = 250.0
 HANDS_HOLD = 1e-6
@@ -45,10 +43,10 @@ class Hull:
     heave_m: BSpline
     surge_m_s2: BSpline
     surge_m: BSpline
-    up: Array
-    forward: Array
+    up: Floats
+    forward: Floats
 
-    def pose(self, time_s: Array) -> tuple[Array, Array]:
+    def pose(self, time_s: Floats) -> tuple[Floats, Floats]:
         """Rotation (..., 3, 3) of the root relative to axes at rest, and position (..., 3) of its origin in them."""
         pitch, roll, yaw = np.moveaxis(np.asarray(self.angles_rad(time_s)), -1, 0)
         left = np.cross(self.up, self.forward)
@@ -61,7 +59,7 @@ class Hull:
         way = self.heave_m(time_s)[..., None] * self.up + self.surge_m(time_s)[..., None] * self.forward
         return rotation, np.asarray(way + rocked)
 
-    def at_joints(self, time_s: Array) -> dict[str, Array]:
+    def at_joints(self, time_s: Floats) -> dict[str, Floats]:
         """The same as values (K,) of a model's hull joints; surge has no joint."""
         _, place = self.pose(time_s)
         pitch, roll, yaw = np.moveaxis(np.asarray(self.angles_rad(time_s)), -1, 0)
@@ -86,12 +84,12 @@ class FieldSession:
 
     anatomy: Anatomy
     timing: StrokeTiming
-    posture: Array
+    posture: Floats
     spline: BSpline
     hull: Hull
     carrier: Hull
 
-    def boat(self, time_s: Array) -> tuple[Array, Array]:
+    def boat(self, time_s: Floats) -> tuple[Floats, Floats]:
         """Rotation (..., 3, 3) and origin (..., 3) of the boat's frame in root axes at times (...)."""
         name = self.anatomy.boat
         return self.anatomy.poses(np.asarray(self.spline(time_s)), (name,))[name]
@@ -136,7 +134,7 @@ def _grip_directions(seed: int) -> tuple[float, float]:
     return float(right), float(left)
 
 
-def _laid_out(anatomy: Anatomy, courses: Mapping[str, Array]) -> Array:
+def _laid_out(anatomy: Anatomy, courses: Mapping[str, Floats]) -> Floats:
     posture = np.zeros((next(iter(courses.values())).size, len(anatomy.joint_names)))
     for name, value in courses.items():
         if name in anatomy.joint_names:
@@ -144,7 +142,7 @@ def _laid_out(anatomy: Anatomy, courses: Mapping[str, Array]) -> Array:
     return posture
 
 
-def _stretcher(anatomy: Anatomy, nominal: ModelDescription, posture: Array) -> float:
+def _stretcher(anatomy: Anatomy, nominal: ModelDescription, posture: Floats) -> float:
     """Shift of the seat's travel toward the stern, m; 0 if the true body reaches as far as the nominal one."""
     usual = Anatomy(nominal)
     neutral = posture.copy()
@@ -162,7 +160,7 @@ def _stretcher(anatomy: Anatomy, nominal: ModelDescription, posture: Array) -> f
     return moved
 
 
-def _held(anatomy: Anatomy, time: Array, posture: Array, preferred: Array) -> Array:
+def _held(anatomy: Anatomy, time: Floats, posture: Floats, preferred: Floats) -> Floats:
     solver = GripSolver(anatomy, WEIGHTS)
     excess = solver.excess_reach(posture)
     if excess.max() > 0.0:
@@ -188,7 +186,7 @@ def _hull(
     world: WorldDescription,
     effects: FieldEffects,
     timing: StrokeTiming,
-    posture: Array,
+    posture: Floats,
     surge: bool,
     seed: int,
 ) -> Hull:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.model import WorldDescription
 from oarlock.rowing.field.anatomy import apply, rotation_by
@@ -15,8 +14,7 @@ from oarlock.rowing.field.effects import FieldEffects
 from oarlock.rowing.field.placement import UnitErrors, direction
 from oarlock.rowing.field.session import FieldSession
 from oarlock.rowing.field.skin import Skin
-
-Array = NDArray[np.float64]
+from oarlock.storage.arrays import Floats
 
 STEP_S = 2e-3
 REACH = 4
@@ -33,9 +31,9 @@ _IRON_NEAREST_M = 0.1
 class IdealReadings(NamedTuple):
     """Angular velocity rad/s, specific force m/s2 and magnetic field uT, (N, 3) each, in sensor axes."""
 
-    gyro_rad_s: Array
-    accel_m_s2: Array
-    field_ut: Array
+    gyro_rad_s: Floats
+    accel_m_s2: Floats
+    field_ut: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,10 +41,10 @@ class AmbientFields:
     """Gravity and the magnetic field, in axes at rest; the boat's iron in the boat's axes."""
 
     gravity_m_s2: float
-    up: Array
-    field_ut: Array
-    iron_place_m: Array
-    iron_ut: Array
+    up: Floats
+    field_ut: Floats
+    iron_place_m: Floats
+    iron_ut: Floats
 
     @classmethod
     def of(cls, world: WorldDescription, effects: FieldEffects, seed: int) -> AmbientFields:
@@ -59,7 +57,7 @@ class AmbientFields:
         moment = effects.rail_iron_ut * direction(generator(seed, "rail iron"))
         return cls(world.gravity_m_s2, up, field, place, moment)
 
-    def iron_field(self, place_m: Array) -> Array:
+    def iron_field(self, place_m: Floats) -> Floats:
         """Field (..., 3), uT, of the boat's iron (a dipole) at positions (..., 3) in the boat's axes."""
         reach = place_m - self.iron_place_m
         distance = np.maximum(np.linalg.norm(reach, axis=-1), _IRON_NEAREST_M)[..., None]
@@ -68,7 +66,7 @@ class AmbientFields:
 
 
 def ideal_readings(
-    session: FieldSession, surroundings: AmbientFields, unit: UnitErrors, skin: Skin, time_s: Array
+    session: FieldSession, surroundings: AmbientFields, unit: UnitErrors, skin: Skin, time_s: Floats
 ) -> IdealReadings:
     """Ideal readings at times (N,); the field is in sensor axes, without hard and soft iron."""
     if time_s.size == 0:
@@ -81,7 +79,7 @@ def ideal_readings(
 
 
 def _readings_of(
-    session: FieldSession, around: AmbientFields, unit: UnitErrors, skin: Skin, time_s: Array
+    session: FieldSession, around: AmbientFields, unit: UnitErrors, skin: Skin, time_s: Floats
 ) -> IdealReadings:
     steps = np.arange(-REACH, REACH + 1) * STEP_S
     times = time_s[:, None] + steps
@@ -103,7 +101,7 @@ def _readings_of(
     return IdealReadings(gyro, apply(sensor_from_rest, force), field)
 
 
-def sensor_pose(session: FieldSession, unit: UnitErrors, skin: Skin, time_s: Array) -> tuple[Array, Array]:
+def sensor_pose(session: FieldSession, unit: UnitErrors, skin: Skin, time_s: Floats) -> tuple[Floats, Floats]:
     """Rotation (..., 3, 3), root from sensor, and position (..., 3) of a unit in root axes at times (...)."""
     posture = np.asarray(session.spline(time_s))
     rotation, origin = session.anatomy.bone(unit.frame, unit.offset_m, posture)
@@ -112,13 +110,13 @@ def sensor_pose(session: FieldSession, unit: UnitErrors, skin: Skin, time_s: Arr
     return rotation @ rotation_by(turn) @ unit.link_from_sensor, place
 
 
-def first_derivative(values: Array) -> Array:
+def first_derivative(values: Floats) -> Floats:
     """Derivative (N, ...) of values (N, 9, ...) at intervals of 2 ms, at their middle; per s."""
     ahead, behind = values[:, REACH + 1 :], values[:, REACH - 1 :: -1]
     return np.asarray(np.einsum("k,nk...->n...", _FIRST / STEP_S, ahead - behind))
 
 
-def second_derivative(values: Array) -> Array:
+def second_derivative(values: Floats) -> Floats:
     """Second derivative (N, ...) of values (N, 9, ...), per s2; differences from the middle avoid rounding errors."""
     here = values[:, REACH]
     ahead, behind = values[:, REACH + 1 :], values[:, REACH - 1 :: -1]

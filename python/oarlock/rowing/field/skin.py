@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 from scipy.signal import cont2discrete, lfilter
 
@@ -20,8 +19,7 @@ from oarlock.rowing.field.effects import FieldEffects
 from oarlock.rowing.field.placement import UnitErrors, direction
 from oarlock.rowing.simulation.grip import SIDES
 from oarlock.rowing.simulation.timing import StrokeTiming
-
-Array = NDArray[np.float64]
+from oarlock.storage.arrays import Floats
 
 _RINGS_HZ = 10.0
 _DAMPING = 0.25
@@ -36,7 +34,7 @@ class Skin:
 
     spline: BSpline | None
 
-    def at(self, time_s: Array) -> tuple[Array, Array]:
+    def at(self, time_s: Floats) -> tuple[Floats, Floats]:
         """Displacement (..., 3) and rotation vector (..., 3) at times (...)."""
         if self.spline is None:
             nothing = np.zeros((*time_s.shape, 3))
@@ -50,8 +48,8 @@ class BoneMotion:
     """The body and the force on a bone over the knots: postures (K, n), specific force (K, 3) in link axes, m/s2."""
 
     timing: StrokeTiming
-    posture: Array
-    force: Array
+    posture: Floats
+    force: Floats
 
 
 def skin_of(
@@ -79,7 +77,7 @@ def skin_of(
     return Skin(make_interp_spline(course.timing.time_s, np.hstack([shift, turn]), k=5))
 
 
-def _directions(unit: UnitErrors, rng: np.random.Generator) -> tuple[Array, Array]:
+def _directions(unit: UnitErrors, rng: np.random.Generator) -> tuple[Floats, Floats]:
     """Direction away from the bone, and the axis about which swelling tilts the unit."""
     place = unit.offset_m.copy()
     place[np.argmax(np.abs(place))] = 0.0  # along the limb, or sideways to the spine
@@ -88,11 +86,11 @@ def _directions(unit: UnitErrors, rng: np.random.Generator) -> tuple[Array, Arra
     return outward, across / np.linalg.norm(across)
 
 
-def _neutral(posture: Array) -> Array:
+def _neutral(posture: Floats) -> Floats:
     return np.zeros((1, posture.shape[-1]))
 
 
-def swelling(anatomy: Anatomy, side: str | None, posture: Array) -> Array:
+def swelling(anatomy: Anatomy, side: str | None, posture: Floats) -> Floats:
     """(K,) 0 with the elbow straight, 1 at 90 deg; over the spine the mean of both arms' elevation instead."""
     if side is not None:
         return _bent(anatomy, (f"{side}_shoulder", f"{side}_elbow", f"{side}_wrist"), posture)
@@ -100,14 +98,14 @@ def swelling(anatomy: Anatomy, side: str | None, posture: Array) -> Array:
     return np.asarray(0.5 * sum(both))
 
 
-def _bent(anatomy: Anatomy, frames: tuple[str, str, str], posture: Array) -> Array:
+def _bent(anatomy: Anatomy, frames: tuple[str, str, str], posture: Floats) -> Floats:
     """Change of the cosine between two limbs since the N-pose: about 1 after a quarter turn."""
     first, second = _limbs(anatomy, frames, posture)
     hanging = np.sum(np.multiply(*_limbs(anatomy, frames, _neutral(posture))), axis=-1)
     return np.asarray(np.sign(hanging) * (hanging - np.sum(first * second, axis=-1)))
 
 
-def _limbs(anatomy: Anatomy, frames: tuple[str, str, str], posture: Array) -> tuple[Array, Array]:
+def _limbs(anatomy: Anatomy, frames: tuple[str, str, str], posture: Floats) -> tuple[Floats, Floats]:
     ends = [anatomy.poses(posture, frames)[frame][1] for frame in frames]
     limbs = [ends[1] - ends[0], ends[2] - ends[1]]
     return limbs[0] / np.linalg.norm(limbs[0], axis=-1, keepdims=True), limbs[1] / np.linalg.norm(
@@ -115,7 +113,7 @@ def _limbs(anatomy: Anatomy, frames: tuple[str, str, str], posture: Array) -> tu
     )
 
 
-def twist(anatomy: Anatomy, frames: tuple[str, str], posture: Array) -> Array:
+def twist(anatomy: Anatomy, frames: tuple[str, str], posture: Floats) -> Floats:
     """Rotation vector (K, 3) of the limb's rotation about its length since the N-pose, in its axes.
 
     This is the twist of its rotation relative to the previous limb (swing and twist).
@@ -135,19 +133,19 @@ def twist(anatomy: Anatomy, frames: tuple[str, str], posture: Array) -> Array:
     return np.asarray(np.unwrap(angle)[:, None] * axis)
 
 
-def _limb_start(anatomy: Anatomy, frame: str, posture: Array) -> Array:
+def _limb_start(anatomy: Anatomy, frame: str, posture: Floats) -> Floats:
     side, _, part = frame.partition("_")
     before = f"{side}_{_BEFORE[part]}"
     return anatomy.poses(_neutral(posture), (before,))[before][1]
 
 
-def _at_rest(anatomy: Anatomy, unit: UnitErrors, posture: Array) -> Array:
+def _at_rest(anatomy: Anatomy, unit: UnitErrors, posture: Floats) -> Floats:
     """Specific force (3,) in link axes in the N-pose; the seat's x points up."""
     still = anatomy.poses(_neutral(posture), ("seat", unit.frame))
     return np.asarray(_G_M_S2 * still[unit.frame][0][0].T @ still["seat"][0][0][:, 0])
 
 
-def rung(time_s: Array, force: Array) -> Array:
+def rung(time_s: Floats, force: Floats) -> Floats:
     """Response (K, 3) of a damped oscillator to a force: x'' + 2 d w x' + w2 x = w2 force, from rest."""
     rate = 2.0 * np.pi * _RINGS_HZ
     system = ([rate**2], [1.0, 2.0 * _DAMPING * rate, rate**2])
@@ -155,14 +153,14 @@ def rung(time_s: Array, force: Array) -> Array:
     return np.asarray(force[0] + lfilter(numerator[0], denominator, force - force[0], axis=0))
 
 
-def _wander(name: str, timing: StrokeTiming, seed: int) -> Array:
+def _wander(name: str, timing: StrokeTiming, seed: int) -> Floats:
     """Random rotation vectors (K, 3) with an rms of 1 about each axis."""
     rng = generator(seed, f"wander {name}")
     turns = np.stack([wander(rng, timing) for _ in range(3)], axis=-1)
     return np.asarray(turns / np.sqrt(np.mean(turns**2, axis=0)))
 
 
-def bone_force(time_s: Array, place: Array, rotation: Array, up: Array, gravity_m_s2: float) -> Array:
+def bone_force(time_s: Floats, place: Floats, rotation: Floats, up: Floats, gravity_m_s2: float) -> Floats:
     """Specific force (K, 3) in link axes of a bone at ``place`` (K, 3) in axes at rest, with vertical ``up`` (3,)."""
     acceleration = np.asarray(make_interp_spline(time_s, place, k=5)(time_s, 2))
     force: Any = acceleration + gravity_m_s2 * up

@@ -9,7 +9,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.model import EncoderDescription, ImuDescription, ModelDescription
 from oarlock.rowing.field.anatomy import apply
@@ -29,6 +28,7 @@ from oarlock.rowing.field.signals import REACH, STEP_S, AmbientFields, ideal_rea
 from oarlock.rowing.field.skin import BoneMotion, Skin, bone_force, skin_of
 from oarlock.rowing.simulation.grip import SIDES
 from oarlock.rowing.simulation.noise import SimulatedCondition, condition_named
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.folder_writer import replaced_folder
 
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from oarlock.markers import Markers
     from oarlock.recording import ImuStream, ScalarStream
 
-Array = NDArray[np.float64]
 
 MARKERS = tuple(f"{side}_{joint}" for side in SIDES for joint in ("shoulder", "elbow", "wrist"))
 
@@ -70,9 +69,9 @@ class FieldTrial:
     clocks: Mapping[str, SimulatedClock]
     encoders: Mapping[str, Encoder]
     units: Mapping[str, UnitErrors]
-    hull_angles_rad: Array
-    hull_heave_m: Array
-    surge_m_s2: Array
+    hull_angles_rad: Floats
+    hull_heave_m: Floats
+    surge_m_s2: Floats
 
     def save(self, folder: str | PathLike[str]) -> None:
         """Write the recording into a folder, with `truth/`, `markers.csv` (m) and `true_calibration.toml`."""
@@ -157,7 +156,7 @@ def _checked(condition: str, rate_hz: float, duration_s: float) -> SimulatedCond
     return chosen
 
 
-def _stamps(duration_s: float, rate_hz: float) -> Array:
+def _stamps(duration_s: float, rate_hz: float) -> Floats:
     """Sampling times as in `oarlock.simulate`: all differentiated poses are inside the motion."""
     room = REACH * STEP_S
     count = int(np.floor((duration_s - 2.0 * room) * rate_hz + 1e-9)) + 1
@@ -170,7 +169,7 @@ def _unit_stream(
     own_clock: SimulatedClock,
     session: FieldSession,
     around: AmbientFields,
-    time_s: Array,
+    time_s: Floats,
     effects: FieldEffects,
     seed: int,
 ) -> ImuStream:
@@ -209,7 +208,7 @@ def _encoder_stream(
     sensor: EncoderDescription,
     error: Encoder,
     session: FieldSession,
-    time_s: Array,
+    time_s: Floats,
     effects: FieldEffects,
     seed: int,
 ) -> ScalarStream:
@@ -217,7 +216,7 @@ def _encoder_stream(
     return read_encoder(sensor, error, value, time_s, effects, seed)
 
 
-def _truth(model: Model, session: FieldSession, time_s: Array) -> Track:
+def _truth(model: Model, session: FieldSession, time_s: Floats) -> Track:
     from oarlock import Track
 
     own = session.anatomy.own_joint_names
@@ -245,7 +244,7 @@ def _truth(model: Model, session: FieldSession, time_s: Array) -> Track:
     )
 
 
-def _markers(session: FieldSession, time_s: Array) -> Markers:
+def _markers(session: FieldSession, time_s: Floats) -> Markers:
     found = session.anatomy.poses(np.asarray(session.spline(time_s)), MARKERS)
     boat = session.boat(time_s)
     boat_from_root = np.swapaxes(boat[0], -1, -2)

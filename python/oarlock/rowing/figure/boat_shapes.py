@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from oarlock.model import Shape
 from oarlock.model.shapes import Part, box, loft, tube
 from oarlock.rowing.figure.rower import RowerFigure
-
-Floats = NDArray[np.float64]
+from oarlock.storage.arrays import Floats
 
 _SCULL_M, _SWEEP_OAR_M = 2.88, 3.72
 _HANDLE_END_M, _SWEEP_HANDLE_END_M = 0.065, 0.15

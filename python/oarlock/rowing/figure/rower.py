@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from oarlock.model import Shape, Strand
 from oarlock.model.shapes import Part, box, ellipsoid, loft
+from oarlock.storage.arrays import Floats
 
 if TYPE_CHECKING:
     from oarlock import Model
 
-Floats = NDArray[np.float64]
 Solid = tuple[Floats, NDArray[np.int64]]
 
 THIGH, SHANK = 0.443, 0.445

@@ -14,7 +14,8 @@ import numpy as np
 
 from oarlock.model import Look, Strand, Viewpoint
 from oarlock.rowing.figure.boat_shapes import boat_shapes, machine_shapes
-from oarlock.rowing.figure.rower import Floats, RowerFigure
+from oarlock.rowing.figure.rower import RowerFigure
+from oarlock.storage.arrays import Floats
 
 if TYPE_CHECKING:
     from oarlock import Model, Track

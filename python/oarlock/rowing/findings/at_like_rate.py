@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from oarlock.storage.arrays import Floats
 
 _HUBER = 1.5
 _ROUNDS = 8

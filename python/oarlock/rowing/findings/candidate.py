@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from oarlock.evaluation.distributions import student_quantile, student_tail
+from oarlock.storage.statistics import student_quantile, student_tail
 from oarlock.rowing.findings.at_like_rate import FITTED, RateAdjustedChange, change, robust_sd
 from oarlock.rowing.findings.rowed import FEWEST_STROKES, Rowed
 from oarlock.rowing.findings.watched import WATCHED, Watched

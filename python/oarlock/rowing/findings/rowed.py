@@ -13,8 +13,7 @@ from oarlock.rowing.analysis.targets import Target
 from oarlock.rowing.findings.watched import Watched
 from oarlock.rowing.report.piece import Counted, ReportPiece
 from oarlock.rowing.strokes.table import StrokeTable
-
-Floats = NDArray[np.float64]
+from oarlock.storage.arrays import Floats
 
 RATES_APART = 6.0
 """Pieces whose usual rates differ by more strokes a minute are not compared."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from html import escape
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.report import plain_table
 from oarlock.rowing.analysis.features import Feature
@@ -15,9 +14,8 @@ from oarlock.rowing.report.piece import Counted, ReportPiece
 from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, shown, spread
 from oarlock.rowing.report.tables import link
 from oarlock.rowing.report.words import is_ramp
-from oarlock.rowing.strokes.table import Floats
+from oarlock.storage.arrays import Floats, Indices
 
-Rows = NDArray[np.intp]
 _NUMBERS = (
     "arc_rad",
     "catch_angle_rad",
@@ -67,8 +65,8 @@ def range_over_rate(piece: Counted, name: str) -> str:
     return f"{shown(feature, first)} to {shown(feature, last)}{joined_unit(feature)}"
 
 
-def _groups(piece: Counted) -> list[Rows]:
-    """Rows of the counted strokes in groups of similar rate, the slowest first; [] without a ramp."""
+def _groups(piece: Counted) -> list[Indices]:
+    """Indices of the counted strokes in groups of similar rate, the slowest first; [] without a ramp."""
     rates = piece.table["rate_per_min"]
     rows = np.flatnonzero(piece.counted & np.isfinite(rates))
     groups = min(_GROUPS, len(rows) // _FEWEST)
@@ -81,7 +79,7 @@ def _known(values: Floats) -> Floats:
     return values[np.isfinite(values)]
 
 
-def _mean(piece: ReportPiece, feature: Feature, rows: Rows) -> str:
+def _mean(piece: ReportPiece, feature: Feature, rows: Indices) -> str:
     values = _known(piece.table[feature.name][rows])
     if len(values) < 2:
         return '<span class="mark">not known</span>'

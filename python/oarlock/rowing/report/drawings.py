@@ -12,7 +12,7 @@ from oarlock.rowing.findings.watched import LEAST
 from oarlock.rowing.report.averages import SIGMAS_95, feature_of
 from oarlock.rowing.report.piece import ReportPiece, mean_and_sd
 from oarlock.rowing.report.shown import unit_of
-from oarlock.rowing.strokes.table import Floats
+from oarlock.storage.arrays import Floats
 
 TALLER = 3.0
 """Heights are enlarged by this factor, because the handle moves ten times more along the boat."""

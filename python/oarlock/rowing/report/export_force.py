@@ -8,7 +8,6 @@ from html import escape
 import numpy as np
 
 from oarlock.report import Axis, Column, Section, Series, course_chart, fixed, grid, plain_table
-from oarlock.rowing.alongside.clock_match import Places
 from oarlock.rowing.alongside.course import SpeedProfile
 from oarlock.rowing.alongside.force_curves import LABELS, ForceStack, force_stacks
 from oarlock.rowing.findings.rowed import FEWEST_STROKES
@@ -17,7 +16,8 @@ from oarlock.rowing.report.definitions import is_empower
 from oarlock.rowing.report.export_piece import quarters
 from oarlock.rowing.report.shown import joined_unit, shown, spread
 from oarlock.rowing.report.tables import link
-from oarlock.rowing.strokes.table import Floats, StrokeTable
+from oarlock.rowing.strokes.table import StrokeTable
+from oarlock.storage.arrays import Floats, Ints
 
 _NUMBERS = (
     "peak_force_n",
@@ -81,7 +81,7 @@ def after_start(course: SpeedProfile) -> str:
     return " after the starts" if starts > 1 else " after the start" if starts else ""
 
 
-def _table(export: StrokeTable, counted: Places, course: SpeedProfile) -> str:
+def _table(export: StrokeTable, counted: Ints, course: SpeedProfile) -> str:
     """Means of forces, work and length, how far strokes differ, and the quarters if the piece is long enough."""
     held = [name for name in _NUMBERS if name in export and np.isfinite(export[name][counted]).any()]
     if not any(name.endswith("_force_n") for name in held):
@@ -127,13 +127,13 @@ def _chart(stack: ForceStack, course: SpeedProfile, key: str) -> str:
     )
 
 
-def force_series(name: str, stack: ForceStack, rows: Places | None = None) -> Series:
+def force_series(name: str, stack: ForceStack, rows: Ints | None = None) -> Series:
     """The mean curve of some strokes with one standard deviation either side."""
     mean, sd = stack.mean_and_sd(rows)
     return Series(name, stack.at, mean, mean - sd, mean + sd)
 
 
-def _peaks(stacks: Sequence[ForceStack], counted: Places) -> str:
+def _peaks(stacks: Sequence[ForceStack], counted: Ints) -> str:
     """A sentence on each curve's peak: its size and its place."""
     told = []
     for stack in stacks:

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oarlock.report import Column, Section, fixed, plain_table
-from oarlock.rowing.alongside.clock_match import Places
 from oarlock.rowing.alongside.course import SpeedProfile, course_of
 from oarlock.rowing.alongside.paces import PER_500_M, SPEEDS, of_pace, pace_text, slower_s
 from oarlock.rowing.analysis.features import Feature
@@ -22,7 +21,8 @@ from oarlock.rowing.findings.watched import WATCHED
 from oarlock.rowing.report.averages import SIGMAS_95, Average, averages, feature_of
 from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, shown, spread
 from oarlock.rowing.report.tables import link
-from oarlock.rowing.strokes.table import Floats, StrokeTable
+from oarlock.rowing.strokes.table import StrokeTable
+from oarlock.storage.arrays import Floats, Ints
 from oarlock.storage.epoch import moment_text
 
 _NUMBERS = (
@@ -75,7 +75,7 @@ class Faded:
         return 100.0 * (self.last / self.first - 1.0) if self.first else float("nan")
 
 
-def quarters(course: SpeedProfile) -> tuple[Places, Places]:
+def quarters(course: SpeedProfile) -> tuple[Ints, Ints]:
     """Rows of the first and of the last quarter of the longest piece after its start; empty if it is short."""
     rows = np.flatnonzero(course.longest.steady if course.longest else course.steady)
     count = len(rows) // 4
@@ -97,7 +97,7 @@ def faded_of(rowed: Rowed, course: SpeedProfile) -> dict[str, Faded]:
     return found
 
 
-def _faded(rowed: Rowed, name: str, first: Places, last: Places) -> Faded | None:
+def _faded(rowed: Rowed, name: str, first: Ints, last: Ints) -> Faded | None:
     """One number in two groups of strokes; None if too few have it."""
     feature, values = feature_of(name), rowed.columns[name]
     if min(len(first), len(last)) < FEWEST_STROKES:

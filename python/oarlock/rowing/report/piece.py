@@ -16,7 +16,8 @@ from oarlock.rowing.analysis.observed_posture import observed_q
 from oarlock.rowing.analysis.rower_places import RowerFrames
 from oarlock.rowing.analysis.technique import Technique
 from oarlock.rowing.report.averages import Average, averages, feature_of
-from oarlock.rowing.strokes.table import Floats, StrokeTable
+from oarlock.rowing.strokes.table import StrokeTable
+from oarlock.storage.arrays import Floats
 
 if TYPE_CHECKING:
     from oarlock import Track

@@ -15,7 +15,7 @@ from oarlock.rowing.report.piece import Counted, ReportPiece
 from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, shown, spread, with_unit
 from oarlock.rowing.report.tables import about, which_left_out
 from oarlock.rowing.report.usual import beyond_of, usual_span
-from oarlock.rowing.strokes.table import Floats
+from oarlock.storage.arrays import Floats
 
 _NONE: Mapping[str, str] = MappingProxyType({})
 _SHARE = {"rhythm": "drive of the stroke"}

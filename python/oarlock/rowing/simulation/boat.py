@@ -15,15 +15,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from oarlock.rowing.simulation.curves import PeriodicCurve
 from oarlock.rowing.simulation.grip import SIDES, ArmKinematics
 from oarlock.rowing.simulation.timing import DRIVE_RATIO_RANGE, StrokeTiming, warp
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
-
-Array = NDArray[np.float64]
 
 _FORCE = PeriodicCurve.through(
     [(0.0, 0.0), (0.02, 0.0), (0.13, 1.0), (0.22, 0.95), (0.46, 0.0)], smoothing=0.025
@@ -83,18 +81,18 @@ class HullMotion:
     acceleration along the root's Z, positive toward the stern.
     """
 
-    time_s: Array
-    speed_m_s: Array
-    acceleration_m_s2: Array
-    propulsion_n: Array
+    time_s: Floats
+    speed_m_s: Floats
+    acceleration_m_s2: Floats
+    propulsion_n: Floats
 
 
-def rower_centre_of_mass(model: ArmKinematics, q: Array) -> Array:
+def rower_centre_of_mass(model: ArmKinematics, q: Floats) -> Floats:
     """Position (K,) of the rower's centre of mass along Z, m, up to a constant, from q (K, n_joints)."""
     poses = np.asarray(model.forward_kinematics(q), dtype=np.float64)
     frames = list(model.frame_names)
 
-    def along(name: str) -> Array:
+    def along(name: str) -> Floats:
         return np.asarray(poses[:, frames.index(name), 2, 3], dtype=np.float64)
 
     hip = along("seat")
@@ -110,7 +108,7 @@ def rower_centre_of_mass(model: ArmKinematics, q: Array) -> Array:
     return total
 
 
-def rower_segments(model: ArmKinematics, q: Array) -> tuple[Array, Array]:
+def rower_segments(model: ArmKinematics, q: Floats) -> tuple[Floats, Floats]:
     """Shares (n,) of the body's mass, and places (K, n, 2) along Y and Z, m, from q (K, n_joints).
 
     Point masses about the root, with the legs at the height of the hips; the feet stand still and are left out.
@@ -118,7 +116,7 @@ def rower_segments(model: ArmKinematics, q: Array) -> tuple[Array, Array]:
     poses = np.asarray(model.forward_kinematics(q), dtype=np.float64)
     frames = list(model.frame_names)
 
-    def at(name: str) -> Array:
+    def at(name: str) -> Floats:
         return np.asarray(poses[:, frames.index(name), 1:3, 3], dtype=np.float64)
 
     hip = at("seat")
@@ -137,14 +135,14 @@ def rower_segments(model: ArmKinematics, q: Array) -> tuple[Array, Array]:
     return np.array([share for share, _ in parts]), np.stack([place for _, place in parts], axis=1)
 
 
-def propulsion(timing: StrokeTiming, boat: Boat) -> Array:
+def propulsion(timing: StrokeTiming, boat: Boat) -> Floats:
     """Propulsive force (K,), N, toward the bow: whatever balances the mean drag at the rate's usual speed."""
     usual_speed = boat.race_speed_m_s * np.cbrt(timing.rate_spm / _RACE_RATE_SPM)
     peak = boat.drag_kg_m * usual_speed**2 / _MEAN_FORCE(timing.drive_ratio)
     return np.asarray(peak * _FORCE(timing.phase), dtype=np.float64)
 
 
-def hull_motion(model: ArmKinematics, q: Array, timing: StrokeTiming, boat: Boat) -> HullMotion:
+def hull_motion(model: ArmKinematics, q: Floats, timing: StrokeTiming, boat: Boat) -> HullMotion:
     """Surge of the hull under a rower who moves as q (K, n_joints) at ``timing.time_s``.
 
     The speed starts where the first stroke, repeated, becomes periodic.
@@ -162,7 +160,7 @@ def hull_motion(model: ArmKinematics, q: Array, timing: StrokeTiming, boat: Boat
     return HullMotion(time, speed, -bow, force)
 
 
-def _common_speed(timing: StrokeTiming, force: Array, drag: float, relative: Array, boat: Boat) -> Array:
+def _common_speed(timing: StrokeTiming, force: Floats, drag: float, relative: Floats, boat: Boat) -> Floats:
     usual = boat.race_speed_m_s * float(np.cbrt(timing.rate_spm[0] / _RACE_RATE_SPM))
     first = timing.first_stroke
     if first.stop > first.start:
@@ -171,7 +169,7 @@ def _common_speed(timing: StrokeTiming, force: Array, drag: float, relative: Arr
     return _integrate(timing.time_s, force, drag, relative, usual)
 
 
-def _integrate(time: Array, force: Array, drag: float, relative: Array, start: float) -> Array:
+def _integrate(time: Floats, force: Floats, drag: float, relative: Floats, start: float) -> Floats:
     """Heun's method on the knots: the common speed is smooth and its time constant is seconds."""
     steps, forces, moved = np.diff(time).tolist(), force.tolist(), relative.tolist()
     speeds = [start]

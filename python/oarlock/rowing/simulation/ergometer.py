@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from math import radians
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from oarlock.rowing.simulation.arms import WEIGHTS, preferred_arms
@@ -31,9 +30,8 @@ from oarlock.rowing.simulation.stroke_shape import (
 )
 from oarlock.rowing.simulation.timing import StrokeTiming, stroke_timing
 from oarlock.simulation.motion import Motion
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
-
-Array = NDArray[np.float64]
 
 HANDLE_JOINTS = ("chain_yaw", "chain_pitch", "handle", "handle_yaw")
 _HANDLE_SD_M = 0.008
@@ -124,7 +122,7 @@ def _body_and_handle(
     timing: StrokeTiming,
     variation: float,
     rng: np.random.Generator,
-) -> dict[str, Array]:
+) -> dict[str, Floats]:
     """Every joint (K,) but the arms'."""
     vary = Variation(rng, timing.stroke)
     body = seat_and_trunk(shape, timing, vary, variation)
@@ -138,7 +136,7 @@ def _body_and_handle(
     }
 
 
-def _drawn(shape: ErgometerShape, phase: Array) -> Array:
+def _drawn(shape: ErgometerShape, phase: Floats) -> Floats:
     """Share (K,) of the chain, as a sculler's hands go along the boat, which body and arms are timed for."""
     ends = np.sin(shape.phi_rad)
     along = np.sin(shape.phi_rad[0] + (shape.phi_rad[1] - shape.phi_rad[0]) * oar_sweep(phase))

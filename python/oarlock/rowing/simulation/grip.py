@@ -13,10 +13,10 @@ from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
 
-Array = NDArray[np.float64]
+from oarlock.storage.arrays import Floats
 
 ARM_JOINTS = (
     "shoulder_abduction",
@@ -49,7 +49,7 @@ class ArmKinematics(Protocol):
     def frame_names(self) -> Sequence[str]:
         """Names of the frames, root first."""
 
-    def forward_kinematics(self, q: ArrayLike, /) -> Array:
+    def forward_kinematics(self, q: ArrayLike, /) -> Floats:
         """Poses (..., n_frames, 4, 4), root from frame, of q (..., n_joints)."""
 
 
@@ -62,14 +62,14 @@ class Hands:
     them to the hand; ``hand_z`` (K, 2, 3) and ``across`` (K, 2, 2, 3) are unit vectors.
     """
 
-    residual: Array
-    jacobian: Array
-    axes: Array
-    arms: Array
-    hand_z: Array
-    across: Array
+    residual: Floats
+    jacobian: Floats
+    axes: Floats
+    arms: Floats
+    hand_z: Floats
+    across: Floats
 
-    def curvature(self, multipliers: Array) -> Array:
+    def curvature(self, multipliers: Floats) -> Floats:
         """Second derivative (K, 2, 7, 7) of the residual's product with ``multipliers`` (K, 2, 5)."""
         force = multipliers[..., :3]
         torque = np.einsum("ksa,ksad->ksd", multipliers[..., 3:], self.across)
@@ -85,7 +85,7 @@ class Hands:
 class GripSolver:
     """Finds arm joints for given seat, trunk and oars."""
 
-    def __init__(self, model: ArmKinematics, weights: Array) -> None:
+    def __init__(self, model: ArmKinematics, weights: Floats) -> None:
         frames = list(model.frame_names)
         joints = list(model.joint_names)
         self._model = model
@@ -97,24 +97,24 @@ class GripSolver:
         self._elbows = np.array([frames.index(f"{side}_elbow") for side in SIDES])
         self._wrists = np.array([frames.index(f"{side}_wrist") for side in SIDES])
 
-    def poses(self, q: Array) -> Array:
+    def poses(self, q: Floats) -> Floats:
         """Poses (K, n_frames, 4, 4) of q (K, n_joints)."""
         return np.asarray(self._model.forward_kinematics(q), dtype=np.float64)
 
-    def closure(self, q: Array) -> tuple[Array, Array]:
+    def closure(self, q: Floats) -> tuple[Floats, Floats]:
         """Distance hand to handle (K, 2), m, and length of the difference of their z axes (K, 2)."""
         poses = self.poses(q)
         gap = poses[:, self._hands] - poses[:, self._handles]
         return np.linalg.norm(gap[..., :3, 3], axis=-1), np.linalg.norm(gap[..., :3, 2], axis=-1)
 
-    def excess_reach(self, q: Array) -> Array:
+    def excess_reach(self, q: Floats) -> Floats:
         """Distance shoulder to handle less the stretched arm's length (K, 2), m; positive is out of reach."""
         points = self.poses(q)[..., :3, 3]
         chain = [points[:, i] for i in (self._bases, self._elbows, self._wrists, self._hands)]
         arm = sum(np.linalg.norm(b - a, axis=-1) for a, b in pairwise(chain))
         return np.asarray(np.linalg.norm(points[:, self._handles] - chain[0], axis=-1) - arm)
 
-    def solve(self, time_s: Array, q: Array, preferred: Array) -> Array:
+    def solve(self, time_s: Floats, q: Floats, preferred: Floats) -> Floats:
         """Set the arms of q (K, n_joints) so that the hands are on the handles, nearest to ``preferred`` (K, 2, 7)."""
         stride = max(1, round(_START_EVERY_S / float(np.median(np.diff(time_s)))))
         coarse = np.unique(np.append(np.arange(0, time_s.size, stride), time_s.size - 1))
@@ -127,7 +127,7 @@ class GripSolver:
             solved[block[:, None, None], self.columns] = arms
         return solved
 
-    def nearest_miss(self, q: Array, preferred: Array) -> Array:
+    def nearest_miss(self, q: Floats, preferred: Floats) -> Floats:
         """Smallest distance from hand to handle (K, 2), m, with the hand along the handle; 0 if it reaches."""
         arms = preferred
         for _ in range(_MISS_STEPS):
@@ -137,13 +137,13 @@ class GripSolver:
             arms = arms - (transposed @ np.linalg.solve(damped, hands.residual[..., None]))[..., 0]
         return np.asarray(np.linalg.norm(hands.residual[..., :3], axis=-1), dtype=np.float64)
 
-    def _drawn_to_handles(self, q: Array, preferred: Array) -> Array:
+    def _drawn_to_handles(self, q: Floats, preferred: Floats) -> Floats:
         arms = preferred
         for step in range(1, _START_STEPS + 1):
             arms = self._newton(q, arms, preferred, step / _START_STEPS, 3)
         return self._newton(q, arms, preferred, 1.0, _FINAL_STEPS)
 
-    def _newton(self, q: Array, arms: Array, preferred: Array, drawn: float, steps: int) -> Array:
+    def _newton(self, q: Floats, arms: Floats, preferred: Floats, drawn: float, steps: int) -> Floats:
         """At most ``steps`` Newton steps with the handle ``drawn`` (0..1) from the preferred hand's place."""
         start = self._with_arms(q, preferred)[:, self._hands] if drawn < 1.0 else None
         multipliers = np.zeros((*arms.shape[:2], 5))
@@ -156,12 +156,12 @@ class GripSolver:
                 break
         return arms
 
-    def _with_arms(self, q: Array, arms: Array) -> Array:
+    def _with_arms(self, q: Floats, arms: Floats) -> Floats:
         posture = q.copy()
         posture[:, self.columns] = arms
         return self.poses(posture)
 
-    def _conditions(self, poses: Array, start: Array | None, drawn: float) -> Hands:
+    def _conditions(self, poses: Floats, start: Floats | None, drawn: float) -> Hands:
         hand = poses[:, self._hands]
         target = poses[:, self._handles]
         if start is not None:
@@ -179,7 +179,7 @@ class GripSolver:
         moved = np.swapaxes(_cross(axes, arms), -1, -2)
         return Hands(residual, np.concatenate([moved, turned], axis=-2), axes, arms, hand_z, across)
 
-    def _step(self, hands: Hands, offset: Array, multipliers: Array) -> tuple[Array, Array]:
+    def _step(self, hands: Hands, offset: Floats, multipliers: Floats) -> tuple[Floats, Floats]:
         joints, rows = len(ARM_JOINTS), hands.residual.shape[-1]
         matrix = np.zeros((*offset.shape[:2], joints + rows, joints + rows))
         matrix[..., :joints, :joints] = np.diag(self._weights) + hands.curvature(multipliers)
@@ -190,7 +190,7 @@ class GripSolver:
         return solution[..., :joints], solution[..., joints:]
 
 
-def _across(unit: Array) -> Array:
+def _across(unit: Floats) -> Floats:
     """Two unit vectors (..., 2, 3) across ``unit`` (..., 3); smooth unless it stands upright."""
     upright = np.array([0.0, 1.0, 0.0])
     first = _cross(upright, unit)
@@ -198,7 +198,7 @@ def _across(unit: Array) -> Array:
     return np.stack([first, _cross(unit, first)], axis=-2)
 
 
-def _cross(a: Array, b: Array) -> Array:
+def _cross(a: Floats, b: Floats) -> Floats:
     """The cross product of vectors (..., 3), to the bit that of `np.cross`, which takes several times as long."""
     ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
     bx, by, bz = b[..., 0], b[..., 1], b[..., 2]

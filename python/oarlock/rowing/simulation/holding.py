@@ -6,14 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.rowing.simulation.grip import ARM_JOINTS, SIDES, GripSolver
 from oarlock.rowing.simulation.timing import StrokeTiming
 from oarlock.simulation.motion import Motion
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
-
-Array = NDArray[np.float64]
 
 CLOSURE_TOLERANCE_M = 1e-6
 CLOSURE_TOLERANCE_AXIS = 1e-6
@@ -33,7 +31,7 @@ class Holding:
     sides: Mapping[str, str]
     what_to_try: str
 
-    def solve(self, q: Array, preferred: Array) -> Array:
+    def solve(self, q: Floats, preferred: Floats) -> Floats:
         """Joints q (K, n_joints) with hands on the handles and arms nearest to ``preferred`` (K, 2, 7).
 
         Raises:
@@ -77,7 +75,7 @@ class Holding:
         )
         return f"at {part} ({self.timing.time_s[knot]:.3f} s)"
 
-    def _check_reach(self, q: Array) -> None:
+    def _check_reach(self, q: Floats) -> None:
         excess = self.solver.excess_reach(q)
         if excess.max() > 0.0:
             knot, side = _worst(excess)
@@ -86,7 +84,7 @@ class Holding:
                 f"stretched arm {self._where(knot)}. {self.what_to_try}"
             )
 
-    def _check_grip(self, q: Array, preferred: Array) -> None:
+    def _check_grip(self, q: Floats, preferred: Floats) -> None:
         distance, axis = self.solver.closure(q)
         missed = np.maximum(distance / CLOSURE_TOLERANCE_M, axis / CLOSURE_TOLERANCE_AXIS)
         if missed.max() < 1.0:
@@ -105,7 +103,7 @@ class Holding:
             f"{where} with the hand along the handle. {self.what_to_try}"
         )
 
-    def _check_branch(self, q: Array) -> None:
+    def _check_branch(self, q: Floats) -> None:
         rotation = np.abs(q[:, self.solver.columns[:, ARM_JOINTS.index("shoulder_rotation")]])
         elbow = q[:, self.solver.columns[:, ARM_JOINTS.index("elbow_flexion")]]
         if rotation.max() > _LARGEST_SHOULDER_ROTATION_RAD:
@@ -122,6 +120,6 @@ class Holding:
             )
 
 
-def _worst(values: Array) -> tuple[int, int]:
+def _worst(values: Floats) -> tuple[int, int]:
     knot, side = np.unravel_index(int(np.argmax(np.nan_to_num(values, nan=np.inf))), values.shape)
     return int(knot), int(side)

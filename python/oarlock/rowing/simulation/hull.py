@@ -11,19 +11,18 @@ from math import radians
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from oarlock.model.edit import document_of, merged, model_of, moving_frame
 from oarlock.rowing.simulation.curves import PeriodicCurve, Variation
 from oarlock.rowing.simulation.timing import StrokeTiming
 from oarlock.simulation.motion import Motion
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
 if TYPE_CHECKING:
     from oarlock import Model
 
-Array = NDArray[np.float64]
 
 HULL_ANGLES = ("hull_yaw", "hull_pitch", "hull_roll")
 HULL_JOINTS = ("hull_sway", "hull_heave", *HULL_ANGLES)
@@ -72,7 +71,7 @@ class HullRotation:
                 f"hull rotation: irregular is {self.irregular}; give 0 (every stroke the same) to 2"
             )
 
-    def angles(self, timing: StrokeTiming, rng: np.random.Generator) -> dict[str, Array]:
+    def angles(self, timing: StrokeTiming, rng: np.random.Generator) -> dict[str, Floats]:
         """Angles (K,) of `hull_yaw`, `hull_pitch` and `hull_roll`, rad."""
         amplitudes = {"hull_yaw": self.yaw_rad, "hull_pitch": self.pitch_rad, "hull_roll": self.roll_rad}
         every, slow = Variation(rng, timing.stroke), Variation(rng, timing.stroke / _SLOW)
@@ -92,7 +91,7 @@ def _stroke_shape(rng: np.random.Generator, in_step: bool) -> PeriodicCurve:
     return PeriodicCurve(series / (0.5 * np.ptp(values)))
 
 
-def turning_hull(motion: Motion, angles: dict[str, Array], pivot_m: Array, shifted_m: Array) -> Motion:
+def turning_hull(motion: Motion, angles: dict[str, Floats], pivot_m: Floats, shifted_m: Floats) -> Motion:
     """The same motion in a hull that rotates about a pivot; its origin then sways, heaves and surges.
 
     Args:
@@ -117,7 +116,7 @@ def turning_hull(motion: Motion, angles: dict[str, Array], pivot_m: Array, shift
     return Motion(motion.joint_names, motion.time_s, q, base)
 
 
-def _turned(yaw: Array, pitch: Array, roll: Array, arm: Array) -> Array:
+def _turned(yaw: Floats, pitch: Floats, roll: Floats, arm: Floats) -> Floats:
     """Ry(yaw) Rx(pitch) Rz(roll) arm, (K, 3)."""
     x = np.cos(roll) * arm[0] - np.sin(roll) * arm[1]
     y = np.sin(roll) * arm[0] + np.cos(roll) * arm[1]

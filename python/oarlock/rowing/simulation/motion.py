@@ -8,7 +8,6 @@ from functools import wraps
 from typing import ParamSpec
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.rowing.simulation.arms import WEIGHTS, preferred_arms
 from oarlock.rowing.simulation.boat import Boat, HullMotion, hull_motion
@@ -17,10 +16,10 @@ from oarlock.rowing.simulation.holding import Holding
 from oarlock.rowing.simulation.stroke_shape import StrokeShape, body_and_oars
 from oarlock.rowing.simulation.timing import StrokeTiming, stroke_timing
 from oarlock.simulation.motion import Motion
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.memory_limit import check_memory
 
-Array = NDArray[np.float64]
 Parameters = ParamSpec("Parameters")
 
 KNOT_BYTES = 5000.0
@@ -111,8 +110,8 @@ sculling = motion_of(row_piece, "sculling", "Sculling")
 
 def held_piece(
     model: ArmKinematics,
-    fixed: Mapping[str, Array],
-    preferred: Array,
+    fixed: Mapping[str, Floats],
+    preferred: Floats,
     holding: Holding,
     boat: Boat,
     surge: bool,
@@ -133,7 +132,7 @@ def held_piece(
     return Piece(motion, timing, hull, *holding.closure_everywhere(motion))
 
 
-def knots(duration_s: float, start_s: float, knots_hz: float, variation: float) -> Array:
+def knots(duration_s: float, start_s: float, knots_hz: float, variation: float) -> Floats:
     """Times (K,) of the splines' knots, s; refuses what no piece can have."""
     if not (np.isfinite([duration_s, start_s, knots_hz]).all() and duration_s > 0.0 and knots_hz >= 50.0):
         raise DataError(

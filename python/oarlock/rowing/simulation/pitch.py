@@ -17,16 +17,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 from scipy.signal import lsim
 
 from oarlock.rowing.simulation.boat import Boat, HullMotion, rower_segments
 from oarlock.rowing.simulation.grip import ArmKinematics
 from oarlock.rowing.simulation.timing import StrokeTiming
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
-
-Array = NDArray[np.float64]
 
 WATER_KG_M3 = 1000.0
 GRAVITY_M_S2 = 9.80665
@@ -86,17 +84,17 @@ class HullPitch:
     ``moment_nm`` is what drives it; ``inertia_kg_m2``, ``damping_nm_s_rad`` and ``stiffness_nm_rad`` what resists.
     """
 
-    time_s: Array
-    angle_rad: Array
-    velocity_rad_s: Array
-    moment_nm: Array
+    time_s: Floats
+    angle_rad: Floats
+    velocity_rad_s: Floats
+    moment_nm: Floats
     inertia_kg_m2: float
     damping_nm_s_rad: float
     stiffness_nm_rad: float
 
 
 def hull_pitch(
-    model: ArmKinematics, q: Array, timing: StrokeTiming, hull: HullMotion, boat: Boat, form: HullForm
+    model: ArmKinematics, q: Floats, timing: StrokeTiming, hull: HullMotion, boat: Boat, form: HullForm
 ) -> HullPitch:
     """Pitch of the hull for a rower's motion q (K, n_joints) and a given surge.
 
@@ -117,8 +115,8 @@ def hull_pitch(
 
 
 def _moment(
-    shares: Array, height: Array, along: Array, hull: HullMotion, boat: Boat, form: HullForm
-) -> Array:
+    shares: Floats, height: Floats, along: Floats, hull: HullMotion, boat: Boat, form: HullForm
+) -> Floats:
     time = hull.time_s
     rise, run = (make_interp_spline(time, x, k=5)(time, 2) for x in (height, along))
     weight = GRAVITY_M_S2 * (along @ shares)
@@ -129,14 +127,14 @@ def _moment(
     return np.asarray(weight - swing - carried + water, dtype=np.float64)
 
 
-def _stroke_mean(timing: StrokeTiming, moment: Array) -> float:
+def _stroke_mean(timing: StrokeTiming, moment: Floats) -> float:
     whole = timing.stroke < timing.stroke[0] + max(1.0, np.floor(timing.stroke[-1] - timing.stroke[0]))
     return float(moment[whole].mean())
 
 
 def _response(
-    timing: StrokeTiming, moment: Array, inertia: float, damping: float, stiffness: float
-) -> tuple[Array, Array]:
+    timing: StrokeTiming, moment: Floats, inertia: float, damping: float, stiffness: float
+) -> tuple[Floats, Floats]:
     """Exact for a moment that is straight between knots."""
     first = timing.first_stroke
     step = float(timing.time_s[1] - timing.time_s[0])

@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.model import ImuDescription
 from oarlock.rowing.field.anatomy import Anatomy
@@ -15,12 +14,12 @@ from oarlock.rowing.field.effects import FieldEffects
 from oarlock.rowing.field.placement import placed_unit
 from oarlock.rowing.field.skin import BoneMotion, skin_of
 from oarlock.rowing.simulation.timing import StrokeTiming
+from oarlock.storage.arrays import Floats
 
 if TYPE_CHECKING:
     from oarlock import Model
 
-Array = NDArray[np.float64]
-SessionSkin = Callable[[ImuDescription, Array, Array], Array]
+SessionSkin = Callable[[ImuDescription, Floats, Floats], Floats]
 
 
 def session_skin(model: Model, effects: FieldEffects | None = None, *, seed: int = 0) -> SessionSkin:
@@ -37,7 +36,7 @@ def session_skin(model: Model, effects: FieldEffects | None = None, *, seed: int
     chosen = replace(given, wobble_rad=0.0, wobble_m=0.0, skin_wander_rad=0.0, skin_shift_m=0.0)
     anatomy = Anatomy(model.describe())
 
-    def turned(sensor: ImuDescription, time_s: Array, q: Array) -> Array:
+    def turned(sensor: ImuDescription, time_s: Floats, q: Floats) -> Floats:
         posture = np.zeros((len(q), len(anatomy.joint_names)))
         posture[:, : q.shape[1]] = q
         nothing = np.zeros(len(time_s))

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from oarlock.rowing.simulation.curves import PeriodicCurve, Variation
 from oarlock.rowing.simulation.timing import StrokeTiming
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
 # Third harmonic of the oar's speed: quick turns at catch and finish, steadier speed between.
@@ -46,8 +47,7 @@ _LAST_THIRD = (0.62, 0.72)
 _SD_RAD = {"lean": radians(0.7), "phi": radians(0.6), "alpha": radians(0.15)}
 
 
-Array = NDArray[np.float64]
-Pair = tuple[float | Array, float | Array]
+Pair = tuple[float | Floats, float | Floats]
 
 
 @dataclass(frozen=True)
@@ -148,7 +148,7 @@ def seat_and_trunk(
     vary: Variation,
     variation: float,
     last_third: StrokeShape | None = None,
-) -> dict[str, Array]:
+) -> dict[str, Floats]:
     """Joints ``seat``, m, and ``trunk``, rad, (K,)."""
     ends = shape.toward(last_third, timing)
     phase = _late(timing, max(shape.late_catch_s), _IN_DRIVE)
@@ -169,7 +169,7 @@ def _lean(early_back: float) -> PeriodicCurve:
     return PeriodicCurve.through([*opening, *_LEAN_POINTS[3:]], smoothing=0.045).normalised()
 
 
-def _late(timing: StrokeTiming, late_s: float, in_drive: float = 0.0) -> Array:
+def _late(timing: StrokeTiming, late_s: float, in_drive: float = 0.0) -> Floats:
     """Phase (K,) of what is late at the catch and on time at the finish; with `in_drive` in the drive alone."""
     if late_s == 0.0:
         return timing.phase
@@ -197,7 +197,7 @@ def body_and_oars(
     variation: float,
     rng: np.random.Generator,
     last_third: StrokeShape | None = None,
-) -> dict[str, Array]:
+) -> dict[str, Floats]:
     """Every joint (K,) but the arms': ``seat``, ``trunk``, ``r_oar_phi`` ... ``l_oar_theta``, rad and m.
 
     In the last third of the piece the ends of the movements are those of ``last_third``, if it is given.
@@ -209,7 +209,7 @@ def body_and_oars(
 
 def _oars(
     shape: StrokeShape, ends: Ends, timing: StrokeTiming, vary: Variation, variation: float
-) -> dict[str, Array]:
+) -> dict[str, Floats]:
     shared = [vary.draw(variation * _SD_RAD[name]) for name in ("phi", "phi", "alpha", "alpha")]
     joints = {}
     for side, sign, late_s in (("r", -1.0, shape.late_catch_s[0]), ("l", 1.0, shape.late_catch_s[1])):

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from math import radians
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.rowing.simulation.arms import SCULLER, WEIGHTS, arm_curves, arms_near
 from oarlock.rowing.simulation.boat import Boat
@@ -23,8 +22,7 @@ from oarlock.rowing.simulation.motion import Piece, check_joints, held_piece, kn
 from oarlock.rowing.simulation.pitch import HullForm
 from oarlock.rowing.simulation.stroke_shape import StrokeShape, between, oar_sweep, seat_and_trunk, single_oar
 from oarlock.rowing.simulation.timing import StrokeTiming, stroke_timing
-
-Array = NDArray[np.float64]
+from oarlock.storage.arrays import Floats
 
 # Of an outside arm as if it were the right one; the inside arm prefers a sculler's postures.
 _OUTSIDE = arm_curves(
@@ -114,7 +112,7 @@ sweeping = motion_of(sweep_piece, "sweeping", "Sweep rowing")
 
 def _body_and_oar(
     shape: SweepShape, timing: StrokeTiming, variation: float, rng: np.random.Generator, left: float
-) -> dict[str, Array]:
+) -> dict[str, Floats]:
     """Every joint (K,) but the arms'; ``left`` is 1 if the rigger is on the rower's left, else -1."""
     vary = Variation(rng, timing.stroke)
     share = oar_sweep(timing.phase)

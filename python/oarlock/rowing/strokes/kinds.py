@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from oarlock.rowing.strokes.events import Stroke
 from oarlock.rowing.strokes.signals import KINDS, Signal
-
-Floats = NDArray[np.float64]
+from oarlock.storage.arrays import Floats
 
 STILL_S = 1.2
 """The rower pauses if the hands are stationary for longer than this in a recovery, s."""

@@ -8,7 +8,8 @@ from itertools import chain
 
 import numpy as np
 
-from oarlock.rowing.strokes.reversals import Floats, Reversal, edge_reversal, fit_reversal, needed_until
+from oarlock.rowing.strokes.reversals import Reversal, edge_reversal, fit_reversal, needed_until
+from oarlock.storage.arrays import Floats
 
 _KEPT_S = 4.0
 _LOST_S = 1.2

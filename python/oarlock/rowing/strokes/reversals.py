@@ -10,9 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from oarlock.storage.arrays import Floats
 
 _DEGREE = 4
 _FIRST_HALF_WINDOW_S = 0.12

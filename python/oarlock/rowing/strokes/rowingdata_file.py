@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from oarlock.rowing.strokes.table import Floats, StrokeTable, running
+from oarlock.rowing.strokes.table import StrokeTable, running
+from oarlock.storage.arrays import Floats
 from oarlock.storage.epoch import moment_of
 from oarlock.storage.errors import DataError
 from oarlock.storage.write_file import write_file

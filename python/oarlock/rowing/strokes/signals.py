@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from math import radians
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock import Model, Recording, Track
 from oarlock.recording import ImuStream, ScalarStream
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
-
-Floats = NDArray[np.float64]
 
 SOURCES = ("oars", "handle", "seat", "trunk", "trunk_gyro")
 """In the order of preference."""

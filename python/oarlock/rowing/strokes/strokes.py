@@ -11,8 +11,8 @@ from oarlock.rowing.strokes.events import Stroke
 from oarlock.rowing.strokes.kinds import StrokeInterval
 from oarlock.rowing.strokes.signals import KINDS
 from oarlock.rowing.strokes.table import StrokeTable
+from oarlock.storage.arrays import Floats
 
-Floats = NDArray[np.float64]
 Column = tuple[Floats, Floats]
 
 ZERO_STD = 0.005

@@ -12,9 +12,9 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.rowing.analysis.features import FEATURES
+from oarlock.storage.arrays import Floats
 from oarlock.storage.csv_cells import inert
 from oarlock.storage.dataframes import pandas_table, polars_table
 from oarlock.storage.errors import DataError
@@ -23,8 +23,6 @@ from oarlock.storage.write_file import write_file
 if TYPE_CHECKING:
     import pandas as pd
     import polars as pl
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,17 +9,14 @@ from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock._core import Model
 from oarlock.evaluation.study.keys import StudyKey, Value, number_for
 from oarlock.evaluation.study.trial import StudyTrial
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream, Stream
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.storage.errors import DataError
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 MIDDLE_HALF = (0.25, 0.75)
 """Part of a recording in which temporary faults begin: the filter has converged, and has time to recover."""

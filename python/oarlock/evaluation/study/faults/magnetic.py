@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from oarlock.evaluation.study.faults.fault import Case, Fault, Floats, Names, of_units, with_values
+from oarlock.evaluation.study.faults.fault import Case, Fault, Names, of_units, with_values
 from oarlock.evaluation.study.keys import ONE, StudyKey, sized
 from oarlock.recording.streams import ImuStream
+from oarlock.storage.arrays import Floats
 
 LASTING = StudyKey("disturbed_s", "number", 3.0, "duration of a magnetic disturbance", 0.0)
 

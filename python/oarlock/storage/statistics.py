@@ -1,4 +1,4 @@
-"""Quantiles and probabilities of the chi-square, Student's, F and studentized range distributions, for every test.
+"""Robust scatter, and the chi-square, Student's, F and studentized range distributions, for every test and interval.
 
 `scipy.special` has them too, but is not a required dependency and takes a quarter of a second to import.
 """
@@ -11,13 +11,23 @@ from functools import lru_cache
 from statistics import NormalDist
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Floats = NDArray[np.float64]
+from oarlock.storage.arrays import Floats
+
+NORMAL_95 = 1.96
+"""Half of a 95 % interval of a normal number, in standard deviations."""
+STD_OF_MAD = 1.4826
+"""Standard deviation of normal numbers over their median absolute deviation."""
 
 # Below so many degrees of freedom the chi-square distribution's series is solved, above it the expansion is as good.
 _MANY_DEGREES = 1000.0
 _MOST_STEPS = 200
+
+
+def robust_std(deviations: Floats) -> float:
+    """Standard deviation of normal numbers from deviations (n,) off their centre, which outliers hardly change."""
+    return STD_OF_MAD * float(np.median(np.abs(deviations)))
 
 
 def chi2_quantile(probability: float, degrees: ArrayLike) -> Floats:
