@@ -61,30 +61,30 @@ memcheck: ## run the tests of the engine's unsafe lines under valgrind, which re
 
 bench: $(VENV)/.package ## time steps, parts, recordings, latency and memory, and print one table
 	OARLOCK_BENCH_OUT="$(CURDIR)/out/bench" cargo bench --locked --package oarlock
-	$(BIN)/python -m bench
+	$(BIN)/python -m oarlock_lab.bench
 
 bench-others: $(VENV)/.package $(VENV)/.bench ## measure this machine beside filterpy, JAX and biorbd, which are installed for it
 	$(BIN)/oarlock lab bench
 
 bench-page: ## put the table of the last `make bench` into docs/performance.md
-	$(BIN)/python -m bench --page docs/performance.md
+	$(BIN)/python -m oarlock_lab.bench --page docs/performance.md
 
 LIVE_RUNS ?= 3
 bench-live: $(VENV)/.package $(VENV)/.dev ## time a live session from packet to estimate to painted figure, and put the table into docs/live.md
-	$(BIN)/python -m bench.live.latency --runs $(LIVE_RUNS)
-	$(BIN)/python -m bench.live.latency --page docs/live.md
+	$(BIN)/python -m oarlock_lab.soak.latency --runs $(LIVE_RUNS)
+	$(BIN)/python -m oarlock_lab.soak.latency --page docs/live.md
 
 # Rates in the session without waiting are low, so that ten hours end within one.
 SOAK_MINUTES ?= 60
 SOAK_HOURS ?= 10
 soak: $(VENV)/.package ## run live sessions with devices that misbehave: SOAK_MINUTES (60) in true time, SOAK_HOURS (10) without waiting
-	$(BIN)/python -m bench.live --minutes 0 --hours $(SOAK_HOURS) --rate-hz 10
-	$(BIN)/python -m bench.live --minutes $(SOAK_MINUTES) --hours 0 --rate-hz 100
+	$(BIN)/python -m oarlock_lab.soak --minutes 0 --hours $(SOAK_HOURS) --rate-hz 10
+	$(BIN)/python -m oarlock_lab.soak --minutes $(SOAK_MINUTES) --hours 0 --rate-hz 100
 
 # `make pages PAGES=status` measures one of them, SEEDS=1 a shorter study of faults, SETS=broad one set of the validation.
 PAGES ?= status coverage validation robustness
 pages: $(VENV)/.package $(VENV)/.validation ## measure the figures of README, bands, validation and robustness anew, with date and commit
-	$(BIN)/python -m pages $(PAGES) $(if $(SEEDS),--seeds $(SEEDS)) $(if $(SETS),--sets $(SETS))
+	$(BIN)/python -m oarlock_lab.pages $(PAGES) $(if $(SEEDS),--seeds $(SEEDS)) $(if $(SETS),--sets $(SETS))
 
 player: ## build player and live page from viewer/ with npm, into python/oarlock/
 	cd viewer && npm ci --no-audit --no-fund --silent && npm run --silent build
@@ -117,10 +117,10 @@ docs: $(VENV)/.package $(VENV)/.dev ## check the links of the documentation and 
 	$(BIN)/python -m pytest tests/test_docs.py
 
 site: $(VENV)/.package $(VENV)/.dev ## build the documentation site strictly into out/site/html, with reports of shipped examples
-	$(BIN)/python -m pages.site
+	$(BIN)/python -m oarlock_lab.pages.site
 
 validation: $(VENV)/.package $(VENV)/.validation ## track public recordings with Oarlock and with other software, and compare
-	$(BIN)/python -m validation --out out/validation
+	$(BIN)/python -m oarlock_lab.validation --out out/validation
 
 # TARGET is a target triple of Rust, such as aarch64-unknown-linux-musl; its standard library has to be installed.
 TARGET ?=

@@ -24,7 +24,8 @@ CHECKS: dict[str, Callable[[], list[str]]] = {
     "file sizes": budgets.long_files,
     "budgets of rooms": budgets.findings,
     "file names": names.vague_names,
-    "class names": names.classes_of_one_name,
+    "class names": names.classes_with_the_same_name,
+    "words of names": names.refused_words,
     "machine paths": portability.machine_paths,
     "data folder": portability.data_folder,
     "registries": portability.registries,
@@ -39,9 +40,9 @@ def main() -> int:
     """Number of checks that found something, as an exit status."""
     failed = 0
     for name, check in CHECKS.items():
-        found = check()
-        failed += bool(found)
-        print(f"{'FAILED' if found else 'ok':6} {name}" + "".join(f"\n       {line}" for line in found))
+        findings = check()
+        failed += bool(findings)
+        print(f"{'FAILED' if findings else 'ok':6} {name}" + "".join(f"\n       {line}" for line in findings))
     print(f"{len(CHECKS) - failed} of {len(CHECKS)} checks passed")
     return int(failed > 0)
 

@@ -98,9 +98,9 @@ def upward(uses: Mapping[str, set[str]]) -> list[str]:
     """Imports of a room by one that stands before it, and rooms that no layer names."""
     rooms = {module: layer_of(module) for module in uses}
     unknown = sorted({room for room in rooms.values() if room not in LAYERS})
-    found = [f"give the room '{room}' its place in LAYERS of checks/arrows.py" for room in unknown]
+    without_place = [f"give the room '{room}' its place in LAYERS of checks/arrows.py" for room in unknown]
     place = {module: LAYERS.index(room) for module, room in rooms.items() if room in LAYERS}
-    return found + [
+    return without_place + [
         f"{module} must not import {used}: {rooms[used] or 'oarlock'} stands above {rooms[module]}"
         for module in sorted(place)
         for used in sorted(uses[module])
@@ -125,14 +125,14 @@ def circles(uses: Mapping[str, set[str]]) -> list[str]:
 
 def rowing_beyond_the_public_names() -> list[str]:
     """Imports by rowing of names that are not public."""
-    found = []
+    lines = []
     public = {f"oarlock.{name}" for name in public_names()} | {"oarlock", *public_of(*PUBLIC_ROOMS)}
     for path in sorted((PACKAGE / "rowing").rglob("*.py")):
         allowed = public | (public_of("report", "report.viewer") if part_of(path) == "report" else set())
         for name in sorted(imported(path)):
             if name not in allowed and not any(within(name, part) for part in ROWING_OWN):
-                found.append(f"{name_of(path)} imports {name}, which is not public")
-    return found
+                lines.append(f"{name_of(path)} imports {name}, which is not public")
+    return lines
 
 
 def python_files(package: Path = PACKAGE) -> list[Path]:
@@ -184,10 +184,10 @@ def part_of(path: Path) -> str:
 
 def public_of(*packages: str) -> set[str]:
     """Names that the packages offer to those who hand them something, with the packages themselves."""
-    found = set()
+    offered = set()
     for package in packages:
         place = PACKAGE.joinpath(*package.split("."))
         files = (place / "__init__.pyi", place / "__init__.py", place.with_suffix(".py"))
         names = public_names(next(file for file in files if file.is_file()))
-        found |= {f"oarlock.{package}", *(f"oarlock.{package}.{name}" for name in names)}
-    return found
+        offered |= {f"oarlock.{package}", *(f"oarlock.{package}.{name}" for name in names)}
+    return offered

@@ -48,16 +48,16 @@ ORACLE_MAY_USE = {"model", "rotation"}
 
 def findings() -> list[str]:
     """Arrows that the table does not allow, and what reaches outside the engine."""
-    found = []
+    lines = []
     for path in engine_files():
         code, module = rust_code(path), module_path(path)
         name = "::".join(module)
-        found += [f"{name} must not use {other}" for other in sorted(forbidden(code, module))]
-        found += [f"{name} must not name {outside}" for outside in ENGINE_NEVER.findall(code)]
+        lines += [f"{name} must not use {other}" for other in sorted(forbidden(code, module))]
+        lines += [f"{name} must not name {outside}" for outside in ENGINE_NEVER.findall(code)]
     for name in ORACLE_FILES:
         used = set(re.findall(r"\boarlock::(\w+)", rust_code(ORACLE / f"{name}.rs"))) - ORACLE_MAY_USE
-        found += [f"oarlock-oracle {name} must not use {other}" for other in sorted(used)]
-    return found
+        lines += [f"oarlock-oracle {name} must not use {other}" for other in sorted(used)]
+    return lines
 
 
 def forbidden(code: str, module: tuple[str, ...]) -> set[str]:
@@ -97,7 +97,7 @@ def matching_brace(text: str, start: int) -> int:
 
 def named_from_root(code: str, module: tuple[str, ...]) -> set[str]:
     """Top-level modules of the crate that the code of `module` names through `crate::` or `super::`."""
-    found = set()
+    modules = set()
     for match in re.finditer(r"\b(crate|(?:super::)*super)::", code):
         ups = 0 if match[1] == "crate" else match[1].count("super")
         if ups and len(module) - ups != 0:
@@ -106,8 +106,8 @@ def named_from_root(code: str, module: tuple[str, ...]) -> set[str]:
             names = split_group(code[match.end() + 1 : matching_brace(code, match.end())])
         else:
             names = [code[match.end() :]]
-        found |= {first[0] for name in names if (first := re.match(r"[a-z]\w*", name))}
-    return found
+        modules |= {first[0] for name in names if (first := re.match(r"[a-z]\w*", name))}
+    return modules
 
 
 def engine_files() -> list[Path]:

@@ -55,24 +55,24 @@ ALLOWED: dict[str, tuple[int, str]] = {
 def findings(package: Path = PACKAGE, allowed: dict[str, tuple[int, str]] | None = None) -> list[str]:
     """Calls beside the gate in files that may not have as many, and permissions that nothing needs."""
     allowed = ALLOWED if allowed is None else allowed
-    found = []
+    faults = []
     calls = {
         file.relative_to(package).as_posix(): list(openings(text_of(file)))
         for file in python_files(package)
         if file.suffix == ".py"
     }
     for name, lines in calls.items():
-        most = allowed.get(name, (0, ""))[0]
-        if name != GATE and len(lines) > most:
-            found += [
+        allowed_count = allowed.get(name, (0, ""))[0]
+        if name != GATE and len(lines) > allowed_count:
+            faults += [
                 f"{name}:{line}: {call}: open it with oarlock.storage.regular_file, or name the reason in "
                 "checks/file_gate.py"
                 for line, call in lines
             ]
-    return found + [
+    return faults + [
         f"checks/file_gate.py: {name} opens {len(calls.get(name, ()))} files now; correct its line"
-        for name, (most, _) in allowed.items()
-        if len(calls.get(name, ())) < most
+        for name, (allowed_count, _) in allowed.items()
+        if len(calls.get(name, ())) < allowed_count
     ]
 
 
@@ -81,13 +81,13 @@ def openings(text: str) -> Iterator[tuple[int, str]]:
     for node in ast.walk(ast.parse(text)):
         if not isinstance(node, ast.Call):
             continue
-        called = ast.unparse(node.func)
-        if OPENS.fullmatch(called) or _is_of_a_path(node, called):
-            yield node.lineno, called.rpartition("\n")[2]
+        function = ast.unparse(node.func)
+        if OPENS.fullmatch(function) or _is_of_a_path(node, function):
+            yield node.lineno, function.rpartition("\n")[2]
 
 
-def _is_of_a_path(node: ast.Call, called: str) -> bool:
-    if not isinstance(node.func, ast.Attribute) or PACKAGED.search(called):
+def _is_of_a_path(node: ast.Call, function: str) -> bool:
+    if not isinstance(node.func, ast.Attribute) or PACKAGED.search(function):
         return False
     if node.func.attr in PATH_METHODS:
         return True

@@ -13,12 +13,12 @@ MADE = ("docs/reference/", "docs/gallery.md", "docs/moving-sculler.svg")
 
 def findings() -> list[str]:
     """Links of all pages that lead nowhere."""
-    return [f"{name_of(page)}: {found}" for page in PAGES for found in broken_links(page)]
+    return [f"{name_of(page)}: {target}" for page in PAGES for target in broken_links(page)]
 
 
 def broken_links(page: Path) -> list[str]:
     """Targets of the page whose file or title does not exist."""
-    found = []
+    broken = []
     for target in re.findall(r"\]\(([^)\s]+)\)", text_of(page)):
         path, _, anchor = target.partition("#")
         file = (page.parent / path).resolve() if path else page
@@ -27,10 +27,10 @@ def broken_links(page: Path) -> list[str]:
         if file.is_relative_to(ROOT) and file.relative_to(ROOT).as_posix().startswith(MADE):
             continue
         if not file.exists():
-            found.append(f"{target} does not exist")
+            broken.append(f"{target} does not exist")
         elif anchor and anchor not in anchors(file):
-            found.append(f"no title for #{anchor} in {file.name}")
-    return found
+            broken.append(f"no title for #{anchor} in {file.name}")
+    return broken
 
 
 def anchors(page: Path) -> set[str]:

@@ -1,12 +1,25 @@
-"""Names of files that say nothing, and class names that stand for several classes."""
+"""Names of files that say nothing, class names that stand for several classes, and words that no name may contain."""
 
 import ast
+import re
 from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
 
 from checks.arrows import LAB, PACKAGE, python_files
-from checks.project_files import ROOT, code_files, name_of, text_of
+from checks.project_files import ROOT, code_files, name_of, text_files, text_of
 
 VAGUE_NAMES = {"base", "common", "factory", "helper", "helpers", "manager", "misc", "types", "util", "utils"}
+# Participles and private words that stood for a noun of the field. The thing has a name: stroke, mount, progress.
+REFUSED_WORDS = frozenset(text_of(ROOT / "checks/refused_words.txt").split())
+# Of libraries, and of the standards that a file follows.
+OTHERS_NAMES = re.compile(
+    r"^(FileNotFoundError|ModuleNotFoundError|CalledProcessError)$|least_squares|LeastSquares"
+)
+REFUSED_IN = ("python", "lab", "checks", "golden", "release", "crates")
+WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")
+RUST_TALK = re.compile(r'//[^\n]*|r#"[\s\S]*?"#|b?"(?:\\.|[^"\\])*"')
+RUST_NAME = re.compile(r"(?<![\w.:'])(?!r#)[A-Za-z_]\w*(?!\w*!)")
 
 
 def vague_names() -> list[str]:
@@ -18,7 +31,7 @@ def vague_names() -> list[str]:
     ]
 
 
-def classes_of_one_name() -> list[str]:
+def classes_with_the_same_name() -> list[str]:
     """Class names of the package and of oarlock-lab that are defined in more than one place."""
     places = defaultdict(list)
     for path in (path for package in (PACKAGE, LAB) for path in python_files(package)):
@@ -28,3 +41,43 @@ def classes_of_one_name() -> list[str]:
     return [
         f"{name}: {', '.join(at)}; a class name stands once" for name, at in places.items() if len(at) > 1
     ]
+
+
+def refused_words() -> list[str]:
+    """Names in Python, Rust and the package's TOML that contain a refused word."""
+    lines = []
+    for path in text_files():
+        if path.relative_to(ROOT).parts[0] not in REFUSED_IN:
+            continue
+        for name, line in sorted(dict(reversed([*defined_names(path)])).items()):
+            words = {word.lower() for word in WORD.findall(name)} & REFUSED_WORDS
+            if words and not OTHERS_NAMES.search(name):
+                lines.append(
+                    f"{name_of(path)}:{line}: {name}: name the thing, not {', '.join(sorted(words))}"
+                )
+    return lines
+
+
+def defined_names(path: Path) -> Iterator[tuple[str, int]]:
+    """Names that a file defines, with their lines; in Rust names that are used without a path, too."""
+    text = text_of(path)
+    if path.suffix in (".py", ".pyi"):
+        yield path.stem, 1
+        for node in ast.walk(ast.parse(text)):
+            match node:
+                case ast.FunctionDef(name=name) | ast.ClassDef(name=name):
+                    yield name, node.lineno
+                case ast.Name(id=name, ctx=ast.Store()) | ast.Attribute(attr=name, ctx=ast.Store()):
+                    yield name, node.lineno
+                case ast.arg(arg=name):
+                    yield name, node.lineno
+    elif path.suffix == ".rs":
+        yield path.stem, 1
+        for k, line in enumerate(
+            RUST_TALK.sub(lambda talk: "\n" * talk[0].count("\n"), text).splitlines(), 1
+        ):
+            yield from ((name[0], k) for name in RUST_NAME.finditer(line))
+    elif path.suffix == ".toml" and path.is_relative_to(PACKAGE):
+        for k, line in enumerate(text.splitlines(), 1):
+            if key := re.match(r"\s*\[*([\w.]+)\]*\s*(?:=|$)", line):
+                yield key[1], k

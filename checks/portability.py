@@ -41,19 +41,21 @@ def registries() -> list[str]:
 
 def loose_pins() -> list[str]:
     """Requirements without one version or hashes, and a build requirement that differs between its two places."""
-    found = [
+    loose_lines = [
         f"{name_of(pins)}: {line}"
         for pins in sorted((ROOT / "requirements").glob("*.txt"))
         for line in loose(text_of(pins))
     ]
     built = (tomllib.loads(text_of(ROOT / name)) for name in ("pyproject.toml", "lab/pyproject.toml"))
-    project = [requirement for one in built for requirement in one["build-system"]["requires"]]
+    project = [
+        requirement for project_file in built for requirement in project_file["build-system"]["requires"]
+    ]
     lines = text_of(ROOT / "requirements/build.in").splitlines()
     if project != [line for line in lines if line and not line.startswith("#")]:
-        found.append(
+        loose_lines.append(
             "requirements/build.in: differs from build-system.requires of pyproject.toml, lab/pyproject.toml"
         )
-    return found
+    return loose_lines
 
 
 def loose(requirements: str) -> list[str]:

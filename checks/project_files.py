@@ -31,16 +31,16 @@ BUILT |= {".hypothesis", ".mypy_cache", ".pytest_cache", ".ruff_cache"}
 @cache
 def text_files() -> tuple[Path, ...]:
     """Every text file that is not built; raises if the folder is not the project."""
-    found = []
+    files = []
     for folder, folders, names in os.walk(ROOT):
         folders[:] = [name for name in folders if name not in BUILT]
-        found += [Path(folder, name) for name in names if Path(name).suffix in TEXT and name != ".git"]
+        files += [Path(folder, name) for name in names if Path(name).suffix in TEXT and name != ".git"]
     missing = {"Makefile", "LICENSE", "Cargo.toml", "checks/project_files.py"} - {
-        name_of(path) for path in found
+        name_of(path) for path in files
     }
     if missing:
         raise FileNotFoundError(f"{ROOT} is not the project: {sorted(missing)} are missing")
-    return tuple(sorted(found))
+    return tuple(sorted(files))
 
 
 def code_files() -> list[Path]:

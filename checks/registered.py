@@ -10,7 +10,7 @@ TESTS = ROOT / "crates/oarlock/tests"
 
 def findings(tests: Path = TESTS) -> list[str]:
     """Files below the folders of `tests` that their parent module does not declare. Cargo itself finds `tests/*.rs`."""
-    found = []
+    undeclared = []
     for path in sorted(tests.glob("*/**/*.rs")):
         module = path.parent if path.stem in {"main", "mod"} else path.with_suffix("")
         if path.stem == "main":
@@ -23,7 +23,7 @@ def findings(tests: Path = TESTS) -> list[str]:
             if parent.is_file()
         )
         if not declared and module.parent != tests:
-            found.append(
+            undeclared.append(
                 f"{name_of(path) if path.is_relative_to(ROOT) else path}: no `mod {module.name};` beside it"
             )
-    return found
+    return undeclared

@@ -18,7 +18,6 @@ from unittest import mock
 
 import numpy as np
 import pyarrow.parquet as pq
-from pages import recordings
 
 import oarlock
 from golden.mistakes import mistakes
@@ -38,6 +37,7 @@ from oarlock import rowing
 from oarlock.formats.datasets.diodem import read_diodem
 from oarlock.formats.datasets.openaxes import read_openaxes
 from oarlock.movement import movement_angles, ranges_of_motion
+from oarlock_lab.pages import recordings
 
 ROOT = Path(__file__).parents[1]
 EXCERPT = ROOT / "tests/data/exact_B-B_10s.npz"
@@ -209,9 +209,9 @@ def tracks(folder: Path) -> Outputs:
     calibration = oarlock.calibration.calibrate_hinge_chain(chain, pendulum)
     yield from outputs_of_track("pendulum", oarlock.track(chain, pendulum, calibration))
     arm = oarlock.load_model("arm7")
-    worn = oarlock.calibration.calibrate_session(arm, session().recording)
+    mounts = oarlock.calibration.calibrate_session(arm, session().recording)
     reach = recorded(arm, waves(arm, 8.0), seed=2)[1]
-    yield from outputs_of_track("arm", oarlock.track(arm, reach, worn))
+    yield from outputs_of_track("arm", oarlock.track(arm, reach, mounts))
     yield from outputs_of_track("lower_body", legs_track())
     limbs = oarlock.studies.track_independent_chains(sculler(), recording.slice(end_s=3.0))
     yield from outputs_of_track("sculler_limbs", limbs)
@@ -324,9 +324,12 @@ def shipped_tables(folder: Path) -> Outputs:
 def shared_tables(folder: Path) -> Outputs:
     """Stroke exports and marker files of the validation data."""
     place = shared_data()
-    rowed = [*importable(place / "rowingdata_samples"), *importable(place / "openrowingmonitor_recordings")]
+    stroke_files = [
+        *importable(place / "rowingdata_samples"),
+        *importable(place / "openrowingmonitor_recordings"),
+    ]
     yield from stroke_outputs(
-        place, [file for file in rowed if file.suffix in (".csv", ".tcx", ".fit", ".gz")]
+        place, [file for file in stroke_files if file.suffix in (".csv", ".tcx", ".fit", ".gz")]
     )
     yield from marker_outputs(place, [file for file in importable(place) if file.suffix in (".trc", ".c3d")])
 

@@ -72,22 +72,22 @@ def differences(before: Mapping[str, Value], after: Mapping[str, Value]) -> list
         for key in before.keys() ^ after.keys()
     ]
     for key in before.keys() & after.keys():
-        one, other = before[key], after[key]
-        if isinstance(one, str) or isinstance(other, str):
-            if str(one) != str(other):
-                unlike.append(Difference(key, f"{one!s:.200} -> {other!s:.200}"))
-        elif one.shape != other.shape:
-            unlike.append(Difference(key, f"shape {one.shape} -> {other.shape}"))
-        elif one.tobytes() != other.tobytes():
-            unlike.append(Difference(key, _largest(one, other, before.get(f"{key}_std"))))
+        value, other = before[key], after[key]
+        if isinstance(value, str) or isinstance(other, str):
+            if str(value) != str(other):
+                unlike.append(Difference(key, f"{value!s:.200} -> {other!s:.200}"))
+        elif value.shape != other.shape:
+            unlike.append(Difference(key, f"shape {value.shape} -> {other.shape}"))
+        elif value.tobytes() != other.tobytes():
+            unlike.append(Difference(key, _largest(value, other, before.get(f"{key}_std"))))
     return sorted(unlike, key=lambda difference: difference.key)
 
 
-def _largest(one: NDArray[np.float64], other: NDArray[np.float64], std: Value | None) -> str:
-    apart = np.abs(other - one)
-    holes = int(np.count_nonzero(np.isfinite(one) != np.isfinite(other)))
-    text = f"largest difference {np.nanmax(apart, initial=0.0):.3g}, in {np.count_nonzero(apart > 0)} of {one.size}"
-    if isinstance(std, np.ndarray) and std.shape == one.shape:
+def _largest(before: NDArray[np.float64], other: NDArray[np.float64], std: Value | None) -> str:
+    apart = np.abs(other - before)
+    holes = int(np.count_nonzero(np.isfinite(before) != np.isfinite(other)))
+    text = f"largest difference {np.nanmax(apart, initial=0.0):.3g}, in {np.count_nonzero(apart > 0)} of {before.size}"
+    if isinstance(std, np.ndarray) and std.shape == before.shape:
         with np.errstate(divide="ignore", invalid="ignore"):
             text += f", {np.nanmax(apart / std, initial=0.0):.3g} standard deviations"
     return text + (f"; {holes} became or were missing" if holes else "")

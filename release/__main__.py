@@ -11,8 +11,8 @@ from release.project import ROOT, version
 
 def main() -> int:
     """Exit status: 1 if a check found something."""
-    asked = argparse.ArgumentParser(prog="python -m release", description=__doc__)
-    verbs = asked.add_subparsers(dest="verb", required=True)
+    parser = argparse.ArgumentParser(prog="python -m release", description=__doc__)
+    verbs = parser.add_subparsers(dest="verb", required=True)
     for name, text in (("wheel", "build a wheel"), ("sdist", "build the source distribution")):
         verb = verbs.add_parser(name, help=text)
         verb.add_argument("--out", type=Path, default=ROOT / "dist", help="folder to write")
@@ -25,35 +25,35 @@ def main() -> int:
         ("try", "install into an empty environment and run"),
     ):
         verbs.add_parser(name, help=text).add_argument("files", nargs="+", type=Path)
-    given = asked.parse_args()
-    return _run(given)
+    arguments = parser.parse_args()
+    return _run(arguments)
 
 
-def _run(given: argparse.Namespace) -> int:
-    if given.verb == "wheel":
-        build.build_wheel(given.target, given.out)
-    elif given.verb == "sdist":
-        build.build_source(given.out)
-    elif given.verb == "bill":
+def _run(arguments: argparse.Namespace) -> int:
+    if arguments.verb == "wheel":
+        build.build_wheel(arguments.target, arguments.out)
+    elif arguments.verb == "sdist":
+        build.build_source(arguments.out)
+    elif arguments.verb == "bill":
         javascript.BILL.write_text(javascript.text(), encoding="utf-8")
         crate_licences.FILE.write_text(crate_licences.text(), encoding="utf-8")
-    elif given.verb == "version":
+    elif arguments.verb == "version":
         print(version())
-    elif given.verb == "check":
-        wrong = [file for file in given.files if _check(file)]
+    elif arguments.verb == "check":
+        wrong = [file for file in arguments.files if _check(file)]
         return int(bool(wrong))
     else:
-        for file in given.files:
+        for file in arguments.files:
             print(trial.report(file, trial.try_out(file)), flush=True)
     return 0
 
 
 def _check(file: Path) -> bool:
     archive = read(file)
-    found = check.findings(archive)
+    wrong = check.findings(archive)
     print(listing(archive))
-    print("\n".join(f"WRONG: {line}" for line in found) or "nothing wrong", flush=True)
-    return bool(found)
+    print("\n".join(f"WRONG: {line}" for line in wrong) or "nothing wrong", flush=True)
+    return bool(wrong)
 
 
 sys.exit(main())

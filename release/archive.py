@@ -39,13 +39,13 @@ def read(path: Path) -> Archive:
 
 
 def _members(path: Path) -> dict[str, bytes]:
-    found = {}
+    members = {}
     with tarfile.open(path) as file:
         for member in file.getmembers():
             content = file.extractfile(member)
             if content:
-                found[member.name.partition("/")[2]] = content.read()
-    return found
+                members[member.name.partition("/")[2]] = content.read()
+    return members
 
 
 def listing(archive: Archive) -> str:

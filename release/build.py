@@ -54,8 +54,8 @@ def environment() -> dict[str, str]:
 
 def host() -> str:
     """Rust's name of this machine."""
-    said = subprocess.run(["rustc", "-vV"], capture_output=True, text=True, check=True).stdout
-    return next(line.removeprefix("host: ") for line in said.splitlines() if line.startswith("host: "))
+    versions = subprocess.run(["rustc", "-vV"], capture_output=True, text=True, check=True).stdout
+    return next(line.removeprefix("host: ") for line in versions.splitlines() if line.startswith("host: "))
 
 
 def _committed_s() -> str:
@@ -66,8 +66,8 @@ def _committed_s() -> str:
 
 
 def _maturin() -> str:
-    beside = Path(sys.executable).parent
-    found = shutil.which("maturin", path=str(beside)) or shutil.which("maturin")
-    if not found:
+    scripts = Path(sys.executable).parent
+    maturin = shutil.which("maturin", path=str(scripts)) or shutil.which("maturin")
+    if not maturin:
         raise SystemExit("maturin is not installed: pip install -r requirements/release.txt")
-    return found
+    return maturin

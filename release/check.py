@@ -72,12 +72,12 @@ def _source(archive: Archive) -> list[str]:
 
 
 def _tag(archive: Archive) -> list[str]:
-    found = re.fullmatch(r"oarlock-([^-]+)-(cp\d+-\w+)-([\w.]+)\.whl", archive.path.name)
-    if not found:
+    tag = re.fullmatch(r"oarlock-([^-]+)-(cp\d+-\w+)-([\w.]+)\.whl", archive.path.name)
+    if not tag:
         return [f"{archive.path.name}: is no name of a wheel of Oarlock"]
-    wrong = [] if found[2] == project.ABI_TAG else [f"tag {found[2]}, expected {project.ABI_TAG}"]
-    if found[3].startswith("linux_"):
-        wrong.append(f"tag {found[3]} says nothing about the C library; build it with `make wheel`")
+    wrong = [] if tag[2] == project.ABI_TAG else [f"tag {tag[2]}, expected {project.ABI_TAG}"]
+    if tag[3].startswith("linux_"):
+        wrong.append(f"tag {tag[3]} says nothing about the C library; build it with `make wheel`")
     return wrong
 
 
@@ -98,12 +98,12 @@ def _missing(needed: set[str], names: set[str]) -> list[str]:
 
 
 def _bills(archive: Archive, information: str) -> list[str]:
-    found = []
+    empty_bills = []
     for name in sorted(BILLS):
         content = archive.members.get(information + name)
         if content is not None and not json.loads(content).get("components"):
-            found.append(f"{name}: lists no component")
-    return found
+            empty_bills.append(f"{name}: lists no component")
+    return empty_bills
 
 
 def _machine_paths(archive: Archive) -> list[str]:

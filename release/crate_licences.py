@@ -32,23 +32,23 @@ def text() -> str:
 
 def _crates() -> list[dict[str, Any]]:
     command = ["cargo", "metadata", "--locked", "--format-version", "1"]
-    said = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
-    whole = json.loads(said)
+    metadata = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    whole = json.loads(metadata)
     packages = {package["id"]: package for package in whole["packages"]}
     nodes = {node["id"]: node["deps"] for node in whole["resolve"]["nodes"]}
     waiting = [identity for identity, package in packages.items() if package["name"] == PACKAGE]
-    found: set[str] = set()
+    linked: set[str] = set()
     while waiting:
         identity = waiting.pop()
-        if identity not in found:
-            found.add(identity)
+        if identity not in linked:
+            linked.add(identity)
             # neither tests nor build scripts are compiled into the module
             waiting += [
                 dep["pkg"]
                 for dep in nodes[identity]
                 if any(kind["kind"] is None for kind in dep["dep_kinds"])
             ]
-    return [packages[identity] for identity in found if packages[identity]["source"]]
+    return [packages[identity] for identity in linked if packages[identity]["source"]]
 
 
 def _licences(folder: Path) -> list[str]:

@@ -26,6 +26,6 @@ def package_files() -> set[str]:
 
 
 def _files(folder: Path) -> list[Path]:
-    found = [path for path in folder.rglob("*") if path.is_file() and path.suffix not in UNSHIPPED]
+    files = [path for path in folder.rglob("*") if path.is_file() and path.suffix not in UNSHIPPED]
     # Caches of tools have names that begin with a dot.
-    return [path for path in found if not any(part[0] == "." for part in path.relative_to(folder).parts)]
+    return [path for path in files if not any(part[0] == "." for part in path.relative_to(folder).parts)]

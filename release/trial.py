@@ -60,9 +60,9 @@ class _Run:
         self.place, self.scripts = place, scripts
         variables = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
         self.environment = variables | {"PATH": os.pathsep.join([str(scripts), *self._path(compilers)])}
-        found = [name for name in COMPILERS if shutil.which(name, path=self.environment["PATH"])]
-        if found and not compilers:
-            raise RuntimeError(f"compilers on the path: {', '.join(found)}")
+        compilers_there = [name for name in COMPILERS if shutil.which(name, path=self.environment["PATH"])]
+        if compilers_there and not compilers:
+            raise RuntimeError(f"compilers on the path: {', '.join(compilers_there)}")
 
     def _path(self, compilers: bool) -> list[str]:
         return [os.environ.get("PATH", "")] if compilers else []
@@ -71,14 +71,14 @@ class _Run:
         python = str(self.scripts / "python")
         only_wheels = ["--only-binary", ":all:"] if archive.suffix == ".whl" else []
         install_s = self.timed(python, "-m", "pip", "install", "--quiet", *only_wheels, str(archive))
-        stated = self.said(str(self.scripts / "oarlock"), "--version")
+        stated = self.output(str(self.scripts / "oarlock"), "--version")
         if project.version() not in stated:
             raise RuntimeError(f"oarlock --version: {stated.strip()}, expected {project.version()}")
-        import_s = min(float(self.said(python, "-c", IMPORT)) for _ in range(5))
+        import_s = min(float(self.output(python, "-c", IMPORT)) for _ in range(5))
         if import_s > IMPORT_BUDGET_S:
             raise RuntimeError(f"import oarlock takes {import_s:.2f} s, the budget is {IMPORT_BUDGET_S} s")
-        self.said(python, "-m", "pip", "install", "--quiet", *only_wheels, f"{archive}[full]")
-        self.said(python, "-c", NAMES)
+        self.output(python, "-m", "pip", "install", "--quiet", *only_wheels, f"{archive}[full]")
+        self.output(python, "-c", NAMES)
         demo_s = self.timed(str(self.scripts / "oarlock"), "demo", "--out", "demo")
         self.demo_is_whole()
         return Trial(install_s, import_s, demo_s)
@@ -90,10 +90,10 @@ class _Run:
 
     def timed(self, *command: str) -> float:
         begun = time.perf_counter()
-        self.said(*command)
+        self.output(*command)
         return time.perf_counter() - begun
 
-    def said(self, *command: str) -> str:
+    def output(self, *command: str) -> str:
         done = subprocess.run(command, cwd=self.place, env=self.environment, capture_output=True, text=True)
         if done.returncode:
             raise RuntimeError(f"{' '.join(command[1:])[:200]}\n{done.stdout}\n{done.stderr}")

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from pages import recordings, sculling
 
 import oarlock
 from local_data import local_folder
+from oarlock_lab.pages import recordings, sculling
 
 Floats = NDArray[np.float64]
 

@@ -14,14 +14,14 @@ FILM_S, FRAME_S, FILM_STARTS_S = 12.0, 0.04, 7.32
 
 def crew(file: Path) -> None:
     """Recordings of four seats, beside the file."""
-    from pages.site.crew_pieces import write_crew
+    from oarlock_lab.pages.site.crew_pieces import write_crew
 
     write_crew(file.parent)
 
 
 def model(file: Path) -> None:
     """The model of the tutorial."""
-    from pages.site.steps import steps
+    from oarlock_lab.pages.site.steps import steps
 
     page = (ROOT / "docs/tutorials/own-body.md").read_text(encoding="utf-8")
     file.write_text(next(step.text for step in steps(page) if step.file), encoding="utf-8")

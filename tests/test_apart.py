@@ -4,10 +4,10 @@ from importlib import resources
 
 import numpy as np
 import pytest
-from bench.apart import JITTER_S, RATES_HZ, TOGETHER_HZ, recorded
 
 import oarlock
 from oarlock import rowing
+from oarlock_lab.bench.apart import JITTER_S, RATES_HZ, TOGETHER_HZ, recorded
 from refusals import assert_refused
 
 

@@ -107,7 +107,7 @@ def test_a_class_name_that_stands_for_two_classes_is_found(monkeypatch, tmp_path
     planted(tmp_path, model__a="class A: ...\nclass B: ...", storage__b="def f():\n    class A: ...\n")
     monkeypatch.setattr(names, "PACKAGE", tmp_path)
     monkeypatch.setattr(names, "name_of", lambda path: path.name)
-    assert names.classes_of_one_name() == ["A: a.py:1, b.py:2; a class name stands once"]
+    assert names.classes_with_the_same_name() == ["A: a.py:1, b.py:2; a class name stands once"]
 
 
 @pytest.mark.parametrize("folder", ["home", "opt"])

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench.apart import JITTER_S, RATES_HZ, TOGETHER_HZ, recorded
 
 import oarlock
 from oarlock import rowing
+from oarlock_lab.bench.apart import JITTER_S, RATES_HZ, TOGETHER_HZ, recorded
 
 DURATION_S, DRIFT = 20.0, 2e-4
 # Blades are lifted slowly: 10 cm in half a second.

@@ -6,10 +6,10 @@ import sys
 from pathlib import Path
 
 import pytest
-from pages.site.presumed import NOT_RUN, PRESUMED, QUICKER, presume
-from pages.site.steps import Reader, steps, with_reasons
 
 from oarlock.cli import VERBS, load_verb
+from oarlock_lab.pages.site.presumed import NOT_RUN, PRESUMED, QUICKER, presume
+from oarlock_lab.pages.site.steps import Reader, steps, with_reasons
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])

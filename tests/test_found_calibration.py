@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from validation import ours
-from validation.scores import heading_zeroed, later, median_deg, relative_error_rad, rmse_deg
 
 import oarlock
 from local_data import local_folder
 from oarlock.formats.datasets.dfjimu import BODIES, read_dfjimu, read_dfjimu_reference
 from oarlock.formats.datasets.diodem import read_diodem, read_diodem_reference
 from oarlock.formats.datasets.openaxes import read_openaxes, read_openaxes_reference
+from oarlock_lab.validation import ours
+from oarlock_lab.validation.scores import heading_zeroed, later, median_deg, relative_error_rad, rmse_deg
 
 pytestmark = pytest.mark.data
 

@@ -3,7 +3,8 @@
 import json
 
 import pytest
-from bench import counted
+
+from oarlock_lab.bench import counted
 
 pytestmark = pytest.mark.long
 

@@ -6,14 +6,18 @@ import math
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from validation import chains, page, qmt, singular
-from validation.__main__ import main as run_validation
-from validation.chains import Link, world_from_links
-from validation.estimate import Estimate, Missing, NotRunError, attempt
-from validation.limits import delay_s, limits
-from validation.results import Collected, SetResult
-from validation.rotations import about_vertical, at, quat_wxyz, rotation, twist_rad
-from validation.scores import (
+
+from oarlock import Recording, load_model
+from oarlock.evaluation.reference import Reference
+from oarlock.recording import ImuStream
+from oarlock_lab.validation import chains, page, qmt, singular
+from oarlock_lab.validation.__main__ import main as run_validation
+from oarlock_lab.validation.chains import Link, world_from_links
+from oarlock_lab.validation.estimate import Estimate, Missing, NotRunError, attempt
+from oarlock_lab.validation.limits import delay_s, limits
+from oarlock_lab.validation.results import Collected, SetResult
+from oarlock_lab.validation.rotations import about_vertical, at, quat_wxyz, rotation, twist_rad
+from oarlock_lab.validation.scores import (
     attitude_error_rad,
     circular_mean_rad,
     heading_zeroed,
@@ -23,11 +27,7 @@ from validation.scores import (
     relative_error_rad,
     rmse_deg,
 )
-from validation.stretches import worst_plot, worst_stretch
-
-from oarlock import Recording, load_model
-from oarlock.evaluation.reference import Reference
-from oarlock.recording import ImuStream
+from oarlock_lab.validation.stretches import worst_plot, worst_stretch
 from opensim_reader import opensim
 
 # Rotations go through quaternions of double precision a few times.
@@ -349,7 +349,7 @@ def test_a_figure_that_is_no_number_is_null(tmp_path):
 
 def test_plots_are_drawn_with_names_of_their_own():
     pytest.importorskip("matplotlib", reason="matplotlib draws the page's plots; it is not needed to track")
-    from validation.plots import svg
+    from oarlock_lab.validation.plots import svg
 
     errors = {"Other": (Estimate("Other", TIME_S, {}), TIME_S)}
     drawn = [svg(worst_plot(name, "what", errors, TIME_S, ALL, 2.0)[1]) for name in ("one", "two", "one")]

@@ -2,10 +2,10 @@
 
 import numpy as np
 from scipy.spatial.transform import Rotation
-from validation import singular
 
 import oarlock
 from oarlock import Recording
+from oarlock_lab.validation import singular
 
 # With this seed three hinges without a compass pass their pole so closely that they cannot follow.
 SEED = 2

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from validation import ours
-from validation.scores import attitude_error_rad, rmse_deg
 
 import oarlock
 from local_data import local_folder
 from oarlock import Config, Recording
 from oarlock.formats.datasets.broad import BODY, read_broad, read_broad_reference
 from oarlock.recording import ImuStream
+from oarlock_lab.validation import ours
+from oarlock_lab.validation.scores import attitude_error_rad, rmse_deg
 
 RATE_HZ = 200.0
 DURATION_S = 40.0

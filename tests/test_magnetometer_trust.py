@@ -1,14 +1,14 @@
 """A magnetometer's trust on sessions whose truth is known: never much worse than the better of always and never."""
 
 import pytest
-from pages.recordings import read_simulated
-from pages.sculling import ELEVEN, angles
-from pages.status import ROUGH
 
 import oarlock
 from exact_recording import sculler
 from local_data import local_folder
 from oarlock.rowing import FieldEffects, simulate_field
+from oarlock_lab.pages.recordings import read_simulated
+from oarlock_lab.pages.sculling import ELEVEN, angles
+from oarlock_lab.pages.status import ROUGH
 
 WORSE = 1.15
 """10 % are wanted: here 0 to 8 %, and 10.5 % for `wild_7`, whose error any small change of the noise moves by 5 %."""

@@ -7,17 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pages import __main__ as pages
-from pages import record, robustness, sections, status, tables
-from pages.recordings import read_simulated
-from pages.sculling import ELEVEN, HANDS, PLACES
-from pages.validation import best_other
-from validation import dfjimu, others
-from validation.estimate import Estimate
 
 import oarlock
 from exact_recording import EXCERPT, sculler
 from local_data import local_folder
+from oarlock_lab.pages import __main__ as pages
+from oarlock_lab.pages import record, robustness, sections, status, tables
+from oarlock_lab.pages.recordings import read_simulated
+from oarlock_lab.pages.sculling import ELEVEN, HANDS, PLACES
+from oarlock_lab.pages.validation import best_other
+from oarlock_lab.validation import dfjimu, others
+from oarlock_lab.validation.estimate import Estimate
 
 PAGES = [
     (name, page, mark)
@@ -57,7 +57,7 @@ def test_writing_recorded_figures_changes_no_page(tmp_path):
 
 def test_tables_of_pages_are_those_of_the_code():
     texts = [file.read_text(encoding="utf-8") for file in sorted((record.ROOT / "docs").rglob("*.md"))]
-    assert [text for text in texts if tables.with_tables(text) != text] == [], "run `python -m pages tables`"
+    assert [text for text in texts if tables.with_tables(text) != text] == [], "run `python -m oarlock_lab.pages tables`"
     assert [
         name for name in tables.TABLES if not any(f"generated: {name} -->" in text for text in texts)
     ] == []

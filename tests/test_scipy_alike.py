@@ -6,6 +6,9 @@ from scipy import signal, special, stats
 from scipy.spatial.transform import Rotation
 
 from oarlock.calibration.static.inclination import _turn
+from oarlock.model.rotation import quat_from_matrix
+from oarlock.movement.cycles import peaks_of
+from oarlock.recording.butterworth import passed_twice
 from oarlock.storage.statistics import (
     chi2_quantile,
     f_tail,
@@ -13,9 +16,6 @@ from oarlock.storage.statistics import (
     student_quantile,
     student_tail,
 )
-from oarlock.model.rotation import quat_from_matrix
-from oarlock.movement.cycles import peaks_of
-from oarlock.recording.butterworth import passed_twice
 
 LOG_GAMMA = 1e-8
 """Of differences of log gamma at a million degrees of freedom, where they cancel."""

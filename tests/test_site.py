@@ -5,12 +5,11 @@ import pytest
 pytest.importorskip("griffe", reason="the site needs griffe, latex2mathml and zensical (make site)")
 pytest.importorskip("latex2mathml")
 
-from pages.site import __main__ as site
-from pages.site import api, commands, finish, gallery, model_keys, stage
-
 import oarlock
 from headless_chromium import chromium, quiet_tabs, serious_violations
 from oarlock.cli import VERBS
+from oarlock_lab.pages.site import __main__ as site
+from oarlock_lab.pages.site import api, commands, finish, gallery, model_keys, stage
 
 
 def test_each_public_name_has_a_page_with_text(tmp_path):

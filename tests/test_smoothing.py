@@ -4,10 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pages.recordings import read_simulated
-from pages.sculling import ELEVEN, angles
-from validation import openaxes, ours, qmt, scores
-from validation.limits import limits, punctual
 
 import oarlock
 from exact_recording import STRUCTURES
@@ -17,6 +13,10 @@ from oarlock.formats.datasets.dfjimu import BODIES, read_dfjimu, read_dfjimu_ref
 from oarlock.formats.datasets.openaxes import LINKS, openaxes_runs, read_openaxes, read_openaxes_reference
 from oarlock.formats.datasets.qmt import read_qmt
 from oarlock.recording import ImuStream
+from oarlock_lab.pages.recordings import read_simulated
+from oarlock_lab.pages.sculling import ELEVEN, angles
+from oarlock_lab.validation import openaxes, ours, qmt, scores
+from oarlock_lab.validation.limits import limits, punctual
 from refusals import assert_refused
 
 RELATIVE, ABSOLUTE_DEG = 0.05, 0.05

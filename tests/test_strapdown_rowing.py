@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pages import sculling
 from scipy.spatial.transform import Rotation
 
 import oarlock
@@ -15,6 +14,7 @@ from field_trial import trial
 from local_data import local_folder
 from oarlock.rowing import FieldEffects, HullRotation
 from oarlock.rowing.simulation.experiment import simulate_ergometer, simulate_sculling, simulate_sweep
+from oarlock_lab.pages import sculling
 
 TREE = oarlock.Config(structure="tree")
 WORN_DEG = 4.0

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
-from validation import ours
-from validation.scores import relative_error_rad, rmse_deg
 
 from local_data import local_folder
 from oarlock import Config, Recording
 from oarlock.formats.datasets.dfjimu import BODIES, read_dfjimu, read_dfjimu_reference
+from oarlock_lab.validation import ours
+from oarlock_lab.validation.scores import relative_error_rad, rmse_deg
 
 pytestmark = pytest.mark.data
 

@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 import pytest
-from bench.live.loopback import FAULTY, PERFECT, compared, emulated_by, pendulum_with
 
 from oarlock_lab.emulators.kinds import KINDS
 from oarlock_lab.emulators.swinging import swinging
+from oarlock_lab.soak.loopback import FAULTY, PERFECT, compared, emulated_by, pendulum_with
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,6 @@ from itertools import islice
 
 import numpy as np
 import pytest
-from bench.live.loopback import FAULTY, PERFECT, emulated_by
 from mqtt_broker import Broker
 
 import oarlock
@@ -23,6 +22,7 @@ from oarlock_lab.emulators.dot import Together
 from oarlock_lab.emulators.emulated import Destination
 from oarlock_lab.emulators.lsl import labels
 from oarlock_lab.emulators.swinging import swinging
+from oarlock_lab.soak.loopback import FAULTY, PERFECT, emulated_by
 
 PATIENCE_S = 120.0
 

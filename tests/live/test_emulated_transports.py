@@ -5,10 +5,10 @@ import os
 from contextlib import suppress
 
 import pytest
-from bench.live.loopback import FAULTY, PERFECT, emulated_by
-from bench.live.real_time import moved, own_lsl_session, place_of, run_and_compare, run_for_real
 
 from oarlock_lab.emulators.kinds import KINDS
+from oarlock_lab.soak.loopback import FAULTY, PERFECT, emulated_by
+from oarlock_lab.soak.real_time import moved, own_lsl_session, place_of, run_and_compare, run_for_real
 
 SOCKETS = ("udp", "tcp", "serial")
 WAYS = [

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench.live.loopback import FAULTY, LATE_S, PERFECT, START_NS, emulated_by, packets_of
 
 import oarlock
 from oarlock.live.channel_tables import Channels, channels
@@ -15,6 +14,7 @@ from oarlock.live.simulated_devices import Faults
 from oarlock_lab.emulators import nmea
 from oarlock_lab.emulators.emulated import Destination
 from oarlock_lab.emulators.rower import Rowing
+from oarlock_lab.soak.loopback import FAULTY, LATE_S, PERFECT, START_NS, emulated_by, packets_of
 
 SECONDS = 30.0
 POUND_N = 4.4482216152605

@@ -5,7 +5,6 @@ import struct
 
 import numpy as np
 import pytest
-from bench.live.loopback import PERFECT, emulated_by, packets_of
 from pythonosc.osc_bundle import OscBundle
 
 from decoded import as_bytes
@@ -16,6 +15,7 @@ from oarlock_lab.emulators import mvn, ngimu, shimmer3, text, vicon, ximu3
 from oarlock_lab.emulators.kinds import KINDS
 from oarlock_lab.emulators.osc import osc_bundle, osc_message
 from oarlock_lab.emulators.swinging import swinging
+from oarlock_lab.soak.loopback import PERFECT, emulated_by, packets_of
 
 ZERO = "00000000"
 

@@ -8,7 +8,6 @@ from itertools import groupby
 
 import numpy as np
 import pytest
-from bench.live.virtual import VirtualTime
 from senders import encoded, rig_of, with_test_format
 from websockets.asyncio.client import connect
 
@@ -21,6 +20,7 @@ from oarlock.live.server import PageServer
 from oarlock.live.simulated_devices import Faults, deliveries
 from oarlock.live.transports.transport import Options
 from oarlock.live.transports.udp import Udp, free_port
+from oarlock_lab.soak.virtual import VirtualTime
 
 SECONDS = 6.0
 SHOWN_EACH_S = 0.1

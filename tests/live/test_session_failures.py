@@ -9,7 +9,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from bench.live.virtual import VirtualTime
 from failing_system import REASON, System
 from senders import packets_of, rig_of, with_test_format
 
@@ -23,6 +22,7 @@ from oarlock.live.live import Live
 from oarlock.live.live_track import live_track
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import state_folder
+from oarlock_lab.soak.virtual import VirtualTime
 
 SECONDS, RATE_HZ = 2.0, 25.0
 AT_ONCE = 30

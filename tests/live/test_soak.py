@@ -1,9 +1,10 @@
 """The soak, short: devices that vanish, return, restart their clocks, send rubbish and swap addresses."""
 
 import pytest
-from bench.live.checks import growth_percent, heard
-from bench.live.misbehaving import planted
-from bench.live.soak import soak_virtual, summary
+
+from oarlock_lab.soak.checks import growth_percent, heard
+from oarlock_lab.soak.misbehaving import planted
+from oarlock_lab.soak.soak import soak_virtual, summary
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-//! Steps for callgrind to count: `python -m bench.counted` runs this under it.
+//! Steps for callgrind to count: `python -m oarlock_lab.bench.counted` runs this under it.
 //!
 //! Arguments: the name of a body, and how many steps.
 #![allow(missing_docs)]
@@ -41,7 +41,7 @@ fn add_errors(case: &mut Case) {
 fn main() {
     let asked: Vec<String> = std::env::args().skip(1).collect();
     let [name, steps] = asked.as_slice() else {
-        return println!("counts nothing by itself: run `python -m bench.counted`");
+        return println!("counts nothing by itself: run `python -m oarlock_lab.bench.counted`");
     };
     let mut case = cases().into_iter().find(|case| case.name == name).expect("the name of a case");
     add_errors(&mut case);

@@ -3,7 +3,7 @@
 use serde_json::Value;
 use std::path::Path;
 
-/// Names a folder: figures are written there, for `python -m bench` to put together.
+/// Names a folder: figures are written there, for `python -m oarlock_lab.bench` to put together.
 pub const FOLDER: &str = "OARLOCK_BENCH_OUT";
 
 /// Keeps a list of rows as `name`.json, if a folder is named.
