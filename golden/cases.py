@@ -125,7 +125,7 @@ def sculler() -> oarlock.Model:
 
 
 @cache
-def excerpt() -> recordings.Simulated:
+def excerpt() -> recordings.SimulatedRecording:
     """10 s of simulated sculling with biased units in a boat that surges."""
     return recordings.read_simulated(EXCERPT, "B-B", sculler())
 

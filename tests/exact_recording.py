@@ -16,9 +16,9 @@ from oarlock_lab.pages import recordings, sculling
 
 Floats = NDArray[np.float64]
 
-Exact = recordings.Simulated
+Exact = recordings.SimulatedRecording
 UNITS, ENCODERS = recordings.UNITS, recordings.ENCODERS
-kept, at_rate = recordings.kept, recordings.at_rate
+with_rows, at_rate = recordings.with_rows, recordings.at_rate
 TREE = oarlock.Config(structure="tree")
 STRUCTURES = ("tree", "strapdown")
 SHOULDER, ARM, ELEVEN = sculling.SHOULDER, sculling.ARM, sculling.ELEVEN
@@ -69,7 +69,7 @@ def lossy(recording: oarlock.Recording, share: float, seed: int, whole: bool) ->
     """A share of all rows removed at random: the same instants everywhere (`whole`), or each stream's own."""
     random = np.random.default_rng(seed)
     stays = random.random(len(recording.streams[0])) >= share
-    return kept(recording, lambda s: stays if whole else random.random(len(s)) >= share)
+    return with_rows(recording, lambda s: stays if whole else random.random(len(s)) >= share)
 
 
 def silenced(recording: oarlock.Recording, sensor: str, start_s: float, for_s: float) -> oarlock.Recording:
@@ -78,7 +78,7 @@ def silenced(recording: oarlock.Recording, sensor: str, start_s: float, for_s: f
     def rows(s: Any) -> NDArray[Any]:
         return (s.name != sensor) | (s.time_s < start_s) | (s.time_s >= start_s + for_s)
 
-    return kept(recording, rows)
+    return with_rows(recording, rows)
 
 
 @dataclass(frozen=True)

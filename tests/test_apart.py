@@ -7,7 +7,7 @@ import pytest
 
 import oarlock
 from oarlock import rowing
-from oarlock_lab.bench.apart import JITTER_S, RATES_HZ, TOGETHER_HZ, recorded
+from oarlock_lab.bench.apart import JITTER_S, RATES_HZ, COMMON_HZ, recorded
 from refusals import assert_refused
 
 
@@ -177,7 +177,7 @@ def test_sensors_apart_are_as_accurate_as_together(sculler, seed):
     motion = rowing.sculling(sculler, 20.0, 24, surge=False, seed=seed)
     truth, _ = oarlock.simulate(sculler, motion, ["seat"], rate_hz=100.0)
     scores = {}
-    for name, rates_hz, jitter_s in (("together", TOGETHER_HZ, 0.0), ("apart", RATES_HZ, JITTER_S)):
+    for name, rates_hz, jitter_s in (("together", COMMON_HZ, 0.0), ("apart", RATES_HZ, JITTER_S)):
         track = oarlock.track(sculler, recorded(sculler, motion, rates_hz, seed, jitter_s))
         evaluation = oarlock.evaluate(track, truth)
         joints = [j.name for j in evaluation.joints if not j.name.endswith("theta") and j.name != "seat"]

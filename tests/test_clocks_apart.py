@@ -7,7 +7,7 @@ import pytest
 
 import oarlock
 from oarlock import rowing
-from oarlock_lab.bench.apart import JITTER_S, RATES_HZ, TOGETHER_HZ, recorded
+from oarlock_lab.bench.apart import JITTER_S, RATES_HZ, COMMON_HZ, recorded
 
 DURATION_S, DRIFT = 20.0, 2e-4
 # Blades are lifted slowly: 10 cm in half a second.
@@ -38,7 +38,7 @@ def test_drifting_clocks_cost_little_when_calibrated(sculler, seed):
     # The reference's clock is the calibrated recording's time.
     stamped = replace(truth, time_s=np.asarray(truth.time_s) * (1 + true_drift))
     found = score(oarlock.track(sculler, drifting, calibration), stamped)
-    together = score(oarlock.track(sculler, recorded(sculler, motion, TOGETHER_HZ, seed)), truth)
+    together = score(oarlock.track(sculler, recorded(sculler, motion, COMMON_HZ, seed)), truth)
     assert found[0] < 1.2 * together[0], (found, together)
     assert abs(found[1] - together[1]) < 0.03, (found, together)
 

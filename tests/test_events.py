@@ -17,12 +17,12 @@ from exact_recording import (
     UNITS,
     Floats,
     excerpt_track,
-    kept,
     load_exact,
     load_excerpt,
     lossy,
     sculler,
     silenced,
+    with_rows,
 )
 from oarlock.report import write_page
 
@@ -258,7 +258,7 @@ def test_a_range_without_its_sensor_is_refused() -> None:
 
 
 def test_a_stream_with_faults_is_the_batch() -> None:
-    recording = kept(frozen(load_excerpt().recording, "back", FIELDS), lambda s: slice(None, None, 2))
+    recording = with_rows(frozen(load_excerpt().recording, "back", FIELDS), lambda s: slice(None, None, 2))
     track, tracker = oarlock.track(sculler(), recording), oarlock.Tracker(sculler())
     for sample in tracker.samples(recording):
         belief, info = tracker.step(sample)

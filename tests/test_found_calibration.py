@@ -44,7 +44,7 @@ def assert_found_serves(name, given, found, errors):
 def test_levers_found_serve_as_well_as_those_of_the_file(trial):
     file = local_folder("data/dfjimu") / f"data_{trial}.mat"
     recording, reference = read_dfjimu(file), read_dfjimu_reference(file)
-    tracked = ours.track_dfjimu(recording), ours.track_dfjimu_found(recording)
+    tracked = ours.track_dfjimu(recording), ours.track_dfjimu_calibrated(recording)
     assert_found_serves(trial, *tracked, lambda e: errors_deg(e, reference, [BODIES], AFTER_S["dfjimu"]))
 
 
@@ -53,7 +53,7 @@ def test_places_and_lengths_found_serve_as_well_as_nominal_ones_at_the_hinges(mo
     trial = local_folder("data/diodem_arm") / "trial1"
     recording, reference = read_diodem(trial, mounted), later(read_diodem_reference(trial), CAMERAS_LATE_S)
     hinges = [("seg2", "seg3"), ("seg3", "seg4"), ("seg4", "seg5")]
-    tracked = ours.track_diodem(recording), ours.track_diodem_found(recording, mounted=mounted)
+    tracked = ours.track_diodem(recording), ours.track_diodem_calibrated(recording, mounted=mounted)
     assert_found_serves(mounted, *tracked, lambda e: errors_deg(e, reference, hinges, AFTER_S["diodem"]))
 
 
@@ -66,7 +66,7 @@ def test_a_robots_mounts_found_serve_as_well_as_nominal_ones(run):
         headed = heading_zeroed(estimate, reference, 1.0)
         return errors_deg(headed, reference, [("radius", "carpus")], AFTER_S["openaxes"])
 
-    assert_found_serves(run, ours.track_openaxes(recording), ours.track_openaxes_found(recording), errors)
+    assert_found_serves(run, ours.track_openaxes(recording), ours.track_openaxes_calibrated(recording), errors)
 
 
 @pytest.mark.parametrize("run", long("circle-250", "circle-100", "triangle-150", "triangle-250"))

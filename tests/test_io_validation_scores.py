@@ -13,7 +13,7 @@ from oarlock.recording import ImuStream
 from oarlock_lab.validation import chains, page, qmt, singular
 from oarlock_lab.validation.__main__ import main as run_validation
 from oarlock_lab.validation.chains import Link, world_from_links
-from oarlock_lab.validation.estimate import Estimate, Missing, NotRunError, attempt
+from oarlock_lab.validation.estimate import Missing, NotRunError, OrientationEstimate, attempt
 from oarlock_lab.validation.limits import delay_s, limits
 from oarlock_lab.validation.results import Collected, SetResult
 from oarlock_lab.validation.rotations import about_vertical, at, quat_wxyz, rotation, twist_rad
@@ -27,7 +27,7 @@ from oarlock_lab.validation.scores import (
     relative_error_rad,
     rmse_deg,
 )
-from oarlock_lab.validation.stretches import worst_plot, worst_stretch
+from oarlock_lab.validation.worst_window import worst_plot, worst_window
 from opensim_reader import opensim
 
 # Rotations go through quaternions of double precision a few times.
@@ -57,7 +57,7 @@ def reference(time_s=TIME_S, **more):
 def estimate(a=None, b=None, time_s=TIME_S):
     one = Rotation.identity()
     quats = {"a": quat_wxyz((a or one) * turns(1, time_s)), "b": quat_wxyz((b or one) * turns(2, time_s))}
-    return Estimate("made", time_s, quats)
+    return OrientationEstimate("made", time_s, quats)
 
 
 def test_a_perfect_estimate_has_no_error():
@@ -101,7 +101,7 @@ def test_the_mean_heading_is_that_of_the_scored_samples():
     moving = TIME_S > 10.0
     drift = np.where(moving, 0.2, -0.4)
     quats = {"a": quat_wxyz(about_vertical(drift) * turns(1)), "b": quat_wxyz(turns(2))}
-    _, heading, _ = attitude_error_rad(Estimate("made", TIME_S, quats), reference(scored=moving), "a")
+    _, heading, _ = attitude_error_rad(OrientationEstimate("made", TIME_S, quats), reference(scored=moving), "a")
     assert np.abs(heading[moving]).max() < ROUNDING_RAD
     assert heading[~moving] == pytest.approx(-0.6, abs=ROUNDING_RAD)
 
@@ -112,7 +112,7 @@ def test_a_hinge_angle_is_the_twist_about_its_axis():
     second = first * Rotation.from_rotvec(angle[:, None] * [0.0, 1.0, 0.0])
     true = Reference("made", TIME_S, {"a": quat_wxyz(first), "b": quat_wxyz(second)})
     more = first * Rotation.from_rotvec((angle + 0.1)[:, None] * [0.0, 1.0, 0.0])
-    found = Estimate("made", TIME_S, {"a": quat_wxyz(first), "b": quat_wxyz(more)})
+    found = OrientationEstimate("made", TIME_S, {"a": quat_wxyz(first), "b": quat_wxyz(more)})
     assert hinge_error_rad(found, true, PAIR, "y") == pytest.approx(0.1, abs=ROUNDING_RAD)
     assert np.abs(hinge_error_rad(found, true, PAIR, "x")).max() < ROUNDING_RAD
 
@@ -123,7 +123,7 @@ def test_hinge_errors_do_not_jump_at_half_a_turn():
         "made", TIME_S, {"a": quat_wxyz(first), "b": np.tile([0.0, 0.0, 0.0, 1.0], (len(TIME_S), 1))}
     )
     beyond = Rotation.from_rotvec(np.tile([0.0, 0.0, math.pi + 0.02], (len(TIME_S), 1)))
-    found = Estimate("made", TIME_S, {"a": quat_wxyz(first), "b": quat_wxyz(beyond)})
+    found = OrientationEstimate("made", TIME_S, {"a": quat_wxyz(first), "b": quat_wxyz(beyond)})
     assert hinge_error_rad(found, true, PAIR, "z") == pytest.approx(0.02, abs=ROUNDING_RAD)
 
 
@@ -241,7 +241,7 @@ def test_summing_up_rates_gives_an_estimate_that_is_half_a_step_early():
             turn = turn * Rotation.from_rotvec(np.array(rate) / 50.0)
             rows.append(quat_wxyz(turn))
         quats[body] = np.array(rows)
-    summed = Estimate("made", recording["a"].time_s, quats)
+    summed = OrientationEstimate("made", recording["a"].time_s, quats)
     assert delay_s(recording, summed) == pytest.approx(-0.01, abs=LAG_BOUND_S)
 
 
@@ -268,7 +268,7 @@ def test_inverse_kinematics_on_joints_that_allow_every_orientation_returns_them(
     opensim()
     tree = (Link("a", "yxz"), Link("c", "zxy"), Link("b", "zxy", parent="a"))
     quats = {name: quat_wxyz(turns(seed)) for seed, name in enumerate("abc")}
-    (posture,) = chains.opensim(Estimate("made", TIME_S, quats), tree)
+    (posture,) = chains.opensim(OrientationEstimate("made", TIME_S, quats), tree)
     for name, quat in quats.items():
         error = rotation(posture.estimate.quats[name]).inv() * rotation(quat)
         assert error.magnitude().max() < np.radians(SOLVED_DEG)
@@ -279,8 +279,8 @@ def test_the_worst_stretch_is_that_of_oarlock():
         "Other": np.where(TIME_S < 5.0, 9.0, 1.0),
         "Oarlock": np.where((TIME_S > 12.0) & (TIME_S < 14.0), 3.0, 0.5),
     }
-    errors = {n: (Estimate(n, TIME_S, {}), e) for n, e in error.items()}
-    stretch = worst_stretch(errors, TIME_S, TIME_S > 1.0, 2.0)
+    errors = {n: (OrientationEstimate(n, TIME_S, {}), e) for n, e in error.items()}
+    stretch = worst_window(errors, TIME_S, TIME_S > 1.0, 2.0)
     assert stretch.start_s == pytest.approx(12.0, abs=0.05)
     assert stretch.rms_deg == pytest.approx(3.0, abs=0.1)
     _, plot = worst_plot("name", "what", errors, TIME_S, ALL, 2.0, [("angle, deg", TIME_S)])
@@ -310,7 +310,7 @@ def test_software_that_does_not_run_is_a_line_with_a_reason():
 
 def gathered():
     collected = Collected()
-    collected.add(Estimate("Other", TIME_S, {}), {"one": 2.0, "two": 4.0})
+    collected.add(OrientationEstimate("Other", TIME_S, {}), {"one": 2.0, "two": 4.0})
     collected.add(Missing("Oarlock", "not run: <no model>"), {})
     return collected.table("Errors", mean=True)
 
@@ -351,7 +351,7 @@ def test_plots_are_drawn_with_names_of_their_own():
     pytest.importorskip("matplotlib", reason="matplotlib draws the page's plots; it is not needed to track")
     from oarlock_lab.validation.plots import svg
 
-    errors = {"Other": (Estimate("Other", TIME_S, {}), TIME_S)}
+    errors = {"Other": (OrientationEstimate("Other", TIME_S, {}), TIME_S)}
     drawn = [svg(worst_plot(name, "what", errors, TIME_S, ALL, 2.0)[1]) for name in ("one", "two", "one")]
     assert drawn[0].startswith("<svg") and "Other" in drawn[0]
     assert drawn[0] == drawn[2]

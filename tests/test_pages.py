@@ -17,7 +17,7 @@ from oarlock_lab.pages.recordings import read_simulated
 from oarlock_lab.pages.sculling import ELEVEN, HANDS, PLACES
 from oarlock_lab.pages.validation import best_other
 from oarlock_lab.validation import dfjimu, others
-from oarlock_lab.validation.estimate import Estimate
+from oarlock_lab.validation.estimate import OrientationEstimate
 
 PAGES = [
     (name, page, mark)
@@ -57,7 +57,9 @@ def test_writing_recorded_figures_changes_no_page(tmp_path):
 
 def test_tables_of_pages_are_those_of_the_code():
     texts = [file.read_text(encoding="utf-8") for file in sorted((record.ROOT / "docs").rglob("*.md"))]
-    assert [text for text in texts if tables.with_tables(text) != text] == [], "run `python -m oarlock_lab.pages tables`"
+    assert [text for text in texts if tables.with_tables(text) != text] == [], (
+        "run `python -m oarlock_lab.pages tables`"
+    )
     assert [
         name for name in tables.TABLES if not any(f"generated: {name} -->" in text for text in texts)
     ] == []
@@ -146,7 +148,7 @@ def test_hands_and_positions_stand_beside_the_angles():
 
 def test_other_software_is_aligned_as_its_authors_do():
     alignment = {
-        name: dfjimu._alignment(Estimate(name, np.zeros(0), {}))
+        name: dfjimu._alignment(OrientationEstimate(name, np.zeros(0), {}))
         for name in (*others.DFJIMU_NAMES, "Oarlock", "VQF 6D")
     }
     assert alignment == dict.fromkeys(others.DFJIMU_NAMES, dfjimu.AUTHORS) | {

@@ -282,7 +282,7 @@ def test_parts_that_were_finished_before_it_was_stopped_are_kept(tmp_path, monke
         raise KeyboardInterrupt
 
     given, parts = (
-        {"seeds": (UNSEEN,), "duration_s": 5.0, "jobs": 1, "kept": kept(tmp_path, duration_s=5.0)},
+        {"seeds": (UNSEEN,), "duration_s": 5.0, "jobs": 1, "cache": kept(tmp_path, duration_s=5.0)},
         [],
     )
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
@@ -302,7 +302,7 @@ def test_a_stopped_reproduction_goes_on_where_it_was(tmp_path):
         if (runs / UNFINISHED).exists():
             raise KeyboardInterrupt
 
-    given = {"seeds": (UNSEEN,), "duration_s": SHORT_S, "jobs": 1, "kept": own}
+    given = {"seeds": (UNSEEN,), "duration_s": SHORT_S, "jobs": 1, "cache": own}
     reproduce(("fig3",), **given)
     with pytest.raises(KeyboardInterrupt):
         reproduce(("table5", "fig3"), **given, progress=stop)
@@ -348,7 +348,7 @@ def test_a_killed_reproduction_leaves_no_process_and_goes_on(tmp_path, sent):
             os.killpg(process.pid, 0)
             time.sleep(0.01)
     shares = []
-    given = {"duration_s": SHORT_S, "jobs": 1, "kept": kept(tmp_path / "out" / "parts")}
+    given = {"duration_s": SHORT_S, "jobs": 1, "cache": kept(tmp_path / "out" / "parts")}
     (found,) = reproduce(("table5",), (UNSEEN,), **given, progress=shares.append)
     assert shares[0] > 0.25, "one of four groups was kept"
     assert plain(found) == plain(reproduce(("table5",), (UNSEEN,), duration_s=SHORT_S, jobs=1)[0])

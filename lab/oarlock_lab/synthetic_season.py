@@ -107,7 +107,7 @@ def synthetic_squad(seed: int, athletes: int) -> list[SyntheticAthlete]:
     another rig; every ninth of a crew is later at the catch each month.
     """
     seats = _boats(athletes)
-    return [_one(seed, index, boat, seat) for index, (boat, seat) in enumerate(seats)]
+    return [_athlete(seed, index, boat, seat) for index, (boat, seat) in enumerate(seats)]
 
 
 def _boats(athletes: int) -> Sequence[tuple[str, str]]:
@@ -123,7 +123,7 @@ def _boats(athletes: int) -> Sequence[tuple[str, str]]:
     ]
 
 
-def _one(seed: int, index: int, boat: str, seat: str) -> SyntheticAthlete:
+def _athlete(seed: int, index: int, boat: str, seat: str) -> SyntheticAthlete:
     rng = np.random.default_rng([seed, 1, index])
     letters = rng.choice(list(PSEUDONYM_LETTERS), PSEUDONYM_LENGTH - 1)
     crew, number = boat.startswith(("2", "4")), int(boat.partition(" ")[2])
@@ -198,13 +198,13 @@ def plan(seed: int, squad: Sequence[SyntheticAthlete], recordings: int, classes:
         recordings: how many.
         classes: 2 for runs of which the later ones have a calibration, so that they are not comparable.
     """
-    boats = list(dict.fromkeys(one.boat for one in squad))
+    boats = list(dict.fromkeys(planned.boat for planned in squad))
     rounds = -(-recordings // len(squad))
     rng = np.random.default_rng([seed, 2])
     hours = rng.integers(6, 18, (rounds, len(boats)))
     minutes = rng.integers(0, 60, (rounds, len(boats)))
     failed = rng.uniform(size=recordings) < _FAILED
-    found = []
+    sessions = []
     for index in range(recordings):
         turn, member = divmod(index, len(squad))
         boat = boats.index(squad[member].boat)
@@ -213,7 +213,7 @@ def plan(seed: int, squad: Sequence[SyntheticAthlete], recordings: int, classes:
             days=int(share * DAYS), hours=int(hours[turn, boat]), minutes=int(minutes[turn, boat])
         )
         later = bool(squad[member].rig_step) and share >= _RIG_CHANGE
-        found.append(
+        sessions.append(
             Planned(
                 index,
                 member,
@@ -225,7 +225,7 @@ def plan(seed: int, squad: Sequence[SyntheticAthlete], recordings: int, classes:
                 bool(failed[index]),
             )
         )
-    return found
+    return sessions
 
 
 UNITS: Final = ("seat", "trunk", "oar")
@@ -240,36 +240,36 @@ _SAME: Final = 0.4
 """Correlation of a stroke with the one before."""
 
 
-def raw(seed: int, one: Planned) -> Recording:
+def raw(seed: int, planned: Planned) -> Recording:
     """Noise of three units."""
-    rng = np.random.default_rng([seed, 3, one.index])
+    rng = np.random.default_rng([seed, 3, planned.index])
     time_s = np.arange(round(_RAW_HZ * RAW_S)) / _RAW_HZ
     streams = []
     for name in UNITS:
         gyro, accel = rng.normal(size=(2, len(time_s), 3)).astype(np.float32)
         streams.append(ImuStream(name, time_s, gyro.astype(float), accel.astype(float) + 9.8 / np.sqrt(3.0)))
-    return Recording(streams, {"clock": {"kind": "utc", "zero": f"{one.start:%Y-%m-%dT%H:%M:%SZ}"}})
+    return Recording(streams, {"clock": {"kind": "utc", "zero": f"{planned.start:%Y-%m-%dT%H:%M:%SZ}"}})
 
 
-def health(seed: int, one: Planned) -> dict[str, float]:
+def health(seed: int, planned: Planned) -> dict[str, float]:
     """Numbers about the sensors of a recording: mostly little is lost, sometimes much."""
-    rng = np.random.default_rng([seed, 4, one.index])
+    rng = np.random.default_rng([seed, 4, planned.index])
     lost = rng.gamma(0.5, 0.004, len(UNITS)) + (rng.uniform(size=len(UNITS)) < 0.01) * 0.2
     return {
         f"{name}.missing_share": round(float(share), 5) for name, share in zip(UNITS, lost, strict=True)
     } | {"gyro_bias_rad_s": round(float(abs(rng.normal(0.0, 0.01))), 5)}
 
 
-def strokes(seed: int, one: Planned, who: SyntheticAthlete, count: int = 300) -> StrokeTable:
+def strokes(seed: int, planned: Planned, who: SyntheticAthlete, count: int = 300) -> StrokeTable:
     """The strokes of a session, without gaps in their numbers."""
-    rate, catch_s = _outing(seed, one.outing, count)
-    rng = np.random.default_rng([seed, 5, one.index])
+    rate, catch_s = _outing(seed, planned.outing, count)
+    rng = np.random.default_rng([seed, 5, planned.index])
     quality = float(np.exp(rng.normal(0.0, 0.3)))
     worse = quality * np.where(rng.uniform(size=count) < 0.05, 4.0, 1.0)
     columns: dict[str, Floats] = {}
     stds: dict[str, Floats] = {}
     for name, base in BASES.items():
-        true = _true(rng, one, who, name, rate)
+        true = _true(rng, planned, who, name, rate)
         sides = ("r_", "l_") if name in who.sides else ("",)
         std = base.measured * worse * np.sqrt(len(sides))
         for sign, side in zip((0.5, -0.5), sides, strict=False):
@@ -282,7 +282,7 @@ def strokes(seed: int, one: Planned, who: SyntheticAthlete, count: int = 300) ->
             stds[name] = std / np.sqrt(2.0)
     _derived(columns, stds, "arc_rad", "finish_angle_rad", "catch_angle_rad")
     _derived(columns, stds, "lean_swing_rad", "finish_lean_rad", "catch_lean_rad")
-    _times(rng, one, who, (rate, catch_s), columns, stds)
+    _times(rng, planned, who, (rate, catch_s), columns, stds)
     unknown = rng.uniform(size=count) < 0.01
     columns["catch_lean_rad"] = np.where(unknown, np.nan, columns["catch_lean_rad"])
     return StrokeTable(_short(columns), _short(stds), source="synthetic")
@@ -298,11 +298,13 @@ def _outing(seed: int, outing: int, count: int) -> tuple[Floats, Floats]:
     return rate, catch_s
 
 
-def _true(rng: np.random.Generator, one: Planned, who: SyntheticAthlete, name: str, rate: Floats) -> Floats:
+def _true(
+    rng: np.random.Generator, planned: Planned, who: SyntheticAthlete, name: str, rate: Floats
+) -> Floats:
     """What a perfect measurement would find; the scatter of strokes grows with the rate."""
     base, count = BASES[name], len(rate)
-    level = who.means[name] + who.drift.get(name, 0.0) * one.months + rng.normal(0.0, base.sessions)
-    level += who.rig_step.get(name, 0.0) if one.later else 0.0
+    level = who.means[name] + who.drift.get(name, 0.0) * planned.months + rng.normal(0.0, base.sessions)
+    level += who.rig_step.get(name, 0.0) if planned.later else 0.0
     tired = who.fatigue.get(name, 0.0) * np.arange(count) / count
     own = lfilter([np.sqrt(1.0 - _SAME**2)], [1.0, -_SAME], rng.normal(size=count))
     scatter = base.strokes * (1.0 + 0.03 * (rate - REFERENCE_RATE))
@@ -316,15 +318,15 @@ def _derived(columns: dict[str, Floats], stds: dict[str, Floats], name: str, plu
 
 def _times(
     rng: np.random.Generator,
-    one: Planned,
+    planned: Planned,
     who: SyntheticAthlete,
     outing: tuple[Floats, Floats],
     columns: dict[str, Floats],
     stds: dict[str, Floats],
 ) -> None:
-    rate, together_s = outing
-    late_s = who.late_s + who.late_drift_s * one.months
-    catch_s = together_s + late_s + rng.normal(0.0, 0.012, len(rate)) + rng.normal(0.0, _CATCH_S, len(rate))
+    rate, common_s = outing
+    late_s = who.late_s + who.late_drift_s * planned.months
+    catch_s = common_s + late_s + rng.normal(0.0, 0.012, len(rate)) + rng.normal(0.0, _CATCH_S, len(rate))
     cycle_s = 60.0 / rate
     drive_s = cycle_s * (0.36 + 0.008 * (rate - REFERENCE_RATE) + rng.normal(0.0, 0.008, len(rate)))
     columns |= {
@@ -390,46 +392,49 @@ class Synthetic:
 
 
 def make_synthetic(
-    address: str, what: Synthetic, jobs: int | None = None, told: Callable[[float], None] = lambda share: None
+    address: str,
+    kind: Synthetic,
+    jobs: int | None = None,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> Season:
     """Make a synthetic season, or go on where that was stopped.
 
     Args:
         address: of the season.
-        what: what it is made from.
+        kind: what it is made from.
         jobs: number of processes; None uses two a core, 1 only this one.
-        told: called with the share done, 0 to 1.
+        progress: called with the share done, 0 to 1.
 
     Raises:
         DataError: another season is there, or a process was ended from outside.
     """
-    if min(what.recordings, what.athletes, what.strokes) < 1 or what.classes not in (1, 2):
+    if min(kind.recordings, kind.athletes, kind.strokes) < 1 or kind.classes not in (1, 2):
         raise DataError("a synthetic season needs 1 or more recordings and athletes, and 1 or 2 classes")
-    season = _begun(address, what)
+    season = _begun(address, kind)
     batches = [
-        range(first, min(first + _BATCH, what.recordings)) for first in range(0, what.recordings, _BATCH)
+        range(first, min(first + _BATCH, kind.recordings)) for first in range(0, kind.recordings, _BATCH)
     ]
     jobs = jobs or _WAITING * (os.cpu_count() or 1)
     done = 0
-    for count in _made(address, what, batches, min(jobs, len(batches))):
+    for count in _made(address, kind, batches, min(jobs, len(batches))):
         done += count
-        told(done / what.recordings)
+        progress(done / kind.recordings)
     return season
 
 
-def _begun(address: str, what: Synthetic) -> Season:
+def _begun(address: str, kind: Synthetic) -> Season:
     place = open_storage(address)
     if not place.exists(SEASON_FILE):
         if place.children(""):
             raise DataError(f"{address}: holds other files; choose an empty place")
-        season = Season(place, f"synthetic, seed {what.seed}", what.id)
-        for one in what.squad():
-            season.put_athlete(one.athlete)
-        for setup in SETUPS[: what.classes]:
+        season = Season(place, f"synthetic, seed {kind.seed}", kind.id)
+        for planned in kind.squad():
+            season.put_athlete(planned.athlete)
+        for setup in SETUPS[: kind.classes]:
             season.put_setup(setup)
         place.write(SEASON_FILE, season.toml())
     season = open_season(address)
-    if season.id != what.id:
+    if season.id != kind.id:
         raise DataError(
             f"{address}: is a season of real recordings, or a synthetic one made with other options. Choose another "
             "place, or give the same options as before."
@@ -437,13 +442,13 @@ def _begun(address: str, what: Synthetic) -> Season:
     return season
 
 
-def _made(address: str, what: Synthetic, batches: Sequence[range], jobs: int) -> Iterator[int]:
+def _made(address: str, kind: Synthetic, batches: Sequence[range], jobs: int) -> Iterator[int]:
     if jobs == 1:
-        writer = _Writer(address, what)
+        writer = _Writer(address, kind)
         yield from map(writer.write, batches)
         return
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(jobs, mp_context=context, initializer=_begin, initargs=(address, what))
+    pool = ProcessPoolExecutor(jobs, mp_context=context, initializer=_begin, initargs=(address, kind))
     try:
         for future in as_completed([pool.submit(_write, batch) for batch in batches]):
             yield future.result()
@@ -462,21 +467,23 @@ def _made(address: str, what: Synthetic, batches: Sequence[range], jobs: int) ->
 class _Writer:
     """Writes recordings with their results in one process."""
 
-    def __init__(self, address: str, what: Synthetic) -> None:
-        self.what, self.season = what, open_season(address)
-        self._admission, self._squad = Admission(self.season), what.squad()
-        self._plan = plan(what.seed, self._squad, what.recordings, what.classes)
-        self._done = {one for who in self._squad for one in self.season.results_of(who.athlete.pseudonym)}
+    def __init__(self, address: str, kind: Synthetic) -> None:
+        self.kind, self.season = kind, open_season(address)
+        self._admission, self._squad = Admission(self.season), kind.squad()
+        self._plan = plan(kind.seed, self._squad, kind.recordings, kind.classes)
+        self._done = {
+            planned for who in self._squad for planned in self.season.results_of(who.athlete.pseudonym)
+        }
 
     def write(self, batch: range) -> int:
         """Write these recordings; returns how many."""
         for index in batch:
-            self._one(self._plan[index])
+            self._athlete(self._plan[index])
         return len(batch)
 
-    def _one(self, one: Planned) -> None:
-        seed, who, setup = self.what.seed, self._squad[one.member], SETUPS[one.calibrated]
-        recording = raw(seed, one)
+    def _athlete(self, planned: Planned) -> None:
+        seed, who, setup = self.kind.seed, self._squad[planned.member], SETUPS[planned.calibrated]
+        recording = raw(seed, planned)
         name = content_name(recording)
         if (name, setup.run(ENGINE)) in self._done:
             return
@@ -484,27 +491,27 @@ class _Writer:
             "athlete": who.athlete.pseudonym,
             "boat": who.boat,
             "seat": who.seat,
-            "rig": one.rig,
+            "rig": planned.rig,
         }
         self._admission.add_recording(recording, session)
-        if one.failed:
+        if planned.failed:
             plain = (name, setup.run(ENGINE), ENGINE, setup.name, setup.comparable(ENGINE))
-            failed = RunRecord(*plain, "failed", _FAULT, health=health(seed, one))
+            failed = RunRecord(*plain, "failed", _FAULT, health=health(seed, planned))
             self.season.put_result(who.athlete.pseudonym, failed, {}, setup)
             return
-        contents = strokes_parquet(strokes(seed, one, who, self.what.strokes))
-        record = RunRecord.done(name, setup, ENGINE, contents, self.what.strokes, health(seed, one))
+        contents = strokes_parquet(strokes(seed, planned, who, self.kind.strokes))
+        record = RunRecord.done(name, setup, ENGINE, contents, self.kind.strokes, health(seed, planned))
         self.season.put_result(who.athlete.pseudonym, record, {STROKES_FILE: contents}, setup)
 
 
 _OWN: _Writer | None = None
 
 
-def _begin(address: str, what: Synthetic) -> None:
+def _begin(address: str, kind: Synthetic) -> None:
     """Start of a child process."""
     global _OWN
     begin_child()
-    _OWN = _Writer(address, what)
+    _OWN = _Writer(address, kind)
 
 
 def _write(batch: range) -> int:

@@ -8,7 +8,7 @@ import pytest
 
 from oarlock_lab.emulators.kinds import KINDS
 from oarlock_lab.soak.loopback import FAULTY, PERFECT, emulated_by
-from oarlock_lab.soak.real_time import moved, own_lsl_session, place_of, run_and_compare, run_for_real
+from oarlock_lab.soak.real_time import move_pendulum, own_lsl_session, place_of, run_and_compare, run_for_real
 
 SOCKETS = ("udp", "tcp", "serial")
 WAYS = [
@@ -35,7 +35,7 @@ def by_address(packets):
 
 @pytest.mark.parametrize(("name", "transport"), WAYS)
 def test_every_byte_arrives(pendulum, tmp_path, name, transport):
-    model, _, recording = moved(pendulum, name, tmp_path)
+    model, _, recording = move_pendulum(pendulum, name, tmp_path)
     place = place_of(transport, tmp_path)
     kind, emulated = emulated_by(name, recording.slice(end_s=0.8), PERFECT, place=place)
     ran = asyncio.run(asyncio.wait_for(run_for_real(kind, emulated, model, tmp_path / "today"), 60))

@@ -2,7 +2,7 @@
 
 import pytest
 
-from oarlock_lab.soak.checks import growth_percent, heard
+from oarlock_lab.soak.checks import events_of_plan, growth_percent
 from oarlock_lab.soak.misbehaving import planted
 from oarlock_lab.soak.soak import soak_virtual, summary
 
@@ -25,11 +25,11 @@ def test_a_session_tells_what_goes_wrong_and_its_recording_gives_its_estimates(t
 def test_an_event_that_is_missing_or_told_too_late_is_found():
     plan = planted(64.0)
     events = [{"time_s": one.at_s + 1.0, "text": " ".join(one.words)} for one in plan]
-    assert heard(plan, events).missing == ()
-    assert heard(plan, events[1:]).missing == (plan[0],)
+    assert events_of_plan(plan, events).missing == ()
+    assert events_of_plan(plan, events[1:]).missing == (plan[0],)
     late = [{**events[0], "time_s": plan[0].at_s + 30.0}, *events[1:]]
-    assert heard(plan, late).missing == (plan[0],)
-    more = heard(plan, [*events, {"time_s": 20.0, "text": "something else"}])
+    assert events_of_plan(plan, late).missing == (plan[0],)
+    more = events_of_plan(plan, [*events, {"time_s": 20.0, "text": "something else"}])
     assert (more.missing, more.others) == ((), ("something else",))
 
 

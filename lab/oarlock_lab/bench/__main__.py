@@ -28,14 +28,14 @@ PARTS = ("kinematics", "update", "step", "track", "smooth")
 
 def criterion(target: Path) -> dict[str, dict[str, float]]:
     """Median time, us, by part and number of states; of a recording, of one of its samples."""
-    found: dict[str, dict[str, float]] = {part: {} for part in PARTS}
+    estimates: dict[str, dict[str, float]] = {part: {} for part in PARTS}
     for part in PARTS:
         for file in (target / "criterion" / part).glob("*/new/estimates.json"):
             size = file.parents[1].name
             count = json.loads((file.parent / "benchmark.json").read_text())["throughput"] or {}
             median_ns = json.loads(file.read_text())["median"]["point_estimate"]
-            found[part][size] = 1e-3 * median_ns / count.get("Elements", 1)
-    return found
+            estimates[part][size] = 1e-3 * median_ns / count.get("Elements", 1)
+    return estimates
 
 
 def collect(seconds: float, recording_s: float) -> dict[str, Any]:
@@ -60,14 +60,14 @@ def main() -> None:
         "--recording-s", type=float, default=800.0, help="length of the recording that is tracked whole, s"
     )
     command.add_argument("--page", type=Path, help="only put the last run's tables into this page")
-    asked = command.parse_args()
-    if asked.page is not None:
-        page = asked.page.read_text(encoding="utf-8")
-        asked.page.write_text(
+    arguments = command.parse_args()
+    if arguments.page is not None:
+        page = arguments.page.read_text(encoding="utf-8")
+        arguments.page.write_text(
             into_page(page, (OUT / "table.md").read_text(encoding="utf-8")), encoding="utf-8"
         )
         return
-    figures = collect(asked.duration_s, asked.recording_s)
+    figures = collect(arguments.duration_s, arguments.recording_s)
     tables = write(figures)
     (OUT / "figures.json").write_text(json.dumps(figures, indent=2), encoding="utf-8")
     (OUT / "table.md").write_text(tables, encoding="utf-8")

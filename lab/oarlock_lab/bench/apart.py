@@ -29,7 +29,7 @@ RATES_HZ = {
     "l_oar_phi": 97.3,
     "l_oar_alpha": 97.3,
 }
-TOGETHER_HZ = RATES_HZ | {
+COMMON_HZ = RATES_HZ | {
     "r_upperarm": 100.0,
     "l_upperarm": 300.0,
     "l_oar_phi": 100.0,
@@ -52,8 +52,8 @@ def recorded(
     """Each sensor simulated at its own rate; jitter and drift in its stamps, some readings lost."""
     rng, streams = np.random.default_rng(seed), []
     for number, (name, rate_hz) in enumerate(rates_hz.items()):
-        _, one = oarlock.simulate(model, motion, [name], 100 * seed + number, rate_hz=rate_hz)
-        stream = one.streams[0]
+        _, recording = oarlock.simulate(model, motion, [name], 100 * seed + number, rate_hz=rate_hz)
+        stream = recording.streams[0]
         assert isinstance(stream, oarlock.recording.ImuStream | oarlock.recording.ScalarStream)
         stamps = np.asarray(stream.time_s) + rng.normal(0, jitter_s, len(stream.time_s))
         stamps = stamps * (1 + (drifts or {}).get(name, 0.0))
@@ -62,11 +62,11 @@ def recorded(
     return oarlock.Recording(streams)
 
 
-def _part(stream: Stream, stamps: Floats, kept: NDArray[np.bool_]) -> Stream:
-    values = {name: value[kept] for name, value in stream.values.items()}
+def _part(stream: Stream, stamps: Floats, rows: NDArray[np.bool_]) -> Stream:
+    values = {name: value[rows] for name, value in stream.values.items()}
     if isinstance(stream, oarlock.recording.ScalarStream):
-        return oarlock.recording.ScalarStream(stream.name, stamps[kept], values["value"], stream.unit)
-    return oarlock.recording.ImuStream(stream.name, stamps[kept], **values)
+        return oarlock.recording.ScalarStream(stream.name, stamps[rows], values["value"], stream.unit)
+    return oarlock.recording.ImuStream(stream.name, stamps[rows], **values)
 
 
 def costs(duration_s: float = 10.0) -> dict[str, float]:
@@ -74,7 +74,7 @@ def costs(duration_s: float = 10.0) -> dict[str, float]:
     model = oarlock.load_model("sculler")
     motion = rowing.sculling(model, duration_s, 24, surge=False, seed=1)
     recordings = {
-        "together": recorded(model, motion, TOGETHER_HZ, seed=1),
+        "together": recorded(model, motion, COMMON_HZ, seed=1),
         "apart": recorded(model, motion, RATES_HZ, seed=1, jitter_s=JITTER_S),
     }
     spent: dict[str, list[float]] = {name: [] for name in recordings}

@@ -23,9 +23,9 @@ from oarlock_lab.pages.record import ROOT, stamped
 RECORD: Final = ROOT / "docs/figures/instructions.json"
 BODIES: Final = ("sculler", "sculler with biases and surge", "arms of 29 hinges")
 STEPS: Final = 300
-MOST_GROWTH: Final = 0.05
+MAX_GROWTH: Final = 0.05
 """A step may take this much more than on record."""
-MOST_TAIL: Final = 1.3
+MAX_TAIL: Final = 1.3
 """The 99 % quantile of the steps, relative to their median: no step waits for work that others avoid."""
 
 Counts = dict[str, dict[str, float]]
@@ -44,10 +44,10 @@ def counts(bodies: tuple[str, ...] = BODIES, steps: int = STEPS) -> Counts:
     if shutil.which("valgrind") is None:
         raise NotCounted("valgrind is not installed; `apt-get install valgrind` adds it")
     program = _built()
-    found = {body: _steps(program, body, steps) for body in bodies}
+    steps_of_bodies = {body: _steps(program, body, steps) for body in bodies}
     return {
         body: {"median": float(np.median(each)), "p99": float(np.percentile(each, 99))}
-        for body, each in found.items()
+        for body, each in steps_of_bodies.items()
     }
 
 
@@ -57,11 +57,11 @@ def compiler() -> str:
 
 
 def grown(now: Mapping[str, Mapping[str, float]], before: Mapping[str, Mapping[str, float]]) -> Counts:
-    """The bodies whose median step takes `MOST_GROWTH` more than before, with both medians."""
+    """The bodies whose median step takes `MAX_GROWTH` more than before, with both medians."""
     return {
         body: {"before": before[body]["median"], "now": each["median"]}
         for body, each in now.items()
-        if body in before and each["median"] > (1.0 + MOST_GROWTH) * before[body]["median"]
+        if body in before and each["median"] > (1.0 + MAX_GROWTH) * before[body]["median"]
     }
 
 
@@ -71,7 +71,7 @@ def _built() -> Path:
         [*command, "--message-format=json"], cwd=ROOT, capture_output=True, text=True, check=True
     )
     made = [json.loads(line) for line in built.stdout.splitlines()]
-    return next(Path(one["executable"]) for one in reversed(made) if one.get("executable"))
+    return next(Path(message["executable"]) for message in reversed(made) if message.get("executable"))
 
 
 def _steps(program: Path, body: str, steps: int) -> list[int]:
@@ -91,10 +91,10 @@ def _steps(program: Path, body: str, steps: int) -> list[int]:
 
 
 def _total(dump: Path) -> int:
-    found = re.search(r"^summary: (\d+)", dump.read_text(encoding="utf-8"), re.M)
-    if found is None:
+    match = re.search(r"^summary: (\d+)", dump.read_text(encoding="utf-8"), re.M)
+    if match is None:
         raise ValueError(f"{dump}: callgrind wrote no summary")
-    return int(found[1])
+    return int(match[1])
 
 
 def main() -> None:

@@ -40,7 +40,7 @@ class Printed:
 PAPER: Final = Printed(STEPS_PER_S, 37, 58, "Intel Core i7 M620, 2.66 GHz", "C generated from Simulink")
 """The source's own figure (Ruffaldi, Peppoloni and Filippeschi, section 5)."""
 
-USUAL_TEXTBOOK_US: Final = 405.0
+REFERENCE_TEXTBOOK_US: Final = 405.0
 """Time of a step of the textbook filter at 41 states on one core of a 3.7 GHz Zen 4, microseconds."""
 
 # shares of the given time
@@ -78,11 +78,11 @@ class Bench:
                 "times_real_time": self.body.times_real_time,
                 "start_times_real_time": self.body.start_times_real_time,
             },
-            "one_thread_steps_s": self.threads.one_steps_s,
+            "one_thread_steps_s": self.threads.single_steps_s,
             "two_threads_steps_s": self.threads.two_steps_s,
             "two_threads_ratio": self.threads.ratio,
             "cores": self.threads.cores,
-            "usual_textbook_us": USUAL_TEXTBOOK_US,
+            "usual_textbook_us": REFERENCE_TEXTBOOK_US,
             "paper": vars(PAPER),
             "others": [vars(figure) for figure in self.others],
             "failed": [vars(failure) for failure in self.failed],
@@ -93,17 +93,17 @@ class Bench:
 
 
 def _figures(timed: Race, latency: Latency, whole: Whole) -> dict[str, Any]:
-    found: dict[str, Any] = {"n": timed.n, "m": timed.m, **vars(whole)}
+    figures: dict[str, Any] = {"n": timed.n, "m": timed.m, **vars(whole)}
     for name, step in timed.filters.items():
-        found |= {
+        figures |= {
             f"{name}_steps_s": 1e6 / step.us,
             f"{name}_us": step.us,
             f"{name}_us_p10": step.us_p10,
             f"{name}_ratio_to_textbook": timed.ratio(name),
             f"{name}_ratio_to_textbook_p10": timed.ratio_p10(name),
         }
-    found |= {"textbook_us": timed.textbook.us, "textbook_us_p10": timed.textbook.us_p10}
-    return found | {
+    figures |= {"textbook_us": timed.textbook.us, "textbook_us_p10": timed.textbook.us_p10}
+    return figures | {
         "p50_us": latency.p50_us,
         "p99_us": latency.p99_us,
         "p99_9_us": latency.p99_9_us,
@@ -123,7 +123,7 @@ def machine() -> dict[str, str]:
     }
 
 
-def measure(seconds: float, progress: Progress = lambda what: nullcontext()) -> Bench:
+def measure(seconds: float, progress: Progress = lambda text: nullcontext()) -> Bench:
     """Measures for about `seconds`, and a few more where other software compiles or is slow.
 
     Args:
@@ -146,8 +146,8 @@ def measure(seconds: float, progress: Progress = lambda what: nullcontext()) -> 
     with progress("tracking on two threads"):
         many = threads(problem, _THREADS * seconds)
     others = tuple(_others(seconds, progress))
-    figures = tuple(one for one in others if isinstance(one, SoftwareTiming))
-    failed = tuple(one for one in others if isinstance(one, Failure))
+    figures = tuple(other for other in others if isinstance(other, SoftwareTiming))
+    failed = tuple(other for other in others if isinstance(other, Failure))
     return Bench(
         joints, with_biases, lone, biased, all_of, all_biased, body, many, figures, failed, tuple(missing())
     )

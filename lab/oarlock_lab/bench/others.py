@@ -84,7 +84,7 @@ def missing() -> list[Software]:
     return [software for software in SOFTWARE if software.installed() is None]
 
 
-ONE_CORE = {
+SINGLE_CORE = {
     "OPENBLAS_NUM_THREADS": "1",
     "OMP_NUM_THREADS": "1",
     "MKL_NUM_THREADS": "1",
@@ -95,7 +95,7 @@ ONE_CORE = {
 def time_other(software: Software, seconds: float) -> SoftwareTiming | Failure:
     """Times one software for `seconds`; starting and compiling take a few seconds more."""
     command = [sys.executable, "-m", "oarlock_lab.bench.others", software.package, str(seconds)]
-    done = subprocess.run(command, capture_output=True, text=True, env={**os.environ, **ONE_CORE})
+    done = subprocess.run(command, capture_output=True, text=True, env={**os.environ, **SINGLE_CORE})
     installed = software.installed() or ""
     if done.returncode != 0:
         last = (done.stderr.strip().splitlines() or ["no message"])[-1]
@@ -117,7 +117,7 @@ def steps_per_second(run: Run, seconds: float) -> float:
 
 
 def _main(package: str, seconds: float) -> None:
-    (software,) = (one for one in SOFTWARE if one.package == package)
+    (software,) = (candidate for candidate in SOFTWARE if candidate.package == package)
     print(json.dumps(steps_per_second(software.make(sculling()), seconds)))
 
 

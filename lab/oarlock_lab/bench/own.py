@@ -14,7 +14,7 @@ from oarlock.storage.arrays import Floats
 from oarlock_lab.bench.problem import ESTIMATES, WARM, BenchProblem
 
 FILTERS: Final = ("ukf", "ekf", "factorised")
-BARE: Final = "bare_ukf"
+PLAIN: Final = "bare_ukf"
 """The `ukf` without gates: only what the textbook filter does too."""
 
 
@@ -65,13 +65,13 @@ class Threads:
     """Samples per second by `track_many`, with the same number of recordings for each thread."""
 
     cores: int
-    one_steps_s: float
+    single_steps_s: float
     two_steps_s: float
 
     @property
     def ratio(self) -> float:
         """Speed with two threads relative to one."""
-        return self.two_steps_s / self.one_steps_s
+        return self.two_steps_s / self.single_steps_s
 
 
 def race(problem: BenchProblem, estimate: str, seconds: float) -> Race:
@@ -80,9 +80,9 @@ def race(problem: BenchProblem, estimate: str, seconds: float) -> Race:
 
     assert estimate in ESTIMATES
     configs = [*(problem.config(estimate, name) for name in FILTERS), problem.config(estimate, plain=True)]
-    found = _core.race(problem.model, problem.recording, configs, WARM, seconds)
-    filters = {name: StepTime.of(us) for name, us in zip((*FILTERS, BARE), found["steps_us"], strict=True)}
-    return Race(found["n"], found["m"], filters, StepTime.of(found["textbook_us"]))
+    rates = _core.race(problem.model, problem.recording, configs, WARM, seconds)
+    filters = {name: StepTime.of(us) for name, us in zip((*FILTERS, PLAIN), rates["steps_us"], strict=True)}
+    return Race(rates["n"], rates["m"], filters, StepTime.of(rates["textbook_us"]))
 
 
 def live(problem: BenchProblem, estimate: str, seconds: float) -> Latency:

@@ -132,14 +132,14 @@ class PlainKinematics:
         ]
         rows += [s.name for s in encoders]
         rows += [f"{c.name}.{part}{axis}" for part in ("", "axis_") for c in loops for axis in "xyz"]
-        wanted = described.measurement_names
-        if sorted(rows) != sorted(wanted):
+        names = described.measurement_names
+        if sorted(rows) != sorted(names):
             raise ValueError(
                 "this is written for whole inertial units, encoders and closures of points and axes"
             )
-        self._order = [rows.index(name) for name in wanted]
-        bias = np.zeros((len(self._place), len(wanted)))
-        for row, name in enumerate(wanted):
+        self._order = [rows.index(name) for name in names]
+        bias = np.zeros((len(self._place), len(names)))
+        for row, name in enumerate(names):
             state = name.replace(".gyro_", ".gyro_bias_").replace(".accel_", ".accel_bias_")
             if state != name and state in self._place:
                 bias[self._place[state], row] = 1.0
@@ -193,9 +193,9 @@ class PlainKinematics:
                 push = push + self._swung(spin, rate, shift) + 2.0 * self._cross(spin, speed) + gain
                 place = place + shift
             angle, speed, gain = (v * level.hinge for v in moves)
-            turned = axis * speed
-            rate = rate + axis * gain + self._cross(spin, turned)
-            spin = spin + turned
+            angular_rate = axis * speed
+            rate = rate + axis * gain + self._cross(spin, angular_rate)
+            spin = spin + angular_rate
             first, second = rotation[:, :, 0:1], rotation[:, :, 1:2]
             cos, sin = xp.cos(angle), xp.sin(angle)
             rotation = xp.concatenate([first * cos + second * sin, second * cos - first * sin, axis], axis=2)
@@ -228,9 +228,9 @@ class PlainKinematics:
         rows = [part.reshape(-1, count) for part in parts]
         rows.append(q[xp.asarray(self._encoders)])
         turn, place = (frames[k][xp.asarray(self._ends)] for k in (0, 1))
-        held = self._times(turn, self._grips)
-        points, axes = place[:, :, 0] + held[:, :, 0], held[:, :, 1]
+        grips = self._times(turn, self._grips)
+        points, axes = place[:, :, 0] + grips[:, :, 0], grips[:, :, 1]
         half = len(self._ends) // 2
         rows += [(v[:half] - v[half:]).reshape(-1, count) for v in (points, axes)]
-        found = xp.concatenate(rows)[xp.asarray(self._order)]
-        return found if self._bias is None else found + self._bias.T @ x
+        readings = xp.concatenate(rows)[xp.asarray(self._order)]
+        return readings if self._bias is None else readings + self._bias.T @ x

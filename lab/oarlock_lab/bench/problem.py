@@ -66,11 +66,11 @@ class BenchProblem:
     @cached_property
     def inputs(self) -> Floats:
         """Readings of input joints, (T, n_coordinates); zero for other joints and without a stream."""
-        found = np.zeros((len(self.time_s), len(self.model.coordinate_names)))
+        values = np.zeros((len(self.time_s), len(self.model.coordinate_names)))
         for column, joint in enumerate(self.described.joints):
             if joint.input and joint.name in self.recording:
-                found[:, column] = self.recording[joint.name].values["value"]
-        return found
+                values[:, column] = self.recording[joint.name].values["value"]
+        return values
 
     @cached_property
     def read_inputs(self) -> list[int]:

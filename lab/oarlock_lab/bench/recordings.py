@@ -52,14 +52,14 @@ def whole_recordings(duration_s: float) -> dict[str, Any]:
         long, short = Path(name) / "long", Path(name) / "short"
         _simulated(duration_s, long)
         _simulated(SHORT_S, short)
-        found: dict[str, Any] = {
-            what: _of_hour(duration_s, _spent(short, parts), _spent(long, parts))
-            for what, parts in _PARTS.items()
+        figures: dict[str, Any] = {
+            stage: _of_hour(duration_s, _spent(short, parts), _spent(long, parts))
+            for stage, parts in _PARTS.items()
         }
-        found["csv"] = _of_hour(duration_s, _spent(short, "load", "csv"), _spent(long, "load", "csv"))
+        figures["csv"] = _of_hour(duration_s, _spent(short, "load", "csv"), _spent(long, "load", "csv"))
         once = min((_verb(short) for _ in range(3)), key=lambda row: row["spent_s"])
-        found["verb"] = _of_hour(duration_s, once, _verb(long))
-    return {"duration_s": duration_s, "short_s": SHORT_S, **found}
+        figures["verb"] = _of_hour(duration_s, once, _verb(long))
+    return {"duration_s": duration_s, "short_s": SHORT_S, **figures}
 
 
 def _of_hour(duration_s: float, short: Figures, long: Figures) -> dict[str, Figures]:
@@ -81,14 +81,22 @@ def _simulated(duration_s: float, folder: Path) -> None:
 def _spent(folder: Path, parts: str, file_format: str = "parquet") -> Figures:
     command = [sys.executable, "-c", _CHILD, str(folder / file_format), parts]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
-    found: Figures = json.loads(done.stdout)
-    return found
+    figures: Figures = json.loads(done.stdout)
+    return figures
 
 
 def _verb(folder: Path) -> Figures:
-    asked = ["track", str(folder / "parquet"), "--model", "sculler", "--smooth", "--out", str(folder / "out")]
+    command = [
+        "track",
+        str(folder / "parquet"),
+        "--model",
+        "sculler",
+        "--smooth",
+        "--out",
+        str(folder / "out"),
+    ]
     before = os.times()
-    subprocess.run([sys.executable, "-m", "oarlock", *asked, "--force"], capture_output=True, check=True)
+    subprocess.run([sys.executable, "-m", "oarlock", *command, "--force"], capture_output=True, check=True)
     after = os.times()
     spent_s = after.children_user + after.children_system - before.children_user - before.children_system
     return {"spent_s": spent_s}

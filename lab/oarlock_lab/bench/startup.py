@@ -6,7 +6,7 @@ import os
 import subprocess
 import sys
 
-ASKED = {
+COMMANDS = {
     "import oarlock": ("-c", "import oarlock"),
     "oarlock --version": ("-m", "oarlock", "--version"),
     "oarlock track --help": ("-m", "oarlock", "track", "--help"),
@@ -15,7 +15,7 @@ ASKED = {
 
 def startups(repeats: int = 5) -> dict[str, float]:
     """Processor time of each, s, with Python's own start: the least of some processes."""
-    return {name: min(_processor_s(*asked) for _ in range(repeats)) for name, asked in ASKED.items()}
+    return {name: min(_processor_s(*command) for _ in range(repeats)) for name, command in COMMANDS.items()}
 
 
 def _processor_s(*arguments: str) -> float:

@@ -37,10 +37,10 @@ FILTERS = ("ukf", "ekf", "factorised", "ukf, portable instructions")
 
 def _ratios(rows: list[Row]) -> str:
     """A line for each body: times, and how many times faster than the textbook's filter."""
-    found = {(row["body"], row["filter"]): row for row in rows}
+    timed = {(row["body"], row["filter"]): row for row in rows}
     lines = []
     for body in dict.fromkeys(row["body"] for row in rows):
-        cells = [found[body, name] for name in FILTERS]
+        cells = [timed[body, name] for name in FILTERS]
         times = [f"{_us(row['us'])} ({row['ratio']:.1f})" for row in cells]
         lines.append([body, cells[0]["n"], cells[0]["m"], *times, _us(cells[0]["textbook_us"])])
     return table(["body", "n", "m", *FILTERS, "textbook's UKF"], lines)
@@ -77,7 +77,7 @@ def _rest(figures: dict[str, Any]) -> str:
     started = figures["startup"]
     rows.append(
         [
-            f"processor time of {', '.join(f'`{what}`' for what in started)}",
+            f"processor time of {', '.join(f'`{part}`' for part in started)}",
             f"{', '.join(f'{time_s:.2f}' for time_s in started.values())} s",
         ]
     )
@@ -112,19 +112,21 @@ def _whole(user: Row) -> list[list[object]]:
     return rows
 
 
-def _recordings(found: Row) -> list[list[object]]:
+def _recordings(figures: Row) -> list[list[object]]:
     verb = "`oarlock track --smooth` with its report"
-    smoothed_s = found["smooth"]["hour"]["spent_s"] - found["recording"]["hour"]["spent_s"]
-    peaks = ", ".join(f"{found[what]['hour']['peak_mib']:.0f}" for what in ("recording", "track", "smooth"))
-    read = ", ".join(f"{found[what]['hour']['spent_s']:.1f}" for what in ("recording", "csv"))
-    spent_s = [found["verb"][length]["spent_s"] for length in ("hour", "short")]
+    smoothed_s = figures["smooth"]["hour"]["spent_s"] - figures["recording"]["hour"]["spent_s"]
+    peaks = ", ".join(
+        f"{figures[stage]['hour']['peak_mib']:.0f}" for stage in ("recording", "track", "smooth")
+    )
+    read = ", ".join(f"{figures[stage]['hour']['spent_s']:.1f}" for stage in ("recording", "csv"))
+    spent_s = [figures["verb"][length]["spent_s"] for length in ("hour", "short")]
     rows: list[list[object]] = [
         ["peak memory, n = 72: recording, track, smooth", f"{peaks} MiB"],
         ["processor time: reading a folder, Parquet, CSV", f"{read} s"],
         ["processor time, n = 72: `track` and one pass of `smooth`", f"{smoothed_s:.0f} s"],
-        [f"processor time: {verb}", f"{spent_s[0]:.0f} s; of {found['short_s']:.0f} s {spent_s[1]:.1f} s"],
+        [f"processor time: {verb}", f"{spent_s[0]:.0f} s; of {figures['short_s']:.0f} s {spent_s[1]:.1f} s"],
     ]
-    minutes = found["duration_s"] / 60
+    minutes = figures["duration_s"] / 60
     hour = "an hour" if minutes == 60 else f"an hour (extrapolated from {minutes:.0f} min)"
     return [["of " + hour, ""], *rows]
 
@@ -136,8 +138,8 @@ def _others(user: Row) -> str:
         (f"{row['name']} ({row['package']} {row['version']})", row["steps_s"], row["problem"])
         for row in user["others"]
     ]
-    asked = f"{paper['n']} states, {paper['m']} readings; {paper['machine']}"
-    rows.append((f"the source, {paper['program']}", paper["steps_s"], asked))
+    problem = f"{paper['n']} states, {paper['m']} readings; {paper['machine']}"
+    rows.append((f"the source, {paper['program']}", paper["steps_s"], problem))
     rows.sort(key=lambda row: -row[1])
     rates = table(
         ["software, n = 41", "steps/s", "problem"], [[name, f"{rate:.0f}", text] for name, rate, text in rows]

@@ -102,15 +102,15 @@ def transition_and_drive(described: ModelDescription, states: list[str], dt: flo
 
 def row_std(described: ModelDescription) -> Floats:
     """Standard deviation of every row, (m,), in the order of `measurement_names`."""
-    found: dict[str, float] = {}
+    stds: dict[str, float] = {}
     for unit in described.inertial_units:
         parts = {"gyro": unit.gyro_std_rad_s, "accel": unit.accel_std_m_s2, "mag": unit.mag_std_ut}
-        found |= {f"{unit.name}.{part}_{a}": std for part, std in parts.items() if std for a in "xyz"}
-    found |= {encoder.name: encoder.std for encoder in described.encoders}
+        stds |= {f"{unit.name}.{part}_{a}": std for part, std in parts.items() if std for a in "xyz"}
+    stds |= {encoder.name: encoder.std for encoder in described.encoders}
     for closure in described.closures:
-        found |= {f"{closure.name}.{a}": closure.std_m for a in "xyz"}
-        found |= {f"{closure.name}.axis_{a}": closure.std_axis for a in "xyz"}
-    return np.array([found[name] for name in described.measurement_names])
+        stds |= {f"{closure.name}.{a}": closure.std_m for a in "xyz"}
+        stds |= {f"{closure.name}.axis_{a}": closure.std_axis for a in "xyz"}
+    return np.array([stds[name] for name in described.measurement_names])
 
 
 _NUMPY_STEPS = 100
@@ -144,14 +144,14 @@ def jax_run(problem: BenchProblem) -> Callable[[], Floats]:
     tracker, mean, covariance = problem.started()
     filter_ = SigmaFilter(problem, tracker.state_names, jnp, cho_solve)
 
-    def step(belief: Any, seen: Any) -> Any:
-        belief = filter_.step(*belief, *seen)
+    def step(belief: Any, data: Any) -> Any:
+        belief = filter_.step(*belief, *data)
         return belief, belief[0]
 
-    scan = jax.jit(lambda belief, seen: lax.scan(step, belief, seen)[1])
+    scan = jax.jit(lambda belief, data: lax.scan(step, belief, data)[1])
     belief = (jnp.asarray(mean), jnp.asarray(covariance))
-    seen = (jnp.asarray(problem.readings[WARM:]), jnp.asarray(problem.inputs[WARM:]))
-    return lambda: np.asarray(scan(belief, seen))
+    data = (jnp.asarray(problem.readings[WARM:]), jnp.asarray(problem.inputs[WARM:]))
+    return lambda: np.asarray(scan(belief, data))
 
 
 _FILTERPY_STEPS = 4

@@ -54,11 +54,11 @@ def make(problem: BenchProblem) -> Callable[[], Floats]:
             biorbd.GeneralizedVelocity(model),
             biorbd.GeneralizedAcceleration(model),
         )
-        found = []
-        for seen in units:
-            kalman.reconstructFrame(model, seen, *state)
-            found.append(state[0].to_array())
-        return np.array(found)
+        times_s = []
+        for unit_vector in units:
+            kalman.reconstructFrame(model, unit_vector, *state)
+            times_s.append(state[0].to_array())
+        return np.array(times_s)
 
     return run
 
@@ -77,13 +77,13 @@ def _orientations(angles: Floats) -> Floats:
 
 def _units(biorbd, matrices: Floats):  # type: ignore[no-untyped-def]
     """The orientations of one sample in biorbd's format."""
-    seen = biorbd.VecBiorbdIMU()
+    units = biorbd.VecBiorbdIMU()
     still = biorbd.Vector3d(0.0, 0.0, 0.0)
     for (name, _, _), matrix in zip(_CHAIN, matrices, strict=True):
         turn = biorbd.Rotation(*(float(x) for x in matrix.ravel()))
         node = biorbd.RotoTransNode(biorbd.RotoTrans(turn, still), name, name)
-        seen.append(biorbd.IMU(node, True, False))
-    return seen
+        units.append(biorbd.IMU(node, True, False))
+    return units
 
 
 def _model_text() -> str:

@@ -64,7 +64,7 @@ def bench(*, duration_s: float = 20.0) -> Bench:
 
 
 def _show(bench: Bench) -> None:
-    from oarlock_lab.bench.measure import PAPER, USUAL_TEXTBOOK_US
+    from oarlock_lab.bench.measure import PAPER, REFERENCE_TEXTBOOK_US
 
     figures, joints = bench.to_dict(), bench.joints
     missing = figures["missing"]
@@ -73,7 +73,14 @@ def _show(bench: Bench) -> None:
         (bench.with_biases, bench.latency_with_biases, bench.whole_with_biases),
     )
     software = [("Oarlock, ukf", figures["ukf_steps_s"], f"{joints.n} states, {joints.m} readings")]
-    software += [(f"{one.name} ({one.package})", one.steps_s, one.problem) for one in bench.others]
+    software += [
+        (
+            f"{software_timing.name} ({software_timing.package})",
+            software_timing.steps_s,
+            software_timing.problem,
+        )
+        for software_timing in bench.others
+    ]
     paper = f"{PAPER.n} states, {PAPER.m} readings; {PAPER.machine}"
     software.append((f"the paper, {PAPER.program}", PAPER.steps_s, paper))
     software.sort(key=lambda row: -row[1])
@@ -102,7 +109,7 @@ def _show(bench: Bench) -> None:
             ],
             "full body, live": {"states": figures["full_body"].pop("n"), **figures["full_body"]},
             f"two threads, {bench.with_biases.n} states": {
-                "samples/s of one": bench.threads.one_steps_s,
+                "samples/s of one": bench.threads.single_steps_s,
                 "samples/s of two": bench.threads.two_steps_s,
                 "times faster": bench.threads.ratio,
             },
@@ -111,9 +118,12 @@ def _show(bench: Bench) -> None:
                 for name, steps_s, problem in software
             ],
             "notes": [
-                f"The textbook's UKF is the same filter with dense matrices; {USUAL_TEXTBOOK_US:.0f} us at 41 states "
+                f"The textbook's UKF is the same filter with dense matrices; {REFERENCE_TEXTBOOK_US:.0f} us at 41 states "
                 "on one core of a 3.7 GHz Zen 4. If it is slower on this machine, compare times instead of ratios.",
-                *(f"{one.package} {one.version} does not run: {one.reason}" for one in bench.failed),
+                *(
+                    f"{software_timing.package} {software_timing.version} does not run: {software_timing.reason}"
+                    for software_timing in bench.failed
+                ),
                 *(
                     [f"Not installed: {', '.join(missing)}; {figures['install']} adds them"]
                     if missing

@@ -106,17 +106,17 @@ def emulate(
         return {"kinds": [{name: getattr(own, name) or None for name in names} for own in KINDS.values()]}
     if kind not in KINDS:
         raise UsageError(f"{kind}: no such device. {did_you_mean(kind, sorted(KINDS))}")
-    chosen = KINDS[kind]
+    device = KINDS[kind]
     faults = Faults(drift_ppm, least_ms, jitter_ms, burst, loss, tuple(map(_dropout, dropout or ())))
-    moving = _moving(model, rate_hz or chosen.rate_hz, seed) if replay is None else Emulated(replay)
+    moving = _moving(model, rate_hz or device.rate_hz, seed) if replay is None else Emulated(replay)
     place = Destination(transport, host, port, path, adapter)
-    emulated = chosen.emulated(
+    emulated = device.emulated(
         replace(_only(moving, sensors), faults=faults, seed=seed, place=place, say=say)
     )
     if rig_file is not None:
-        write_rig(chosen, emulated, model, rig_file)
-    asyncio.run(_until_stopped(chosen, emulated, duration_s))
-    return {"kind": chosen.name, "rig": rig_file}
+        write_rig(device, emulated, model, rig_file)
+    asyncio.run(_until_stopped(device, emulated, duration_s))
+    return {"kind": device.name, "rig": rig_file}
 
 
 def _show(result: dict[str, Any]) -> None:
@@ -154,8 +154,8 @@ def _only(moving: Emulated, sensors: tuple[str, ...]) -> Emulated:
 
     for name in sensors:
         if name not in moving.recording.names:
-            known = ", ".join(moving.recording.names)
-            raise UsageError(f"--sensors {name}: no such sensor; there are {known}")
+            names = ", ".join(moving.recording.names)
+            raise UsageError(f"--sensors {name}: no such sensor; there are {names}")
     if not sensors:
         return moving
     return replace(moving, recording=Recording([s for s in moving.recording.streams if s.name in sensors]))

@@ -54,7 +54,10 @@ class Reproduction:
             document[part.key] = {
                 "met": met,
                 "bounds": bounds,
-                "tables": {shown.key: {"head": shown.head, "rows": shown.rows} for shown in part.tables},
+                "tables": {
+                    part_table.key: {"head": part_table.head, "rows": part_table.rows}
+                    for part_table in part.tables
+                },
                 "claims": part.claims,
                 "notes": part.notes,
             }
@@ -62,7 +65,7 @@ class Reproduction:
 
 
 def reproduce(
-    what: list[str],
+    names: list[str],
     *,
     out: Path,
     seeds: int | None = None,
@@ -77,7 +80,7 @@ def reproduce(
     Finished parts are kept in FOLDER/parts: after Ctrl-C the same command continues from there.
 
     Args:
-        what: table5, table6, fig3 to fig5, discussion, cost, all.
+        names: table5, table6, fig3 to fig5, discussion, cost, all.
         out: folder to write.
         seeds: number of seeds; default 3, or 1 with --seed.
         seed: first seed; default 0.
@@ -90,23 +93,23 @@ def reproduce(
     from oarlock_lab.reproduce.reproduce import PARTS
     from oarlock_lab.reproduce.reproduce import reproduce as run
 
-    for name in what:
+    for name in names:
         if name not in (*PARTS, "all"):
             raise UsageError(f"{name}: the paper has no such part. {did_you_mean(name, (*PARTS, 'all'))}")
-    chosen = [part for part in PARTS if part in what or "all" in what]
+    selected = [part for part in PARTS if part in names or "all" in names]
     count = seeds if seeds is not None else (3 if seed is None else 1)
     numbers = tuple(range(seed or 0, (seed or 0) + count))
     cache, earlier = PartCache(out / FOLDER, numbers, duration_s), list[str]()
     with output_folder(out, "reproduction", force, beside=FOLDER) as stage:
-        for key in chosen if anew else ():
+        for key in selected if anew else ():
             cache.forget(key)
         with progress("running the paper's experiments") as share:
             parts = run(
-                *(chosen, numbers),
+                *(selected, numbers),
                 duration_s=duration_s,
                 jobs=jobs,
                 progress=share,
-                kept=cache,
+                cache=cache,
                 on_part=lambda key, is_earlier: earlier.append(key) if is_earlier else None,
             )
         report = out / write_reproduction(parts, stage, numbers, duration_s).name
@@ -141,14 +144,15 @@ def write_reproduction(parts: list[PaperPart], out: Path, seeds: tuple[int, ...]
 def _show(reproduction: Reproduction) -> None:
     for part in reproduction.parts:
         heading(part.title)
-        for shown in part.tables:
-            if not shown.closed:
-                say(f"\n{shown.caption}", style="dim", indent=2)
+        for part_table in part.tables:
+            if not part_table.closed:
+                say(f"\n{part_table.caption}", style="dim", indent=2)
                 # A terminal has 100 columns; the page contains the remaining columns.
-                width = PAIRS if shown.rows[0][-1].paper else WIDEST
-                first, *others = shown.head[:width]
+                width = PAIRS if part_table.rows[0][-1].paper else WIDEST
+                first, *others = part_table.head[:width]
                 rows = [
-                    [_cell(cell.ours, cell.paper, cell.mark) for cell in row[:width]] for row in shown.rows
+                    [_cell(cell.ours, cell.paper, cell.mark) for cell in row[:width]]
+                    for row in part_table.rows
                 ]
                 table([first, *(f">{name}" for name in others)], rows)
         if part.claims:
@@ -163,6 +167,6 @@ def _show(reproduction: Reproduction) -> None:
 
 
 def _cell(ours: str, paper: str, mark: str) -> str:
-    beside = f" | {paper}" if paper else ""
+    printed = f" | {paper}" if paper else ""
     sign = {"met": " ✓", "missed": " ✗"}.get(mark, "") if ours != mark else ""
-    return f"{ours}{beside}{sign}"
+    return f"{ours}{printed}{sign}"

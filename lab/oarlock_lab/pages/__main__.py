@@ -33,38 +33,38 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--sets", nargs="+", choices=list(validation.SETS), help="validation: only these")
     parser.add_argument("--python", type=Path, help="tutorials: a Python in which a wheel is installed")
     parser.add_argument("--recorded", action="store_true", help="write the pages, measure nothing")
-    asked = parser.parse_args(arguments)
-    if unknown := sorted(set(asked.names) - set(NAMES)):
+    options = parser.parse_args(arguments)
+    if unknown := sorted(set(options.names) - set(NAMES)):
         parser.error(f"{', '.join(unknown)}: expected {', '.join(NAMES)}")
-    for name in asked.names or NAMES:
-        if name in SECTIONS and not asked.recorded:
-            for found in _measured(name, asked):
-                print(f"wrote {record.save(name, found)}", flush=True)
+    for name in options.names or NAMES:
+        if name in SECTIONS and not options.recorded:
+            for measurement in _measured(name, options):
+                print(f"wrote {record.save(name, measurement)}", flush=True)
         for file in write(name) if name in SECTIONS else tables.write():
             print(f"wrote {file}")
     return 0
 
 
-def _measured(name: str, asked: argparse.Namespace) -> Iterator[record.Record]:
+def _measured(name: str, options: argparse.Namespace) -> Iterator[record.Record]:
     """The record, for a part of the validation after each set."""
     if name == "validation":
-        yield from validation.measured(asked.sets or (), record.load(name) if asked.sets else None)
+        yield from validation.measured(options.sets or (), record.load(name) if options.sets else None)
     elif name == "status":
         yield record.stamped(status.measured())
     elif name == "structures":
         yield record.stamped(structures.measured())
     elif name == "coverage":
-        seeds = coverage.SEEDS if asked.seeds is None else coverage.SEEDS[: asked.seeds]
+        seeds = coverage.SEEDS if options.seeds is None else coverage.SEEDS[: options.seeds]
         yield record.stamped(coverage.measured(seeds))
     elif name == "faults":
-        yield record.stamped(faults.measured(faults.SEEDS[: asked.seeds], asked.jobs))
+        yield record.stamped(faults.measured(faults.SEEDS[: options.seeds], options.jobs))
     elif name == "tutorials":
-        yield record.stamped(tutorials.measured(asked.python or Path(sys.executable)))
+        yield record.stamped(tutorials.measured(options.python or Path(sys.executable)))
     elif name == "emulated":
         yield record.stamped(emulated.measured())
     else:
-        seeds = None if asked.seeds is None else range(asked.seeds)
-        yield record.stamped(robustness.measured(seeds, asked.jobs))
+        seeds = None if options.seeds is None else range(options.seeds)
+        yield record.stamped(robustness.measured(seeds, options.jobs))
 
 
 def write(name: str, root: Path = record.ROOT) -> list[Path]:

@@ -27,14 +27,14 @@ from oarlock.report.text import percent
 from oarlock.rowing import FieldEffects
 from oarlock.storage.arrays import Floats
 from oarlock_lab.validation import dfjimu, diodem, ours
-from oarlock_lab.validation.estimate import Estimate
+from oarlock_lab.validation.estimate import OrientationEstimate
 from oarlock_lab.validation.limits import limits, punctual
 from oarlock_lab.validation.scores import hinge_error_rad, later, relative_error_parts_rad
 
 from .record import Record, made_text
 from .sculling import ELEVEN, HANDS, angles
 from .sections import table
-from .status import CALIBRATED_ON_S, ROUGH, Trial, field_trial
+from .status import CALIBRATED_ON_S, ROUGH, StatusTrial, field_trial
 
 SEEDS = range(101, 111)
 """Not used in the development of the bands."""
@@ -83,12 +83,12 @@ def _optical(data: Path) -> tuple[tuple[Callable[..., dict[str, Joints]], list[P
 def measured(seeds: Sequence[int] = SEEDS) -> dict[str, Any]:
     """Tracks all recordings and scores their bands."""
     data = Path(os.environ.get("OARLOCK_DATA") or "absent") / "data"
-    found = {}
-    for one in sets(data if data.is_dir() else None, seeds):
-        runs = [run() for run in one.runs]
-        found[one.key] = {"label": one.label, "recordings": len(runs), **_pooled(runs)}
-        print(text(one.key, found[one.key]), flush=True)
-    return {"sets": found}
+    figures = {}
+    for recording_set in sets(data if data.is_dir() else None, seeds):
+        runs = [run() for run in recording_set.runs]
+        figures[recording_set.key] = {"label": recording_set.label, "recordings": len(runs), **_pooled(runs)}
+        print(text(recording_set.key, figures[recording_set.key]), flush=True)
+    return {"sets": figures}
 
 
 def _pooled(runs: Sequence[Mapping[str, Joints]]) -> dict[str, Joints]:
@@ -107,11 +107,11 @@ def _pooled(runs: Sequence[Mapping[str, Joints]]) -> dict[str, Joints]:
     return pooled
 
 
-def text(key: str, found: Mapping[str, Any]) -> str:
+def text(key: str, figures: Mapping[str, Any]) -> str:
     """A table for the terminal."""
-    lines = [f"{key}: {found['recordings']} recordings"]
+    lines = [f"{key}: {figures['recordings']} recordings"]
     for how in HOW:
-        joints: Joints = found[how]
+        joints: Joints = figures[how]
         for name, score in joints.items():
             lines.append(
                 f"  {how:8} {name:24} RMSE {score['rmse_deg']:7.2f} deg  coverage {100 * score['coverage']:5.1f} %"
@@ -121,8 +121,8 @@ def text(key: str, found: Mapping[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _mean(joints: Joints, what: str) -> float:
-    return float(np.mean([score[what] for score in joints.values()]))
+def _mean(joints: Joints, quantity: str) -> float:
+    return float(np.mean([score[quantity] for score in joints.values()]))
 
 
 def _verdict(joints: Joints) -> str:
@@ -136,23 +136,23 @@ def _verdict(joints: Joints) -> str:
 def _sculled(effects: FieldEffects, seed: int, calibrated: bool) -> dict[str, Joints]:
     trial = field_trial(effects, seed)
     model = oarlock.load_model("sculler")
-    known, recording = trial.nominal, trial.recording
+    nominal, recording = trial.nominal, trial.recording
     if calibrated:
-        known = oarlock.calibration.calibrate_motion(model, recording, known, end_s=CALIBRATED_ON_S)
+        nominal = oarlock.calibration.calibrate_motion(model, recording, nominal, end_s=CALIBRATED_ON_S)
         recording = recording.slice(start_s=CALIBRATED_ON_S)
-    live = oarlock.track(model, recording, known)
+    live = oarlock.track(model, recording, nominal)
     return {how: _scored(track, trial) for how, track in zip(HOW, (live, oarlock.smooth(live)), strict=True)}
 
 
-def _scored(track: Track, trial: Trial) -> Joints:
+def _scored(track: Track, trial: StatusTrial) -> Joints:
     scores = angles(track, trial.truth)
-    seen = dict(zip(track.coordinate_names, track.observed.mean(axis=0), strict=True))
+    observed = dict(zip(track.coordinate_names, track.observed.mean(axis=0), strict=True))
     return {
         name: {
             "rmse_deg": float(np.degrees(scores[name].rmse)),
             "coverage": scores[name].coverage,
             "nees": scores[name].nees,
-            "observed": float(seen[name]),
+            "observed": float(observed[name]),
         }
         for name in JOINTS
     }
@@ -181,7 +181,7 @@ class Joint:
     pair: tuple[str, str]
     axis: str = ""
 
-    def error_rad(self, estimate: Estimate, reference: Reference) -> Floats:
+    def error_rad(self, estimate: OrientationEstimate, reference: Reference) -> Floats:
         """Errors (T, 1) or, of a ball in the child's axes, (T, 3)."""
         if self.axis:
             return hinge_error_rad(estimate, reference, self.pair, self.axis)[:, None]
@@ -191,7 +191,7 @@ class Joint:
 def _against(
     recording: Recording,
     reference: Reference,
-    tracks: Iterator[tuple[Estimate, Track]],
+    tracks: Iterator[tuple[OrientationEstimate, Track]],
     joints: Mapping[str, Joint],
     after_s: float,
     removed: bool,
@@ -199,16 +199,16 @@ def _against(
     """Scores against optical orientations, with lag and cluster rotations removed or as the files stand."""
     if removed:
         reference = limits(recording, reference).removed_from(reference)
-    kept = reference.time_s > after_s
-    found: dict[str, Joints] = {}
+    compared = reference.time_s > after_s
+    joints_by_name: dict[str, Joints] = {}
     for how, (plain, track) in zip(HOW, tracks, strict=True):
         estimate = punctual(recording, plain) if removed else plain
-        rows = np.searchsorted(track.time_s[:-1], reference.time_s[kept])
-        found[how] = {
-            name: _optical_score(track, name, rows, joint.error_rad(estimate, reference)[kept])
+        rows = np.searchsorted(track.time_s[:-1], reference.time_s[compared])
+        joints_by_name[how] = {
+            name: _optical_score(track, name, rows, joint.error_rad(estimate, reference)[compared])
             for name, joint in joints.items()
         }
-    return found
+    return joints_by_name
 
 
 def _optical_score(track: Track, name: str, rows: NDArray[np.intp], error: Floats) -> dict[str, float]:
@@ -229,11 +229,11 @@ def sections(record: Record) -> Mapping[str, Mapping[str, str]]:
     return {"docs/bands.md": {"coverage": f"{_summary(record['sets'])}\n\n{made}"}}
 
 
-def _summary(found: Mapping[str, Any]) -> str:
+def _summary(joints: Mapping[str, Any]) -> str:
     header = ("recordings", "number", "in band, live", "NEES", "least", "smoothed", "NEES", "least")
     rows = [
-        [one["label"], one["recordings"], *(cell for how in HOW for cell in _cells(one[how]))]
-        for one in found.values()
+        [entry["label"], entry["recordings"], *(cell for how in HOW for cell in _cells(entry[how]))]
+        for entry in joints.values()
     ]
     return table(header, rows)
 

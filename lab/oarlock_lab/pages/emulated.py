@@ -23,8 +23,8 @@ COLUMNS = (
 
 def measured() -> dict[str, Any]:
     """Runs every kind by every transport, twice: about a quarter of an hour."""
-    found = rows()
-    return {"rows": found, "load": os.getloadavg()[0], "nice": os.nice(0)}
+    device_rows = rows()
+    return {"rows": device_rows, "load": os.getloadavg()[0], "nice": os.nice(0)}
 
 
 def sections(record: Record) -> Mapping[str, Mapping[str, str]]:
@@ -33,8 +33,8 @@ def sections(record: Record) -> Mapping[str, Mapping[str, str]]:
     busy += ", at a raised priority" if record["nice"] < 0 else ""
     made = f"{made_text(record)}, {busy}; `make pages PAGES=emulated` measures it anew."
     kinds = groupby(record["rows"], key=lambda row: (row["kind"], row["rate_hz"]))
-    found = table(COLUMNS, [_line(kind, rate_hz, list(rows)) for (kind, rate_hz), rows in kinds])
-    return {"docs/live.md": {"emulated": f"{found}\n\n{made}"}}
+    text = table(COLUMNS, [_line(kind, rate_hz, list(rows)) for (kind, rate_hz), rows in kinds])
+    return {"docs/live.md": {"emulated": f"{text}\n\n{made}"}}
 
 
 def _line(kind: str, rate_hz: float, rows: Sequence[Mapping[str, Any]]) -> list[str]:

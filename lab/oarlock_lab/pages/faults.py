@@ -35,14 +35,14 @@ DURATION_S = 30.0
 SETTLED_S = 3.0
 CERTAIN_STDS, CERTAIN_SHARE = 3.0, 0.2
 GRAVITY_M_S2 = 9.80665
-TURNED_WITH_IT = ("gyro_rad_s", "accel_m_s2", "mag_ut")
+VECTORS = ("gyro_rad_s", "accel_m_s2", "mag_ut")
 
 Rows = Callable[[Floats, Floats, np.random.Generator], Floats]
 Spoil = Callable[[Recording, str, np.random.Generator], Recording]
 
 
 @dataclass(frozen=True)
-class Kind:
+class FaultKind:
     """A kind of fault.
 
     Args:
@@ -81,8 +81,8 @@ def _rows(keep: Callable[[Floats, np.random.Generator], Floats]) -> Spoil:
     return _stream(lambda s, random: s.at_rows(np.flatnonzero(keep(s.time_s - s.time_s[0], random))))
 
 
-def _turned(matrix: Floats, from_s: float = 0.0) -> Spoil:
-    return _values(*TURNED_WITH_IT, by=lambda v, t, _: np.where(t[:, None] >= from_s, v @ matrix.T, v))
+def _rotated(matrix: Floats, from_s: float = 0.0) -> Spoil:
+    return _values(*VECTORS, by=lambda v, t, _: np.where(t[:, None] >= from_s, v @ matrix.T, v))
 
 
 def _exchanged(recording: Recording, name: str, random: np.random.Generator) -> Recording:
@@ -91,7 +91,7 @@ def _exchanged(recording: Recording, name: str, random: np.random.Generator) -> 
     return Recording([type(s)(two.get(s.name, s.name), s.time_s, **s.values) for s in recording])  # type: ignore[arg-type]
 
 
-def _held(from_s: float, to_s: float) -> Rows:
+def _frozen(from_s: float, to_s: float) -> Rows:
     def by(v: Floats, t: Floats, _: np.random.Generator) -> Floats:
         rows = np.flatnonzero((t >= from_s) & (t < to_s))
         v[rows] = v[rows[0]]
@@ -119,68 +119,72 @@ BIAS = np.array([0.6, -0.6, 0.53])
 GYRO, ACCEL, MAG = ("gyro_rad_s",), ("accel_m_s2",), ("mag_ut",)
 CLOCK = r"clock of|clock was set"
 KINDS = (
-    Kind(
+    FaultKind(
         "nothing is read for 5 s", _rows(lambda t, _: (t < 14.0) | (t >= 19.0)), "missing|no reading", "all"
     ),
-    Kind("all clocks set by ten years", _stamps(lambda t: t + 3.15e8 * (t >= 15.0)), "clock was set", "all"),
-    Kind("one clock set by an hour", _stamps(lambda t: t + 3601.0 * (t >= 15.0)), CLOCK),
-    Kind("0.2 s late", _stamps(lambda t: t + 0.2), CLOCK),
-    Kind("2 s late", _stamps(lambda t: t + 2.0), CLOCK),
-    Kind("clock 1 % fast", _stamps(lambda t: 1.01 * t), CLOCK),
-    Kind("30 % of the packets lost", _rows(lambda t, random: random.random(len(t)) > 0.3), "packets missing"),
-    Kind("silent for 8 s", _rows(lambda t, _: (t < 12.0) | (t >= 20.0)), "missing"),
-    Kind("ends after 15 s", _rows(lambda t, _: t < 15.0), "readings end"),
-    Kind("begins after 10 s", _rows(lambda t, _: t >= 10.0), "first reading is missing"),
-    Kind("no numbers for 6 s", _values(*TURNED_WITH_IT, by=_lost), "missing"),
-    Kind("stuck for 8 s", _values(*TURNED_WITH_IT, by=_held(12.0, 20.0)), "stuck"),
-    Kind("gyroscope reads zero", _values(*GYRO, by=lambda v, t, _: 0.0 * v), "zero"),
-    Kind(
+    FaultKind(
+        "all clocks set by ten years", _stamps(lambda t: t + 3.15e8 * (t >= 15.0)), "clock was set", "all"
+    ),
+    FaultKind("one clock set by an hour", _stamps(lambda t: t + 3601.0 * (t >= 15.0)), CLOCK),
+    FaultKind("0.2 s late", _stamps(lambda t: t + 0.2), CLOCK),
+    FaultKind("2 s late", _stamps(lambda t: t + 2.0), CLOCK),
+    FaultKind("clock 1 % fast", _stamps(lambda t: 1.01 * t), CLOCK),
+    FaultKind(
+        "30 % of the packets lost", _rows(lambda t, random: random.random(len(t)) > 0.3), "packets missing"
+    ),
+    FaultKind("silent for 8 s", _rows(lambda t, _: (t < 12.0) | (t >= 20.0)), "missing"),
+    FaultKind("ends after 15 s", _rows(lambda t, _: t < 15.0), "readings end"),
+    FaultKind("begins after 10 s", _rows(lambda t, _: t >= 10.0), "first reading is missing"),
+    FaultKind("no numbers for 6 s", _values(*VECTORS, by=_lost), "missing"),
+    FaultKind("stuck for 8 s", _values(*VECTORS, by=_frozen(12.0, 20.0)), "stuck"),
+    FaultKind("gyroscope reads zero", _values(*GYRO, by=lambda v, t, _: 0.0 * v), "zero"),
+    FaultKind(
         "gyroscope clipped at 40 %",
         _values(*GYRO, by=lambda v, t, _: np.clip(v, *(0.4 * np.nanmax(np.abs(v)) * np.array([-1.0, 1.0])))),
         "clipped",
     ),
-    Kind(
+    FaultKind(
         "vibration of 25 m/s2 at 37 Hz",
         _values(
             *ACCEL, by=lambda v, t, _: v + 25.0 * np.sin(2.0 * np.pi * 37.0 * t[:, None] + np.arange(3.0))
         ),
         "vibrated",
     ),
-    Kind("2 % of the readings jump", _values(*GYRO, *ACCEL, by=_jumping), "jumps"),
-    Kind("gyroscope in deg/s", _values(*GYRO, by=lambda v, t, _: np.degrees(v)), "deg/s"),
-    Kind("gyroscope converted twice", _values(*GYRO, by=lambda v, t, _: np.radians(v)), "twice"),
-    Kind(
+    FaultKind("2 % of the readings jump", _values(*GYRO, *ACCEL, by=_jumping), "jumps"),
+    FaultKind("gyroscope in deg/s", _values(*GYRO, by=lambda v, t, _: np.degrees(v)), "deg/s"),
+    FaultKind("gyroscope converted twice", _values(*GYRO, by=lambda v, t, _: np.radians(v)), "twice"),
+    FaultKind(
         "accelerometer in g", _values(*ACCEL, by=lambda v, t, _: v / GRAVITY_M_S2), r"looks like g\b|in g\b"
     ),
-    Kind("gravity reversed", _values(*ACCEL, by=lambda v, t, _: -v), "sign of gravity"),
-    Kind(
+    FaultKind("gravity reversed", _values(*ACCEL, by=lambda v, t, _: -v), "sign of gravity"),
+    FaultKind(
         "an axis of the gyroscope reversed",
         _values(*GYRO, by=lambda v, t, _: v * [-1.0, 1.0, 1.0]),
         "x reversed",
     ),
-    Kind(
+    FaultKind(
         "mounted 35 deg off",
-        _turned(_axis(35.0)),
+        _rotated(_axis(35.0)),
         r"Suspect.*(against its mount|mounted)|its joints contradict",
     ),
-    Kind("upside down", _turned(np.diag([1.0, -1.0, -1.0])), r"Suspect.*(turned|upside down)"),
-    Kind("exchanged with another", _exchanged, "Suspect.*exchanged"),
-    Kind(
+    FaultKind("upside down", _rotated(np.diag([1.0, -1.0, -1.0])), r"Suspect.*(turned|upside down)"),
+    FaultKind("exchanged with another", _exchanged, "Suspect.*exchanged"),
+    FaultKind(
         "slips by 30 deg",
-        _turned(_axis(30.0), 12.0),
+        _rotated(_axis(30.0), 12.0),
         r"Suspect.*(against its mount|mounted)|its joints contradict",
     ),
-    Kind(
+    FaultKind(
         "gyroscope biased by 8 deg/s", _values(*GYRO, by=lambda v, t, _: v + np.radians(8.0) * BIAS), "biased"
     ),
-    Kind(
+    FaultKind(
         "its bias steps by 6 deg/s",
         _values(*GYRO, by=lambda v, t, _: v + np.radians(6.0) * BIAS * (t[:, None] > 15.0)),
         "bias",
     ),
-    Kind("gyroscope 15 % too much", _values(*GYRO, by=lambda v, t, _: 1.15 * v), r"reads 1\.\d+ times"),
-    Kind("accelerometer biased by 2 m/s2", _values(*ACCEL, by=lambda v, t, _: v + 2.0 * BIAS), "biased"),
-    Kind(
+    FaultKind("gyroscope 15 % too much", _values(*GYRO, by=lambda v, t, _: 1.15 * v), r"reads 1\.\d+ times"),
+    FaultKind("accelerometer biased by 2 m/s2", _values(*ACCEL, by=lambda v, t, _: v + 2.0 * BIAS), "biased"),
+    FaultKind(
         "a magnet for 8 s",
         _values(
             *MAG, by=lambda v, t, _: v + np.array([40.0, -30.0, 20.0]) * ((t > 10.0) & (t < 18.0))[:, None]
@@ -261,16 +265,16 @@ def is_certain(track: Track, truth: Track) -> bool:
 
 def measured(seeds: Sequence[int] | None = None, jobs: int | None = None) -> dict[str, Any]:
     """All kinds on both bodies."""
-    asked = [(name, seed, k) for seed in seeds or SEEDS for name in BODIES for k in range(len(KINDS))]
+    tasks = [(name, seed, k) for seed in seeds or SEEDS for name in BODIES for k in range(len(KINDS))]
     with ProcessPoolExecutor(jobs) as pool:
-        runs = list(pool.map(run, asked))
-    for one in runs:
-        if not one["named"]:
-            print(f"not named: {one}", flush=True)
+        runs = list(pool.map(run, tasks))
+    for fault_run in runs:
+        if not fault_run["named"]:
+            print(f"not named: {fault_run}", flush=True)
     kinds = {kind.name: _pooled([r for r in runs if r["kind"] == kind.name]) for kind in KINDS}
-    found = {"kinds": kinds, "all": _pooled(runs)}
-    print(found["all"], flush=True)
-    return found
+    figures = {"kinds": kinds, "all": _pooled(runs)}
+    print(figures["all"], flush=True)
+    return figures
 
 
 def _pooled(runs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

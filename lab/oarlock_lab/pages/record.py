@@ -54,9 +54,9 @@ def made_text(record: Record) -> str:
 def rounded(value: Any) -> Any:
     """Plain values for JSON: six significant digits, null for what is no number."""
     if isinstance(value, Mapping):
-        return {str(key): rounded(one) for key, one in value.items()}
+        return {str(key): rounded(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
-        return [rounded(one) for one in value]
+        return [rounded(entry) for entry in value]
     if isinstance(value, float):
         return float(f"{value:.{DIGITS}g}") if math.isfinite(value) else None
     return value

@@ -26,7 +26,7 @@ PINS = {"r_0_18": "r_pin", "r_0_22": "l_pin"}
 
 
 @dataclass(frozen=True)
-class Simulated:
+class SimulatedRecording:
     """A recording with its ground truth.
 
     Args:
@@ -46,7 +46,7 @@ class Simulated:
     positions_m: dict[str, Floats]
 
 
-def read_simulated(file: Path, name: str, model: oarlock.Model) -> Simulated:
+def read_simulated(file: Path, name: str, model: oarlock.Model) -> SimulatedRecording:
     """Read one file, for the model `sculler` or one with its joints."""
     with np.load(file) as arrays:
         positions = {
@@ -54,7 +54,7 @@ def read_simulated(file: Path, name: str, model: oarlock.Model) -> Simulated:
             for key in arrays.files
             if key.startswith("true_") and arrays[key].ndim == 2 and arrays[key].shape[1] == 3
         }
-        return Simulated(
+        return SimulatedRecording(
             name,
             _recording(arrays),
             oarlock.Calibration(parameters=nominal_lengths(arrays), mounts=_nominal_mounts(arrays)),
@@ -108,7 +108,7 @@ def _truth(arrays: Mapping[str, Any], model: oarlock.Model) -> oarlock.Track:
     )
 
 
-def kept(recording: oarlock.Recording, rows_of: Callable[[Any], NDArray[Any]]) -> oarlock.Recording:
+def with_rows(recording: oarlock.Recording, rows_of: Callable[[Any], NDArray[Any]]) -> oarlock.Recording:
     """The recording with those rows of each stream that `rows_of(stream)` names."""
     streams: list[Any] = []
     for s in recording.streams:
@@ -127,4 +127,4 @@ def at_rate(recording: oarlock.Recording, rate_hz: float) -> oarlock.Recording:
         nearer_before = grid - s.time_s[after - 1] <= s.time_s[after] - grid
         return np.unique(after - nearer_before)
 
-    return kept(recording, rows)
+    return with_rows(recording, rows)

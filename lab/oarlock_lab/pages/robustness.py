@@ -30,7 +30,7 @@ from .sections import table
 OUT = Path("out")
 STUDY, PAGE, PICTURE = "robustness", "docs/robustness.md", "docs/pictures/robustness.svg"
 HEAD = ("fault", "error of the angles in deg at each strength")
-USUAL = (
+REFERENCE_DOSES = (
     "adds, deg (worst seed)",
     "in band",
     "hands, deg",
@@ -38,7 +38,7 @@ USUAL = (
     "wrists add, mm",
     "wrists in band",
 )
-ON_PAGE = (*HEAD, USUAL[0], "in band")
+ON_PAGE = (*HEAD, REFERENCE_DOSES[0], "in band")
 """Columns of the page; the record has all."""
 FINDINGS_ON_PAGE = ("Without a fault", "No gate:", "No learning:", "No closed loops:")
 """The table shows the others: it is sorted by the error."""
@@ -63,21 +63,23 @@ def cells(result: StudyResult) -> dict[str, Any]:
     first, *others = clean
     rows = []
     for name, by_setting in curves.items():
-        usual, *rest = usual_row(by_setting).values()
-        steps = " · ".join(_step(dose, usual) for dose in by_setting[first])
-        hands = _hands(result, usual)
-        rows.append([name, steps, *_usual(usual, hands), *(_degrees(dose.median_deg) for dose in rest)])
+        reference, *rest = usual_row(by_setting).values()
+        steps = " · ".join(_step(dose, reference) for dose in by_setting[first])
+        hands = _hands(result, reference)
+        rows.append(
+            [name, steps, *_reference_row(reference, hands), *(_degrees(dose.median_deg) for dose in rest)]
+        )
     none = clean[first]
     steps = _degrees(none.median_deg)
     calm = [
         "no fault",
         steps,
-        *_usual(none, _hands(result, none)),
+        *_reference_row(none, _hands(result, none)),
         *(_degrees(clean[n].median_deg) for n in others),
     ]
     return {
         "findings": [list(pair) for pair in findings(clean, curves)],
-        "columns": [*HEAD, *USUAL, *others],
+        "columns": [*HEAD, *REFERENCE_DOSES, *others],
         "rows": [calm, *rows],
     }
 
@@ -90,8 +92,8 @@ def sections(record: Record) -> Mapping[str, Mapping[str, str]]:
         f"{', '.join(map(str, record['seeds']))}; the last go took {record['minutes']:.0f} minutes on "
         f"{record['cores']} cores."
     )
-    shown = [record["columns"].index(column) for column in ON_PAGE]
-    rows = [[_short(row[i]) for i in shown] for row in record["rows"] if row[0] != NO_FAULT]
+    columns = [record["columns"].index(column) for column in ON_PAGE]
+    rows = [[_short(row[i]) for i in columns] for row in record["rows"] if row[0] != NO_FAULT]
     text = table(ON_PAGE, rows)
     return {PAGE: {"figures": f"{how}\n\n{words}\n\n{text}"}}
 
@@ -106,20 +108,20 @@ def _hands(result: StudyResult, dose: Dose) -> tuple[float, float]:
     own = {"fault": dose.fault.name if dose.fault else NO_FAULT, "setting": dose.setting}
     same = [s.index for s in result.study.expanded() if own.items() <= dict(s.swept).items()]
     scenario = same[dose.index if dose.fault else 0]
-    found = []
+    errors = []
     for score in ("rmse", "coverage_95"):
         of_hands = np.array([result.scores(name, score, "joint")[scenario] for name in HANDS])
-        found.append(middle(of_hands.mean(axis=0)))
-    return found[0], found[1]
+        errors.append(middle(of_hands.mean(axis=0)))
+    return errors[0], errors[1]
 
 
-def _step(dose: Dose, usual: Dose) -> str:
+def _step(dose: Dose, reference: Dose) -> str:
     text = f"{dose.label}: {_degrees(dose.median_deg)}"
     text += f" ({dose.lost} of {len(dose.error_deg)} lost)" if dose.lost else ""
-    return f"**{text}**" if dose.index == usual.index else text
+    return f"**{text}**" if dose.index == reference.index else text
 
 
-def _usual(dose: Dose, hands: tuple[float, float]) -> list[str]:
+def _reference_row(dose: Dose, hands: tuple[float, float]) -> list[str]:
     adds = "–"
     if dose.fault is not None:
         worst = _degrees(float((dose.error_deg - dose.clean_deg).max()))

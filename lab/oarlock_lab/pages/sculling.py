@@ -43,13 +43,13 @@ def errors(
 ) -> Errors:
     """Score a track against joint values and against positions (T, 3) at the times (T,)."""
     scores = angles(track, truth)
-    kept = track.time_s >= track.time_s[0] + SETTLED_S
+    rows = track.time_s >= track.time_s[0] + SETTLED_S
     places = []
     for frame in PLACES:
-        at_s = track.time_s[kept]
+        at_s = track.time_s[rows]
         true = np.stack([resample(true_s, axis, at_s) for axis in true_m[frame].T], axis=1)
-        std = track.frame_position_stds(frame)[kept]
-        places.append(position_score(frame, track.frame_positions(frame)[kept], true, std))
+        std = track.frame_position_stds(frame)[rows]
+        places.append(position_score(frame, track.frame_positions(frame)[rows], true, std))
     return Errors(
         mean_deg=scores.mean_rmse_deg(ELEVEN),
         worst_deg=scores.worst_rmse_deg(ELEVEN),

@@ -42,7 +42,7 @@ README_ROWS = ("exact", "exact_50_hz", "misfit_0", "misfit_0_calibrated", "wild_
 
 
 @dataclass(frozen=True, eq=False)
-class Trial:
+class StatusTrial:
     """A recording with what a user knows, and with the truth.
 
     Args:
@@ -60,12 +60,12 @@ class Trial:
     true_m: Mapping[str, Floats]
 
 
-Make = Callable[[], Trial]
+Make = Callable[[], StatusTrial]
 """Gives a trial when it is needed."""
 
 
 @dataclass(frozen=True)
-class Row:
+class StatusRow:
     """One line of the tables: its trials, and how they are tracked."""
 
     key: str
@@ -74,84 +74,84 @@ class Row:
     how: str = "filtered"  # or "calibrated" on the first seconds and scored on the rest
 
 
-def rows(folder: Path | None) -> Iterator[Row]:
+def rows(folder: Path | None) -> Iterator[StatusRow]:
     """All lines; without the folder of recordings only those that need none."""
     if folder is not None:
         exact = partial(read_trial, folder / "exact_B-B_0.npz")
-        yield Row("exact", "exactly as modelled, with boat surge and biases", [exact])
-        yield Row("exact_50_hz", "the same at 50 Hz", [partial(_slower, exact)])
+        yield StatusRow("exact", "exactly as modelled, with boat surge and biases", [exact])
+        yield StatusRow("exact_50_hz", "the same at 50 Hz", [partial(_slower, exact)])
         misfit, wild, other = (
             partial(read_trial, folder / f"{n}.npz") for n in ("misfit_0", "wild_0", "wild_7")
         )
-        yield Row("misfit_0", "mounts 5 deg off, lengths 5 % off, boat rolling", [misfit])
-        yield Row(
+        yield StatusRow("misfit_0", "mounts 5 deg off, lengths 5 % off, boat rolling", [misfit])
+        yield StatusRow(
             "misfit_0_calibrated",
             "the same, self-calibrated on 20 s and scored on the rest",
             [misfit],
             "calibrated",
         )
-        yield Row(
+        yield StatusRow(
             "wild_0",
             "soft tissue, sliding shoulders, bending spine, slipping grip, three times the noise",
             [wild],
         )
-        yield Row("wild_7", "another one of these", [other])
+        yield StatusRow("wild_7", "another one of these", [other])
     rigid = [partial(field_trial, FieldEffects.misfit(), seed) for seed in (1, 2, 3)]
-    yield Row("misfit", "field simulator, `misfit`, seeds 1 to 3", rigid)
+    yield StatusRow("misfit", "field simulator, `misfit`, seeds 1 to 3", rigid)
     rough = [partial(field_trial, ROUGH, seed) for seed in (61, 62, 63)]
-    yield Row("rough", "field simulator, `careful` with three times the noise, seeds 61 to 63", rough)
+    yield StatusRow("rough", "field simulator, `careful` with three times the noise, seeds 61 to 63", rough)
     careful = [partial(field_trial, FieldEffects(), seed) for seed in (1, 2, 3)]
-    yield Row("careful", "field simulator, `careful`, seeds 1 to 3", careful)
+    yield StatusRow("careful", "field simulator, `careful`, seeds 1 to 3", careful)
 
 
 def measured() -> dict[str, Any]:
     """Tracks all recordings and scores them."""
     folder = Path(os.environ.get("OARLOCK_DATA") or "absent") / RECORDINGS
-    found = {}
+    figures = {}
     for row in rows(folder if folder.is_dir() else None):
-        found[row.key] = _row(row)
-        print(f"{row.key}: {found[row.key]}", flush=True)
-    return {"rows": found}
+        figures[row.key] = _row(row)
+        print(f"{row.key}: {figures[row.key]}", flush=True)
+    return {"rows": figures}
 
 
-def _row(row: Row) -> dict[str, Any]:
+def _row(row: StatusRow) -> dict[str, Any]:
     runs = [_run(make(), row.how) for make in row.trials]
     return {"label": row.label, "how": row.how, **{name: [run[name] for run in runs] for name in runs[0]}}
 
 
-def _run(trial: Trial, how: str) -> dict[str, float]:
+def _run(trial: StatusTrial, how: str) -> dict[str, float]:
     model = oarlock.load_model("sculler")
-    known, recording = trial.nominal, trial.recording
+    nominal, recording = trial.nominal, trial.recording
     if how == "calibrated":
-        known = oarlock.calibration.calibrate_motion(model, recording, known, end_s=CALIBRATED_ON_S)
+        nominal = oarlock.calibration.calibrate_motion(model, recording, nominal, end_s=CALIBRATED_ON_S)
         recording = recording.slice(start_s=CALIBRATED_ON_S)
-    track = oarlock.track(model, recording, known)
+    track = oarlock.track(model, recording, nominal)
     return asdict(errors(track, trial.truth, trial.true_s, trial.true_m))
 
 
-def read_trial(file: Path) -> Trial:
+def read_trial(file: Path) -> StatusTrial:
     """A recording of the other generator."""
     read = read_simulated(file, file.stem, oarlock.load_model("sculler"))
-    return Trial(read.recording, read.nominal, read.truth, read.truth.time_s, read.positions_m)
+    return StatusTrial(read.recording, read.nominal, read.truth, read.truth.time_s, read.positions_m)
 
 
-def _slower(make: Make) -> Trial:
+def _slower(make: Make) -> StatusTrial:
     trial = make()
     return replace(trial, recording=at_rate(trial.recording, SLOW_HZ))
 
 
-def field_trial(effects: FieldEffects, seed: int) -> Trial:
+def field_trial(effects: FieldEffects, seed: int) -> StatusTrial:
     """A session of the field simulator, of which a user knows the model's own lengths and mounts."""
     made = simulate_field(oarlock.load_model("sculler"), effects, seed=seed)
     places = dict(zip(made.markers.names, made.markers.position_m.transpose(1, 0, 2), strict=True))
-    return Trial(made.recording, None, made.truth, made.markers.time_s, places)
+    return StatusTrial(made.recording, None, made.truth, made.markers.time_s, places)
 
 
 def sections(record: Record) -> Mapping[str, Mapping[str, str]]:
     """The section of README.md."""
     made = f"{made_text(record)}; `make pages PAGES=status` measures it anew."
-    found = record["rows"]
-    lines = [_line(found[key]) for key in README_ROWS if key in found]
+    rows = record["rows"]
+    lines = [_line(rows[key]) for key in README_ROWS if key in rows]
     return {"README.md": {"status": f"{table(COLUMNS, lines)}\n\n{made}"}}
 
 

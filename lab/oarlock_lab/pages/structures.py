@@ -17,7 +17,7 @@ from oarlock.rowing import FieldEffects
 from .record import Record, made_text
 from .sculling import ELEVEN, HANDS, SETTLED_S, angles
 from .sections import table
-from .status import RECORDINGS, Make, Trial, field_trial, read_trial
+from .status import RECORDINGS, Make, StatusTrial, field_trial, read_trial
 
 STRUCTURES = ("tree", "strapdown")
 SEEDS = (1, 2, 3)
@@ -38,23 +38,23 @@ def rows(folder: Path) -> Mapping[str, Sequence[Make]]:
 def measured() -> dict[str, Any]:
     """Tracks all recordings in both structures and scores them."""
     folder = Path(os.environ.get("OARLOCK_DATA") or "absent") / RECORDINGS
-    found: dict[str, Any] = {}
+    figures: dict[str, Any] = {}
     for label, trials in rows(folder).items():
         for structure in STRUCTURES:
             scores = [_scores(make(), structure) for make in trials]
             line = {key: [score[key] for score in scores] for key in scores[0]}
-            found[f"{label}: {structure}"] = {"label": label, "structure": structure, **line}
+            figures[f"{label}: {structure}"] = {"label": label, "structure": structure, **line}
             print(f"{label}, {structure}: {line}", flush=True)
-    return {"rows": found}
+    return {"rows": figures}
 
 
-def _scores(trial: Trial, structure: str) -> dict[str, float]:
+def _scores(trial: StatusTrial, structure: str) -> dict[str, float]:
     config = Config(structure=structure)
     live = oarlock.track(oarlock.load_model("sculler"), trial.recording, trial.nominal, config)
-    found = {}
+    rows_by_structure = {}
     for when, track in (("live", live), ("smoothed", oarlock.smooth(live))):
         scores = angles(track, trial.truth)
-        found |= {
+        rows_by_structure |= {
             f"{when}_deg": scores.mean_rmse_deg(ELEVEN),
             f"{when}_hands_deg": scores.mean_rmse_deg(HANDS),
             f"{when}_coverage": scores.mean_coverage(ELEVEN),
@@ -62,7 +62,7 @@ def _scores(trial: Trial, structure: str) -> dict[str, float]:
             f"{when}_hands_coverage": scores.mean_coverage(HANDS),
             f"{when}_e2_over_var": _e2_over_var(track, trial.truth),
         }
-    return found
+    return rows_by_structure
 
 
 def _e2_over_var(track: oarlock.Track, truth: oarlock.Track) -> float:
@@ -82,8 +82,11 @@ COLUMNS = ("recording", *(f"{title}: {structure}" for title in FIGURES for struc
 
 def sections(record: Record) -> Mapping[str, Mapping[str, str]]:
     """The section of docs/bands.md; each cell is live / smoothed."""
-    found = record["rows"]
-    lines = [_line(label, found) for label in dict.fromkeys(row["label"] for row in found.values())]
+    rows_by_structure = record["rows"]
+    lines = [
+        _line(label, rows_by_structure)
+        for label in dict.fromkeys(row["label"] for row in rows_by_structure.values())
+    ]
     made = f"{made_text(record)}; `make pages PAGES=structures` measures it anew."
     return {"docs/bands.md": {"structures": f"{table(COLUMNS, lines)}\n\n{made}"}}
 
@@ -98,5 +101,5 @@ def _line(label: str, rows: Mapping[str, Any]) -> list[str]:
 def _pair(row: Mapping[str, Any], key: str) -> str:
     values = [row[f"{when}_{key}"] for when in ("live", "smoothed")]
     if key == "deg":
-        return " / ".join(f"{np.mean(one):.2f}" for one in values)
-    return " / ".join(f"{100.0 * (min if 'least' in key else np.mean)(one):.1f}" for one in values)
+        return " / ".join(f"{np.mean(series):.2f}" for series in values)
+    return " / ".join(f"{100.0 * (min if 'least' in key else np.mean)(series):.1f}" for series in values)

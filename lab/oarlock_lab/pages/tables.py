@@ -71,8 +71,8 @@ def metrics() -> str:
         text = _MOMENT.sub("{}", text) if len(moments) == 1 else text
         rows.setdefault((unit, text, feature.sign, source), []).append((columns, "".join(moments)))
     cells = []
-    for (unit, text, sign, source), found in rows.items():
-        names, moments = (", ".join(dict.fromkeys(parts)) for parts in zip(*found, strict=True))
+    for (unit, text, sign, source), models in rows.items():
+        names, moments = (", ".join(dict.fromkeys(parts)) for parts in zip(*models, strict=True))
         cells.append([names, unit, text.format(moments), sign, source])
     return _table(("column", "shown in", "definition", "positive", "source"), cells)
 
@@ -81,12 +81,12 @@ def settings() -> str:
     """Settings of the filter."""
     defaults = oarlock.Config().to_dict()
 
-    def shown(value: object) -> str:
+    def value_text(value: object) -> str:
         if isinstance(value, list):
             return ", ".join(value)
         return "" if value is None else str(value).lower()
 
-    rows = [[f"`{name}`", shown(defaults[name]), meaning] for name, meaning in meanings().items()]
+    rows = [[f"`{name}`", value_text(defaults[name]), meaning] for name, meaning in meanings().items()]
     return _table(("setting", "default", "meaning"), rows)
 
 

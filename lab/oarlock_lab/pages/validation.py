@@ -62,32 +62,32 @@ def sections(record: Record) -> Mapping[str, Mapping[str, str]]:
     return {PAGE: {"figures": "\n\n".join(parts)}, "README.md": {"people": people_text}}
 
 
-def _people(one: Mapping[str, Any]) -> str:
+def _people(person: Mapping[str, Any]) -> str:
     """The table of README: medians on people, beside one filter for each unit."""
-    if one["absent"]:
-        return f"Not run, {one['absent']}."
+    if person["absent"]:
+        return f"Not run, {person['absent']}."
     columns = ("tilt", "relative", "as tracked")
-    groups = [(table["title"].split(":")[0].lower(), table["rows"]) for table in one["tables"]]
+    groups = [(table["title"].split(":")[0].lower(), table["rows"]) for table in person["tables"]]
     heads = [f"{column}, {group}" for group, _ in groups for column in columns]
     names = list(groups[0][1])
     lines = [[name, *(_cell(rows[name][c]) for _, rows in groups for c in columns)] for name in names]
-    return f"{table(['', *heads], lines)}\n\n{made_text(one)}."
+    return f"{table(['', *heads], lines)}\n\n{made_text(person)}."
 
 
-def _set(one: Mapping[str, Any], titles: Sequence[str | None]) -> list[str]:
-    if one["absent"]:
-        return [f"**{one['title']}**: not run, {one['absent']}."]
-    parts = [f"**{one['title']}.** {made_text(one)}."]
+def _set(figures: Mapping[str, Any], titles: Sequence[str | None]) -> list[str]:
+    if figures["absent"]:
+        return [f"**{figures['title']}**: not run, {figures['absent']}."]
+    parts = [f"**{figures['title']}.** {made_text(figures)}."]
     for title in titles:
-        found = next(t for t in one["tables"] if title in (None, t["title"]))
-        unit = f", {found['unit']}" if found["unit"] else ""
+        table = next(t for t in figures["tables"] if title in (None, t["title"]))
+        unit = f", {table['unit']}" if table["unit"] else ""
         rows = {
             name: row
-            for name, row in found["rows"].items()
+            for name, row in table["rows"].items()
             if not any(words in name for words in ROWS_IN_RECORD_ONLY)
         }
-        text = _whole(rows) if one["title"] == people.TITLE else _compared(rows)
-        parts += [f"{found['title']}{unit}:", text]
+        text = _whole(rows) if figures["title"] == people.TITLE else _compared(rows)
+        parts += [f"{table['title']}{unit}:", text]
     return parts
 
 

@@ -48,7 +48,7 @@ class EstimateCurve:
     value: Floats
     half_band: Floats
     truth: Floats
-    remark: str = ""
+    note: str = ""
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Claim:
     source: str
     sentence: str
     done: str
-    found: str
+    result: str
     verdict: Verdict
 
 
@@ -90,11 +90,11 @@ class PaperPart:
     @property
     def marks(self) -> tuple[int, int]:
         """Number of bounds that are met, and number of bounds."""
-        found = [c.mark for table in self.tables for row in table.rows for c in row if c.mark]
-        return found.count("met"), len(found)
+        result = [c.mark for table in self.tables for row in table.rows for c in row if c.mark]
+        return result.count("met"), len(result)
 
 
-def shown(value: float, digits: int = 3) -> str:
+def rounded(value: float, digits: int = 3) -> str:
     """A number with some significant digits; a dash for NaN."""
     if not math.isfinite(value):
         return "–"
@@ -108,19 +108,19 @@ def shown(value: float, digits: int = 3) -> str:
 
 def finite_mean(values: Sequence[float] | Floats) -> float:
     """Mean of the finite values; NaN without any."""
-    kept = np.asarray(values, dtype=np.float64)
-    kept = kept[np.isfinite(kept)]
-    return float(kept.mean()) if len(kept) else math.nan
+    finite = np.asarray(values, dtype=np.float64)
+    finite = finite[np.isfinite(finite)]
+    return float(finite.mean()) if len(finite) else math.nan
 
 
 def finite_sd(values: Sequence[float] | Floats) -> float:
     """Standard deviation of the finite values; NaN for fewer than two."""
-    kept = np.asarray(values, dtype=np.float64)
-    kept = kept[np.isfinite(kept)]
-    return float(kept.std(ddof=1)) if len(kept) > 1 else math.nan
+    finite = np.asarray(values, dtype=np.float64)
+    finite = finite[np.isfinite(finite)]
+    return float(finite.std(ddof=1)) if len(finite) > 1 else math.nan
 
 
 def spread(values: Sequence[float] | Floats) -> str:
     """`± 0.01`, empty for a single value."""
     sd = finite_sd(values)
-    return f"± {shown(sd, 2)}" if math.isfinite(sd) else ""
+    return f"± {rounded(sd, 2)}" if math.isfinite(sd) else ""

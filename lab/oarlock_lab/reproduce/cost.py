@@ -20,7 +20,7 @@ from oarlock.simulation import Motion
 from oarlock.simulation.simulate import simulate
 from oarlock.storage.arrays import Floats
 from oarlock.storage.progress import Told
-from oarlock_lab.reproduce.contents import Cell, Chart, PaperPart, Row, Table, shown
+from oarlock_lab.reproduce.contents import Cell, Chart, PaperPart, Row, Table, rounded
 
 RATE_HZ = 125.0
 _HEAD = """
@@ -188,14 +188,14 @@ def _job(_: None, task: tuple[str, Size]) -> CostCase:
 
 def _measured(jobs: list[CostCase], progress: Told | None) -> dict[tuple[str, Size, str], float]:
     """Median time of a step, s; NaN where the filter loses the chain."""
-    found: dict[tuple[str, Size, str], list[float]] = {}
+    times_s: dict[tuple[str, Size, str], list[float]] = {}
     for turn in range(ROUNDS):
         for k, job in enumerate(jobs):
             for name in FILTERS:
-                found.setdefault((job.sweep, job.size, name), []).append(_step_s(job, name))
+                times_s.setdefault((job.sweep, job.size, name), []).append(_step_s(job, name))
             if progress is not None:
                 progress((turn * len(jobs) + k + 1) / (ROUNDS * len(jobs)))
-    return {key: statistics.median(times) for key, times in found.items()}
+    return {key: statistics.median(times) for key, times in times_s.items()}
 
 
 def _step_s(job: CostCase, name: Any) -> float:
@@ -253,40 +253,40 @@ def _columns(rows: list[Row], sweep: str, *names: str) -> list[Floats]:
 
 
 def _exponents(rows: list[Row]) -> Table:
-    found = []
+    table_rows = []
     for sweep, (axis, label) in _SWEEPS.items():
         x, expected = _columns(rows, sweep, axis, "formula_19")
-        cells = [Cell(shown(power(x, _columns(rows, sweep, f"{name}_us")[0]), 2)) for name in FILTERS]
+        cells = [Cell(rounded(power(x, _columns(rows, sweep, f"{name}_us")[0]), 2)) for name in FILTERS]
         grown = Cell(f"{axis} {x[0]:g} to {x[-1]:g}")
-        found.append((Cell(label), grown, Cell(shown(power(x, expected), 2)), *cells))
+        table_rows.append((Cell(label), grown, Cell(rounded(power(x, expected), 2)), *cells))
     return Table(
         "cost-powers",
         "Power of n (or m) with which the time grows in the measured range: in (19), and for each filter.",
         ("what grows", "range", "(19)", *FILTERS),
-        tuple(found),
+        tuple(table_rows),
     )
 
 
 def _times(rows: list[Row]) -> Table:
     reference = next(row for row in rows if row["sweep"] == "both" and row["joints"] == 12)
-    found = []
+    table_rows = []
     for row in rows:
         relative = row["formula_19"] / reference["formula_19"]
         cells = [
             Cell(
-                f"{shown(row[f'{name}_us'])} us",
-                spread=f"x {shown(row[f'{name}_us'] / reference[f'{name}_us'], 2)}",
+                f"{rounded(row[f'{name}_us'])} us",
+                spread=f"x {rounded(row[f'{name}_us'] / reference[f'{name}_us'], 2)}",
             )
             for name in FILTERS
         ]
         sizes = [Cell(str(row[key])) for key in ("joints", "units", "n", "m")]
-        found.append((Cell(row["sweep"]), *sizes, Cell(f"x {shown(relative, 2)}"), *cells))
+        table_rows.append((Cell(row["sweep"]), *sizes, Cell(f"x {rounded(relative, 2)}"), *cells))
     return Table(
         "cost-times",
         "Median time of a step, and its ratio to that of 12 joints with 5 units (n = 36, m = 45); "
         "(19) as the same ratio.",
         ("sweep", "joints", "units", "n", "m", "(19)", *FILTERS),
-        tuple(found),
+        tuple(table_rows),
         closed=True,
     )
 

@@ -20,7 +20,16 @@ from oarlock.rowing.simulation.simulators import SIMULATORS
 from oarlock.storage.arrays import Floats
 from oarlock.storage.progress import Told, share
 from oarlock.studies import Study, StudyResult
-from oarlock_lab.reproduce.contents import Cell, Claim, PaperPart, Row, Table, Verdict, finite_mean, shown
+from oarlock_lab.reproduce.contents import (
+    Cell,
+    Claim,
+    PaperPart,
+    Row,
+    Table,
+    Verdict,
+    finite_mean,
+    rounded,
+)
 from oarlock_lab.reproduce.table5 import ELEVEN, ESTIMATORS
 from oarlock_lab.reproduce.table6 import POINTS
 
@@ -64,10 +73,10 @@ def _plane_errors(track: Track, truth: Track, side: str) -> Floats:
     phi = np.interp(track.time_s, truth.time_s, truth.hinge(f"{side}_oar_phi").angle_rad)
     sweep = (phi - phi.min()) / np.ptp(phi)
     elbow = np.interp(track.time_s, truth.time_s, truth.hinge(f"{side}_elbow_flexion").angle_rad)
-    kept = (sweep > NEAR_FINISH) & (elbow > BENT_RAD) & (track.time_s > track.time_s[0] + 2.0)
-    own = _normal(track, side)[kept]
+    rows = (sweep > NEAR_FINISH) & (elbow > BENT_RAD) & (track.time_s > track.time_s[0] + 2.0)
+    own = _normal(track, side)[rows]
     true = np.stack(
-        [np.interp(track.time_s[kept], truth.time_s, column) for column in _normal(truth, side).T], 1
+        [np.interp(track.time_s[rows], truth.time_s, column) for column in _normal(truth, side).T], 1
     )
     true /= np.linalg.norm(true, axis=1, keepdims=True)
     across, along = np.linalg.norm(np.cross(own, true), axis=1), np.sum(own * true, axis=1)
@@ -106,13 +115,13 @@ class ClaimStudies:
     ) -> Floats:
         """The same for each seed."""
         result = self.results[study]
-        wanted = {key.replace("__", "."): value for key, value in values.items()}
-        name = wanted.pop("name", None)
+        settings = {key.replace("__", "."): value for key, value in values.items()}
+        name = settings.pop("name", None)
         for scenario in result.study.expanded():
             named = name is None or scenario.name == name or scenario.name.startswith(f"{name}, ")
-            if named and all(scenario.swept.get(key) == value for key, value in wanted.items()):
-                found: Floats = result.scores(score=score) if item is None else result.scores(item, score)
-                return np.asarray(found[scenario.index], dtype=np.float64)
+            if named and all(scenario.swept.get(key) == value for key, value in settings.items()):
+                results: Floats = result.scores(score=score) if item is None else result.scores(item, score)
+                return np.asarray(results[scenario.index], dtype=np.float64)
         raise KeyError(f"{study}: no scenario {values}")
 
     @property
@@ -177,7 +186,7 @@ def studies(seeds: Sequence[int], duration_s: float) -> dict[str, Study]:
     }
 
 
-def asked(
+def study_results(
     seeds: Sequence[int],
     duration_s: float,
     jobs: int | None,
@@ -185,14 +194,14 @@ def asked(
     runs: Path | None = None,
 ) -> ClaimStudies:
     """Runs all studies; `runs` is a folder for finished runs."""
-    wanted = studies(seeds, duration_s)
-    rows = rows_of_studies(tuple(wanted.values()), jobs, runs, progress)
+    specs = studies(seeds, duration_s)
+    rows = rows_of_studies(tuple(specs.values()), jobs, runs, progress)
     return ClaimStudies(
-        {name: StudyResult(wanted[name], tuple(own)) for name, own in zip(wanted, rows, strict=True)}
+        {name: StudyResult(specs[name], tuple(own)) for name, own in zip(specs, rows, strict=True)}
     )
 
 
-LONGEST_S, MOST_SEEDS = 15.0, 2
+LONGEST_S, MAX_SEEDS = 15.0, 2
 SHOULDERS, ELBOWS, WRISTS = (
     tuple(f"{s}_{part}" for s in ("r", "l")) for part in ("shoulder", "elbow", "wrist")
 )
@@ -210,20 +219,20 @@ def discussion(
     runs: Path | None = None,
 ) -> PaperPart:
     """All claims; `runs` is a folder for finished runs."""
-    length, seeds = min(duration_s, LONGEST_S), seeds[:MOST_SEEDS]
-    found = asked(seeds, length, jobs, share(progress, 0.0, 0.95), runs)
+    length, seeds = min(duration_s, LONGEST_S), seeds[:MAX_SEEDS]
+    results = study_results(seeds, length, jobs, share(progress, 0.0, 0.95), runs)
     technique = features(seeds[0], length)
     claims = (
-        _boat(found),
-        _bias(found),
-        _state_of_the_art(found),
-        _shift(found),
-        _wrists(found),
-        _sideways(found),
+        _boat(results),
+        _bias(results),
+        _state_of_the_art(results),
+        _shift(results),
+        _wrists(results),
+        _sideways(results),
         _technique(technique),
-        *_hull(found),
-        _sensors(found),
-        _rate(found),
+        *_hull(results),
+        _sensors(results),
+        _rate(results),
         _pace(technique),
     )
     return PaperPart(
@@ -235,10 +244,10 @@ def discussion(
             "unless stated otherwise. Each verdict follows from the numbers by the given rule. A sentence "
             "about the paper's own recordings can only be compared with its own tables.",
         ),
-        tables=(_sensor_table(found), _rate_table(found), _hull_table(found)),
+        tables=(_sensor_table(results), _rate_table(results), _hull_table(results)),
         claims=claims,
         notes=(paper.SLIPS["boat"], paper.SLIPS["biases"], paper.SLIPS["eq6"]),
-        data={"discussion_runs": found.rows, "discussion_claims": [_row(claim) for claim in claims]},
+        data={"discussion_runs": results.rows, "discussion_claims": [_row(claim) for claim in claims]},
     )
 
 
@@ -246,10 +255,10 @@ def _row(claim: Claim) -> Row:
     return {name: getattr(claim, name) for name in ("source", "sentence", "done", "found", "verdict")}
 
 
-def _verdict(held: Sequence[bool]) -> Verdict:
-    if all(held):
+def _verdict(outcomes: Sequence[bool]) -> Verdict:
+    if all(outcomes):
         return "holds"
-    return "holds in part" if any(held) else "does not hold"
+    return "holds in part" if any(outcomes) else "does not hold"
 
 
 # --- boat and biases ----------------------------------------------------------------------------------
@@ -261,12 +270,12 @@ def printed_growth_percent(still: str, moving: str) -> float:
     return finite_mean([100.0 * (after[j].rmse / e.rmse - 1.0) for j, e in before.items() if e.rmse > 0.0])
 
 
-def _boat(found: ClaimStudies) -> Claim:
+def _boat(results: ClaimStudies) -> Claim:
     of = {
-        name: [found.error("conditions", name=name, condition=c) for c in ("S-NB", "B-NB")]
+        name: [results.error("conditions", name=name, condition=c) for c in ("S-NB", "B-NB")]
         for name in ("eq6", "jerk_closure", "tree")
     }
-    seat = [found.error("conditions", "seat", name="jerk_closure", condition=c) for c in ("S-NB", "B-NB")]
+    seat = [results.error("conditions", "seat", name="jerk_closure", condition=c) for c in ("S-NB", "B-NB")]
     first, second = printed_growth_percent("S-NB", "B-NB"), printed_growth_percent("S-B", "B-B")
     return Claim(
         "section 5",
@@ -277,37 +286,37 @@ def _boat(found: ClaimStudies) -> Claim:
         f"Printed table: {first:+.1f} % without biases, {second:+.1f} % with (mean over the joints; the paper's 3.32 "
         "is neither). Against an error of 10 deg that has other causes, any boat looks small. "
         + " ".join(
-            f"{label}: {shown(of[name][0])} to {shown(of[name][1])} deg ({_times(of[name])})."
+            f"{label}: {rounded(of[name][0])} to {rounded(of[name][1])} deg ({_times(of[name])})."
             for name, label in (
                 ("eq6", "Eq. 6"),
                 ("jerk_closure", "Jerk and closure"),
                 ("tree", "Tree"),
             )
         )
-        + f" Without the surge state the seat goes from {shown(seat[0], 2)} to {shown(seat[1], 2)} mm.",
+        + f" Without the surge state the seat goes from {rounded(seat[0], 2)} to {rounded(seat[1], 2)} mm.",
         _verdict([pair[1] < 1.1 * pair[0] for pair in of.values()]),
     )
 
 
 def _times(pair: Sequence[float]) -> str:
-    return f"x {shown(pair[1] / pair[0], 2)}"
+    return f"x {rounded(pair[1] / pair[0], 2)}"
 
 
-def _bias(found: ClaimStudies) -> Claim:
+def _bias(results: ClaimStudies) -> Claim:
     growth = {
         name: [
-            found.error("conditions", name=name, condition=c)
-            / found.error("conditions", name=name, condition="S-NB")
+            results.error("conditions", name=name, condition=c)
+            / results.error("conditions", name=name, condition="S-NB")
             for c in ("B-NB", "S-B")
         ]
         for name in ("jerk_closure", "tree")
     }
     swept = {
-        name: [found.error("biases", name=name, gyro_bias_rad_s=b) for b in BIASES]
+        name: [results.error("biases", name=name, gyro_bias_rad_s=b) for b in BIASES]
         for name in ("jerk_closure", "tree")
     }
     boat, bias = printed_growth_percent("S-NB", "B-NB"), printed_growth_percent("S-NB", "S-B")
-    listed = {name: ", ".join(shown(v, 2) for v in errors) for name, errors in swept.items()}
+    listed = {name: ", ".join(rounded(v, 2) for v in errors) for name, errors in swept.items()}
     plain, tree = growth["jerk_closure"], growth["tree"]
     return Claim(
         "section 5",
@@ -315,8 +324,8 @@ def _bias(found: ClaimStudies) -> Claim:
         "Increase of the error from S-NB to B-NB (boat) and to S-B (biases), without and with biases as states; then "
         f"gyroscope biases of {', '.join(f'{b:g}' for b in BIASES)} rad/s. Holds where biases cost more than the boat "
         "does in a filter that estimates neither.",
-        f"White jerk and closure: boat x {shown(plain[0], 2)}, biases x {shown(plain[1], 2)}. The tree, with both "
-        f"as states: x {shown(tree[0], 2)} and x {shown(tree[1], 2)}. Over those biases "
+        f"White jerk and closure: boat x {rounded(plain[0], 2)}, biases x {rounded(plain[1], 2)}. The tree, with both "
+        f"as states: x {rounded(tree[0], 2)} and x {rounded(tree[1], 2)}. Over those biases "
         f"{listed['jerk_closure']} deg without, {listed['tree']} deg with bias states. The printed table itself: "
         f"boat {boat:+.1f} %, biases {bias:+.1f} %.",
         _verdict([plain[1] > plain[0]]),
@@ -326,9 +335,9 @@ def _bias(found: ClaimStudies) -> Claim:
 # --- accuracy -----------------------------------------------------------------------------------------
 
 
-def _state_of_the_art(found: ClaimStudies) -> Claim:
-    errors = [found.error("conditions", j, name="shipped", condition="B-B") for j in ELEVEN]
-    r = [found.error("conditions", j, "correlation", name="shipped", condition="B-B") for j in ELEVEN]
+def _state_of_the_art(results: ClaimStudies) -> Claim:
+    errors = [results.error("conditions", j, name="shipped", condition="B-B") for j in ELEVEN]
+    r = [results.error("conditions", j, "correlation", name="shipped", condition="B-B") for j in ELEVEN]
     printed = paper.table_5("B-B")
     theirs = [printed[j].rmse for j in ELEVEN]
     return Claim(
@@ -337,17 +346,17 @@ def _state_of_the_art(found: ClaimStudies) -> Claim:
         "obtained when the trunk of the tracked person is steady",
         "Section 2 quotes [15]: RMS error under 8 deg and r of at least 0.95 for every joint. Holds where every angle "
         "meets both, with simulated sensors as modelled.",
-        f"Ours: at most {shown(max(errors))} deg, r at least {min(r):.4f}. The paper's own table: "
+        f"Ours: at most {rounded(max(errors))} deg, r at least {min(r):.4f}. The paper's own table: "
         f"{sum(e >= 8.0 for e in theirs)} of 11 angles are at 8 deg or more, up to {max(theirs):g}.",
         _verdict([max(errors) < 8.0, min(r) >= 0.95]),
     )
 
 
-def _shift(found: ClaimStudies) -> Claim:
-    error = found.error("conditions", "trunk", name="eq6", condition="S-NB")
-    bias = np.mean(np.abs(found.over_seeds("conditions", "trunk", "bias", name="eq6", condition="S-NB")))
-    lean = found.error("field", "trunk", name="closure")
-    lean_bias = found.error("field", "trunk", "bias", name="closure")
+def _shift(results: ClaimStudies) -> Claim:
+    error = results.error("conditions", "trunk", name="eq6", condition="S-NB")
+    bias = np.mean(np.abs(results.over_seeds("conditions", "trunk", "bias", name="eq6", condition="S-NB")))
+    lean = results.error("field", "trunk", name="closure")
+    lean_bias = results.error("field", "trunk", "bias", name="closure")
     return Claim(
         "section 5",
         "the estimated value [of q2] is shifted with respect to the ground truth. This may be due to the simplified "
@@ -355,29 +364,30 @@ def _shift(found: ClaimStudies) -> Claim:
         "Error and mean error of the trunk for the paper's filter on a motion of that same back model (S-NB), and on "
         "field recordings, where the spine bends. Holds where there is no shift (under 1 deg) while the back is as "
         "modelled, and one of more than 5 deg when it is not.",
-        f"Same model: {shown(error)} deg, mean error {shown(float(bias))}: no shift. Field: {shown(lean)} deg, mean "
-        f"error {shown(abs(lean_bias))}. But the paper prints 24 to 26 deg for sensors that were simulated from the "
+        f"Same model: {rounded(error)} deg, mean error {rounded(float(bias))}: no shift. Field: {rounded(lean)} "
+        f"deg, mean "
+        f"error {rounded(abs(lean_bias))}. But the paper prints 24 to 26 deg for sensors that were simulated from the "
         "model's own joints, where the back model cannot be the cause, and a bending spine costs less than that.",
         _verdict([float(bias) < 1.0, abs(lean_bias) > 5.0]),
     )
 
 
-def _mean(found: ClaimStudies, names: Sequence[str], name: str, score: str = "rmse") -> float:
+def _mean(results: ClaimStudies, names: Sequence[str], name: str, score: str = "rmse") -> float:
     if score == "rmse":
-        return finite_mean([found.error("field", point, name=name) for point in names])
+        return finite_mean([results.error("field", point, name=name) for point in names])
     axes = [f"{point}.{axis}" for point in names for axis in "xyz"]
-    return finite_mean([found.error("field", axis, "correlation", name=name) for axis in axes])
+    return finite_mean([results.error("field", axis, "correlation", name=name) for axis in axes])
 
 
-def _wrists(found: ClaimStudies) -> Claim:
+def _wrists(results: ClaimStudies) -> Claim:
     groups = {"shoulder": SHOULDERS, "elbow": ELBOWS, "wrist": WRISTS}
-    error = {n: [_mean(found, g, name) for g in groups.values()] for n, name in _WAYS.items()}
-    r = {n: [_mean(found, g, name, "correlation") for g in groups.values()] for n, name in _WAYS.items()}
+    error = {n: [_mean(results, g, name) for g in groups.values()] for n, name in _WAYS.items()}
+    r = {n: [_mean(results, g, name, "correlation") for g in groups.values()] for n, name in _WAYS.items()}
     closed, theirs = error["closed"], paper.table_6()
     printed = [finite_mean([1e3 * theirs[p].rmse_m for p in g]) for g in groups.values()]
 
     def listed(values: Sequence[float], digits: int = 2) -> str:
-        return " / ".join(shown(v, digits) for v in values)
+        return " / ".join(rounded(v, digits) for v in values)
 
     return Claim(
         "section 5",
@@ -395,16 +405,16 @@ def _wrists(found: ClaimStudies) -> Claim:
 _WAYS = {"closed": "closure", "open": "no closure"}
 
 
-def _sideways(found: ClaimStudies) -> Claim:
-    r = {axis: found.error("field", f"r_shoulder.{axis}", "correlation", name="closure") for axis in "xyz"}
-    x = found.error("field", "r_shoulder.x", name="closure")
+def _sideways(results: ClaimStudies) -> Claim:
+    r = {axis: results.error("field", f"r_shoulder.{axis}", "correlation", name="closure") for axis in "xyz"}
+    x = results.error("field", "r_shoulder.x", name="closure")
     return Claim(
         "section 5",
         "The right shoulder position along x axis is not tracked correctly due to the reduced "
         "number of sensors involved.",
         "Correlation and error of the right shoulder along each axis in field recordings. Holds where x has no "
         "correlation while y or z has one above 0.9.",
-        f"x: {shown(x, 2)} mm, r {_r(r['x'])}; y: r {_r(r['y'])}; z: r {_r(r['z'])}. No sensor could help: with one "
+        f"x: {rounded(x, 2)} mm, r {_r(r['x'])}; y: r {_r(r['y'])}; z: r {_r(r['z'])}. No sensor could help: with one "
         "hinge for the back the model's shoulder cannot move sideways at all.",
         _verdict([not r["x"] > 0.5 and max(r["y"], r["z"]) > 0.9]),
     )
@@ -414,8 +424,8 @@ def _r(value: float) -> str:
     return f"{value:.3f}" if np.isfinite(value) else "none, the estimate is constant"
 
 
-def _technique(found: dict[str, Features]) -> Claim:
-    exact, field = found["as modelled"], found["field"]
+def _technique(results: dict[str, Features]) -> Claim:
+    exact, field = results["as modelled"], results["field"]
     return Claim(
         "section 5",
         "In both cases the estimation provides useful data for scoring the user performance in terms of technique "
@@ -424,8 +434,8 @@ def _technique(found: dict[str, Features]) -> Claim:
         "Error of the trunk's lean, and of the normal of the arm's plane in the last tenth of the oar's sweep, elbow "
         "bent by more than 15 deg. Holds where both are under 5 deg in field recordings: coaches see lean and plane "
         "to about that.",
-        f"As modelled {shown(exact.lean_deg, 2)} and {shown(exact.plane_deg, 2)} deg; field "
-        f"{shown(field.lean_deg, 2)} and {shown(field.plane_deg, 2)} deg.",
+        f"As modelled {rounded(exact.lean_deg, 2)} and {rounded(exact.plane_deg, 2)} deg; field "
+        f"{rounded(field.lean_deg, 2)} and {rounded(field.plane_deg, 2)} deg.",
         _verdict([field.lean_deg < 5.0, field.plane_deg < 5.0]),
     )
 
@@ -433,24 +443,27 @@ def _technique(found: dict[str, Features]) -> Claim:
 # --- the hull -----------------------------------------------------------------------------------------
 
 
-def _hull(found: ClaimStudies) -> tuple[Claim, Claim]:
-    level = found.error("hull unmodelled", name="level")
-    free = {name: found.error("hull unmodelled", name=name) for name in HULL}
+def _hull(results: ClaimStudies) -> tuple[Claim, Claim]:
+    level = results.error("hull unmodelled", name="level")
+    free = {name: results.error("hull unmodelled", name=name) for name in HULL}
     aboard = {
-        unit: [found.error("hull", name=f"{n}, {unit}") for n in HULL] for unit in ("hull unit", "waist unit")
+        unit: [results.error("hull", name=f"{n}, {unit}") for n in HULL]
+        for unit in ("hull unit", "waist unit")
     }
-    still = {unit: found.error("hull", name=f"level, {unit}") for unit in aboard}
-    usual, bounds = free.values()
+    still = {unit: results.error("hull", name=f"level, {unit}") for unit in aboard}
+    reference, bounds = free.values()
     return (
         Claim(
             "section 5",
             "angular velocity of the shell is much lower than that of the limbs: boat pitch, roll and yaw variation "
             "within a stroke are less than 1, 5 and 5 deg [...] Results from simulated data support this thesis.",
             "Hulls that rotate by the usual amplitudes (pitch, roll, yaw 0.3, 1.5, 0.5 deg) and by the paper's bounds, "
-            f"tracked with a model without hull rotation. Holds where the error grows by less than {LOSS_DEG} deg.",
-            f"Level {shown(level)} deg; usual {shown(usual)} deg; at the bounds {shown(bounds)} deg. The angles are "
+            f"tracked with a model without hull rotation. Holds where the error grows by less than {LOSS_DEG} "
+            f"deg.",
+            f"Level {rounded(level)} deg; usual {rounded(reference)} deg; at the bounds {rounded(bounds)} deg. "
+            f"The angles are "
             "small, but they enter as a wrong direction of gravity, not as an angular velocity.",
-            _verdict([usual - level < LOSS_DEG, bounds - level < LOSS_DEG]),
+            _verdict([reference - level < LOSS_DEG, bounds - level < LOSS_DEG]),
         ),
         Claim(
             "section 5",
@@ -458,23 +471,26 @@ def _hull(found: ClaimStudies) -> tuple[Claim, Claim]:
             "waist.",
             "The same recordings tracked by sculler_boat, whose hull turns, with a unit on the hull or one on the "
             f"waist. Holds where at most {LOSS_DEG} deg are lost against a level hull.",
-            f"Hull unit: {shown(still['hull unit'])} deg level, {shown(aboard['hull unit'][0])} usual, "
-            f"{shown(aboard['hull unit'][1])} at the bounds. Waist unit: {shown(still['waist unit'])}, "
-            f"{shown(aboard['waist unit'][0])}, {shown(aboard['waist unit'][1])}. The simulated pelvis does not tilt "
+            f"Hull unit: {rounded(still['hull unit'])} deg level, {rounded(aboard['hull unit'][0])} usual, "
+            f""
+            f"{rounded(aboard['hull unit'][1])} at the bounds. Waist unit: {rounded(still['waist unit'])}, "
+            f""
+            f"{rounded(aboard['waist unit'][0])}, {rounded(aboard['waist unit'][1])}. The simulated pelvis does "
+            f"not tilt "
             "relative to the boat; a real one does, so prefer the hull.",
             _verdict([error - still["waist unit"] < LOSS_DEG for error in aboard["waist unit"]]),
         ),
     )
 
 
-def _hull_table(found: ClaimStudies) -> Table:
+def _hull_table(results: ClaimStudies) -> Table:
     rows = []
     for name in ("level", *HULL):
-        cells = [found.error("hull unmodelled", name=name)]
+        cells = [results.error("hull unmodelled", name=name)]
         cells += [
-            found.error("hull", name=f"{name}, {unit}") for unit in ("neither", "waist unit", "hull unit")
+            results.error("hull", name=f"{name}, {unit}") for unit in ("neither", "waist unit", "hull unit")
         ]
-        rows.append((Cell(name), *(Cell(shown(value)) for value in cells)))
+        rows.append((Cell(name), *(Cell(rounded(value)) for value in cells)))
     return Table(
         "discussion-hull",
         "A rotating hull: mean RMSE of the eleven angles, deg.",
@@ -486,9 +502,9 @@ def _hull_table(found: ClaimStudies) -> Table:
 # --- sensors, rate, pace ------------------------------------------------------------------------------
 
 
-def _sensors(found: ClaimStudies) -> Claim:
-    full = found.error("sensors", name="all")
-    cost = {name: found.error("sensors", name=name) for name in SIDES_OFF}
+def _sensors(results: ClaimStudies) -> Claim:
+    full = results.error("sensors", name="all")
+    cost = {name: results.error("sensors", name=name) for name in SIDES_OFF}
     worst = max(cost, key=lambda name: cost[name] if np.isfinite(cost[name]) else np.inf)
     idle = [name for name, error in cost.items() if error < SAME * full]
     return Claim(
@@ -496,7 +512,7 @@ def _sensors(found: ClaimStudies) -> Claim:
         "The setup we propose is minimally invasive [five inertial units, seat, two angles of each oar]",
         "Each kind of sensor left out in turn (first posture given). Holds where every one of them is needed: "
         "without it the error grows by more than 5 %.",
-        f"All {shown(full)} deg; worst without: {worst.removeprefix('no ')} ({shown(cost[worst])} deg)"
+        f"All {rounded(full)} deg; worst without: {worst.removeprefix('no ')} ({rounded(cost[worst])} deg)"
         + (
             f"; without effect: {', '.join(name.removeprefix('no ') for name in idle)}."
             if idle
@@ -506,13 +522,13 @@ def _sensors(found: ClaimStudies) -> Claim:
     )
 
 
-def _sensor_table(found: ClaimStudies) -> Table:
+def _sensor_table(results: ClaimStudies) -> Table:
     rows = []
     for name in ("all", "no magnetometers", "no closure", *SIDES_OFF):
-        error = found.error("sensors", name=name)
-        worst = max(found.error("sensors", joint, name=name) for joint in ELEVEN)
-        seat = found.error("sensors", "seat", name=name)
-        rows.append((Cell(name), Cell(shown(error)), Cell(shown(worst)), Cell(shown(seat, 2))))
+        error = results.error("sensors", name=name)
+        worst = max(results.error("sensors", joint, name=name) for joint in ELEVEN)
+        seat = results.error("sensors", "seat", name=name)
+        rows.append((Cell(name), Cell(rounded(error)), Cell(rounded(worst)), Cell(rounded(seat, 2))))
     return Table(
         "discussion-sensors",
         "Sensors left out, condition B-B, as modelled, deg and mm. A dash: an angle that is no longer observed, so "
@@ -522,24 +538,28 @@ def _sensor_table(found: ClaimStudies) -> Table:
     )
 
 
-def _rate(found: ClaimStudies) -> Claim:
-    errors = {rate: found.error("rates", rate_hz=rate) for rate in RATES_HZ}
+def _rate(results: ClaimStudies) -> Claim:
+    errors = {rate: results.error("rates", rate_hz=rate) for rate in RATES_HZ}
     return Claim(
         "sections 4.1, 4.2",
         "Data capturing frequency was 100 Hz for all the devices [the simulated experiment: 125 Hz]",
         f"The same motion at {', '.join(f'{r:g}' for r in RATES_HZ)} Hz. Holds (100 Hz suffice) where 250 Hz gain "
         f"less than {LOSS_DEG} deg.",
-        "; ".join(f"{rate:g} Hz {shown(error)} deg" for rate, error in errors.items()) + ".",
+        "; ".join(f"{rate:g} Hz {rounded(error)} deg" for rate, error in errors.items()) + ".",
         _verdict([errors[100.0] - errors[250.0] < LOSS_DEG]),
     )
 
 
-def _rate_table(found: ClaimStudies) -> Table:
+def _rate_table(results: ClaimStudies) -> Table:
     rows = []
     for rate in RATES_HZ:
-        nees = found.error("rates", score="nees", rate_hz=rate)
-        coverage = found.error("rates", score="coverage_95", rate_hz=rate)
-        cells = (shown(found.error("rates", rate_hz=rate)), shown(nees, 2), f"{100 * coverage:.1f} %")
+        nees = results.error("rates", score="nees", rate_hz=rate)
+        coverage = results.error("rates", score="coverage_95", rate_hz=rate)
+        cells = (
+            rounded(results.error("rates", rate_hz=rate)),
+            rounded(nees, 2),
+            f"{100 * coverage:.1f} %",
+        )
         rows.append((Cell(f"{rate:g} Hz"), *(Cell(text) for text in cells)))
     return Table(
         "discussion-rates",
@@ -549,8 +569,8 @@ def _rate_table(found: ClaimStudies) -> Table:
     )
 
 
-def _pace(found: dict[str, Features]) -> Claim:
-    pace = max(f.steps_per_s for f in found.values())
+def _pace(results: dict[str, Features]) -> Claim:
+    pace = max(f.steps_per_s for f in results.values())
     return Claim(
         "section 5",
         "The execution of the reconstruction [...] produces an average rate of 116 steps per second [...] recent "

@@ -13,10 +13,10 @@ from oarlock.evaluation import Evaluation
 from oarlock.rowing.simulation import paper
 from oarlock.rowing.simulation.experiment import simulate_sculling
 from oarlock.storage.arrays import Floats
-from oarlock_lab.reproduce.contents import EstimateCurve, PaperPart, Row, shown
+from oarlock_lab.reproduce.contents import EstimateCurve, PaperPart, Row, rounded
 from oarlock_lab.reproduce.table6 import NOT_PUBLIC, RATE_HZ, TrackedTrial, marker_at
 
-SHOWN_S = 12.0
+WINDOW_S = 12.0
 """Largest number of points of each drawn curve; the tables have all."""
 _BACK = ("trunk", "seat")
 _SHOULDER = ("shoulder_abduction", "shoulder_rotation", "shoulder_flexion", "elbow_flexion", "elbow_rotation")
@@ -45,8 +45,9 @@ def fig3(seed: int, duration_s: float) -> PaperPart:
         key="fig3",
         title="Figure 3: joint variables",
         lead=(
-            f"Condition B-B, seed {seed}, filtered live as shipped; {SHOWN_S:g} s of {duration_s:g} s. NEES per state "
-            f"{shown(nees)}, {100 * scores.mean_coverage():.1f} % of the angles inside their 95 % bands. At this scale "
+            f"Condition B-B, seed {seed}, filtered live as shipped; {WINDOW_S:g} s of {duration_s:g} s. NEES per state "
+            f"{rounded(nees)}, {100 * scores.mean_coverage():.1f} % of the angles inside their 95 % bands. At "
+            f"this scale "
             "estimate and truth coincide: below each curve is the enlarged error inside the band that the "
             "filter states. The paper's own curve of the trunk is off by about 24 deg.",
         ),
@@ -56,36 +57,38 @@ def fig3(seed: int, duration_s: float) -> PaperPart:
             paper.SLIPS["left_arm"],
             "The paper's elbow over-extends because it has no limits. Here limits are soft and only act where no "
             "sensor measures a joint; the smallest elbow flexion is "
-            f"{shown(_least(track, 'r_elbow_flexion'))} deg estimated, {shown(_least(truth, 'r_elbow_flexion'))} true.",
+            ""
+            f"{rounded(_lowest(track, 'r_elbow_flexion'))} deg estimated, "
+            f"{rounded(_lowest(truth, 'r_elbow_flexion'))} true.",
         ),
         data={"fig3": _joint_rows(track, truth)},
     )
 
 
-def _least(track: Track, joint: str) -> float:
+def _lowest(track: Track, joint: str) -> float:
     return math.degrees(float(np.nanmin(track.hinge(joint).angle_rad[track.time_s > 2.0])))
 
 
 def _joint(track: Track, truth: Track, scores: Evaluation, name: str, duration_s: float) -> EstimateCurve:
     own, true, score = track.scalar(name), truth.scalar(name), scores[name]
     unit, factor = ("deg", math.degrees(1.0)) if own.unit == "rad" else ("m", 1.0)
-    kept = _middle(track.time_s, duration_s)
+    rows = _middle(track.time_s, duration_s)
     fine, fine_unit = (factor, unit) if unit == "deg" else (1e3, "mm")
     printed = paper.table_5("B-B").get(name)
-    beside = "" if printed is None else f" · paper {printed.rmse:g}"
+    printed_text = "" if printed is None else f" · paper {printed.rmse:g}"
     return EstimateCurve(
         name,
         unit,
-        track.time_s[kept],
-        own.value[kept] * factor,
-        1.96 * own.std[kept] * factor,
-        np.interp(track.time_s[kept], truth.time_s, true.value) * factor,
-        f"RMSE {shown(score.rmse * fine)} {fine_unit}{beside}",
+        track.time_s[rows],
+        own.value[rows] * factor,
+        1.96 * own.std[rows] * factor,
+        np.interp(track.time_s[rows], truth.time_s, true.value) * factor,
+        f"RMSE {rounded(score.rmse * fine)} {fine_unit}{printed_text}",
     )
 
 
 def _middle(time_s: Floats, duration_s: float) -> np.ndarray:
-    middle, half = 0.5 * duration_s, 0.5 * min(SHOWN_S, duration_s)
+    middle, half = 0.5 * duration_s, 0.5 * min(WINDOW_S, duration_s)
     return np.asarray((time_s >= middle - half) & (time_s <= middle + half))
 
 
@@ -125,16 +128,16 @@ def fig5(scored: Sequence[TrackedTrial], duration_s: float) -> PaperPart:
 def _positions(
     scored: Sequence[TrackedTrial], key: str, title: str, points: tuple[str, ...], duration_s: float
 ) -> PaperPart:
-    first = next(one for one in scored if one.setting.key == "indoor")
+    first = next(trial for trial in scored if trial.setting.key == "indoor")
     curves = {point: _axes(first, point, duration_s) for point in points}
-    nees = ", ".join(f"{point} {shown(first.points[point]['nees'], 2)}" for point in points)
+    nees = ", ".join(f"{point} {rounded(first.points[point]['nees'], 2)}" for point in points)
     return PaperPart(
         key=key,
         title=f"{title}, right arm",
         lead=(
             NOT_PUBLIC,
             f"Indoors (boat still), seed {first.seed}, {RATE_HZ:g} Hz, filtered live as shipped, in root axes: x to "
-            f"the rower's left, y up, z to the feet; {SHOWN_S:g} s of {duration_s:g} s. NEES per coordinate: {nees} "
+            f"the rower's left, y up, z to the feet; {WINDOW_S:g} s of {duration_s:g} s. NEES per coordinate: {nees} "
             "(1 is consistent; more says that the bands, which know nothing of skin and wrong lengths, are too "
             "narrow).",
         ),
@@ -144,12 +147,12 @@ def _positions(
     )
 
 
-def _axes(one: TrackedTrial, point: str, duration_s: float) -> tuple[EstimateCurve, ...]:
-    kept = _middle(one.track.time_s, duration_s)
-    time_s = one.track.time_s[kept]
-    place = one.track.frame_positions(point)[kept]
-    truth = marker_at(one.markers, point, time_s)
-    half = one.bands[point].half_band(time_s)
+def _axes(trial: TrackedTrial, point: str, duration_s: float) -> tuple[EstimateCurve, ...]:
+    rows = _middle(trial.track.time_s, duration_s)
+    time_s = trial.track.time_s[rows]
+    place = trial.track.frame_positions(point)[rows]
+    truth = marker_at(trial.markers, point, time_s)
+    half = trial.bands[point].half_band(time_s)
     return tuple(
         EstimateCurve(
             f"{point} {axis}",
@@ -158,19 +161,20 @@ def _axes(one: TrackedTrial, point: str, duration_s: float) -> tuple[EstimateCur
             place[:, k],
             half[:, k],
             truth[:, k],
-            f"RMSE {shown(1e3 * one.points[point][f'rmse_{axis}_m'])} mm · r {one.points[point][f'r_{axis}']:.3f}",
+            f"RMSE {rounded(1e3 * trial.points[point][f'rmse_{axis}_m'])} mm · r "
+            f"{trial.points[point][f'r_{axis}']:.3f}",
         )
         for k, axis in enumerate("xyz")
     )
 
 
-def _position_rows(one: TrackedTrial, points: tuple[str, ...]) -> list[Row]:
+def _position_rows(trial: TrackedTrial, points: tuple[str, ...]) -> list[Row]:
     columns: dict[str, Floats] = {}
     for point in points:
-        place, truth = one.track.frame_positions(point), marker_at(one.markers, point, one.track.time_s)
-        half = one.bands[point].half_band(one.track.time_s)
+        place, truth = trial.track.frame_positions(point), marker_at(trial.markers, point, trial.track.time_s)
+        half = trial.bands[point].half_band(trial.track.time_s)
         for k, axis in enumerate("xyz"):
             columns[f"{point}_{axis}_m"] = place[:, k]
             columns[f"{point}_{axis}_half_band_m"] = half[:, k]
             columns[f"{point}_{axis}_true_m"] = truth[:, k]
-    return _rows(one.track.time_s, columns)
+    return _rows(trial.track.time_s, columns)

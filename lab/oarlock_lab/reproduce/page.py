@@ -30,15 +30,15 @@ def reproduction_page(parts: Sequence[PaperPart], title: str, lead: Sequence[str
 
 def _figures(parts: Sequence[PaperPart]) -> str:
     """Key figures of the parts that have bounds or verdicts."""
-    found = []
+    figures = []
     for part in parts:
         name, (met, bounds) = part.title.partition(":")[0], part.marks
         if bounds:
-            found.append(KeyFigure(name, f"{met} of {bounds}", "bounds met"))
+            figures.append(KeyFigure(name, f"{met} of {bounds}", "bounds met"))
         if part.claims:
-            held = sum(claim.verdict == "holds" for claim in part.claims)
-            found.append(KeyFigure(name, f"{held} of {len(part.claims)}", "claims hold"))
-    return tiles(found) if found else ""
+            confirmed = sum(claim.verdict == "holds" for claim in part.claims)
+            figures.append(KeyFigure(name, f"{confirmed} of {len(part.claims)}", "claims hold"))
+    return tiles(figures) if figures else ""
 
 
 def _part(part: PaperPart) -> str:
@@ -52,16 +52,16 @@ def _part(part: PaperPart) -> str:
     )
 
 
-def _series(shown: Chart) -> list[chart.Series]:
-    return [chart.Series(name, x, y) for name, (x, y) in shown.series.items()]
+def _series(drawn: Chart) -> list[chart.Series]:
+    return [chart.Series(name, x, y) for name, (x, y) in drawn.series.items()]
 
 
 def _curves(key: str, groups: Mapping[str, tuple[EstimateCurve, ...]]) -> str:
     content: list[str] = []
-    for name, shown in groups.items():
-        window = _window(shown[0])
+    for name, figure in groups.items():
+        window = _window(figure[0])
         legend = curves.legend("truth", window) if not content else ""
-        drawn = grid((_figure(key, curve, window) for curve in shown), "tall")
+        drawn = grid((_figure(key, curve, window) for curve in figure), "tall")
         content.append(f"{legend}<h3>{escape(name.replace('_', ' '))}</h3>{drawn}")
     return "".join(content)
 
@@ -83,4 +83,4 @@ def _figure(key: str, curve: EstimateCurve, window: Interval) -> str:
         np.ones(len(curve.time_s), dtype=bool),
     )
     own = re.sub(r"[^a-z0-9]+", "-", f"{key}-{curve.name}".lower())
-    return curves.figure(own, drawn, window, escape(curve.remark))
+    return curves.figure(own, drawn, window, escape(curve.note))

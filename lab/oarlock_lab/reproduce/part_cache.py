@@ -23,7 +23,7 @@ from oarlock_lab.reproduce.contents import Cell, Chart, Claim, EstimateCurve, Pa
 KIND = "@"
 FOLDER = "parts"
 """Folder of them beside the report."""
-MOST_BYTES = 1 << 30
+MAX_BYTES = 1 << 30
 _KINDS = {kind.__name__: kind for kind in (Cell, Chart, Claim, EstimateCurve, PaperPart, Table)}
 
 
@@ -48,8 +48,8 @@ class PartCache:
         """A part that was made by the same; None without."""
         file = self.folder / f"{key}.json"
         try:
-            found = json.loads(read_bytes(file, MOST_BYTES), object_hook=_made)
-            part = found["part"] if found["made_by"] == self._made_by() else None
+            stored_part = json.loads(read_bytes(file, MAX_BYTES), object_hook=_made)
+            part = stored_part["part"] if stored_part["made_by"] == self._made_by() else None
         except (OSError, ValueError, KeyError, TypeError):
             return None  # not there, or damaged: it is made again
         return part if isinstance(part, PaperPart) else None
@@ -94,11 +94,11 @@ class PartCache:
 @cache
 def _package_hash() -> str:
     """A hash of the engine, the Python files and the models: between two versions they change, too."""
-    found = hashlib.sha256(read_bytes(Path(str(_core.__file__))))
+    digest = hashlib.sha256(read_bytes(Path(str(_core.__file__))))
     for root in (Path(oarlock.__file__).parent, Path(__file__).parents[1]):
         for file in sorted(f for end in ("py", "toml") for f in root.rglob(f"*.{end}")):
-            found.update(file.relative_to(root).as_posix().encode() + read_bytes(file))
-    return found.hexdigest()
+            digest.update(file.relative_to(root).as_posix().encode() + read_bytes(file))
+    return digest.hexdigest()
 
 
 def _plain(value: Any) -> Any:
@@ -111,21 +111,21 @@ def _plain(value: Any) -> Any:
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, tuple):
-        return {KIND: "tuple", "values": [_plain(one) for one in value]}
+        return {KIND: "tuple", "values": [_plain(entry) for entry in value]}
     if isinstance(value, dict):
-        return {str(key): _plain(one) for key, one in value.items()}
+        return {str(key): _plain(entry) for key, entry in value.items()}
     if isinstance(value, Sequence) and not isinstance(value, str):
-        return [_plain(one) for one in value]
+        return [_plain(entry) for entry in value]
     return value
 
 
-def _made(told: dict[str, Any]) -> Any:
+def _made(stored: dict[str, Any]) -> Any:
     """The inverse of `_plain`, for each object of the JSON document."""
-    kind = told.get(KIND)
+    kind = stored.get(KIND)
     if kind == "array":
-        return np.array(told["values"], dtype=np.float64)
+        return np.array(stored["values"], dtype=np.float64)
     if kind == "tuple":
-        return tuple(told["values"])
-    if kind in _KINDS and {KIND, *(field.name for field in fields(_KINDS[kind]))} == set(told):
-        return _KINDS[kind](**{name: one for name, one in told.items() if name != KIND})
-    return told
+        return tuple(stored["values"])
+    if kind in _KINDS and {KIND, *(field.name for field in fields(_KINDS[kind]))} == set(stored):
+        return _KINDS[kind](**{name: field_value for name, field_value in stored.items() if name != KIND})
+    return stored

@@ -35,24 +35,24 @@ _WEIGHTS = {
 
 
 def reproduce(
-    what: Sequence[str] = PARTS,
+    parts: Sequence[str] = PARTS,
     seeds: Sequence[int] = (0, 1, 2),
     *,
     duration_s: float = 40.0,
     jobs: int | None = None,
     progress: Progress = None,
-    kept: PartCache | None = None,
-    on_part: Callable[[str, bool], object] = lambda key, is_kept: None,
+    cache: PartCache | None = None,
+    on_part: Callable[[str, bool], object] = lambda key, is_cached: None,
 ) -> list[PaperPart]:
     """Reproduce parts of the paper.
 
     Args:
-        what: names of `PARTS`.
+        parts: names of `PARTS`.
         seeds: seeds of stroke variation and noise.
         duration_s: duration of each recording, s; the paper has 40.
         jobs: number of processes and threads; None uses all cores.
         progress: True shows a bar or lines; a function is called regularly with the share done, 0 to 1.
-        kept: finished parts and runs, which are not made again; None keeps nothing.
+        cache: finished parts and runs, which are not made again; None keeps nothing.
         on_part: called with the name of each part when it is finished, and whether it was kept.
 
     Returns:
@@ -61,23 +61,23 @@ def reproduce(
     Raises:
         DataError: an unknown part, no seed, or a recording too short to be scored.
     """
-    for name in what:
+    for name in parts:
         if name not in PARTS:
             raise DataError(f"reproduce: there is no '{name}'; choose from {', '.join(PARTS)}")
     if not seeds or duration_s < 4.0:
         raise DataError(
             f"reproduce: {len(seeds)} seeds of {duration_s:g} s; give one seed or more, and at least 4 s"
         )
-    chosen = [name for name in PARTS if name in what]
-    found = {name: part for name in chosen if kept is not None and (part := kept.read(name)) is not None}
-    for name in found:
+    selected = [name for name in PARTS if name in parts]
+    cached = {name: part for name in selected if cache is not None and (part := cache.read(name)) is not None}
+    for name in cached:
         on_part(name, True)
-    missing = [name for name in chosen if name not in found]
+    missing = [name for name in selected if name not in cached]
     whole, done = sum(_WEIGHTS[name] for name in missing), 0.0
     trials: list[TrackedTrial] | None = None
-    with shown(progress, "running the experiments") as told:
+    with shown(progress, "running the experiments") as callback:
         for name in missing:
-            part_progress = share(told, done / whole, (done + _WEIGHTS[name]) / whole)
+            part_progress = share(callback, done / whole, (done + _WEIGHTS[name]) / whole)
             done += _WEIGHTS[name]
             if name in ("table6", "fig4", "fig5") and trials is None:
                 # a figure without table 6 needs only one recording with one setting
@@ -85,12 +85,12 @@ def reproduce(
                 trials = field_trials(
                     seeds if "table6" in missing else seeds[:1], duration_s, jobs, part_progress, some
                 )
-            runs = None if kept is None else kept.runs(name)
-            found[name] = _part(name, seeds, duration_s, jobs, part_progress, trials or [], runs)
-            if kept is not None:
-                kept.write(found[name])
+            runs = None if cache is None else cache.runs(name)
+            cached[name] = _part(name, seeds, duration_s, jobs, part_progress, trials or [], runs)
+            if cache is not None:
+                cache.write(cached[name])
             on_part(name, False)
-    return [found[name] for name in chosen]
+    return [cached[name] for name in selected]
 
 
 def _part(

@@ -15,7 +15,7 @@ from oarlock.rowing.simulation.simulators import SIMULATORS
 from oarlock.storage.arrays import Floats
 from oarlock.storage.progress import Told
 from oarlock.studies import Study, StudyResult
-from oarlock_lab.reproduce.contents import Cell, Mark, PaperPart, Table, finite_mean, shown, spread
+from oarlock_lab.reproduce.contents import Cell, Mark, PaperPart, Table, finite_mean, rounded, spread
 
 ARM = ("shoulder_abduction", "shoulder_rotation", "shoulder_flexion", "elbow_flexion", "elbow_rotation")
 ELEVEN = ("trunk", *(f"{side}_{joint}" for side in ("r", "l") for joint in ARM))
@@ -186,8 +186,8 @@ def table5_study(seeds: Sequence[int], duration_s: float = 40.0) -> Study:
 def scores_of(result: StudyResult, name: str, item: str | None = None, score: str = "rmse") -> Floats:
     """Errors (conditions, seeds) of one estimator: of an item, or the mean over the eleven angles."""
     rows = list(result.study.scenarios).index(name) * len(paper.CONDITIONS)
-    found: Floats = result.scores(score=score) if item is None else result.scores(item, score)
-    return found[rows : rows + len(paper.CONDITIONS)]
+    scores: Floats = result.scores(score=score) if item is None else result.scores(item, score)
+    return scores[rows : rows + len(paper.CONDITIONS)]
 
 
 def _names(result: StudyResult) -> tuple[str, ...]:
@@ -204,7 +204,8 @@ def _lead(result: StudyResult, duration_s: float) -> tuple[str, ...]:
     theirs = paper.mean_rmse_deg("B-B")
     count = len(result.study.seeds)
     return (
-        f"Boat moving, sensors biased (B-B): the mean error of the eleven angles is {shown(ours)} deg as shipped; the "
+        f"Boat moving, sensors biased (B-B): the mean error of the eleven angles is {rounded(ours)} deg as "
+        f"shipped; the "
         f"paper's nine angles that are not 0 have {theirs:.1f} deg on average. Its rower, motion and noise were real "
         "where ours are simulated from the model itself: these figures show that the estimator is right, not how good "
         "it is in the field. For that see Table 6.",
@@ -243,7 +244,7 @@ def _overview_row(result: StudyResult, name: str) -> tuple[Cell, ...]:
         ours = finite_mean(mean[k]), finite_mean(seat[k])
         bound = estimator.bounds.get(condition) if estimator else None
         lost = int(np.sum(~(mean[k] < LOST_DEG)))
-        text = f"{shown(ours[0])} / {shown(ours[1], 2)}"
+        text = f"{rounded(ours[0])} / {rounded(ours[1], 2)}"
         text = f"{lost} of {len(mean[k])} lost" if lost else text
         cells.append(
             Cell(
@@ -259,16 +260,16 @@ def _overview_row(result: StudyResult, name: str) -> tuple[Cell, ...]:
         Cell(_label(name)),
         Cell(str(states)),
         *cells,
-        Cell(shown(nees, 2)),
+        Cell(rounded(nees, 2)),
         Cell(f"{100 * coverage:.1f} %"),
     )
 
 
 def _met(ours: tuple[float, float], bound: tuple[float, float]) -> Mark:
-    kept = all(
+    met = all(
         _rounded(value, limit) <= limit * (1.0 + ROUNDING) for value, limit in zip(ours, bound, strict=True)
     )
-    return "met" if kept else "missed"
+    return "met" if met else "missed"
 
 
 def _rounded(value: float, like: float) -> float:
@@ -282,8 +283,8 @@ def _rounded(value: float, like: float) -> float:
 
 def _targets(result: StudyResult) -> Table:
     rows = [
-        (Cell(what), Cell(_range(values)), Cell(target), Cell(mark, mark=mark))
-        for what, values, target, mark in target_rows(result)
+        (Cell(quantity), Cell(_range(values)), Cell(target), Cell(mark, mark=mark))
+        for quantity, values, target, mark in target_rows(result)
     ]
     return Table(
         "table5-targets",
@@ -297,8 +298,8 @@ def target_rows(result: StudyResult) -> list[tuple[str, Floats, str, Mark]]:
     """Targets of the tree in B-B: values by seed, the target as text, whether the mean meets it."""
 
     def of(name: str, item: str | None = None, score: str = "rmse") -> Floats:
-        found: Floats = scores_of(result, name, item, score)[3]
-        return found
+        item_scores: Floats = scores_of(result, name, item, score)[3]
+        return item_scores
 
     live, late = "tree", f"tree {SMOOTHED}"
     worst = np.max([of(live, joint) for joint in ELEVEN], axis=0)
@@ -320,7 +321,9 @@ def target_rows(result: StudyResult) -> list[tuple[str, Floats, str, Mark]]:
             (93.0, 100.0),
         ),
     ]
-    return [(what, values, _in_words(limits), _inside(values, limits)) for what, values, limits in rows]
+    return [
+        (quantity, values, _in_words(limits), _inside(values, limits)) for quantity, values, limits in rows
+    ]
 
 
 def _mean_of(of: Callable[..., Floats], name: str, joints: Sequence[str]) -> Floats:
@@ -336,7 +339,7 @@ def _inside(values: Floats, limits: tuple[float, float]) -> Mark:
 
 
 def _range(values: Floats) -> str:
-    return f"{shown(float(np.mean(values)))} ({shown(float(np.max(values)))})"
+    return f"{rounded(float(np.mean(values)))} ({rounded(float(np.max(values)))})"
 
 
 # --- joint by joint -----------------------------------------------------------------------------------
@@ -350,7 +353,7 @@ def _joints(result: StudyResult, name: str) -> Table:
     for joint, own in printed["S-NB"].items():
         rmse, r = scores_of(result, name, joint), scores_of(result, name, joint, "correlation")
         errors = [
-            Cell(shown(finite_mean(rmse[k])), paper=f"{printed[c][joint].rmse:g}", spread=spread(rmse[k]))
+            Cell(rounded(finite_mean(rmse[k])), paper=f"{printed[c][joint].rmse:g}", spread=spread(rmse[k]))
             for k, c in enumerate(paper.CONDITIONS)
         ]
         correlations = [

@@ -19,7 +19,7 @@ from oarlock.rowing.field.trial import simulate_field
 from oarlock.rowing.simulation import paper
 from oarlock.storage.arrays import Floats
 from oarlock.storage.progress import Told
-from oarlock_lab.reproduce.contents import Cell, PaperPart, Row, Table, finite_mean, shown, spread
+from oarlock_lab.reproduce.contents import Cell, PaperPart, Row, Table, finite_mean, rounded, spread
 
 NO_BAND_M = 1e-9
 
@@ -66,14 +66,14 @@ def place_band(track: Track, frame: str, start_s: float) -> PlaceBand:
     names = [name for name in track.coordinate_names if name in beliefs.state_names]
     columns = [track.coordinate_names.index(name) for name in names]
     states = [beliefs.state_names.index(name) for name in names]
-    kept = beliefs.time_s >= track.time_s[0] + start_s
-    q = np.zeros((int(kept.sum()), len(track.coordinate_names)))
-    q[:, columns] = beliefs.mean[kept][:, states]
+    rows = beliefs.time_s >= track.time_s[0] + start_s
+    q = np.zeros((int(rows.sum()), len(track.coordinate_names)))
+    q[:, columns] = beliefs.mean[rows][:, states]
     place = model.forward_kinematics(q)[:, model.frame_names.index(frame), :3, 3]
     slopes = model.frame_jacobian(q, [frame]).by_coordinate[:, 0, :3][..., columns]
-    covariance = beliefs.covariance[kept][:, states][:, :, states]
+    covariance = beliefs.covariance[rows][:, states][:, :, states]
     return PlaceBand(
-        np.asarray(beliefs.time_s[kept]), place, np.einsum("kia,kab,kjb->kij", slopes, covariance, slopes)
+        np.asarray(beliefs.time_s[rows]), place, np.einsum("kia,kab,kjb->kij", slopes, covariance, slopes)
     )
 
 
@@ -89,7 +89,7 @@ NOT_PUBLIC = (
 )
 _PAPER_CONFIG = {"structure": "tree", "estimate": (), "gate": False, "magnetometer": "on"}
 
-_Given = tuple[Model, Mapping[str, FieldEffects], float]
+_TrialInput = tuple[Model, Mapping[str, FieldEffects], float]
 _Trial = tuple[Recording, Markers]
 
 
@@ -162,7 +162,7 @@ def field_trials(
         if progress is not None:
             progress(0.5 * len(trials) / len(tasks))
     pairs = [(setting, seed) for setting in settings for seed in seeds]
-    found: list[TrackedTrial] = []
+    tracked: list[TrackedTrial] = []
     for smooth in (False, True):
         own = [(setting, seed) for setting, seed in pairs if setting.smooth == smooth]
         tracks = oarlock.track_many(
@@ -175,13 +175,13 @@ def field_trials(
         )
         for (setting, seed), track in zip(own, tracks, strict=True):
             if isinstance(track, Track):
-                found.append(_scored(setting, seed, trials[setting.condition, seed][1], track))
-    found.sort(key=lambda scored: [s.key for s in settings].index(scored.setting.key))
-    return found
+                tracked.append(_scored(setting, seed, trials[setting.condition, seed][1], track))
+    tracked.sort(key=lambda scored: [s.key for s in settings].index(scored.setting.key))
+    return tracked
 
 
-def _trial(given: _Given, task: tuple[str, int]) -> _Trial:
-    (model, effects, duration_s), (condition, seed) = given, task
+def _trial(inputs: _TrialInput, task: tuple[str, int]) -> _Trial:
+    (model, effects, duration_s), (condition, seed) = inputs, task
     whole = simulate_field(
         model, effects[condition], condition=condition, duration_s=duration_s, rate_hz=RATE_HZ, seed=seed
     )
@@ -223,8 +223,8 @@ def marker_at(markers: Markers, name: str, time_s: Floats) -> Floats:
 
 def mean_r(correlation: Floats) -> float:
     """Mean over the axes: the paper gives a single figure without a definition."""
-    kept = np.asarray(correlation)[np.isfinite(correlation)]
-    return float(kept.mean()) if len(kept) else math.nan
+    finite = np.asarray(correlation)[np.isfinite(correlation)]
+    return float(finite.mean()) if len(finite) else math.nan
 
 
 TARGET_MM = 30.0
@@ -232,8 +232,8 @@ TARGET_MM = 30.0
 
 def table6(scored: Sequence[TrackedTrial], duration_s: float) -> PaperPart:
     """The paper's table with our values, then errors per axis, with bands and NEES."""
-    settings = [s for s in SETTINGS if any(one.setting.key == s.key for one in scored)]
-    seeds = sorted({one.seed for one in scored})
+    settings = [s for s in SETTINGS if any(trial_scores.setting.key == s.key for trial_scores in scored)]
+    seeds = sorted({trial_scores.seed for trial_scores in scored})
     return PaperPart(
         key="table6",
         title="Table 6: positions against optical markers",
@@ -260,27 +260,29 @@ def rows(scored: Sequence[TrackedTrial]) -> list[Row]:
     printed = paper.table_6()
     return [
         {
-            "setting": one.setting.key,
-            "condition": one.setting.condition,
-            "seed": one.seed,
+            "setting": trial.setting.key,
+            "condition": trial.setting.condition,
+            "seed": trial.seed,
             "point": name,
-            **one.points[name],
+            **trial.points[name],
             "paper_rmse_m": printed[name].rmse_m,
             "paper_r": printed[name].correlation,
         }
-        for one in scored
+        for trial in scored
         for name in POINTS
     ]
 
 
 def values(scored: Sequence[TrackedTrial], setting: str, point: str, score: str) -> list[float]:
     """One score over the seeds."""
-    return [one.points[point][score] for one in scored if one.setting.key == setting]
+    return [
+        trial_scores.points[point][score] for trial_scores in scored if trial_scores.setting.key == setting
+    ]
 
 
 def _main(scored: Sequence[TrackedTrial], settings: Sequence[Setting]) -> Table:
     printed = paper.table_6()
-    found = []
+    table_rows = []
     for point in POINTS:
         cells = [Cell(point)]
         for setting in settings:
@@ -288,18 +290,18 @@ def _main(scored: Sequence[TrackedTrial], settings: Sequence[Setting]) -> Table:
             r = finite_mean(values(scored, setting.key, point, "r"))
             cells.append(
                 Cell(
-                    f"{shown(finite_mean(errors))}, r {r:.3f}",
+                    f"{rounded(finite_mean(errors))}, r {r:.3f}",
                     paper=f"{1e3 * printed[point].rmse_m:.0f}, r {printed[point].correlation:.3f}",
                     spread=spread(errors),
                 )
             )
-        found.append(tuple(cells))
-    found.append((Cell("mean"), *(_mean_cell(scored, setting) for setting in settings)))
+        table_rows.append(tuple(cells))
+    table_rows.append((Cell("mean"), *(_mean_cell(scored, setting) for setting in settings)))
     return Table(
         "table6-main",
         "3D RMSE in mm, with its spread over the trials, and correlation; the paper's value below.",
         ("position", *(s.label for s in settings)),
-        tuple(found),
+        tuple(table_rows),
     )
 
 
@@ -308,9 +310,9 @@ def _mean_cell(scored: Sequence[TrackedTrial], setting: Setting) -> Cell:
     mean = finite_mean(errors)
     whole = finite_mean([1e3 * p.rmse_m for p in paper.table_6().values()])
     if setting.key != "water":
-        return Cell(shown(mean), paper=f"{whole:.0f}", spread=spread(errors.mean(axis=0)))
+        return Cell(rounded(mean), paper=f"{whole:.0f}", spread=spread(errors.mean(axis=0)))
     return Cell(
-        shown(mean),
+        rounded(mean),
         paper=f"{whole:.0f}",
         spread=spread(errors.mean(axis=0)),
         bound=f"{TARGET_MM:g}",
@@ -319,22 +321,22 @@ def _mean_cell(scored: Sequence[TrackedTrial], setting: Setting) -> Cell:
 
 
 def _axes(scored: Sequence[TrackedTrial], setting: Setting) -> Table:
-    found = []
+    table_rows = []
     for point in POINTS:
         of = {k: values(scored, setting.key, point, k) for k in next(iter(scored)).points[point]}
-        errors = [Cell(shown(1e3 * finite_mean(of[f"rmse_{axis}_m"]))) for axis in "xyz"]
+        errors = [Cell(rounded(1e3 * finite_mean(of[f"rmse_{axis}_m"]))) for axis in "xyz"]
         correlations = [Cell(_r(finite_mean(of[f"r_{axis}"]))) for axis in "xyz"]
-        kept = (
+        finite = (
             Cell(f"{100 * finite_mean(of['coverage_95']):.0f} %"),
-            Cell(shown(finite_mean(of["nees"]), 2)),
+            Cell(rounded(finite_mean(of["nees"]), 2)),
         )
-        found.append((Cell(point), *errors, *correlations, *kept))
+        table_rows.append((Cell(point), *errors, *correlations, *finite))
     return Table(
         f"table6-{setting.key.replace('_', '-')}",
         f"{setting.label[0].upper()}{setting.label[1:]}: RMSE in mm and correlation along each axis (x left, y up, z "
         "to the feet), share of samples inside the 95 % band, NEES per coordinate (1 is consistent).",
         ("position", *(f"RMSE {a}" for a in "xyz"), *(f"r {a}" for a in "xyz"), "in 95 % band", "NEES"),
-        tuple(found),
+        tuple(table_rows),
         closed=setting.key not in ("indoor", "water"),
     )
 

@@ -13,16 +13,16 @@ OUT = Path("out/soak")
 
 def _soak(minutes: float, hours: float, rate_hz: float) -> int:
     folder = OUT / time.strftime("%Y-%m-%d-%H%M%S")
-    found: dict[str, Soaked] = {}
+    runs: dict[str, Soaked] = {}
     if hours:
-        found[f"{hours:g} h without waiting"] = soak_virtual(folder / "virtual", 3600.0 * hours, rate_hz)
+        runs[f"{hours:g} h without waiting"] = soak_virtual(folder / "virtual", 3600.0 * hours, rate_hz)
     if minutes:
-        found[f"{minutes:g} min in true time"] = soak_live(folder / "live", 60.0 * minutes, rate_hz)
-    for name, one in found.items():
-        print(summary(name, one))
-    write(folder, found)
+        runs[f"{minutes:g} min in true time"] = soak_live(folder / "live", 60.0 * minutes, rate_hz)
+    for name, soaked in runs.items():
+        print(summary(name, soaked))
+    write(folder, runs)
     print(f"Wrote {folder}")
-    return int(any(one.problems for one in found.values()))
+    return int(any(soaked.problems for soaked in runs.values()))
 
 
 def main() -> int:
@@ -31,8 +31,8 @@ def main() -> int:
     command.add_argument("--minutes", type=float, default=60.0, help="length of the session in true time")
     command.add_argument("--hours", type=float, default=10.0, help="length of the session without waiting")
     command.add_argument("--rate-hz", type=float, default=100.0, help="of all devices")
-    asked = command.parse_args()
-    return _soak(asked.minutes, asked.hours, asked.rate_hz)
+    arguments = command.parse_args()
+    return _soak(arguments.minutes, arguments.hours, arguments.rate_hz)
 
 
 if __name__ == "__main__":

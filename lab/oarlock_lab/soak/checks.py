@@ -22,7 +22,7 @@ WARM_UP = 0.2
 
 
 @dataclass(frozen=True)
-class Heard:
+class EventsOfPlan:
     """Which planted events were told.
 
     Args:
@@ -38,25 +38,29 @@ class Heard:
     others: tuple[str, ...]
 
 
-def heard(plan: Sequence[Planted], events: Iterable[Mapping[str, Any]], offset_s: float = 0.0) -> Heard:
+def events_of_plan(
+    plan: Sequence[Planted], events: Iterable[Mapping[str, Any]], offset_s: float = 0.0
+) -> EventsOfPlan:
     """Compares events with the plan, which began `offset_s` after the session."""
     left, missing, delay_s = list(events), [], 0.0
-    for one in plan:
-        at_s = one.at_s + offset_s
-        found = [e for e in left if _tells(e["text"], one) and -0.5 <= e["time_s"] - at_s <= WITHIN_S]
-        if not found:
-            missing.append(one)
+    for fault in plan:
+        at_s = fault.at_s + offset_s
+        matching = [e for e in left if _tells(e["text"], fault) and -0.5 <= e["time_s"] - at_s <= WITHIN_S]
+        if not matching:
+            missing.append(fault)
             continue
-        delay_s = max(delay_s, found[0]["time_s"] - at_s)
-        left.remove(found[0])
+        delay_s = max(delay_s, matching[0]["time_s"] - at_s)
+        left.remove(matching[0])
     words = [words for planted in plan for words in [planted.words]]
-    known = {tuple(w) for w in words}
-    others = [e["text"] for e in left if not any(all(w in e["text"] for w in each) for each in known)]
-    return Heard(len(plan), tuple(missing), delay_s, tuple(text for text in others if text != "tracking"))
+    expected = {tuple(w) for w in words}
+    others = [e["text"] for e in left if not any(all(w in e["text"] for w in each) for each in expected)]
+    return EventsOfPlan(
+        len(plan), tuple(missing), delay_s, tuple(text for text in others if text != "tracking")
+    )
 
 
-def _tells(text: str, one: Planted) -> bool:
-    return all(word in text for word in one.words)
+def _tells(text: str, fault: Planted) -> bool:
+    return all(word in text for word in fault.words)
 
 
 def growth_percent(memory: Sequence[tuple[float, int]]) -> float:
@@ -98,16 +102,16 @@ def tracked(folder: Path, from_s: float) -> oarlock.Belief | None:
     return tracker.belief
 
 
-def is_last_estimate(told: Mapping[str, Any], last: oarlock.Belief | None) -> bool:
+def is_last_estimate(digest: Mapping[str, Any], last: oarlock.Belief | None) -> bool:
     """Whether this is the last live estimate, bit for bit: each estimate decides all later ones."""
     return (
         last is not None
-        and last.time_s == told["last_time_s"]
-        and (last.mean.tobytes().hex(), last.std.tobytes().hex()) == (told["last_mean"], told["last_std"])
+        and last.time_s == digest["last_time_s"]
+        and (last.mean.tobytes().hex(), last.std.tobytes().hex()) == (digest["last_mean"], digest["last_std"])
     )
 
 
 def estimated(folder: Path) -> dict[str, Any]:
     """What the session's process wrote about its estimates."""
-    found: dict[str, Any] = json.loads((folder / FIGURES).read_text(encoding="utf-8"))
-    return found
+    figures: dict[str, Any] = json.loads((folder / FIGURES).read_text(encoding="utf-8"))
+    return figures

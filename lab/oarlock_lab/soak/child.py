@@ -46,13 +46,13 @@ class Digest:
 
     def figures(self) -> dict[str, object]:
         """How many, the digest of all, and the last one bit for bit."""
-        told: dict[str, object] = {"estimates": self.count, "digest": self._hash.hexdigest()}
+        figures: dict[str, object] = {"estimates": self.count, "digest": self._hash.hexdigest()}
         if self.last is not None:
             time_s, belief = self.last
-            told["last_time_s"] = time_s
-            told["last_mean"] = belief.mean.tobytes().hex()
-            told["last_std"] = belief.std.tobytes().hex()
-        return told
+            figures["last_time_s"] = time_s
+            figures["last_mean"] = belief.mean.tobytes().hex()
+            figures["last_std"] = belief.std.tobytes().hex()
+        return figures
 
 
 @dataclass
@@ -142,13 +142,13 @@ def main() -> None:
     command.add_argument("rate_hz", type=float)
     command.add_argument("port", type=int, nargs="?", default=0)
     command.add_argument("--virtual", type=float, metavar="SECONDS")
-    asked = command.parse_args()
+    arguments = command.parse_args()
     model = load_model("sculler")
-    if asked.virtual is None:
-        told = asyncio.run(run(made(model, asked.folder, asked.rate_hz, asked.port)))
+    if arguments.virtual is None:
+        figures = asyncio.run(run(made(model, arguments.folder, arguments.rate_hz, arguments.port)))
     else:
-        told = asyncio.run(run_virtual(model, asked.folder, asked.rate_hz, asked.virtual))
-    (asked.folder / FIGURES).write_text(json.dumps(told), encoding="utf-8")
+        figures = asyncio.run(run_virtual(model, arguments.folder, arguments.rate_hz, arguments.virtual))
+    (arguments.folder / FIGURES).write_text(json.dumps(figures), encoding="utf-8")
 
 
 async def run_virtual(model: Model, folder: Path, rate_hz: float, seconds: float) -> dict[str, object]:

@@ -43,34 +43,34 @@ COLUMNS = (
 
 
 @dataclass(frozen=True)
-class Measured:
+class LatencyRun:
     """One run.
 
     Args:
         page: width, px; None without a browser.
         load: of the machine, mean of the last minute.
-        found: of the session, as `bench.live.timed` writes it.
+        figures: of the session, as `bench.live.timed` writes it.
         painted: frames that the page painted: `time_s`, `age_ms`.
         seconds: of the measurement.
     """
 
     page: int | None
     load: float
-    found: dict[str, Any]
+    figures: dict[str, Any]
     painted: list[dict[str, float]]
     seconds: float
 
     @property
     def rows(self) -> np.ndarray:
         """Moment, arrival, time out and processor time of the estimates after warming, s."""
-        rows = np.array(self.found["rows"])
+        rows = np.array(self.figures["rows"])
         return rows[rows[:, 2] > rows[-1, 2] - self.seconds]
 
     def cells(self) -> list[str]:
         """A row of the table."""
         rows = self.rows
         spent_ms = 1e3 * (rows[-1, 3] - rows[0, 3]) / (len(rows) - 1)
-        found, painted_ms = self.found, self.painted_ms()
+        figures, painted_ms = self.figures, self.painted_ms()
         return [
             "none" if self.page is None else f"{self.page} px",
             f"{self.load:.1f}",
@@ -79,14 +79,16 @@ class Measured:
             f"{spent_ms:.1f}",
             f"{len(painted_ms) / self.seconds:.0f}" if self.page else "",
             _two(painted_ms),
-            f"{found['readings']:,}; {found['lost']}; {found['dropped']}",
+            f"{figures['readings']:,}; {figures['lost']}; {figures['dropped']}",
         ]
 
     def painted_ms(self) -> np.ndarray:
         """From the estimate to its painted figure, by the session's clock."""
-        out = {row[0]: (row[1], row[2]) for row in self.found["rows"]}
-        known = [one for one in self.painted if one["time_s"] in out]
-        return np.array([one["age_ms"] - 1e3 * np.subtract(*out[one["time_s"]][::-1]) for one in known])
+        out = {row[0]: (row[1], row[2]) for row in self.figures["rows"]}
+        estimated = [picture for picture in self.painted if picture["time_s"] in out]
+        return np.array(
+            [picture["age_ms"] - 1e3 * np.subtract(*out[picture["time_s"]][::-1]) for picture in estimated]
+        )
 
 
 def _two(values: np.ndarray) -> str:
@@ -107,14 +109,16 @@ def session(folder: Path) -> Iterator[str]:
         with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as running:
             assert running.stdout is not None
             try:
-                yield next(found[0] for line in running.stdout if (found := re.search(r"http://\S+", line)))
+                yield next(
+                    figures[0] for line in running.stdout if (figures := re.search(r"http://\S+", line))
+                )
             finally:
                 running.send_signal(signal.SIGINT)
                 running.wait()
                 sender.terminate()
 
 
-def measured(page: int | None, seconds: float) -> Measured:
+def measured(page: int | None, seconds: float) -> LatencyRun:
     """One run, with a page of this width or without a browser."""
     with tempfile.TemporaryDirectory() as place:
         folder, painted = Path(place) / "session", list[dict[str, float]]()
@@ -124,8 +128,8 @@ def measured(page: int | None, seconds: float) -> Measured:
             else:
                 painted = _painted(url, page, seconds)
             load = os.getloadavg()[0]
-        found = json.loads((folder / FIGURES).read_text(encoding="utf-8"))
-    return Measured(page, load, found, painted, seconds)
+        figures = json.loads((folder / FIGURES).read_text(encoding="utf-8"))
+    return LatencyRun(page, load, figures, painted, seconds)
 
 
 def _painted(url: str, page: int, seconds: float) -> list[dict[str, float]]:
@@ -139,38 +143,38 @@ def _painted(url: str, page: int, seconds: float) -> list[dict[str, float]]:
         time.sleep(WARM_S)
         tab.evaluate("() => { oarlock.live.painted.length = 0; }")
         time.sleep(seconds)
-        found: list[dict[str, float]] = tab.evaluate("() => oarlock.live.painted")
+        figures: list[dict[str, float]] = tab.evaluate("() => oarlock.live.painted")
         browser.close()
-    return found
+    return figures
 
 
-def written(runs: list[Measured]) -> str:
+def written(runs: list[LatencyRun]) -> str:
     """The table with date, commit and machine."""
     commit = subprocess.run(
         ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False
     ).stdout.strip()
-    told = (
+    text = (
         f"Measured on {time.strftime('%d %b %Y')}, commit {commit}, {processor()}, {os.cpu_count()} cores, Chromium\n"
         "without a graphics card. Five units and five encoders at 100 Hz; sender, session and browser share the cores."
     )
-    return f"{told}\n\n{table(COLUMNS, [run.cells() for run in runs])}\n"
+    return f"{text}\n\n{table(COLUMNS, [run.cells() for run in runs])}\n"
 
 
 def main() -> None:
     """Reads the command line."""
-    asked = argparse.ArgumentParser(prog="python -m oarlock_lab.soak.latency", description=__doc__)
-    asked.add_argument("--seconds", type=float, default=30.0, help="length of each measurement")
-    asked.add_argument("--runs", type=int, default=1, help="of so many the one with the least load counts")
-    asked.add_argument("--page", type=Path, help="only put the last run's table into this page")
-    given = asked.parse_args()
-    if given.page is not None:
-        found = (OUT / "table.md").read_text(encoding="utf-8")
-        page = given.page.read_text(encoding="utf-8")
-        given.page.write_text(into_page(page, found, MARKS), encoding="utf-8")
+    parser = argparse.ArgumentParser(prog="python -m oarlock_lab.soak.latency", description=__doc__)
+    parser.add_argument("--seconds", type=float, default=30.0, help="length of each measurement")
+    parser.add_argument("--runs", type=int, default=1, help="of so many the one with the least load counts")
+    parser.add_argument("--page", type=Path, help="only put the last run's table into this page")
+    arguments = parser.parse_args()
+    if arguments.page is not None:
+        figures = (OUT / "table.md").read_text(encoding="utf-8")
+        page = arguments.page.read_text(encoding="utf-8")
+        arguments.page.write_text(into_page(page, figures, MARKS), encoding="utf-8")
         return
     best = []
     for width in (None, *SIZES):
-        runs = [measured(width, given.seconds) for _ in range(given.runs)]
+        runs = [measured(width, arguments.seconds) for _ in range(arguments.runs)]
         for run in runs:
             print(*run.cells(), sep=" | ", file=sys.stderr)
         best.append(min(runs, key=lambda run: run.load))

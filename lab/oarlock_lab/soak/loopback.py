@@ -77,8 +77,8 @@ def pendulum_with(kind, folder):
 def emulated_by(name, recording, faults, seed=0, place=None, **keys):
     """A kind, and what it is asked to emulate."""
     kind = KINDS[name]
-    asked = Emulated(recording, faults=faults, seed=seed, place=place or Destination(), **keys)
-    return kind, kind.emulated(asked)
+    emulated = Emulated(recording, faults=faults, seed=seed, place=place or Destination(), **keys)
+    return kind, kind.emulated(emulated)
 
 
 def packets_of(kind, emulated):
@@ -93,22 +93,22 @@ def packets_of(kind, emulated):
 def lived(kind, emulated, model, packets=None):
     """A session and its estimates from packets; tracking begins when the clocks have settled."""
     rig = replace(rig_of(kind, emulated, model, model.name), wait_s=WAIT_S)
-    session, found = LiveSession(rig, model, START_NS), []
-    taken = list(packets_of(kind, emulated) if packets is None else packets)
+    session, estimates = LiveSession(rig, model, START_NS), []
+    sequence = list(packets_of(kind, emulated) if packets is None else packets)
     track = command(START_NS + round(1e9 * TRACKED_FROM_S), "track")
-    ordered = sorted([*taken, track], key=lambda packet: packet.arrival_ns)
+    ordered = sorted([*sequence, track], key=lambda packet: packet.arrival_ns)
     for packet in [*ordered, command(ordered[-1].arrival_ns + 1, "stop")]:
-        found += session.take(packet)
+        estimates += session.take(packet)
     assert not session.problems
-    return session, found
+    return session, estimates
 
 
 def angles_of(model, estimates):
     """Angles of the hinges of estimates."""
     names = [joint.name for joint in model.describe().joints if joint.kind == "hinge"]
     columns = [estimates[0].belief.state_names.index(name) for name in names]
-    time_s = np.array([one.time_s for one in estimates])
-    return Angles(time_s, np.degrees([np.asarray(one.belief.mean)[columns] for one in estimates]))
+    time_s = np.array([estimate.time_s for estimate in estimates])
+    return Angles(time_s, np.degrees([np.asarray(estimate.belief.mean)[columns] for estimate in estimates]))
 
 
 def track_angles(model, track, late_s=0.0):
@@ -127,8 +127,13 @@ def compared(kind, emulated, model, truth, packets=None):
     offline, true = track_angles(model, whole), track_angles(model, truth, LATE_S)
     time_s = live.time_s[(live.time_s >= COMPARED_FROM_S) & (live.time_s <= offline.time_s[-1])]
     assert len(time_s) > 100
-    told, expected, right = (angles.at(time_s) for angles in (live, offline, true))
-    return Compared(float(np.abs(told - expected).max()), rms(told - right), rms(expected - right), session)
+    live_rad, offline_rad, true_rad = (angles.at(time_s) for angles in (live, offline, true))
+    return Compared(
+        float(np.abs(live_rad - offline_rad).max()),
+        rms(live_rad - true_rad),
+        rms(offline_rad - true_rad),
+        session,
+    )
 
 
 def as_received(recording, values, late_s=LATE_S):
@@ -140,8 +145,8 @@ def as_received(recording, values, late_s=LATE_S):
     def cut(stream):
         if stream.kind != "imu":
             return stream.at_rows(slice(None), stream.time_s + late_s)
-        kept = {name: rows for name, rows in stream.values.items() if name in values}
-        return oarlock.recording.ImuStream(stream.name, stream.time_s + late_s, **kept)
+        columns = {name: rows for name, rows in stream.values.items() if name in values}
+        return oarlock.recording.ImuStream(stream.name, stream.time_s + late_s, **columns)
 
     return oarlock.Recording([cut(stream) for stream in recording.streams])
 

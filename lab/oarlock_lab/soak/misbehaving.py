@@ -54,13 +54,13 @@ class Planted:
 
 def planted(seconds: float) -> list[Planted]:
     """The plan, without what begins in the last seconds."""
-    found = []
+    faults = []
     for cycle in range(int((seconds - FIRST_S) // CYCLE_S) + 1):
         begun_s = FIRST_S + cycle * CYCLE_S
-        found += [
+        faults += [
             Planted(begun_s + at_s, words) for at_s, words in _cycle() if begun_s + at_s < seconds - 3.0
         ]
-    return found
+    return faults
 
 
 def _cycle() -> Iterator[tuple[float, tuple[str, ...]]]:
@@ -81,17 +81,17 @@ def sent(model: Model, seconds: float, rate_hz: float, seed: int = 0) -> Iterato
     """All datagrams in the order of their arrival."""
     devices = endless(endless_sculling(model, seed, rate_hz), PERIOD_S, FAULTS, seed)
     restarts = Restarts()
-    good = (_sent(one, restarts) for one in _until(devices, seconds) if not _is_gone(one))
-    yield from heapq.merge(good, _rubbish(seconds, seed), key=lambda one: one.due_s)
+    good = (_sent(delivery, restarts) for delivery in _until(devices, seconds) if not _is_gone(delivery))
+    yield from heapq.merge(good, _rubbish(seconds, seed), key=lambda delivery: delivery.due_s)
 
 
 def _until(devices: Iterator[Delivery], seconds: float) -> Iterator[Delivery]:
-    for one in devices:
+    for device in devices:
         # A packet that is late at the end of a round comes after the first ones of the next.
-        if one.due_s > seconds + 1.0:
+        if device.due_s > seconds + 1.0:
             return
-        if one.due_s <= seconds:
-            yield one
+        if device.due_s <= seconds:
+            yield device
 
 
 def _in_cycle(due_s: float) -> tuple[int, float]:
@@ -99,9 +99,9 @@ def _in_cycle(due_s: float) -> tuple[int, float]:
     return int(cycle), at_s
 
 
-def _is_gone(one: Delivery) -> bool:
-    cycle, at_s = _in_cycle(one.due_s)
-    gone = {VANISHES: GONE_S, RETURNS_RESTARTED: GONE_RESTARTED_S}.get(one.device)
+def _is_gone(delivery: Delivery) -> bool:
+    cycle, at_s = _in_cycle(delivery.due_s)
+    gone = {VANISHES: GONE_S, RETURNS_RESTARTED: GONE_RESTARTED_S}.get(delivery.device)
     return gone is not None and cycle >= 0 and gone[0] <= at_s < gone[1]
 
 
@@ -111,30 +111,32 @@ class Restarts:
     def __init__(self) -> None:
         self._since: dict[str, tuple[int, float, int]] = {}
 
-    def stamped(self, one: Delivery) -> Delivery:
+    def stamped(self, delivery: Delivery) -> Delivery:
         """The delivery with the stamp and the count of a device that has restarted."""
-        cycle, at_s = _in_cycle(one.due_s)
-        at = {RESTARTS: RESTART_S, RETURNS_RESTARTED: GONE_RESTARTED_S[1]}.get(one.device)
+        cycle, at_s = _in_cycle(delivery.due_s)
+        at = {RESTARTS: RESTART_S, RETURNS_RESTARTED: GONE_RESTARTED_S[1]}.get(delivery.device)
         if at is None:
-            return one
+            return delivery
         last = cycle if at_s >= at else cycle - 1
-        known, clock_s, count = self._since.get(one.device, (-1, 0.0, 0))
-        if last > known:
-            clock_s, count = one.clock_s - 1.0, one.count
-            self._since[one.device] = (last, clock_s, count)
+        source, clock_s, count = self._since.get(delivery.device, (-1, 0.0, 0))
+        if last > source:
+            clock_s, count = delivery.clock_s - 1.0, delivery.count
+            self._since[delivery.device] = (last, clock_s, count)
         # One that was on its way when the clock was set
-        return replace(one, clock_s=max(one.clock_s - clock_s, 0.0), count=max(one.count - count, 0))
+        return replace(
+            delivery, clock_s=max(delivery.clock_s - clock_s, 0.0), count=max(delivery.count - count, 0)
+        )
 
 
-def _sent(one: Delivery, restarts: Restarts) -> Sent:
-    cycle, at_s = _in_cycle(one.due_s)
-    stamped = restarts.stamped(one)
-    if cycle >= 0 and one.device == ABSURD and ABSURD_S[0] <= at_s < ABSURD_S[1]:
+def _sent(delivery: Delivery, restarts: Restarts) -> Sent:
+    cycle, at_s = _in_cycle(delivery.due_s)
+    stamped = restarts.stamped(delivery)
+    if cycle >= 0 and delivery.device == ABSURD and ABSURD_S[0] <= at_s < ABSURD_S[1]:
         stamped = replace(stamped, values=dict.fromkeys(stamped.values, (1000000.0, -1000000.0, 1000000.0)))
-    sender = STREAMS.index(one.device)
-    if one.device in SWAPPED and cycle >= 0 and SWAP_S[0] <= at_s < SWAP_S[1]:
-        sender = STREAMS.index(SWAPPED[1 - SWAPPED.index(one.device)])
-    return Sent(one.due_s, sender, json_line(stamped))
+    sender = STREAMS.index(delivery.device)
+    if delivery.device in SWAPPED and cycle >= 0 and SWAP_S[0] <= at_s < SWAP_S[1]:
+        sender = STREAMS.index(SWAPPED[1 - SWAPPED.index(delivery.device)])
+    return Sent(delivery.due_s, sender, json_line(stamped))
 
 
 def _rubbish(seconds: float, seed: int) -> Iterator[Sent]:
@@ -165,15 +167,15 @@ def main() -> None:
     begun_ns = time.monotonic_ns()
     print(begun_ns, flush=True)
     sockets: dict[int, socket.socket] = {}
-    for one in heapq.merge([first], packets, key=lambda packet: packet.due_s):
-        while (early_s := one.due_s - (time.monotonic_ns() - begun_ns) / 1e9) > 0.0:
+    for delivery in heapq.merge([first], packets, key=lambda packet: packet.due_s):
+        while (early_s := delivery.due_s - (time.monotonic_ns() - begun_ns) / 1e9) > 0.0:
             time.sleep(early_s)
         # A sender of rubbish is switched off before the next comes.
-        for old in [n for n in sockets if len(STREAMS) <= n < one.sender]:
+        for old in [n for n in sockets if len(STREAMS) <= n < delivery.sender]:
             sockets.pop(old).close()
-        if one.sender not in sockets:
-            sockets[one.sender] = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        sockets[one.sender].sendto(one.data, ("127.0.0.1", port))
+        if delivery.sender not in sockets:
+            sockets[delivery.sender] = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        sockets[delivery.sender].sendto(delivery.data, ("127.0.0.1", port))
     for own in sockets.values():
         own.close()
 

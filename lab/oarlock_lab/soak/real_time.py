@@ -43,7 +43,7 @@ from oarlock_lab.soak.loopback import (
 
 LONG_WAIT_S = 5.0
 """Estimates wait so long: what a busy machine delivers late is used all the same."""
-ON_THE_WAY_S = 0.3
+TRANSIT_S = 0.3
 """After all is sent."""
 PATIENCE_S = 300.0
 UNITS = 5
@@ -99,14 +99,14 @@ class InTime:
 def free_ports(count):
     """The first of so many ports in a row at which nothing listens now."""
     while True:
-        with socket.socket() as one:
-            one.bind(("127.0.0.1", 0))
-            first = one.getsockname()[1]
+        with socket.socket() as listener:
+            listener.bind(("127.0.0.1", 0))
+            first = listener.getsockname()[1]
         try:
             for port in range(first, first + count):
                 for kind in (socket.SOCK_STREAM, socket.SOCK_DGRAM):
-                    with socket.socket(type=kind) as one:
-                        one.bind(("127.0.0.1", port))
+                    with socket.socket(type=kind) as listener:
+                        listener.bind(("127.0.0.1", port))
         except (OSError, OverflowError):
             continue
         return first
@@ -119,7 +119,7 @@ def place_of(transport, folder):
     return Destination(transport, port=free_ports(UNITS), path=folder / "line")
 
 
-def moved(pendulum, name, folder):
+def move_pendulum(pendulum, name, folder):
     """A body with sensors that a kind can be, the truth, and what they measure."""
     is_marker = KINDS[name].streams == ("vector",)
     model = pendulum_with("position", folder) if is_marker else pendulum
@@ -137,11 +137,14 @@ async def run_for_real(kind, emulated, model, folder):
     """Runs emulated devices and a session, connected by their transport, until all is sent."""
     rig = replace(rig_of(kind, emulated, model, model.name), wait_s=WAIT_S)
     transport_of, emulate = _by_bluetooth(kind) if emulated.place.transport == "ble" else _by_wire(kind)
-    live, told = Live(rig, model, folder, transport_of=transport_of), replace(emulated, say=lambda text: None)
+    live, plain_emulated = (
+        Live(rig, model, folder, transport_of=transport_of),
+        replace(emulated, say=lambda text: None),
+    )
     running = asyncio.create_task(live.run())
     if emulated.place.transport == "udp":
         await live.started.wait()
-    emulating = asyncio.create_task(emulate(told))
+    emulating = asyncio.create_task(emulate(plain_emulated))
     await asyncio.wait([emulating, running], return_when=asyncio.FIRST_COMPLETED)
     await _all_taken(live)
     for task in (emulating, running):
@@ -154,9 +157,9 @@ async def run_for_real(kind, emulated, model, folder):
 async def _all_taken(live):
     """Waits until nothing more arrives: a busy session has a queue."""
     before = -1
-    while (taken := sum(device.readings for device in live.session.intake.devices.values())) != before:
-        before = taken
-        await asyncio.sleep(ON_THE_WAY_S)
+    while (received := sum(device.readings for device in live.session.intake.devices.values())) != before:
+        before = received
+        await asyncio.sleep(TRANSIT_S)
 
 
 def _by_wire(kind):
@@ -178,7 +181,7 @@ def _by_bluetooth(kind):
 
     async def emulate(emulated):
         units = kind.device.wiring(emulated).senders
-        together, waited = Together(len(units)), sum(1 for _ in kind.device.messages(emulated))
+        barrier, waited = Together(len(units)), sum(1 for _ in kind.device.messages(emulated))
         done = asyncio.Event()
 
         def sent(_):
@@ -189,13 +192,13 @@ def _by_bluetooth(kind):
 
         devices = [
             asyncio.create_task(
-                dot.be(air.device(own.address), emulated, unit, begun=together.begun, sent=sent)
+                dot.be(air.device(own.address), emulated, unit, begun=barrier.begun, sent=sent)
             )
             for unit, own in units.items()
         ]
         try:
             await done.wait()
-            await asyncio.sleep(ON_THE_WAY_S)
+            await asyncio.sleep(TRANSIT_S)
         finally:
             for device in devices:
                 device.cancel()
@@ -216,12 +219,12 @@ def compared_in_time(ran, truth, wait_s=LONG_WAIT_S):
         truth: of the movement.
         wait_s: how long estimates wait for late readings.
     """
-    heard = [packet for packet in ran.packets if packet.source != COMMANDS]
+    from_devices = [packet for packet in ran.packets if packet.source != COMMANDS]
     # A session on a busy machine may begin to track late.
-    track = command(heard[0].arrival_ns + round(1e9 * TRACKED_FROM_S), "track")
-    stop = command(heard[-1].arrival_ns + 1, "stop")
-    packets = sorted([*heard, track, stop], key=lambda packet: packet.arrival_ns)
-    begins_s = (heard[0].arrival_ns - ran.start_ns) / 1e9 + COMPARED_FROM_S
+    track = command(from_devices[0].arrival_ns + round(1e9 * TRACKED_FROM_S), "track")
+    stop = command(from_devices[-1].arrival_ns + 1, "stop")
+    packets = sorted([*from_devices, track, stop], key=lambda packet: packet.arrival_ns)
+    begins_s = (from_devices[0].arrival_ns - ran.start_ns) / 1e9 + COMPARED_FROM_S
     session = LiveSession(replace(ran.rig, wait_s=wait_s), ran.model, ran.start_ns)
     estimates, late_s = _tracked(session, ran, packets)
     assert not session.problems and estimates
@@ -234,10 +237,15 @@ def compared_in_time(ran, truth, wait_s=LONG_WAIT_S):
     true = track_angles(ran.model, truth, mean_s)
     time_s = live.time_s[(live.time_s >= begins_s) & (live.time_s <= offline.time_s[-1])]
     assert len(time_s) > 100
-    told, expected, right = (angles.at(time_s) for angles in (live, offline, true))
-    found = Compared(float(np.abs(told - expected).max()), rms(told - right), rms(expected - right), session)
+    plain_emulated, expected, right = (angles.at(time_s) for angles in (live, offline, true))
+    comparison = Compared(
+        float(np.abs(plain_emulated - expected).max()),
+        rms(plain_emulated - right),
+        rms(expected - right),
+        session,
+    )
     fastest_deg_s = float(np.abs(np.gradient(true.deg, true.time_s, axis=0)).sum(axis=1).max())
-    return InTime(found, clocks_s, _clocks_without_a_machine_s(ran), fastest_deg_s, lost)
+    return InTime(comparison, clocks_s, _clocks_without_a_machine_s(ran), fastest_deg_s, lost)
 
 
 def _arrived(ran, measured, from_s):
@@ -255,22 +263,22 @@ def _arrived(ran, measured, from_s):
         nearest_s = time_s[np.where(is_next, after, after - 1)]
         has_come = np.abs(nearest_s - stream.time_s) < 0.5 / stream.rate_hz
         lost += int((~has_come).sum())
-        kept = has_come & (nearest_s >= from_s)
-        streams.append(stream.at_rows(kept, stream.time_s[kept]))
+        rows = has_come & (nearest_s >= from_s)
+        streams.append(stream.at_rows(rows, stream.time_s[rows]))
     return oarlock.Recording(streams), lost
 
 
 def _tracked(session, ran, packets):
     """Estimates, and for each device when a packet came and by how much its clock was late then, s."""
     on_time = replace(PERFECT, drift_ppm=ran.emulated.faults.drift_ppm)
-    known, _ = lived(ran.kind, replace(ran.emulated, faults=on_time), ran.model)
+    calibration, _ = lived(ran.kind, replace(ran.emulated, faults=on_time), ran.model)
     estimates, late_s = [], {}
     for packet in packets:
         estimates += session.take(packet)
         arrival_s = session.intake.seconds(packet.arrival_ns)
         for key, device in session.intake.devices.items():
             if device.streams and device.clock.offset_s is not None:
-                true_s = known.intake.devices[key].clock.offset_s - LATE_S
+                true_s = calibration.intake.devices[key].clock.offset_s - LATE_S
                 late_s.setdefault(key, []).append((arrival_s, device.clock.offset_s - true_s))
     return estimates, {key: np.array(values) for key, values in late_s.items()}
 
@@ -304,19 +312,19 @@ def measured(ways=WAYS):
 
 
 def _row(pendulum, name, transport):
-    found = {}
+    figures = {}
     for label, faults in FAULTS.items():
         with TemporaryDirectory() as folder:
-            one = run_and_compare(pendulum, name, transport, faults, Path(folder))
-        found[label] = {
-            "difference_deg": one.angles.difference_deg,
-            "live_deg": one.angles.live_deg,
-            "offline_deg": one.angles.offline_deg,
-            "clocks_ms": 1e3 * one.clocks_s,
-            "lost": one.lost,
+            comparison = run_and_compare(pendulum, name, transport, faults, Path(folder))
+        figures[label] = {
+            "difference_deg": comparison.angles.difference_deg,
+            "live_deg": comparison.angles.live_deg,
+            "offline_deg": comparison.angles.offline_deg,
+            "clocks_ms": 1e3 * comparison.clocks_s,
+            "lost": comparison.lost,
         }
-    print(name, transport, found, flush=True)
-    return {"kind": name, "transport": transport, "rate_hz": KINDS[name].rate_hz, **found}
+    print(name, transport, figures, flush=True)
+    return {"kind": name, "transport": transport, "rate_hz": KINDS[name].rate_hz, **figures}
 
 
 def run_and_compare(pendulum, name, transport, faults, folder):
@@ -329,7 +337,7 @@ def run_and_compare(pendulum, name, transport, faults, folder):
         faults: of its devices.
         folder: empty, for the session.
     """
-    model, truth, recording = moved(pendulum, name, folder)
+    model, truth, recording = move_pendulum(pendulum, name, folder)
     kind, emulated = emulated_by(name, recording, faults, place=place_of(transport, folder))
     running = run_for_real(kind, emulated, model, folder / "today")
     return compared_in_time(asyncio.run(asyncio.wait_for(running, PATIENCE_S)), truth)

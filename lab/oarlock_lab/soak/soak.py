@@ -15,10 +15,10 @@ from oarlock.live.event_log import read_events
 from oarlock.live.folder import LiveFolder
 from oarlock.live.transports.udp import free_port
 from oarlock_lab.soak.checks import (
-    Heard,
+    EventsOfPlan,
     estimated,
+    events_of_plan,
     growth_percent,
-    heard,
     is_last_estimate,
     repeated,
     tracked,
@@ -26,8 +26,8 @@ from oarlock_lab.soak.checks import (
 from oarlock_lab.soak.misbehaving import planted
 from oarlock_lab.soak.watching import Watcher
 
-MOST_GROWTH_PERCENT = 5.0
-LEAST_FOR_MEMORY_S = 600.0
+MAX_GROWTH_PERCENT = 5.0
+MIN_FOR_MEMORY_S = 600.0
 """In shorter runs nothing is said about memory: pools still fill."""
 
 
@@ -94,57 +94,64 @@ def _started(words: list[str], folder: Path) -> tuple[subprocess.Popen[bytes], W
 
 
 def _checked(folder: Path, seconds: float, offset_s: float, watcher: Watcher, status: int) -> Soaked:
-    found, errors = Soaked(), _errors(folder).read_text(encoding="utf-8")
-    found.check(status == 0, f"the session ended with status {status}")
-    found.check(not errors, f"the session wrote errors: {errors[-2000:]}")
+    soaked, errors = Soaked(), _errors(folder).read_text(encoding="utf-8")
+    soaked.check(status == 0, f"the session ended with status {status}")
+    soaked.check(not errors, f"the session wrote errors: {errors[-2000:]}")
     plan = planted(seconds)
     for where, events in (("log", read_events(folder)), ("page", watcher.events)):
-        _check_events(found, where, heard(plan, events, offset_s))
-    _check_memory(found, watcher, seconds)
+        _check_events(soaked, where, events_of_plan(plan, events, offset_s))
+    _check_memory(soaked, watcher, seconds)
     if status == 0:
-        _check_estimates(found, folder, watcher)
-    found.figures["frames that the viewer showed"] = watcher.frames
-    found.figures["datagrams that the kernel dropped"] = [s["dropped"] for s in watcher.sources]
-    return found
+        _check_estimates(soaked, folder, watcher)
+    soaked.figures["frames that the viewer showed"] = watcher.frames
+    soaked.figures["datagrams that the kernel dropped"] = [s["dropped"] for s in watcher.sources]
+    return soaked
 
 
-def _check_events(found: Soaked, where: str, told: Heard) -> None:
-    found.figures[f"planted events in the {where}"] = f"{told.planted - len(told.missing)} of {told.planted}"
-    found.figures[f"longest time until one was in the {where}, s"] = round(told.delay_s, 2)
-    found.figures[f"other events in the {where}"] = len(told.others)
-    missing = [(one.at_s, one.words) for one in told.missing]
-    found.check(not missing, f"not in the {where}: {missing[:5]}")
+def _check_events(soaked: Soaked, where: str, reported: EventsOfPlan) -> None:
+    soaked.figures[f"planted events in the {where}"] = (
+        f"{reported.planted - len(reported.missing)} of {reported.planted}"
+    )
+    soaked.figures[f"longest time until one was in the {where}, s"] = round(reported.delay_s, 2)
+    soaked.figures[f"other events in the {where}"] = len(reported.others)
+    missing = [(fault.at_s, fault.words) for fault in reported.missing]
+    soaked.check(not missing, f"not in the {where}: {missing[:5]}")
 
 
-def _check_memory(found: Soaked, watcher: Watcher, seconds: float) -> None:
-    if seconds < LEAST_FOR_MEMORY_S or len(watcher.memory) < 20:
+def _check_memory(soaked: Soaked, watcher: Watcher, seconds: float) -> None:
+    if seconds < MIN_FOR_MEMORY_S or len(watcher.memory) < 20:
         return
     growth = growth_percent(watcher.memory)
-    found.figures["memory at the end, MiB"] = round(watcher.memory[-1][1] / 1024)
-    found.figures["growth of memory after the first fifth, %"] = round(growth, 2)
-    found.check(growth <= MOST_GROWTH_PERCENT, f"the memory grew by {growth:.1f} %")
+    soaked.figures["memory at the end, MiB"] = round(watcher.memory[-1][1] / 1024)
+    soaked.figures["growth of memory after the first fifth, %"] = round(growth, 2)
+    soaked.check(growth <= MAX_GROWTH_PERCENT, f"the memory grew by {growth:.1f} %")
 
 
-def _check_estimates(found: Soaked, folder: Path, watcher: Watcher) -> None:
-    told, again = estimated(folder), repeated(folder).figures()
-    found.figures["estimates"] = told["estimates"]
-    found.figures["readings"] = watcher.arrivals
-    same = again["digest"] == told["digest"]
-    found.figures["all estimates from the recorded packets, bit for bit"] = same
-    found.check(same, "the recorded packets give other estimates")
-    batch = is_last_estimate(told, tracked(folder, told["from_s"]))
-    found.figures["last estimate of the track of the recording, bit for bit"] = batch
+def _check_estimates(soaked: Soaked, folder: Path, watcher: Watcher) -> None:
+    document, again = estimated(folder), repeated(folder).figures()
+    soaked.figures["estimates"] = document["estimates"]
+    soaked.figures["readings"] = watcher.arrivals
+    same = again["digest"] == document["digest"]
+    soaked.figures["all estimates from the recorded packets, bit for bit"] = same
+    soaked.check(same, "the recorded packets give other estimates")
+    batch = is_last_estimate(document, tracked(folder, document["from_s"]))
+    soaked.figures["last estimate of the track of the recording, bit for bit"] = batch
     # What came more than half a second late is in the recording, and in no estimate.
-    found.check(batch or watcher.arrivals.get("too_late", 0) > 0, "the track of the recording ends otherwise")
+    soaked.check(
+        batch or watcher.arrivals.get("too_late", 0) > 0, "the track of the recording ends otherwise"
+    )
 
 
-def summary(name: str, found: Soaked) -> str:
+def summary(name: str, soaked: Soaked) -> str:
     """The figures and the problems as text."""
-    lines = [f"{name}:", *(f"  {what}: {figure}" for what, figure in found.figures.items())]
-    return "\n".join([*lines, *(f"  PROBLEM: {one}" for one in found.problems)])
+    lines = [f"{name}:", *(f"  {quantity}: {figure}" for quantity, figure in soaked.figures.items())]
+    return "\n".join([*lines, *(f"  PROBLEM: {soaked_run}" for soaked_run in soaked.problems)])
 
 
-def write(folder: Path, found: dict[str, Soaked]) -> None:
+def write(folder: Path, soaked: dict[str, Soaked]) -> None:
     """The figures for docs/live.md."""
-    told = {name: {"figures": one.figures, "problems": one.problems} for name, one in found.items()}
-    (folder / "soak.json").write_text(json.dumps(told, indent=2), encoding="utf-8")
+    document = {
+        name: {"figures": soaked_run.figures, "problems": soaked_run.problems}
+        for name, soaked_run in soaked.items()
+    }
+    (folder / "soak.json").write_text(json.dumps(document, indent=2), encoding="utf-8")

@@ -45,7 +45,7 @@ class Timed:
     problem: str = ""
 
     @property
-    def way(self) -> Timed:
+    def path(self) -> Timed:
         """It is its own way out."""
         return self
 
@@ -106,15 +106,15 @@ def main() -> None:
     command.add_argument("folder", type=Path, nargs="?")
     command.add_argument("port", type=int, nargs="?", default=0)
     command.add_argument("--send", type=int, metavar="PORT")
-    asked = command.parse_args()
-    if asked.send is not None:
+    arguments = command.parse_args()
+    if arguments.send is not None:
         devices = rowing_devices(load_model("sculler"), FAULTS)
         first = next(devices)
         print("ready", flush=True)
-        asyncio.run(send(itertools.chain((first,), devices), "127.0.0.1", asked.send))
+        asyncio.run(send(itertools.chain((first,), devices), "127.0.0.1", arguments.send))
         return
-    found = asyncio.run(_session(asked.folder, asked.port))
-    (asked.folder / FIGURES).write_text(json.dumps(found), encoding="utf-8")
+    timed = asyncio.run(_session(arguments.folder, arguments.port))
+    (arguments.folder / FIGURES).write_text(json.dumps(timed), encoding="utf-8")
 
 
 if __name__ == "__main__":

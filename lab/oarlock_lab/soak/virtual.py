@@ -75,8 +75,12 @@ class VirtualUdp:
 
     def _made(self, begun_ns: int) -> Iterator[Packet]:
         last_ns = 0
-        for one in self._packets:
-            last_ns = max(last_ns, begun_ns + round(1e9 * one.due_s))
+        for packet in self._packets:
+            last_ns = max(last_ns, begun_ns + round(1e9 * packet.due_s))
             yield Packet(
-                self.source, f"10.0.{one.sender // 200}.{one.sender % 200 + 10}:7000", "", last_ns, one.data
+                self.source,
+                f"10.0.{packet.sender // 200}.{packet.sender % 200 + 10}:7000",
+                "",
+                last_ns,
+                packet.data,
             )

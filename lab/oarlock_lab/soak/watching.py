@@ -13,7 +13,7 @@ from websockets.sync.client import connect
 
 from oarlock.live.client import socket_address
 
-_SHOWN = '{"shown": 1}'
+_PAINTED = '{"shown": 1}'
 
 
 def resident_kib(pid: int) -> int:
@@ -60,18 +60,18 @@ class Watcher:
         with connect(socket_address(self.url), compression=None, max_queue=4) as socket:
             try:
                 for message in socket:
-                    self._hear(json.loads(message), socket.send)
+                    self._receive(json.loads(message), socket.send)
             except ConnectionClosed:
                 return
 
-    def _hear(self, told: dict[str, Any], send: Any) -> None:
-        if told["type"] == "event":
-            self.events.append(told)
-        elif told["type"] == "now":
-            self.frames += "frame" in told
-            send(_SHOWN)
-            if "health" in told:
-                self._note(told["health"])
+    def _receive(self, message: dict[str, Any], send: Any) -> None:
+        if message["type"] == "event":
+            self.events.append(message)
+        elif message["type"] == "now":
+            self.frames += "frame" in message
+            send(_PAINTED)
+            if "health" in message:
+                self._note(message["health"])
 
     def _note(self, health: dict[str, Any]) -> None:
         if health["is_tracking"]:

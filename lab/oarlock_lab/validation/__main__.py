@@ -28,9 +28,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m oarlock_lab.validation", description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("out/validation"), help="folder to write")
     parser.add_argument("--only", nargs="+", choices=list(SETS), default=list(SETS), help="sets to run")
-    chosen = parser.parse_args(arguments)
-    results = run(chosen.only)
-    for path in page.write(results, others.versions(), chosen.out):
+    options = parser.parse_args(arguments)
+    results = run(options.only)
+    for path in page.write(results, others.versions(), options.out):
         print(f"wrote {path}")
     return 0 if any(not r.absent for r in results) else 1
 
@@ -46,8 +46,8 @@ def run(names: Sequence[str]) -> list[SetResult]:
 def _timed(name: str, data: Path) -> SetResult:
     began = time.perf_counter()
     result = SETS[name](data)
-    said = f"absent: {result.absent}" if result.absent else f"done in {time.perf_counter() - began:.0f} s"
-    print(f"{name}: {said}", flush=True)
+    outcome = f"absent: {result.absent}" if result.absent else f"done in {time.perf_counter() - began:.0f} s"
+    print(f"{name}: {outcome}", flush=True)
     return result
 
 

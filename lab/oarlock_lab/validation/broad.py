@@ -12,15 +12,15 @@ from oarlock import Recording
 from oarlock.formats.datasets.broad import BODY, read_broad, read_broad_reference
 
 from . import others, ours
-from .estimate import Estimate, Outcome, attempt
+from .estimate import OrientationEstimate, Outcome, attempt
 from .limits import limits, punctual
 from .results import Collected, Plot, SetResult
 from .rotations import Floats
 from .scores import attitude_error_rad, later, rmse_deg
-from .stretches import worst_of, worst_plot
+from .worst_window import worst_of, worst_plot
 
 FOLDER = "broad"
-STRETCH_S = 10.0
+WINDOW_S = 10.0
 PARTS = ("inclination", "heading", "total")
 
 TITLE = "One unit with magnetometer (BROAD)"
@@ -39,8 +39,8 @@ def run(data_folder: Path) -> SetResult:
     if not files:
         return SetResult(FOLDER, TITLE, TEXT, absent=f"no trial in {FOLDER}/")
     plain, removed = ({part: Collected() for part in PARTS} for _ in range(2))
-    known = Collected()
-    plots = [_trial(file, plain, removed, known) for file in files]
+    limits_of_reference = Collected()
+    plots = [_trial(file, plain, removed, limits_of_reference) for file in files]
     for name, published in _published(data_folder / FOLDER).items():
         for part, collected in plain.items():
             figures = {
@@ -49,22 +49,22 @@ def run(data_folder: Path) -> SetResult:
             collected.put(name, figures, "figures of the authors, not run here")
     tables = [c.table(f"{part.capitalize()}, RMSE over the movement", mean=True) for part, c in plain.items()]
     tables.append(removed["total"].table("Total, RMSE over the movement, lag and delays removed", mean=True))
-    tables.append(known.table("Limits of the reference", unit="", text=LIMITS_TEXT))
+    tables.append(limits_of_reference.table("Limits of the reference", unit="", text=LIMITS_TEXT))
     return SetResult(FOLDER, TITLE, TEXT, tuple(tables), worst_of(plots))
 
 
 def _trial(
-    file: Path, plain: dict[str, Collected], removed: dict[str, Collected], known: Collected
+    file: Path, plain: dict[str, Collected], removed: dict[str, Collected], limits_of_reference: Collected
 ) -> tuple[float, Plot | None]:
     """Fills the tables; gives the worst stretch."""
     recording, reference = read_broad(file), read_broad_reference(file)
     lag_s = limits(recording, reference).lag_s
-    known.put(_short(file.stem), {"lag, ms": lag_s * 1e3})
-    errors: dict[str, tuple[Estimate, Floats]] = {}
+    limits_of_reference.put(_short(file.stem), {"lag, ms": lag_s * 1e3})
+    errors: dict[str, tuple[OrientationEstimate, Floats]] = {}
     for outcome in _outcomes(recording):
         for collected, compared in ((plain, reference), (removed, later(reference, lag_s))):
             parts: tuple[Floats, ...] = ()
-            if isinstance(outcome, Estimate):
+            if isinstance(outcome, OrientationEstimate):
                 estimate = punctual(recording, outcome) if collected is removed else outcome
                 parts = attitude_error_rad(estimate, compared, BODY)
             for part in PARTS:
@@ -74,11 +74,11 @@ def _trial(
                     if p == part
                 }
                 collected[part].add(outcome, figures)
-            if parts and isinstance(outcome, Estimate):
+            if parts and isinstance(outcome, OrientationEstimate):
                 errors[outcome.name] = outcome, np.degrees(parts[-1])  # those of the last reference stay
-    what = f"{_short(file.stem)}, total error, lag and delays removed"
+    caption = f"{_short(file.stem)}, total error, lag and delays removed"
     return worst_plot(
-        f"broad-{file.stem[:2]}", what, errors, reference.time_s - lag_s, reference.scored, STRETCH_S
+        f"broad-{file.stem[:2]}", caption, errors, reference.time_s - lag_s, reference.scored, WINDOW_S
     )
 
 
@@ -98,10 +98,10 @@ def _short(stem: str) -> str:
 
 def _published(folder: Path) -> dict[str, Mapping[str, Mapping[str, float]]]:
     """Software -> trial -> its RMSE with the setting that is best for all trials, if the files are there."""
-    found: dict[str, Mapping[str, Mapping[str, float]]] = {}
+    figures: dict[str, Mapping[str, Mapping[str, float]]] = {}
     for name in ("Madgwick", "Mahony"):
         file = folder / f"published_results_{name.lower()}_average_rmse.json"
         if file.is_file():
             trials = json.loads(file.read_text(encoding="utf-8"))["trials"]
-            found[f"{name} (published)"] = {trial: v["tagp_parameters"] for trial, v in trials.items()}
-    return found
+            figures[f"{name} (published)"] = {trial: v["tagp_parameters"] for trial, v in trials.items()}
+    return figures

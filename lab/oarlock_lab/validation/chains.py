@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from .estimate import Estimate, NotRunError, Outcome, attempt
+from .estimate import NotRunError, OrientationEstimate, Outcome, attempt
 from .rotations import Floats, quat_wxyz, rotation
 
 
@@ -36,15 +36,15 @@ class Link:
 
 
 @dataclass(frozen=True, eq=False)
-class Posture:
+class ChainPosture:
     """What inverse kinematics found: the links' orientations, and hinge angles (T, n) in the chain's order, rad."""
 
-    estimate: Estimate
+    estimate: OrientationEstimate
     angles_rad: Floats
 
 
 Chain = Sequence[Link]
-Solver = Callable[[Estimate, Chain], Iterator[Posture]]
+Solver = Callable[[OrientationEstimate, Chain], Iterator[ChainPosture]]
 
 
 def world_from_links(
@@ -52,20 +52,20 @@ def world_from_links(
 ) -> dict[str, Floats]:
     """Link -> quat_wxyz (T, 4) of a chain with these hinge angles (T, n), on a root that stands still."""
     turn = Rotation.identity(len(angles_rad)) if world_from_root is None else world_from_root
-    found: dict[str, Rotation] = {}
+    orientations: dict[str, Rotation] = {}
     column = 0
     for link in chain:
-        turn = found[link.parent] if link.parent else turn
+        turn = orientations[link.parent] if link.parent else turn
         for axis in link.axes:
             turn = turn * Rotation.from_euler(axis, angles_rad[:, column : column + 1])
             column += 1
-        found[link.name] = turn
-    return {name: quat_wxyz(turn) for name, turn in found.items()}
+        orientations[link.name] = turn
+    return {name: quat_wxyz(turn) for name, turn in orientations.items()}
 
 
 def biorbd(
-    source: Estimate, chain: Chain, noise_factor: float = 5e-3, error_factor: float = 1e-10
-) -> Iterator[Posture]:
+    source: OrientationEstimate, chain: Chain, noise_factor: float = 5e-3, error_factor: float = 1e-10
+) -> Iterator[ChainPosture]:
     """biorbd's `KalmanReconsIMU`; the factors are those that the class itself defaults to."""
     from biorbd import (
         IMU,
@@ -92,15 +92,15 @@ def biorbd(
     matrices = {link.name: _complete(source, link.name).as_matrix() for link in chain}
     angles = np.empty((len(source.time_s), model.nbQ()))
     for i in range(len(angles)):
-        seen = VecBiorbdIMU()
+        units = VecBiorbdIMU()
         for link in chain:
             turn = Matrix(*(float(x) for x in matrices[link.name][i].ravel()))
-            seen.append(
+            units.append(
                 IMU(
                     RotoTransNode(RotoTrans(turn, Vector3d(0.0, 0.0, 0.0)), link.name, link.name), True, False
                 )
             )
-        kalman.reconstructFrame(model, seen, *state)
+        kalman.reconstructFrame(model, units, *state)
         angles[i] = state[0].to_array()
     yield _posture(source, chain, angles)
 
@@ -119,7 +119,7 @@ def _biorbd_text(chain: Chain) -> str:
     return "\n".join(parts) + "\n"
 
 
-def opensim(source: Estimate, chain: Chain) -> Iterator[Posture]:
+def opensim(source: OrientationEstimate, chain: Chain) -> Iterator[ChainPosture]:
     """OpenSim's `InverseKinematicsSolver` as its OpenSense tool runs it: accuracy 1e-4, equal weights."""
     import opensim as osim
 
@@ -170,7 +170,7 @@ def _opensim_model(chain: Chain):  # type: ignore[no-untyped-def]
     return model
 
 
-def _opensim_table(source: Estimate, chain: Chain):  # type: ignore[no-untyped-def]
+def _opensim_table(source: OrientationEstimate, chain: Chain):  # type: ignore[no-untyped-def]
     import opensim as osim
 
     quats = {link.name: quat_wxyz(_complete(source, link.name)) for link in chain}
@@ -190,14 +190,14 @@ def _opensim_times(time_s: Floats) -> Floats:
     return np.asarray(time_s - time_s[0])
 
 
-def _complete(source: Estimate, body: str) -> Rotation:
+def _complete(source: OrientationEstimate, body: str) -> Rotation:
     if np.isnan(source.quats[body]).any():
         raise NotRunError(f"{source.name} has no orientation of {body} at some times")
     return rotation(source.quats[body])
 
 
-def _posture(source: Estimate, chain: Chain, angles_rad: Floats) -> Posture:
-    return Posture(replace(source, quats=world_from_links(chain, angles_rad)), angles_rad)
+def _posture(source: OrientationEstimate, chain: Chain, angles_rad: Floats) -> ChainPosture:
+    return ChainPosture(replace(source, quats=world_from_links(chain, angles_rad)), angles_rad)
 
 
 # With its defaults biorbd's filter is soon lost in the chain's fast turns. These factors are the best of four that were
@@ -209,17 +209,17 @@ SOLVERS: dict[str, Solver] = {
 }
 
 
-def on_chain(source: Estimate, chain: Chain) -> Iterator[tuple[Outcome, Posture | None]]:
+def on_chain(source: OrientationEstimate, chain: Chain) -> Iterator[tuple[Outcome, ChainPosture | None]]:
     """The orientations of one software forced onto a chain by each of the others, where they are installed."""
     for label, solve in SOLVERS.items():
         name = f"{source.name} + {label}"
-        found: list[Posture] = []
+        postures: list[ChainPosture] = []
 
         def estimates(
-            solve: Solver = solve, name: str = name, found: list[Posture] = found
-        ) -> Iterator[Estimate]:
-            found += solve(source, chain)
-            return (replace(posture.estimate, name=name) for posture in found)
+            solve: Solver = solve, name: str = name, postures: list[ChainPosture] = postures
+        ) -> Iterator[OrientationEstimate]:
+            postures += solve(source, chain)
+            return (replace(posture.estimate, name=name) for posture in postures)
 
         for i, outcome in enumerate(attempt([name], estimates)):
-            yield outcome, found[i] if isinstance(outcome, Estimate) else None
+            yield outcome, postures[i] if isinstance(outcome, OrientationEstimate) else None

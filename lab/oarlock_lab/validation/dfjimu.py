@@ -13,17 +13,17 @@ from oarlock.evaluation.reference import Reference
 from oarlock.formats.datasets.dfjimu import BODIES, read_dfjimu, read_dfjimu_reference
 
 from . import others, ours
-from .estimate import Estimate, Outcome, attempt
+from .estimate import OrientationEstimate, Outcome, attempt
 from .limits import limits, punctual
 from .results import Collected, Plot, SetResult
 from .rotations import Floats
 from .scores import heading_zeroed, later, relative_error_rad, rmse_deg, turn_between_rad
-from .stretches import worst_of, worst_plot
+from .worst_window import worst_of, worst_plot
 
 FOLDER = "dfjimu"
 TRIALS = ("1D_01", "2D_01", "3D_01", "3D_03", "3D_05")
 SCORED_AFTER_S = 10.0
-STRETCH_S = 10.0
+WINDOW_S = 10.0
 
 AUTHORS_LAG_S = -0.02
 """The authors' script (tests/evaluate_package.py) compares a row of the reference with the estimate's next row."""
@@ -56,44 +56,48 @@ def run(data_folder: Path) -> SetResult:
     there = {t: f for t, f in files.items() if f.is_file()}
     if not there:
         return SetResult(FOLDER, TITLE, TEXT, absent=f"no data_*.mat in {FOLDER}/")
-    scored, known = {name: Collected() for name in HOW}, Collected()
-    plots = [_trial(trial, file, scored, known) for trial, file in there.items()]
+    scored, limits_of_reference = {name: Collected() for name in HOW}, Collected()
+    plots = [_trial(trial, file, scored, limits_of_reference) for trial, file in there.items()]
     tables = [
         collected.table(f"Relative orientation, RMSE after 10 s, {name}", mean=True, text=HOW[name])
         for name, collected in scored.items()
     ]
-    tables.append(known.table("Limits of the reference", unit="", text=LIMITS_TEXT))
+    tables.append(limits_of_reference.table("Limits of the reference", unit="", text=LIMITS_TEXT))
     absent = tuple(f"Trial {t} is absent." for t in TRIALS if t not in there)
     return SetResult(FOLDER, TITLE, TEXT, tuple(tables), worst_of(plots), absent)
 
 
 def _trial(
-    trial: str, file: Path, scored: dict[str, Collected], known: Collected
+    trial: str, file: Path, scored: dict[str, Collected], limits_of_reference: Collected
 ) -> tuple[float, Plot | None]:
     """Fills the tables; gives the worst stretch."""
     recording, plain = read_dfjimu(file), read_dfjimu_reference(file)
-    found = limits(recording, plain)
-    known.put(trial, found.figures)
-    references = {PLAIN: plain, AUTHORS: later(plain, AUTHORS_LAG_S), REMOVED: found.removed_from(plain)}
-    kept = plain.time_s > SCORED_AFTER_S
-    errors: dict[str, tuple[Estimate, Floats]] = {}
+    reference_limits = limits(recording, plain)
+    limits_of_reference.put(trial, reference_limits.figures)
+    references = {
+        PLAIN: plain,
+        AUTHORS: later(plain, AUTHORS_LAG_S),
+        REMOVED: reference_limits.removed_from(plain),
+    }
+    rows = plain.time_s > SCORED_AFTER_S
+    errors: dict[str, tuple[OrientationEstimate, Floats]] = {}
     for outcome in _outcomes(recording, references[REMOVED]):
         for name in HOW:
-            if not isinstance(outcome, Estimate):
+            if not isinstance(outcome, OrientationEstimate):
                 scored[name].add(outcome, {})
                 continue
             reference = references[_alignment(outcome) if name == OWN else name]
             compared = punctual(recording, outcome) if name == REMOVED else outcome
             error = relative_error_rad(compared, reference, BODIES)
-            scored[name].add(outcome, {trial: rmse_deg(error, kept)})
+            scored[name].add(outcome, {trial: rmse_deg(error, rows)})
             errors[outcome.name] = outcome, np.degrees(error)  # those of the last reference stay
     angle = np.degrees(turn_between_rad(references[REMOVED], BODIES))
-    what = f"trial {trial}, {REMOVED}"
+    caption = f"trial {trial}, {REMOVED}"
     truth = [("angle between the bodies, deg", angle)]
-    return worst_plot(f"dfjimu-{trial}", what, errors, references[REMOVED].time_s, kept, STRETCH_S, truth)
+    return worst_plot(f"dfjimu-{trial}", caption, errors, references[REMOVED].time_s, rows, WINDOW_S, truth)
 
 
-def _alignment(outcome: Estimate) -> str:
+def _alignment(outcome: OrientationEstimate) -> str:
     """The alignment with which the authors of a software score it."""
     return AUTHORS if outcome.name in others.DFJIMU_NAMES else PLAIN
 
@@ -103,14 +107,20 @@ def _outcomes(recording: Recording, reference: Reference) -> list[Outcome]:
     rows = others.at_rows(recording)
     return [
         *attempt(ours.NAMES, lambda: ours.track_dfjimu(recording)),
-        *attempt(ours.FOUND_NAMES, lambda: ours.track_dfjimu_found(recording)),
+        *attempt(ours.CALIBRATED_NAMES, lambda: ours.track_dfjimu_calibrated(recording)),
         *attempt(others.DFJIMU_NAMES, lambda: others.dfjimu(rows, joint)),
         *attempt(HEADED, lambda: _headed(rows, reference)),
     ]
 
 
-def _headed(recording: Recording, reference: Reference) -> Iterator[Estimate]:
+def _headed(recording: Recording, reference: Reference) -> Iterator[OrientationEstimate]:
     """VQF knows no relative heading: it is given the right one at the moment where scoring begins."""
     for estimate in others.vqf(recording, others.VQF_WITHOUT_MAG):
-        given = heading_zeroed(estimate, reference, SCORED_AFTER_S)
-        yield Estimate(f"{estimate.name}, heading given", given.time_s, given.quats, given.online, given.note)
+        estimate_zeroed = heading_zeroed(estimate, reference, SCORED_AFTER_S)
+        yield OrientationEstimate(
+            f"{estimate.name}, heading given",
+            estimate_zeroed.time_s,
+            estimate_zeroed.quats,
+            estimate_zeroed.online,
+            estimate_zeroed.note,
+        )

@@ -12,16 +12,16 @@ from oarlock.formats.datasets.diodem import Mounted, read_diodem, read_diodem_re
 
 from . import chains, others, ours
 from .chains import Link
-from .estimate import Estimate, Outcome, attempt
+from .estimate import OrientationEstimate, Outcome, attempt
 from .limits import limits, punctual
 from .results import Collected, Panel, Plot, SetResult
 from .scores import hinge_error_rad, later, relative_error_rad, rmse_deg
-from .stretches import Errors, curves, worst_stretch
+from .worst_window import Errors, curves, worst_window
 
 FOLDER = "diodem_arm"
 TRIAL = "trial1"
 SCORED_AFTER_S = 5.0
-STRETCH_S = 8.0
+WINDOW_S = 8.0
 
 TRIAL1_LAG_S = 0.015
 """How late the cameras' stamps are in this trial, as readers of the data found; `limits` finds nearly the same."""
@@ -65,68 +65,68 @@ def run(data_folder: Path) -> SetResult:
     if not (folder / "omc.csv").is_file():
         return SetResult(FOLDER, TITLE, TEXT, absent=f"no {FOLDER}/{TRIAL}/omc.csv")
     plain = later(read_diodem_reference(folder), TRIAL1_LAG_S)
-    tables, plots, known = [], [], Collected()
+    tables, plots, limits_of_reference = [], [], Collected()
     for mounted in MOUNTED:
         recording = read_diodem(folder, mounted, MAG_UNIT_UT)
-        found = limits(recording, plain)
-        known.put(mounted, found.figures)
-        removed = found.removed_from(plain)
+        reference_limits = limits(recording, plain)
+        limits_of_reference.put(mounted, reference_limits.figures)
+        removed = reference_limits.removed_from(plain)
         outcomes = _outcomes(recording, mounted)
-        exact = [punctual(recording, o) if isinstance(o, Estimate) else o for o in outcomes]
+        exact = [punctual(recording, o) if isinstance(o, OrientationEstimate) else o for o in outcomes]
         for text, compared, reference in ((PLAIN, outcomes, plain), (REMOVED, exact, removed)):
             collected = Collected()
             for outcome in compared:
                 collected.add(outcome, _figures(outcome, reference))
             tables.append(collected.table(f"{mounted.capitalize()} units, RMSE after 5 s, {text}"))
         plots.append(_plot(mounted, exact, removed))
-    tables.append(known.table("Limits of the reference", unit="", text=LIMITS_TEXT))
+    tables.append(limits_of_reference.table("Limits of the reference", unit="", text=LIMITS_TEXT))
     return SetResult(FOLDER, TITLE, TEXT, tuple(tables), tuple(p for p in plots if p is not None))
 
 
 def _outcomes(recording: Recording, mounted: Mounted) -> list[Outcome]:
     outcomes = attempt(ours.NAMES, lambda: ours.track_diodem(recording))
-    outcomes += attempt(ours.FOUND_NAMES, lambda: ours.track_diodem_found(recording, mounted))
+    outcomes += attempt(ours.CALIBRATED_NAMES, lambda: ours.track_diodem_calibrated(recording, mounted))
     if mounted == "foam":
         outcomes += attempt(ours.SKIN_NAMES, lambda: ours.track_diodem_skin(recording))
     singles = attempt(others.VQF_NAMES, lambda: others.vqf(recording))
     outcomes += singles
     outcomes += attempt(others.IMUFUSION_NAMES, lambda: others.imufusion(recording))
     for source in singles:
-        if isinstance(source, Estimate) and source.name in CHAIN_SOURCES:
+        if isinstance(source, OrientationEstimate) and source.name in CHAIN_SOURCES:
             outcomes += [outcome for outcome, _ in chains.on_chain(source, CHAIN)]
     return outcomes
 
 
 def _figures(outcome: Outcome, reference: Reference) -> dict[str, float]:
-    if not isinstance(outcome, Estimate):
+    if not isinstance(outcome, OrientationEstimate):
         return {}
-    kept = reference.time_s > SCORED_AFTER_S
+    rows = reference.time_s > SCORED_AFTER_S
     figures = {
-        name: rmse_deg(hinge_error_rad(outcome, reference, pair, axis), kept)
+        name: rmse_deg(hinge_error_rad(outcome, reference, pair, axis), rows)
         for name, (pair, axis) in HINGES.items()
         if set(pair) <= set(outcome.quats)
     }
     if set(BALL) <= set(outcome.quats):
-        figures["ball joint"] = rmse_deg(relative_error_rad(outcome, reference, BALL), kept)
+        figures["ball joint"] = rmse_deg(relative_error_rad(outcome, reference, BALL), rows)
     return figures
 
 
 def _plot(mounted: str, outcomes: list[Outcome], reference: Reference) -> Plot | None:
     """All hinges in the stretch that is worst for the first of them."""
-    estimates = [o for o in outcomes if isinstance(o, Estimate)]
+    estimates = [o for o in outcomes if isinstance(o, OrientationEstimate)]
     if not estimates:
         return None
-    kept = reference.time_s > SCORED_AFTER_S
+    scored_rows = reference.time_s > SCORED_AFTER_S
     panels: list[Panel] = []
-    stretch = None
+    window = None
     for name, (pair, axis) in HINGES.items():
         errors: Errors = {
             e.name: (e, np.degrees(hinge_error_rad(e, reference, pair, axis)))
             for e in estimates
             if set(pair) <= set(e.quats)
         }
-        stretch = stretch or worst_stretch(errors, reference.time_s, kept, STRETCH_S)
-        panels.append((f"{name}, error, deg", curves(errors, reference.time_s, stretch)))
-    when = stretch.text if stretch else ""
-    title = f"Worst {STRETCH_S:.0f} s of hinge x: {mounted} units, {REMOVED}, {when}"
+        window = window or worst_window(errors, reference.time_s, scored_rows, WINDOW_S)
+        panels.append((f"{name}, error, deg", curves(errors, reference.time_s, window)))
+    when = window.text if window else ""
+    title = f"Worst {WINDOW_S:.0f} s of hinge x: {mounted} units, {REMOVED}, {when}"
     return Plot(f"diodem-{mounted}", title, tuple(panels))

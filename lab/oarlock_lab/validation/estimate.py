@@ -11,7 +11,7 @@ from .rotations import Floats, quat_wxyz, rotation
 
 
 @dataclass(frozen=True, eq=False)
-class Estimate:
+class OrientationEstimate:
     """Orientations of bodies over time, by one software in one mode.
 
     Args:
@@ -34,12 +34,12 @@ class Estimate:
         """Whether Oarlock made it."""
         return self.name.startswith("Oarlock")
 
-    def turned(self, body_from_other: Mapping[str, Rotation]) -> Estimate:
+    def rotated(self, body_from_other: Mapping[str, Rotation]) -> OrientationEstimate:
         """The same of other axes on the bodies: world_from_other = world_from_body body_from_other."""
         quats = {b: quat_wxyz(rotation(q) * body_from_other[b]) for b, q in self.quats.items()}
         return replace(self, quats=quats)
 
-    def headed(self, world_from_own: Mapping[str, Rotation], note: str) -> Estimate:
+    def headed(self, world_from_own: Mapping[str, Rotation], note: str) -> OrientationEstimate:
         """The same with each body's own world turned into the common one."""
         quats = {b: quat_wxyz(world_from_own[b] * rotation(q)) for b, q in self.quats.items()}
         return replace(self, quats=quats, note="; ".join(t for t in (self.note, note) if t))
@@ -58,14 +58,14 @@ class Missing:
         return self.name.startswith("Oarlock")
 
 
-Outcome = Estimate | Missing
+Outcome = OrientationEstimate | Missing
 
 
 class NotRunError(RuntimeError):
     """A software cannot run on this recording; its text is the reason."""
 
 
-def attempt(names: Iterable[str], run: Callable[[], Iterable[Estimate]]) -> list[Outcome]:
+def attempt(names: Iterable[str], run: Callable[[], Iterable[OrientationEstimate]]) -> list[Outcome]:
     """The estimates of a run, or one `Missing` for each name if it cannot run.
 
     Only what may happen to a stranger's computer is caught: a package that is not installed, a model or mode that

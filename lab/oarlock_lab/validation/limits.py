@@ -19,7 +19,7 @@ from oarlock import Recording
 from oarlock.evaluation.reference import Reference
 from oarlock.recording import ImuStream
 
-from .estimate import Estimate
+from .estimate import OrientationEstimate
 from .rotations import Floats, quat_wxyz
 from .scores import body_rotations
 
@@ -31,12 +31,12 @@ LARGEST_DRIFT = 1e-3
 TURN_PRIOR_RAD = np.radians(5.0)
 """How far a cluster may well sit askew; matters where a motion about one axis leaves the turn about it unknown."""
 
-MOST_DIFFERENCES = 10_000
+MAX_DIFFERENCES = 10_000
 """More of them only cost time."""
 
 REWEIGHTINGS = 4
 ALTERNATIONS = 3
-KEPT_SHARE = 0.9
+INLIER_SHARE = 0.9
 """Lags are compared by the best fitting share of all differences: lost markers and filters that settle drop out."""
 
 JUMP = 50.0
@@ -83,8 +83,8 @@ class Limits:
             quats[body][there] = quat_wxyz(body_rotations(reference, body)[0][there] * turn)
         for body, times in self.jumps_s.items():
             nearest = np.searchsorted(reference.time_s, times)
-            for beside in (-1, 0, 1):
-                quats[body][np.clip(nearest + beside, 0, len(quats[body]) - 1)] = np.nan
+            for offset in (-1, 0, 1):
+                quats[body][np.clip(nearest + offset, 0, len(quats[body]) - 1)] = np.nan
         lag_s = _lag_at(reference.time_s, self.lag_s, self.drift, self.halfway_s)
         return replace(reference, time_s=reference.time_s - lag_s, quat_wxyz=quats)
 
@@ -97,7 +97,7 @@ class _Rates:
     half_s: float
     reference_rad_s: Floats
     gyro_time_s: Floats
-    turned_rad: Floats
+    rotation_rad: Floats
 
     def gyro_rad_s(self, lag_s: Floats | float) -> Floats:
         """Mean of the gyroscope over the spans of the reference's differences, (N, 3); NaN outside its samples."""
@@ -105,8 +105,8 @@ class _Rates:
         first, last = (
             np.column_stack(
                 [
-                    np.interp(t, self.gyro_time_s, turned, left=np.nan, right=np.nan)
-                    for turned in self.turned_rad.T
+                    np.interp(t, self.gyro_time_s, rotated, left=np.nan, right=np.nan)
+                    for rotated in self.rotation_rad.T
                 ]
             )
             for t in ends
@@ -124,8 +124,10 @@ def limits(
         reference: of these bodies.
         mounts: body -> nominal body_from_sensor; the identity where none is given.
     """
-    given = mounts or {}
-    rates = {b: _rates(recording, reference, b, given.get(b, Rotation.identity())) for b in reference.bodies}
+    nominal = mounts or {}
+    rates = {
+        b: _rates(recording, reference, b, nominal.get(b, Rotation.identity())) for b in reference.bodies
+    }
 
     def cost(lag_s: float, drift: float = 0.0) -> float:
         return sum(_fit(r, _lag_at(r.centre_s, lag_s, drift, halfway_s))[1] for r in rates.values())
@@ -153,11 +155,13 @@ def _lag_at(time_s: Floats, lag_s: float, drift: float, halfway_s: float) -> Flo
     return np.asarray(lag_s + drift * (time_s - halfway_s))
 
 
-def _lowest(cost: Callable[[float], float], least: float, most: float) -> float:
-    return float(minimize_scalar(cost, bounds=(least, most), method="bounded", options={"xatol": 1e-6}).x)
+def _lowest(cost: Callable[[float], float], low: float, high: float) -> float:
+    return float(minimize_scalar(cost, bounds=(low, high), method="bounded", options={"xatol": 1e-6}).x)
 
 
-def delay_s(recording: Recording, estimate: Estimate, mounts: Mapping[str, Rotation] | None = None) -> float:
+def delay_s(
+    recording: Recording, estimate: OrientationEstimate, mounts: Mapping[str, Rotation] | None = None
+) -> float:
     """How late an estimate is against the gyroscopes it rests on, found as a reference's lag is; negative is early.
 
     Software differs in whether an orientation holds before or after the sample it comes with: half a step either way.
@@ -168,8 +172,8 @@ def delay_s(recording: Recording, estimate: Estimate, mounts: Mapping[str, Rotat
 
 
 def punctual(
-    recording: Recording, estimate: Estimate, mounts: Mapping[str, Rotation] | None = None
-) -> Estimate:
+    recording: Recording, estimate: OrientationEstimate, mounts: Mapping[str, Rotation] | None = None
+) -> OrientationEstimate:
     """The estimate without its own constant delay."""
     return replace(estimate, time_s=estimate.time_s - delay_s(recording, estimate, mounts))
 
@@ -184,9 +188,9 @@ def _rates(recording: Recording, reference: Reference, body: str, mount: Rotatio
     change = (turns[:-2].inv() * turns[2:]).as_rotvec()[whole] / (2 * step_s)
     gyro = mount.apply(np.array(stream.gyro_rad_s))  # scipy takes no read-only arrays
     steps = np.diff(stream.time_s)[:, None] * (gyro[1:] + gyro[:-1]) / 2
-    turned = np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
-    some = slice(None, None, 1 + len(change) // MOST_DIFFERENCES)
-    return _Rates(reference.time_s[1:-1][whole][some], step_s, change[some], stream.time_s, turned)
+    angles = np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
+    some = slice(None, None, 1 + len(change) // MAX_DIFFERENCES)
+    return _Rates(reference.time_s[1:-1][whole][some], step_s, change[some], stream.time_s, angles)
 
 
 def _fit(rates: _Rates, lag_s: Floats) -> tuple[Rotation, float, Floats]:
@@ -209,7 +213,7 @@ def _fit(rates: _Rates, lag_s: Floats) -> tuple[Rotation, float, Floats]:
         left = _sizes(true - turn.apply(gyro), weights)
     sizes = np.zeros(len(good))
     sizes[good] = left
-    return turn, float(np.mean(np.sort(left)[: round(KEPT_SHARE * len(left))])), sizes
+    return turn, float(np.mean(np.sort(left)[: round(INLIER_SHARE * len(left))])), sizes
 
 
 def _centred(rates_rad_s: Floats, weights: Floats) -> Floats:

@@ -18,17 +18,17 @@ from oarlock.formats.datasets.openaxes import (
 )
 
 from . import orientations_only, others, ours
-from .estimate import Estimate, Outcome, attempt
+from .estimate import OrientationEstimate, Outcome, attempt
 from .limits import limits, punctual
 from .results import Collected, Plot, SetResult
 from .rotations import Floats
 from .scores import heading_zeroed, median_deg, relative_error_rad, rmse_deg, turn_between_rad
-from .stretches import worst_of, worst_plot
+from .worst_window import worst_of, worst_plot
 
 FOLDER = "openaxes_ur5"
 HEADING_AT_S = 1.0
 SCORED_AFTER_S = 5.0
-STRETCH_S = 10.0
+WINDOW_S = 10.0
 
 PAIR = ("radius", "carpus")
 MOUNT = Rotation.from_matrix(LINK_FROM_SENSOR)
@@ -62,8 +62,8 @@ def run(data_folder: Path) -> SetResult:
     except DataError as error:
         return SetResult(FOLDER, TITLE, TEXT, absent=str(error))
     medians = {name: Collected() for name in (PLAIN, REMOVED)}
-    squares, unaided, known = Collected(), Collected(), Collected()
-    plots = [_run(folder, name, medians, squares, unaided, known) for name in runs]
+    squares, unaided, limits_of_reference = Collected(), Collected(), Collected()
+    plots = [_run(folder, name, medians, squares, unaided, limits_of_reference) for name in runs]
     forced = Collected()
     for name in runs:
         _run_orientations(folder, name, forced)
@@ -77,7 +77,7 @@ def run(data_folder: Path) -> SetResult:
             f"Median after 5 s without a heading from the reference, {PLAIN}", mean=True, text=UNAIDED
         ),
         forced.table(f"Orientations only, median after 5 s, {PLAIN}", mean=True, text=ORIENTATIONS),
-        known.table("Limits of the reference", unit="", text=LIMITS_TEXT),
+        limits_of_reference.table("Limits of the reference", unit="", text=LIMITS_TEXT),
     ]
     return SetResult(FOLDER, TITLE, TEXT, tuple(tables), worst_of(plots))
 
@@ -88,55 +88,55 @@ def _run(
     medians: dict[str, Collected],
     squares: Collected,
     unaided: Collected,
-    known: Collected,
+    limits_of_reference: Collected,
 ) -> tuple[float, Plot | None]:
     """Fills the tables; gives the worst stretch."""
     recording, plain = read_openaxes(folder, name), read_openaxes_reference(folder, name)
     mounts = dict.fromkeys(LINKS, MOUNT)
-    found = limits(recording, plain, mounts)
-    known.put(name, found.figures)
-    references = {PLAIN: plain, REMOVED: found.removed_from(plain)}
-    kept = plain.time_s > SCORED_AFTER_S
-    errors: dict[str, tuple[Estimate, Floats]] = {}
+    reference_limits = limits(recording, plain, mounts)
+    limits_of_reference.put(name, reference_limits.figures)
+    references = {PLAIN: plain, REMOVED: reference_limits.removed_from(plain)}
+    rows = plain.time_s > SCORED_AFTER_S
+    errors: dict[str, tuple[OrientationEstimate, Floats]] = {}
     for outcome in _outcomes(recording):
         for text, reference in references.items():
-            if not isinstance(outcome, Estimate):
+            if not isinstance(outcome, OrientationEstimate):
                 medians[text].add(outcome, {})
                 continue
             compared = punctual(recording, outcome, mounts) if text == REMOVED else outcome
             error = relative_error_rad(heading_zeroed(compared, reference, HEADING_AT_S), reference, PAIR)
-            medians[text].add(outcome, {name: median_deg(error, kept)})
+            medians[text].add(outcome, {name: median_deg(error, rows)})
             if text == PLAIN and outcome.ours:
-                unaided.add(outcome, {name: median_deg(relative_error_rad(outcome, reference, PAIR), kept)})
+                unaided.add(outcome, {name: median_deg(relative_error_rad(outcome, reference, PAIR), rows)})
             if text == PLAIN:
-                squares.add(outcome, {name: rmse_deg(error, kept)})
+                squares.add(outcome, {name: rmse_deg(error, rows)})
             errors[outcome.name] = outcome, np.degrees(error)  # those of the last reference stay
     angle = np.degrees(turn_between_rad(references[REMOVED], PAIR))
-    what = f"run {name}, {REMOVED}"
+    caption = f"run {name}, {REMOVED}"
     truth = [("angle between the links, deg", angle)]
-    return worst_plot(f"openaxes-{name}", what, errors, references[REMOVED].time_s, kept, STRETCH_S, truth)
+    return worst_plot(f"openaxes-{name}", caption, errors, references[REMOVED].time_s, rows, WINDOW_S, truth)
 
 
 def _run_orientations(folder: Path, name: str, forced: Collected) -> None:
     recording, reference = read_openaxes(folder, name), read_openaxes_reference(folder, name)
     causal = others.VQF_WITHOUT_MAG[:1]
-    found = attempt(causal, lambda: others.vqf(recording, causal))
-    kept = reference.time_s > SCORED_AFTER_S
-    for units in found:
-        if not isinstance(units, Estimate):
+    plain_vqf = attempt(causal, lambda: others.vqf(recording, causal))
+    rows = reference.time_s > SCORED_AFTER_S
+    for units in plain_vqf:
+        if not isinstance(units, OrientationEstimate):
             forced.add(units, {})
             continue
         links = heading_zeroed(next(_on_links(iter([units]))), reference, HEADING_AT_S)
         for outcome in orientations_only.estimates(units, links):
-            scored = isinstance(outcome, Estimate)
+            scored = isinstance(outcome, OrientationEstimate)
             error = relative_error_rad(outcome, reference, PAIR) if scored else None
-            forced.add(outcome, {} if error is None else {name: median_deg(error, kept)})
+            forced.add(outcome, {} if error is None else {name: median_deg(error, rows)})
 
 
 def _outcomes(recording: Recording) -> list[Outcome]:
     return [
         *attempt(ours.NAMES, lambda: ours.track_openaxes(recording)),
-        *attempt(ours.FOUND_NAMES, lambda: ours.track_openaxes_found(recording)),
+        *attempt(ours.CALIBRATED_NAMES, lambda: ours.track_openaxes_calibrated(recording)),
         *attempt(others.VQF_WITHOUT_MAG, lambda: _on_links(others.vqf(recording, others.VQF_WITHOUT_MAG))),
         *attempt(
             others.IMUFUSION_WITHOUT_MAG,
@@ -145,6 +145,6 @@ def _outcomes(recording: Recording) -> list[Outcome]:
     ]
 
 
-def _on_links(estimates: Iterator[Estimate]) -> Iterator[Estimate]:
+def _on_links(estimates: Iterator[OrientationEstimate]) -> Iterator[OrientationEstimate]:
     sensor_from_link = dict.fromkeys(LINKS, MOUNT.inv())
-    return (estimate.turned(sensor_from_link) for estimate in estimates)
+    return (estimate.rotated(sensor_from_link) for estimate in estimates)

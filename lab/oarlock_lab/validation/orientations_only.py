@@ -16,14 +16,14 @@ from oarlock.recording import OrientationStream
 
 from . import chains, ours
 from .chains import Chain, Link
-from .estimate import Estimate, Outcome, attempt
+from .estimate import OrientationEstimate, Outcome, attempt
 
 MODEL = Path(__file__).parent / "models" / "openaxes_orientations.toml"
 CHAIN: Chain = (Link("radius", "xyz"), Link("carpus", "x"))
 LABEL = "Oarlock, orientations only"
 
 
-def estimates(on_units: Estimate, on_links: Estimate) -> Iterator[Outcome]:
+def estimates(on_units: OrientationEstimate, on_links: OrientationEstimate) -> Iterator[Outcome]:
     """Oarlock and other software on the same orientations: of the units, and of the links that carry them."""
     yield replace(on_links, name=f"{on_links.name}, each link by itself")
     yield from attempt([LABEL], lambda: _tracked(on_units))
@@ -31,8 +31,8 @@ def estimates(on_units: Estimate, on_links: Estimate) -> Iterator[Outcome]:
         yield outcome
 
 
-def _tracked(on_units: Estimate) -> Iterator[Estimate]:
+def _tracked(on_units: OrientationEstimate) -> Iterator[OrientationEstimate]:
     streams = [OrientationStream(link, on_units.time_s, on_units.quats[link]) for link in LINKS]
     track = oarlock.track(oarlock.load_model(str(MODEL)), Recording(streams))
-    for label, one in ((LABEL, track), (f"{LABEL}, smoothed", oarlock.smooth(track))):
-        yield ours.estimate_of(label, one, LINKS, online=one is track)
+    for label, result in ((LABEL, track), (f"{LABEL}, smoothed", oarlock.smooth(track))):
+        yield ours.estimate_of(label, result, LINKS, online=result is track)

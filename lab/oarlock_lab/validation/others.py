@@ -17,7 +17,7 @@ import numpy as np
 from oarlock import Recording
 from oarlock.recording import ImuStream
 
-from .estimate import Estimate, NotRunError
+from .estimate import NotRunError, OrientationEstimate
 from .rotations import Floats
 
 GRAVITY_M_S2 = 9.80665
@@ -45,13 +45,13 @@ MAP_LINK_COVARIANCE = 1.0
 
 def versions() -> dict[str, str]:
     """Package -> installed version, or "not installed"."""
-    found = {}
+    numbers = {}
     for package in ("vqf", "imufusion", "dfjimu", "biorbd", "opensim"):
         try:
-            found[package] = version(package)
+            numbers[package] = version(package)
         except ImportError:
-            found[package] = "not installed"
-    return found
+            numbers[package] = "not installed"
+    return numbers
 
 
 def at_rows(recording: Recording) -> Recording:
@@ -72,7 +72,7 @@ def at_rows(recording: Recording) -> Recording:
     return Recording(streams, recording.meta)
 
 
-def vqf(recording: Recording, names: Sequence[str] = VQF_NAMES) -> Iterator[Estimate]:
+def vqf(recording: Recording, names: Sequence[str] = VQF_NAMES) -> Iterator[OrientationEstimate]:
     """VQF (Laidig and Seel 2023), each unit by itself, causal and offline."""
     from vqf import VQF, offlineVQF
 
@@ -82,16 +82,16 @@ def vqf(recording: Recording, names: Sequence[str] = VQF_NAMES) -> Iterator[Esti
         for stream in _units(recording):
             gyro, accel, mag = _readings(stream, magnetic="9D" in name)
             step_s = 1.0 / stream.rate_hz
-            found = (
+            algorithm = (
                 offlineVQF(gyro, accel, mag, step_s)
                 if "offline" in name
                 else VQF(step_s).updateBatch(gyro, accel, mag)
             )
-            quats[stream.name] = np.asarray(found[key])
-        yield Estimate(name, recording.streams[0].time_s, quats, online="offline" not in name)
+            quats[stream.name] = np.asarray(algorithm[key])
+        yield OrientationEstimate(name, recording.streams[0].time_s, quats, online="offline" not in name)
 
 
-def imufusion(recording: Recording, names: Sequence[str] = IMUFUSION_NAMES) -> Iterator[Estimate]:
+def imufusion(recording: Recording, names: Sequence[str] = IMUFUSION_NAMES) -> Iterator[OrientationEstimate]:
     """Fusion of x-io (revised Madgwick filter), each unit by itself, set up as its advanced example does."""
     from imufusion import CONVENTION_ENU, Ahrs, AhrsSettings, Bias, BiasSettings
 
@@ -105,20 +105,22 @@ def imufusion(recording: Recording, names: Sequence[str] = IMUFUSION_NAMES) -> I
             )
             filter_.set_settings(settings)
             bias.set_settings(BiasSettings(sample_rate=stream.rate_hz))
-            turned_deg_s, pulled_g = np.degrees(gyro), accel / GRAVITY_M_S2
+            gyro_deg_s, pulled_g = np.degrees(gyro), accel / GRAVITY_M_S2
             rows = np.empty((len(gyro), 4))
             for i in range(len(gyro)):
-                rate_deg_s = bias.update(turned_deg_s[i])
+                rate_deg_s = bias.update(gyro_deg_s[i])
                 if mag is None:
                     filter_.update_no_magnetometer(rate_deg_s, pulled_g[i])
                 else:
                     filter_.update(rate_deg_s, pulled_g[i], mag[i])
                 rows[i] = filter_.get_quaternion()
             quats[stream.name] = rows
-        yield Estimate(name, recording.streams[0].time_s, quats)
+        yield OrientationEstimate(name, recording.streams[0].time_s, quats)
 
 
-def dfjimu(recording: Recording, joint_in_sensor_m: Mapping[str, Sequence[float]]) -> Iterator[Estimate]:
+def dfjimu(
+    recording: Recording, joint_in_sensor_m: Mapping[str, Sequence[float]]
+) -> Iterator[OrientationEstimate]:
     """The two methods of Weygers and Kok 2020 for two units beside a ball joint, given the lever arms.
 
     Args:
@@ -144,10 +146,10 @@ def dfjimu(recording: Recording, joint_in_sensor_m: Mapping[str, Sequence[float]
     for name, run in runs.items():
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            found = run()
+            algorithm = run()
         note = "; ".join(str(w.message).split(";")[0] for w in caught)
-        quats = {s.name: np.asarray(q) for s, q in zip((first, second), found, strict=True)}
-        yield Estimate(name, first.time_s, quats, online="MEKF" in name, note=note)
+        quats = {s.name: np.asarray(q) for s, q in zip((first, second), algorithm, strict=True)}
+        yield OrientationEstimate(name, first.time_s, quats, online="MEKF" in name, note=note)
 
 
 def _units(recording: Recording) -> list[ImuStream]:

@@ -11,7 +11,7 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from .plots import svg
-from .results import Cell, Plot, SetResult, Table
+from .results import Cell, Plot, ResultTable, SetResult
 
 HERE = Path(__file__).parent
 STYLE = (HERE / "page.css").read_text(encoding="utf-8")
@@ -48,24 +48,24 @@ def html(results: Sequence[SetResult], versions: Mapping[str, str]) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"best": _best, "shown": _shown, "drawn": _drawn}
+    environment.filters |= {"best": _best, "shown": _cell_text, "drawn": _drawn}
     page = environment.get_template("page.html.j2")
     return page.render(results=results, versions=versions, style=STYLE, introduction=INTRODUCTION) + "\n"
 
 
-def _best(table: Table) -> set[tuple[str, int]]:
+def _best(table: ResultTable) -> set[tuple[str, int]]:
     """The smallest figure of each column, where a column compares software."""
     if not table.unit:
         return set()
-    found = set()
+    best = set()
     for i in range(len(table.columns)):
         numbers = {r.name: c for r in table.rows if isinstance(c := r.cells[i], float) and math.isfinite(c)}
         if len(numbers) > 1:
-            found.add((min(numbers, key=lambda name: numbers[name]), i))
-    return found
+            best.add((min(numbers, key=lambda name: numbers[name]), i))
+    return best
 
 
-def _shown(cell: Cell, digits: int) -> str:
+def _cell_text(cell: Cell, digits: int) -> str:
     if cell is None or (isinstance(cell, float) and not math.isfinite(cell)):
         return "–"
     return f"{cell:.{digits}f}" if isinstance(cell, float) else str(cell)

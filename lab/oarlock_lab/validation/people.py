@@ -24,8 +24,8 @@ from oarlock import Calibration, Config, Recording, Track
 
 from . import chains
 from .chains import Link
-from .estimate import Estimate, Missing, Outcome, attempt
-from .results import Row, SetResult, Table
+from .estimate import Missing, OrientationEstimate, Outcome, attempt
+from .results import ResultRow, ResultTable, SetResult
 from .rotations import Floats, quat_wxyz, rotation
 
 NAME, FOLDER = "people", "people"
@@ -65,7 +65,7 @@ UP = np.array([0.0, 1.0, 0.0])
 SHOULDER_TURN_RAD = np.radians(19.0)
 """From the line upper back to left arm to the line of the shoulders, where the right arm is not seen."""
 REFERENCE_STD_RAD = np.radians(1.5)
-BEGUN_S, SEEN_SHARE = 0.3, 0.3
+BEGUN_S, OBSERVED_SHARE = 0.3, 0.3
 AS_GOOD_DEG = 0.3
 JOINTS = (
     Link("pelvis", "yxz"),
@@ -91,7 +91,7 @@ COLUMNS = (
 
 
 @dataclass(frozen=True)
-class Score:
+class PersonScore:
     """Errors of one trial, deg, by segment or pair; by pair rows, share in bands and squared error over variance."""
 
     tilt: dict[str, float]
@@ -99,8 +99,8 @@ class Score:
     tracked: dict[tuple[str, str], float]
     bands: dict[tuple[str, str], tuple[int, float, float]]
 
-    def all(self, what: str) -> float:
-        return _rms(list(getattr(self, what).values()))
+    def all(self, quantity: str) -> float:
+        return _rms(list(getattr(self, quantity).values()))
 
 
 def run(data_folder: Path) -> SetResult:
@@ -108,13 +108,13 @@ def run(data_folder: Path) -> SetResult:
     folders = sorted(data_folder.glob(f"{FOLDER}/wheelchair/P*/*/optics.csv"))
     if not folders:
         return SetResult(NAME, TITLE, TEXT, absent=f"no {FOLDER}/wheelchair/P*/*/optics.csv")
-    scores: dict[str, dict[str, Score]] = {}
+    scores: dict[str, dict[str, PersonScore]] = {}
     missing: set[str] = set()
     for file in folders:
-        trial = Trial(file.parent)
-        found = dict(trial.scores())
-        scores[trial.name] = {m: s for m, s in found.items() if isinstance(s, Score)}
-        missing |= {f"{m}: {s.reason}." for m, s in found.items() if isinstance(s, Missing)}
+        trial = PersonTrial(file.parent)
+        orientations = dict(trial.scores())
+        scores[trial.name] = {m: s for m, s in orientations.items() if isinstance(s, PersonScore)}
+        missing |= {f"{m}: {s.reason}." for m, s in orientations.items() if isinstance(s, Missing)}
     groups = {
         HARD_TITLE: [n for n in scores if any(h in n for h in HARD)],
         IN_PLACE_TITLE: [n for n in scores if not any(h in n for h in HARD)],
@@ -123,19 +123,22 @@ def run(data_folder: Path) -> SetResult:
     return SetResult(NAME, TITLE, TEXT, tables, notes=(f"{len(scores)} trials.", *sorted(missing)))
 
 
-def _table(title: str, scores: Mapping[str, Mapping[str, Score]]) -> Table:
+def _table(title: str, scores: Mapping[str, Mapping[str, PersonScore]]) -> ResultTable:
     rows = []
     for method in METHODS:
-        own = {trial: found[method] for trial, found in scores.items() if method in found}
+        own = {
+            trial: orientations[method] for trial, orientations in scores.items() if method in orientations
+        }
         if len(own) < len(scores):
             continue
         cells: list[float | str] = []
-        for what in ("tilt", "relative", "tracked"):
-            values = [v for score in own.values() for v in getattr(score, what).values()]
+        for quantity in ("tilt", "relative", "tracked"):
+            values = [v for score in own.values() for v in getattr(score, quantity).values()]
             cells += [float(np.median(values)), float(max(values))]
         good = sum(
             all(
-                score.all(what) <= scores[trial][VQF].all(what) + AS_GOOD_DEG for what in ("tilt", "relative")
+                score.all(quantity) <= scores[trial][VQF].all(quantity) + AS_GOOD_DEG
+                for quantity in ("tilt", "relative")
             )
             for trial, score in own.items()
         )
@@ -147,15 +150,17 @@ def _table(title: str, scores: Mapping[str, Mapping[str, Score]]) -> Table:
         )
         cells += [f"{good} of {len(own)}", *shares]
         rows.append(
-            Row(method, tuple(cells), ours=method.startswith("Oarlock"), online="smoothed" not in method)
+            ResultRow(
+                method, tuple(cells), ours=method.startswith("Oarlock"), online="smoothed" not in method
+            )
         )
     text = (
         f"{AS_GOOD}: trials whose tilt and relative orientation are at most {AS_GOOD_DEG:g} deg above VQF's."
     )
-    return Table(title, COLUMNS, tuple(rows), text=text)
+    return ResultTable(title, COLUMNS, tuple(rows), text=text)
 
 
-class Trial:
+class PersonTrial:
     """Units, optics and start pose of one trial. At the start pose all segments count as parallel."""
 
     def __init__(self, folder: Path) -> None:
@@ -167,7 +172,7 @@ class Trial:
         late = []
         for segment, cluster in CLUSTER.items():
             time_s, quat, place = _optics(folder, cluster)
-            if quat is None or np.isfinite(quat).all(axis=1).mean() < SEEN_SHARE:
+            if quat is None or np.isfinite(quat).all(axis=1).mean() < OBSERVED_SHARE:
                 continue
             self._units[segment] = _readings(folder, UNIT[segment])
             lag_s, cluster_from_unit[segment] = _aligned(time_s, quat, *self._units[segment][:2])
@@ -176,20 +181,20 @@ class Trial:
         self.segments = list(self._units)
         self._late_s = float(np.mean(late))
         spans = [unit[0] for unit in self._units.values()]
-        seen = np.all([np.isfinite(q).all(axis=1) for q in turns.values()], axis=0)
-        seen &= (time_s > max(t[0] for t in spans) + self._late_s) & (
+        finite = np.all([np.isfinite(q).all(axis=1) for q in turns.values()], axis=0)
+        finite &= (time_s > max(t[0] for t in spans) + self._late_s) & (
             time_s < min(t[-1] for t in spans) + self._late_s
         )
-        first = int(np.flatnonzero(seen)[0])
+        first = int(np.flatnonzero(finite)[0])
         start = _start_pose({s: places[s][first] for s in self.segments})
         at_start = {s: Rotation.from_quat(turns[s][first]) for s in self.segments}
         self.mounts = {s: start.inv() * at_start[s] * cluster_from_unit[s] for s in self.segments}
-        self._time_s = time_s[seen]
+        self._time_s = time_s[finite]
         self._true = {
-            s: Rotation.from_quat(turns[s][seen]) * at_start[s].inv() * start for s in self.segments
+            s: Rotation.from_quat(turns[s][finite]) * at_start[s].inv() * start for s in self.segments
         }
 
-    def scores(self) -> Iterator[tuple[str, Score | Missing]]:
+    def scores(self) -> Iterator[tuple[str, PersonScore | Missing]]:
         """The score of each method, or why there is none."""
         model = oarlock.load_model("upper_body").with_units(self.segments)
         calibration = Calibration(
@@ -204,7 +209,7 @@ class Trial:
         time_s, poses = self._vqf()
         yield VQF, self._score(time_s, poses, None)
         for outcome in self._opensense(time_s, poses):
-            if isinstance(outcome, Estimate):
+            if isinstance(outcome, OrientationEstimate):
                 poses = {s: rotation(quat) for s, quat in outcome.quats.items()}
                 yield OPENSENSE, self._score(time_s, poses, None)
             else:
@@ -234,61 +239,66 @@ class Trial:
 
     def _opensense(self, time_s: Floats, poses: Mapping[str, Rotation]) -> list[Outcome]:
         """Inverse kinematics from orientations of the segments."""
-        source = Estimate(OPENSENSE, time_s, {s: quat_wxyz(pose) for s, pose in poses.items()})
+        source = OrientationEstimate(OPENSENSE, time_s, {s: quat_wxyz(pose) for s, pose in poses.items()})
         joints = [link for link in JOINTS if link.name in poses]
         return attempt([OPENSENSE], lambda: (p.estimate for p in chains.opensim(source, joints)))
 
-    def _score(self, time_s: Floats, poses: Mapping[str, Rotation], track: Track | None) -> Score:
+    def _score(self, time_s: Floats, poses: Mapping[str, Rotation], track: Track | None) -> PersonScore:
         inside = (self._time_s - self._late_s > time_s[0]) & (self._time_s - self._late_s < time_s[-1])
         at_s = self._time_s[inside] - self._late_s
-        found = {s: Slerp(time_s, pose)(at_s) for s, pose in poses.items()}
+        orientations = {s: Slerp(time_s, pose)(at_s) for s, pose in poses.items()}
         true = {s: turn[inside] for s, turn in self._true.items()}
-        tilt = {s: _rms(_angle_deg(found[s].inv().apply(UP), true[s].inv().apply(UP))) for s in found}
-        score = Score(tilt, {}, {}, {})
+        tilt = {
+            s: _rms(_angle_deg(orientations[s].inv().apply(UP), true[s].inv().apply(UP)))
+            for s in orientations
+        }
+        score = PersonScore(tilt, {}, {}, {})
         begun, sparse = np.flatnonzero(at_s < at_s[0] + BEGUN_S), np.arange(0, len(at_s), 6)
         for pair in PAIRS:
-            if not set(pair) <= set(found):
+            if not set(pair) <= set(orientations):
                 continue
-            wanted = true[pair[0]].inv() * true[pair[1]]
-            set_rad = _heading(found, pair, wanted, begun)
-            score.tracked[pair] = _rms(_turn_deg(found, pair, wanted, set_rad))
-            score.relative[pair] = _rms(_turn_deg(found, pair, wanted, _heading(found, pair, wanted, sparse)))
+            expected = true[pair[0]].inv() * true[pair[1]]
+            set_rad = _heading(orientations, pair, expected, begun)
+            score.tracked[pair] = _rms(_turn_deg(orientations, pair, expected, set_rad))
+            score.relative[pair] = _rms(
+                _turn_deg(orientations, pair, expected, _heading(orientations, pair, expected, sparse))
+            )
             if track is not None:
                 std = track.frame_rotation_stds(pair[1], pair[0])
                 std = np.column_stack([np.interp(at_s, time_s, std[:, k]) for k in range(3)])
-                score.bands[pair] = _band(_relative(found, pair, set_rad), wanted, std)
+                score.bands[pair] = _band(_relative(orientations, pair, set_rad), expected, std)
         return score
 
 
-def _relative(found: Mapping[str, Rotation], pair: tuple[str, str], heading_rad: float) -> Rotation:
-    return found[pair[0]].inv() * Rotation.from_rotvec(UP * heading_rad) * found[pair[1]]
+def _relative(orientations: Mapping[str, Rotation], pair: tuple[str, str], heading_rad: float) -> Rotation:
+    return orientations[pair[0]].inv() * Rotation.from_rotvec(UP * heading_rad) * orientations[pair[1]]
 
 
 def _turn_deg(
-    found: Mapping[str, Rotation],
+    orientations: Mapping[str, Rotation],
     pair: tuple[str, str],
-    wanted: Rotation,
+    expected: Rotation,
     heading_rad: float,
     rows: Sequence[int] | slice = slice(None),
 ) -> Floats:
-    given = _relative({s: found[s][rows] for s in pair}, pair, heading_rad)
-    return np.degrees((wanted[rows].inv() * given).magnitude())
+    relative = _relative({s: orientations[s][rows] for s in pair}, pair, heading_rad)
+    return np.degrees((expected[rows].inv() * relative).magnitude())
 
 
 def _heading(
-    found: Mapping[str, Rotation], pair: tuple[str, str], wanted: Rotation, rows: Sequence[int]
+    orientations: Mapping[str, Rotation], pair: tuple[str, str], expected: Rotation, rows: Sequence[int]
 ) -> float:
     """The constant heading between two segments that fits best over some rows, rad."""
 
     def error(heading_rad: float) -> float:
-        return _rms(_turn_deg(found, pair, wanted, heading_rad, rows))
+        return _rms(_turn_deg(orientations, pair, expected, heading_rad, rows))
 
     best = min(np.radians(np.arange(-180.0, 180.0, 2.0)), key=error)
     return float(minimize_scalar(error, bounds=(best - 0.04, best + 0.04), method="bounded").x)
 
 
-def _band(found: Rotation, wanted: Rotation, std: Floats) -> tuple[int, float, float]:
-    error, variance = (found.inv() * wanted).as_rotvec(), std**2 + REFERENCE_STD_RAD**2
+def _band(orientations: Rotation, expected: Rotation, std: Floats) -> tuple[int, float, float]:
+    error, variance = (orientations.inv() * expected).as_rotvec(), std**2 + REFERENCE_STD_RAD**2
     return len(error), float(np.mean(error**2 < 1.96**2 * variance)), float(np.mean(error**2 / variance))
 
 
@@ -296,8 +306,8 @@ def _rms(values: Sequence[float] | Floats) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def _angle_deg(one: Floats, other: Floats) -> Floats:
-    return np.degrees(np.arccos(np.clip(np.sum(one * other, axis=-1), -1.0, 1.0)))
+def _angle_deg(first: Floats, second: Floats) -> Floats:
+    return np.degrees(np.arccos(np.clip(np.sum(first * second, axis=-1), -1.0, 1.0)))
 
 
 def _optics(folder: Path, cluster: str) -> tuple[Floats, Floats | None, Floats]:
@@ -337,34 +347,34 @@ def _low_passed(values: Floats, rate_hz: float, cut_hz: float = 6.0) -> Floats:
 
 def _aligned(optics_s: Floats, quat: Floats, unit_s: Floats, gyro: Floats) -> tuple[float, Rotation]:
     """Optics' time minus the unit's, s, and the rotation cluster from unit, both from angular velocities."""
-    rate, known = _rates(optics_s, quat)
-    optics = _low_passed(np.where(known[:, None], rate, 0.0), 1.0 / float(np.median(np.diff(optics_s))))
+    rate, valid = _rates(optics_s, quat)
+    optics = _low_passed(np.where(valid[:, None], rate, 0.0), 1.0 / float(np.median(np.diff(optics_s))))
     unit = _low_passed(gyro, 1.0 / float(np.median(np.diff(unit_s))))
     grid_s = 0.01
     at = [np.arange(t[0], t[-1], grid_s) for t in (optics_s, unit_s)]
     both = zip(at, (optics_s, unit_s), (optics, unit), strict=True)
     norms = [np.interp(t, s, np.linalg.norm(v, axis=1)) for t, s, v in both]
-    there = np.interp(at[0], optics_s, known.astype(float)) > 0.99
+    there = np.interp(at[0], optics_s, valid.astype(float)) > 0.99
     rough = min(
         (_mismatch(*norms, there, shift), shift) for shift in range(200 - len(norms[1]), len(norms[0]) - 200)
     )
     rough_s = rough[1] * grid_s + at[0][0] - at[1][0]
     lags = rough_s + np.linspace(-0.06, 0.06, 61)
-    fits = [_turn_at(lag_s, optics_s, optics, known, unit_s, unit) for lag_s in lags]
+    fits = [_turn_at(lag_s, optics_s, optics, valid, unit_s, unit) for lag_s in lags]
     return min(fits, key=lambda fit: fit[0])[1:]
 
 
 def _rates(time_s: Floats, quat: Floats, half: int = 2) -> tuple[Floats, Floats]:
     """Angular velocity in the cluster's axes by central differences, and where it is known."""
-    seen = np.isfinite(quat).all(axis=1)
-    turn = Rotation.from_quat(np.where(seen[:, None], quat, [0.0, 0.0, 0.0, 1.0]))
+    finite = np.isfinite(quat).all(axis=1)
+    turn = Rotation.from_quat(np.where(finite[:, None], quat, [0.0, 0.0, 0.0, 1.0]))
     rate = np.zeros((len(time_s), 3))
     rate[half:-half] = (turn[: -2 * half].inv() * turn[2 * half :]).as_rotvec() / (
         time_s[2 * half :] - time_s[: -2 * half]
     )[:, None]
-    known = ~binary_dilation(~seen, iterations=2 * half + 2)
-    known[:half] = known[-half:] = False
-    return rate, known
+    valid = ~binary_dilation(~finite, iterations=2 * half + 2)
+    valid[:half] = valid[-half:] = False
+    return rate, valid
 
 
 def _mismatch(optics: Floats, unit: Floats, there: Floats, shift: int) -> float:
@@ -376,16 +386,16 @@ def _mismatch(optics: Floats, unit: Floats, there: Floats, shift: int) -> float:
 
 
 def _turn_at(
-    late_s: float, optics_s: Floats, optics: Floats, known: Floats, unit_s: Floats, unit: Floats
+    late_s: float, optics_s: Floats, optics: Floats, valid: Floats, unit_s: Floats, unit: Floats
 ) -> tuple[float, float, Rotation]:
     """Residual rate, the lag, and cluster from unit at it; a constant bias of the gyroscope is left out."""
     time_s = unit_s + late_s
     use = (time_s > optics_s[0] + 0.1) & (time_s < optics_s[-1] - 0.1)
-    use &= np.interp(time_s, optics_s, known.astype(float)) > 0.99
-    wanted = np.column_stack([np.interp(time_s[use], optics_s, optics[:, k]) for k in range(3)])
+    use &= np.interp(time_s, optics_s, valid.astype(float)) > 0.99
+    expected = np.column_stack([np.interp(time_s[use], optics_s, optics[:, k]) for k in range(3)])
     bias = np.zeros(3)
     for _ in range(3):
-        turn, _ = Rotation.align_vectors(wanted, unit[use] - bias)
-        bias = np.mean(unit[use] - turn.inv().apply(wanted), axis=0)
-    left = np.linalg.norm(wanted - turn.apply(unit[use] - bias), axis=1)
+        turn, _ = Rotation.align_vectors(expected, unit[use] - bias)
+        bias = np.mean(unit[use] - turn.inv().apply(expected), axis=0)
+    left = np.linalg.norm(expected - turn.apply(unit[use] - bias), axis=1)
     return _rms(left), late_s, turn

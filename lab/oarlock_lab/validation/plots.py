@@ -6,7 +6,7 @@ import io
 import itertools
 from typing import Any
 
-from .results import Curve, Plot
+from .results import Plot, ResultCurve
 
 WIDTH_IN, PANEL_IN, HEAD_IN = 11.6, 2.3, 0.7
 
@@ -80,5 +80,5 @@ def _colours(plot: Plot) -> dict[str, str]:
     return colours
 
 
-def _all(plot: Plot) -> list[Curve]:
+def _all(plot: Plot) -> list[ResultCurve]:
     return [curve for _, curves in plot.panels for curve in curves]

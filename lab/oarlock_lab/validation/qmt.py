@@ -12,8 +12,8 @@ from oarlock.formats.datasets.qmt import read_qmt
 from oarlock.recording import ImuStream
 
 from . import others, ours
-from .estimate import Estimate, Outcome, attempt
-from .results import Collected, Curve, Panel, Plot, SetResult
+from .estimate import OrientationEstimate, Outcome, attempt
+from .results import Collected, Panel, Plot, ResultCurve, SetResult
 from .rotations import Bools, Floats, rotation
 
 FOLDER = "qmt_full_body"
@@ -48,23 +48,23 @@ def run(data_folder: Path) -> SetResult:
     if not file.is_file():
         return SetResult(FOLDER, TITLE, TEXT, absent=f"no {FOLDER}/{FILE}")
     recording = read_qmt(file)
-    found = rests(recording)
-    if not found:
+    still = rests(recording)
+    if not still:
         return SetResult(FOLDER, TITLE, TEXT, absent="the trunk never rests")
-    longest = max(found, key=lambda r: r[1] - r[0])
+    longest = max(still, key=lambda r: r[1] - r[0])
     offsets, drifts, norms = Collected(), Collected(), Collected()
     differences: dict[str, dict[str, Floats]] = {segment: {} for segment in TRUNK}
     tracks: dict[str, Track] = {}
-    norms.put(NO_BIAS, gravity_errors_m_s2(recording, found))
-    for outcome in _outcomes(recording, found[0], tracks):
+    norms.put(NO_BIAS, gravity_errors_m_s2(recording, still))
+    for outcome in _outcomes(recording, still[0], tracks):
         if outcome.name in tracks:
-            norms.add(outcome, gravity_errors_m_s2(recording, found, tracks[outcome.name]))
+            norms.add(outcome, gravity_errors_m_s2(recording, still, tracks[outcome.name]))
         vectors = _differences(outcome, recording)
-        offsets.add(outcome, {s: _rms_deg(v, recording, found) for s, v in vectors.items()})
+        offsets.add(outcome, {s: _rms_deg(v, recording, still) for s, v in vectors.items()})
         drifts.add(outcome, {s: _drift_deg(v, recording, longest) for s, v in vectors.items()})
         for segment, vector in vectors.items():
             differences[segment][outcome.name] = vector
-    text = ", ".join(f"{a:.1f} to {b:.1f} s" for a, b in found)
+    text = ", ".join(f"{a:.1f} to {b:.1f} s" for a, b in still)
     tables = (
         offsets.table("Vertical against the accelerometer at rest, RMS", text=f"Rests: {text}."),
         drifts.table(f"Drift over the longest rest ({longest[1] - longest[0]:.0f} s)"),
@@ -91,19 +91,19 @@ def _readings(recording: Recording, segment: str) -> tuple[Floats, Floats]:
 
 
 def gravity_errors_m_s2(
-    recording: Recording, found: list[Rest], track: Track | None = None
+    recording: Recording, still_periods: list[Rest], track: Track | None = None
 ) -> dict[str, float]:
     """By how much the norm of each trunk accelerometer at rest, less the bias of the track, is not gravity, RMS."""
     errors = {}
     for segment in TRUNK:
         time_s = recording[segment].time_s
-        kept = np.logical_or.reduce([_within(recording, rest) for rest in found])
+        rows = np.logical_or.reduce([_within(recording, rest) for rest in still_periods])
         accel = _readings(recording, segment)[1]
         if track is not None:
             columns = track.columns()
             biases = [columns[f"{segment}.accel_bias_{axis} [m/s2]"] for axis in "xyz"]
             accel -= np.column_stack([np.interp(time_s, track.time_s, bias) for bias in biases])
-        norms = np.linalg.norm(_low_passed(accel, recording)[kept], axis=1)
+        norms = np.linalg.norm(_low_passed(accel, recording)[rows], axis=1)
         errors[segment] = float(np.sqrt(np.mean((norms - GRAVITY_M_S2) ** 2)))
     return errors
 
@@ -112,7 +112,7 @@ def _outcomes(recording: Recording, first: Rest, tracks: dict[str, Track]) -> li
     """Also fills in the tracks by the names of their estimates."""
     trunk = recording.only(TRUNK)
 
-    def tracked() -> Iterator[Estimate]:
+    def tracked() -> Iterator[OrientationEstimate]:
         for estimate, track in ours.qmt_tracks(recording, TRUNK, first):
             tracks[estimate.name] = track
             yield estimate
@@ -126,9 +126,9 @@ def _outcomes(recording: Recording, first: Rest, tracks: dict[str, Track]) -> li
 
 def _differences(outcome: Outcome, recording: Recording) -> dict[str, Floats]:
     """Segment -> estimated minus measured direction of up, (T, 3) in the unit's axes, at its samples."""
-    if not isinstance(outcome, Estimate):
+    if not isinstance(outcome, OrientationEstimate):
         return {}
-    found = {}
+    still_periods = {}
     for segment in TRUNK:
         if segment not in outcome.quats:
             continue
@@ -137,8 +137,8 @@ def _differences(outcome: Outcome, recording: Recording) -> dict[str, Floats]:
         up[there] = rotation(outcome.quats[segment][there]).inv().apply([0.0, 0.0, 1.0])
         at = np.column_stack([np.interp(recording[segment].time_s, outcome.time_s, c) for c in up.T])
         pull = _low_passed(_readings(recording, segment)[1], recording)
-        found[segment] = at - pull / np.linalg.norm(pull, axis=1, keepdims=True)
-    return found
+        still_periods[segment] = at - pull / np.linalg.norm(pull, axis=1, keepdims=True)
+    return still_periods
 
 
 def _low_passed(accel: Floats, recording: Recording) -> Floats:
@@ -157,9 +157,9 @@ def _within(recording: Recording, rest: Rest) -> Bools:
     return (time_s >= rest[0] + AVERAGED_S / 2) & (time_s <= rest[1] - AVERAGED_S / 2)
 
 
-def _rms_deg(difference: Floats, recording: Recording, found: list[Rest]) -> float:
-    kept = np.logical_or.reduce([_within(recording, rest) for rest in found])
-    return float(np.degrees(np.sqrt(np.nanmean(np.sum(difference[kept] ** 2, axis=1)))))
+def _rms_deg(difference: Floats, recording: Recording, still: list[Rest]) -> float:
+    rows = np.logical_or.reduce([_within(recording, rest) for rest in still])
+    return float(np.degrees(np.sqrt(np.nanmean(np.sum(difference[rows] ** 2, axis=1)))))
 
 
 def _drift_deg(difference: Floats, recording: Recording, rest: Rest) -> float:
@@ -170,13 +170,13 @@ def _drift_deg(difference: Floats, recording: Recording, rest: Rest) -> float:
 
 
 def _plots(differences: dict[str, dict[str, Floats]], recording: Recording, rest: Rest) -> tuple[Plot, ...]:
-    kept = _within(recording, rest)
-    time_s = recording[TRUNK[0]].time_s[kept]
+    rows = _within(recording, rest)
+    time_s = recording[TRUNK[0]].time_s[rows]
     panels: list[Panel] = []
     for segment, by_name in differences.items():
         lines = tuple(
-            Curve(
-                n, time_s, np.degrees(np.linalg.norm(v[kept], axis=1)), "ours" if n in ours.NAMES else "other"
+            ResultCurve(
+                n, time_s, np.degrees(np.linalg.norm(v[rows], axis=1)), "ours" if n in ours.NAMES else "other"
             )
             for n, v in by_name.items()
         )

@@ -7,14 +7,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .estimate import Estimate, Missing, Outcome
+from .estimate import Missing, OrientationEstimate, Outcome
 from .rotations import Floats
 
 Cell = float | int | str | None
 
 
 @dataclass(frozen=True)
-class Row:
+class ResultRow:
     """One line of a table: a software with its figures, or with why there are none."""
 
     name: str
@@ -25,7 +25,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Table:
+class ResultTable:
     """Figures of several software packages under one rule.
 
     Args:
@@ -38,14 +38,14 @@ class Table:
 
     title: str
     columns: tuple[str, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[ResultRow, ...]
     unit: str = "deg"
     digits: int = 2
     text: str = ""
 
 
 @dataclass(frozen=True, eq=False)
-class Curve:
+class ResultCurve:
     """One line of a plot, NaN where it is broken."""
 
     name: str
@@ -54,7 +54,7 @@ class Curve:
     kind: str = "other"  # "ours", "other" or "reference"
 
 
-Panel = tuple[str, tuple[Curve, ...]]
+Panel = tuple[str, tuple[ResultCurve, ...]]
 """Label of the vertical axis with its unit, and the curves."""
 
 
@@ -87,7 +87,7 @@ class SetResult:
     name: str
     title: str
     text: str
-    tables: tuple[Table, ...] = ()
+    tables: tuple[ResultTable, ...] = ()
     plots: tuple[Plot, ...] = ()
     notes: tuple[str, ...] = ()
     absent: str = ""
@@ -114,7 +114,7 @@ class Collected:
             outcome.reason if isinstance(outcome, Missing) else outcome.note,
             outcome.ours,
         )
-        self.online[outcome.name] = not isinstance(outcome, Estimate) or outcome.online
+        self.online[outcome.name] = not isinstance(outcome, OrientationEstimate) or outcome.online
 
     def put(self, name: str, figures: Mapping[str, Cell], note: str = "", ours: bool = False) -> None:
         """More figures of the line with this name."""
@@ -127,7 +127,7 @@ class Collected:
 
     def table(
         self, title: str, *, mean: bool = False, unit: str = "deg", digits: int = 2, text: str = ""
-    ) -> Table:
+    ) -> ResultTable:
         """All lines, ours first; with the mean over the columns as last column on request."""
         order = sorted(self.figures, key=lambda name: not self.ours[name])
         rows = []
@@ -136,9 +136,9 @@ class Collected:
             if mean:
                 cells.append(_mean(cells))
             online = self.online.get(name, True)
-            rows.append(Row(name, tuple(cells), self.notes.get(name, ""), self.ours[name], online))
+            rows.append(ResultRow(name, tuple(cells), self.notes.get(name, ""), self.ours[name], online))
         columns = (*self.columns, *(("mean",) if mean else ()))
-        return Table(title, columns, tuple(rows), unit, digits, text)
+        return ResultTable(title, columns, tuple(rows), unit, digits, text)
 
 
 def _mean(cells: Sequence[Cell]) -> float | None:

@@ -18,7 +18,7 @@ def quat_wxyz(turn: Rotation) -> Floats:
     return np.asarray(turn.as_quat()[..., [3, 0, 1, 2]])
 
 
-def at(time_s: Floats, quats: Floats, wanted_s: Floats) -> tuple[Rotation, Bools]:
+def at(time_s: Floats, quats: Floats, at_s: Floats) -> tuple[Rotation, Bools]:
     """Orientations between samples, on the shortest way from one to the next.
 
     Returns:
@@ -26,16 +26,16 @@ def at(time_s: Floats, quats: Floats, wanted_s: Floats) -> tuple[Rotation, Bools
         one, are the identity.
     """
     there: Bools = np.asarray(np.isfinite(quats).all(axis=1))
-    inside = (wanted_s >= time_s[0]) & (wanted_s <= time_s[-1])
-    after = np.clip(np.searchsorted(time_s, wanted_s, side="left"), 0, len(time_s) - 1)
-    exact = time_s[after] == wanted_s
+    inside = (at_s >= time_s[0]) & (at_s <= time_s[-1])
+    after = np.clip(np.searchsorted(time_s, at_s, side="left"), 0, len(time_s) - 1)
+    exact = time_s[after] == at_s
     before = np.where(exact, after, np.maximum(after - 1, 0))
     good = inside & there[after] & there[before]
-    found = np.tile([1.0, 0.0, 0.0, 0.0], (len(wanted_s), 1))
+    rotations = np.tile([1.0, 0.0, 0.0, 0.0], (len(at_s), 1))
     if good.any():
         slerp = Slerp(time_s[there], rotation(quats[there]))
-        found[good] = quat_wxyz(slerp(wanted_s[good]))
-    return rotation(found), good
+        rotations[good] = quat_wxyz(slerp(at_s[good]))
+    return rotation(rotations), good
 
 
 def twist_rad(turn: Rotation, axis: str) -> Floats:

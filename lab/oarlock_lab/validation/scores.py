@@ -12,42 +12,42 @@ from scipy.spatial.transform import Rotation
 
 from oarlock.evaluation.reference import Reference
 
-from .estimate import Estimate
+from .estimate import OrientationEstimate
 from .rotations import Bools, Floats, about_vertical, at, rotation, twist_rad, wrapped
 
 Pair = tuple[str, str]
 HEADED = "heading set by the reference"
 
 
-def relative(
-    quats: Mapping[str, Floats], time_s: Floats, pair: Pair, wanted_s: Floats
-) -> tuple[Rotation, Bools]:
+def relative(quats: Mapping[str, Floats], time_s: Floats, pair: Pair, at_s: Floats) -> tuple[Rotation, Bools]:
     """first_from_second at the wanted times, and where both are there."""
-    (first, good1), (second, good2) = (at(time_s, quats[body], wanted_s) for body in pair)
+    (first, good1), (second, good2) = (at(time_s, quats[body], at_s) for body in pair)
     return first.inv() * second, good1 & good2
 
 
-def relative_error_rad(estimate: Estimate, reference: Reference, pair: Pair) -> Floats:
+def relative_error_rad(estimate: OrientationEstimate, reference: Reference, pair: Pair) -> Floats:
     """Angle between estimated and true relative orientation of two bodies, (T,), 0 to pi."""
     return np.asarray(np.linalg.norm(relative_error_parts_rad(estimate, reference, pair), axis=1))
 
 
-def relative_error_parts_rad(estimate: Estimate, reference: Reference, pair: Pair) -> Floats:
+def relative_error_parts_rad(estimate: OrientationEstimate, reference: Reference, pair: Pair) -> Floats:
     """The rotation vector from the estimated to the true relative orientation, (T, 3), in the second body's axes."""
-    found, true, both = _both(estimate, reference, pair)
-    return np.where(both[:, None], (found.inv() * true).as_rotvec(), np.nan)
+    estimated, true, both = _both(estimate, reference, pair)
+    return np.where(both[:, None], (estimated.inv() * true).as_rotvec(), np.nan)
 
 
-def hinge_error_rad(estimate: Estimate, reference: Reference, pair: Pair, axis: str) -> Floats:
+def hinge_error_rad(estimate: OrientationEstimate, reference: Reference, pair: Pair, axis: str) -> Floats:
     """Difference of the hinge angles, (T,): of the twists of both relative orientations about the hinge's axis."""
-    found, true, both = _both(estimate, reference, pair)
-    return np.where(both, wrapped(twist_rad(found, axis) - twist_rad(true, axis)), np.nan)
+    estimated, true, both = _both(estimate, reference, pair)
+    return np.where(both, wrapped(twist_rad(estimated, axis) - twist_rad(true, axis)), np.nan)
 
 
-def _both(estimate: Estimate, reference: Reference, pair: Pair) -> tuple[Rotation, Rotation, Bools]:
-    found, good = relative(estimate.quats, estimate.time_s, pair, reference.time_s)
-    true, seen = relative(reference.quat_wxyz, reference.time_s, pair, reference.time_s)
-    return found, true, good & seen
+def _both(
+    estimate: OrientationEstimate, reference: Reference, pair: Pair
+) -> tuple[Rotation, Rotation, Bools]:
+    estimated, good = relative(estimate.quats, estimate.time_s, pair, reference.time_s)
+    true, valid = relative(reference.quat_wxyz, reference.time_s, pair, reference.time_s)
+    return estimated, true, good & valid
 
 
 def turn_between_rad(reference: Reference, pair: Pair) -> Floats:
@@ -56,7 +56,9 @@ def turn_between_rad(reference: Reference, pair: Pair) -> Floats:
     return np.where(there, turn.magnitude(), np.nan)
 
 
-def attitude_error_rad(estimate: Estimate, reference: Reference, body: str) -> tuple[Floats, Floats, Floats]:
+def attitude_error_rad(
+    estimate: OrientationEstimate, reference: Reference, body: str
+) -> tuple[Floats, Floats, Floats]:
     """Inclination, heading and total error of one body, each (T,), once the mean heading difference is taken away.
 
     The difference world_from_body of the estimate times body_from_world of the reference is split into a turn
@@ -74,16 +76,16 @@ def attitude_error_rad(estimate: Estimate, reference: Reference, body: str) -> t
     return tuple(np.where(good, part, np.nan) for part in parts)  # type: ignore[return-value]
 
 
-def world_error(estimate: Estimate, reference: Reference, body: str) -> tuple[Rotation, Bools]:
+def world_error(estimate: OrientationEstimate, reference: Reference, body: str) -> tuple[Rotation, Bools]:
     """Estimate times the inverse of the reference, in world axes, and where both are there."""
-    found, good = at(estimate.time_s, estimate.quats[body], reference.time_s)
-    true, seen = at(reference.time_s, reference.quat_wxyz[body], reference.time_s)
-    return found * true.inv(), good & seen
+    estimated, good = at(estimate.time_s, estimate.quats[body], reference.time_s)
+    true, valid = at(reference.time_s, reference.quat_wxyz[body], reference.time_s)
+    return estimated * true.inv(), good & valid
 
 
 def heading_zeroed(
-    estimate: Estimate, reference: Reference, at_s: float, leader: str | None = None
-) -> Estimate:
+    estimate: OrientationEstimate, reference: Reference, at_s: float, leader: str | None = None
+) -> OrientationEstimate:
     """The estimate turned about the vertical by a constant, so that headings agree at one moment.
 
     Args:
@@ -103,13 +105,13 @@ def heading_zeroed(
     return estimate.headed(turns, f"{HEADED} at {at_s:g} s")
 
 
-def _heading_offset_rad(estimate: Estimate, reference: Reference, body: str, at_s: float) -> float:
+def _heading_offset_rad(estimate: OrientationEstimate, reference: Reference, body: str, at_s: float) -> float:
     moment = np.array([at_s])
-    found, good = at(estimate.time_s, estimate.quats[body], moment)
-    true, seen = at(reference.time_s, reference.quat_wxyz[body], moment)
-    if not (good & seen).all():
+    estimated, good = at(estimate.time_s, estimate.quats[body], moment)
+    true, valid = at(reference.time_s, reference.quat_wxyz[body], moment)
+    if not (good & valid).all():
         raise ValueError(f"{estimate.name}: no orientation of {body} at {at_s:g} s to take the heading from")
-    return float(twist_rad(true * found.inv(), "z")[0])
+    return float(twist_rad(true * estimated.inv(), "z")[0])
 
 
 def circular_mean_rad(angle_rad: Floats) -> float:
@@ -117,20 +119,20 @@ def circular_mean_rad(angle_rad: Floats) -> float:
     return float(np.angle(np.exp(1j * angle_rad).mean())) if len(angle_rad) else 0.0
 
 
-def rmse_deg(error_rad: Floats, kept: Bools) -> float:
+def rmse_deg(error_rad: Floats, rows: Bools) -> float:
     """Root of the mean square over the kept samples that are there, deg; NaN if there is none."""
-    errors = _there(error_rad, kept)
+    errors = _there(error_rad, rows)
     return float(np.degrees(np.sqrt(np.mean(errors**2)))) if len(errors) else float("nan")
 
 
-def median_deg(error_rad: Floats, kept: Bools) -> float:
+def median_deg(error_rad: Floats, rows: Bools) -> float:
     """Median of the size over the kept samples that are there, deg; NaN if there is none."""
-    errors = _there(error_rad, kept)
+    errors = _there(error_rad, rows)
     return float(np.degrees(np.median(np.abs(errors)))) if len(errors) else float("nan")
 
 
-def _there(error_rad: Floats, kept: Bools) -> Floats:
-    return error_rad[kept & np.isfinite(error_rad)]
+def _there(error_rad: Floats, rows: Bools) -> Floats:
+    return error_rad[rows & np.isfinite(error_rad)]
 
 
 def later(reference: Reference, lag_s: float) -> Reference:

@@ -24,11 +24,11 @@ from oarlock.simulation import Motion
 
 from . import chains, others, ours
 from .chains import Link
-from .estimate import Estimate, Outcome, attempt
+from .estimate import OrientationEstimate, Outcome, attempt
 from .results import Collected, Plot, SetResult
 from .rotations import Floats, rotation
 from .scores import HEADED, heading_zeroed, hinge_error_rad, rmse_deg, world_error
-from .stretches import Errors, stretch_plot, worst_of, worst_stretch
+from .worst_window import Errors, window_plot, worst_of, worst_window
 
 MODELS = Path(__file__).parent / "models"
 SEEDS = (1, 2, 3)
@@ -52,7 +52,7 @@ HEADING_AT_S = 1.0
 NEAR_POLE_RAD = np.radians(15.0)
 LOST_RAD = np.radians(20.0)
 JUMP_RAD = np.radians(90.0)
-STRETCH_S = 6.0
+WINDOW_S = 6.0
 
 BODIES = ("upper_arm", "forearm")
 CHAIN = (Link("upper_arm", "yxz"), Link("forearm", "y"))
@@ -72,7 +72,7 @@ TEXT = (
 
 
 @dataclass(frozen=True, eq=False)
-class Trial:
+class HingeTrial:
     """One simulated recording with its truth."""
 
     recording: Recording
@@ -86,7 +86,7 @@ class Trial:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class ReportedLink:
     """An estimate, and the shoulder's angles (T, 3) that its software reports, rad; None if it reports none."""
 
     outcome: Outcome
@@ -100,17 +100,17 @@ def run(_data_folder: Path) -> SetResult:
     plots: list[tuple[float, Plot | None]] = []
     for seed in SEEDS:
         trial = simulated(seed)
-        errors: dict[str, tuple[Estimate, Floats]] = {}
-        for found in _found(trial):
-            outcome = found.outcome
-            if not isinstance(outcome, Estimate):
+        errors: dict[str, tuple[OrientationEstimate, Floats]] = {}
+        for reported in _reported(trial):
+            outcome = reported.outcome
+            if not isinstance(outcome, OrientationEstimate):
                 each.add(outcome, {})
                 continue
             outcome = _headed(outcome, trial.reference)
             error = _upper_arm_error_rad(outcome, trial.reference)
-            kept = trial.reference.time_s > SCORED_AFTER_S
-            each.add(outcome, {f"seed {seed}": rmse_deg(error, kept)})
-            figures = _figures(outcome, found.angles_rad, error, trial)
+            scored_rows = trial.reference.time_s > SCORED_AFTER_S
+            each.add(outcome, {f"seed {seed}": rmse_deg(error, scored_rows)})
+            figures = _figures(outcome, reported.angles_rad, error, trial)
             more.setdefault(outcome.name, (outcome.ours, []))[1].append(figures)
             errors[outcome.name] = outcome, np.degrees(error)
         plots.append(_plot(seed, trial, errors))
@@ -131,7 +131,7 @@ DETAILS_TEXT = (
 )
 
 
-def simulated(seed: int) -> Trial:
+def simulated(seed: int) -> HingeTrial:
     """Recording and truth of one seed."""
     model = oarlock.load_model(str(MODELS / "arm_truth.toml"))
     random = np.random.default_rng(seed)
@@ -153,7 +153,7 @@ def simulated(seed: int) -> Trial:
     angles = np.column_stack([truth[joint].value for joint in ("tilt_x", "tilt_y", "spin_z", "elbow")])
     raised = Rotation.from_euler("x", np.pi / 2)
     quats = chains.world_from_links((Link("upper_arm", "xyz"), Link("forearm", "y")), angles, raised)
-    return Trial(recording, Reference("simulated", truth.time_s, quats))
+    return HingeTrial(recording, Reference("simulated", truth.time_s, quats))
 
 
 def motion(seed: int) -> Motion:
@@ -178,47 +178,47 @@ def _wander(random: np.random.Generator, time_s: Floats) -> Floats:
     return np.asarray(np.mean(np.sin(2 * np.pi * np.outer(time_s, frequencies_hz) + phases), axis=1))
 
 
-def _found(trial: Trial) -> Iterator[Found]:
+def _reported(trial: HingeTrial) -> Iterator[ReportedLink]:
     yield from _ours(trial)
     for source in attempt(VQF_MODES, lambda: others.vqf(trial.recording, VQF_MODES)):
-        yield Found(source)
-        if isinstance(source, Estimate):
+        yield ReportedLink(source)
+        if isinstance(source, OrientationEstimate):
             # Without a common heading no chain fits: the same help as for the score.
             yield from _chained(_headed(source, trial.reference))
 
 
-def _ours(trial: Trial) -> Iterator[Found]:
+def _ours(trial: HingeTrial) -> Iterator[ReportedLink]:
     plain = Recording([_without_mag(stream) for stream in trial.recording if isinstance(stream, ImuStream)])
     for label in ("ball", "hinges"):
         for recording, mode in ((plain, f"{label} 6D"), (trial.recording, f"{label} 9D")):
             yield from _tracked(str(MODELS / f"arm_{label}.toml"), mode, recording)
 
 
-def _tracked(model_file: str, mode: str, recording: Recording) -> Iterator[Found]:
+def _tracked(model_file: str, mode: str, recording: Recording) -> Iterator[ReportedLink]:
     tracks: list[Track] = []
 
-    def estimates() -> Iterator[Estimate]:
+    def estimates() -> Iterator[OrientationEstimate]:
         for estimate, track in ours.track_arm(model_file, mode, recording):
             tracks.append(track)
             yield estimate
 
     outcomes = attempt([name.replace("Oarlock", f"Oarlock {mode}") for name in ours.NAMES], estimates)
     for i, outcome in enumerate(outcomes):
-        has_angles = isinstance(outcome, Estimate) and set(HINGES) <= set(tracks[i].joint_names)
+        has_angles = isinstance(outcome, OrientationEstimate) and set(HINGES) <= set(tracks[i].joint_names)
         angles = np.column_stack([tracks[i][joint].angle_rad for joint in HINGES]) if has_angles else None
-        yield Found(outcome, angles)
+        yield ReportedLink(outcome, angles)
 
 
 def _without_mag(stream: ImuStream) -> ImuStream:
     return ImuStream(stream.name, stream.time_s, gyro_rad_s=stream.gyro_rad_s, accel_m_s2=stream.accel_m_s2)
 
 
-def _chained(source: Estimate) -> Iterator[Found]:
+def _chained(source: OrientationEstimate) -> Iterator[ReportedLink]:
     for outcome, posture in chains.on_chain(source, CHAIN):
-        yield Found(outcome, posture.angles_rad[:, SHOULDER] if posture is not None else None)
+        yield ReportedLink(outcome, posture.angles_rad[:, SHOULDER] if posture is not None else None)
 
 
-def _headed(estimate: Estimate, reference: Reference) -> Estimate:
+def _headed(estimate: OrientationEstimate, reference: Reference) -> OrientationEstimate:
     """Software that knows the chain gets one heading, software that does not one for each unit; 9D needs none."""
     if "6D" not in estimate.name or HEADED in estimate.note:
         return estimate
@@ -226,27 +226,27 @@ def _headed(estimate: Estimate, reference: Reference) -> Estimate:
     return heading_zeroed(estimate, reference, HEADING_AT_S, "upper_arm" if knows_chain else None)
 
 
-def _upper_arm_error_rad(estimate: Estimate, reference: Reference) -> Floats:
+def _upper_arm_error_rad(estimate: OrientationEstimate, reference: Reference) -> Floats:
     difference, good = world_error(estimate, reference, "upper_arm")
     return np.where(good, difference.magnitude(), np.nan)
 
 
 def _figures(
-    estimate: Estimate, angles_rad: Floats | None, error_rad: Floats, trial: Trial
+    estimate: OrientationEstimate, angles_rad: Floats | None, error_rad: Floats, trial: HingeTrial
 ) -> dict[str, float | None]:
-    kept = trial.reference.time_s > SCORED_AFTER_S
+    rows = trial.reference.time_s > SCORED_AFTER_S
     near = trial.pole_distance_rad < NEAR_POLE_RAD
     elbow = hinge_error_rad(estimate, trial.reference, BODIES, "y")
-    lost = np.nan_to_num(error_rad[kept]) > LOST_RAD
+    lost = np.nan_to_num(error_rad[rows]) > LOST_RAD
     flips = None
     if angles_rad is not None:
         steps = np.abs(np.diff(angles_rad[estimate.time_s > SCORED_AFTER_S], axis=0)).max(axis=1)
         flips = float(np.count_nonzero(steps > JUMP_RAD))
     return {
-        "near the pole, deg": rmse_deg(error_rad, kept & near),
-        "far from it, deg": rmse_deg(error_rad, kept & ~near),
-        "largest, deg": float(np.degrees(np.nanmax(error_rad[kept]))),
-        "elbow, deg": rmse_deg(elbow, kept),
+        "near the pole, deg": rmse_deg(error_rad, rows & near),
+        "far from it, deg": rmse_deg(error_rad, rows & ~near),
+        "largest, deg": float(np.degrees(np.nanmax(error_rad[rows]))),
+        "elbow, deg": rmse_deg(elbow, rows),
         "lost": float(np.count_nonzero(lost[1:] & ~lost[:-1]) + lost[0]),
         "flips": flips,
     }
@@ -261,7 +261,7 @@ def _over_seeds(key: str, values: list[float | None]) -> float | int | None:
     return float(max(numbers) if key.startswith("largest") else np.mean(numbers))
 
 
-def _plot(seed: int, trial: Trial, errors: Errors) -> tuple[float, Plot | None]:
+def _plot(seed: int, trial: HingeTrial, errors: Errors) -> tuple[float, Plot | None]:
     """The stretch that is worst for inverse kinematics on three hinges, or for the leading estimate without any.
 
     Only what has magnetometers and no look ahead is drawn: the others drift in heading, which is no matter of hinges.
@@ -271,7 +271,7 @@ def _plot(seed: int, trial: Trial, errors: Errors) -> tuple[float, Plot | None]:
     if not errors:
         return 0.0, None
     chained: Errors = {name: e for name, e in errors.items() if " + " in name} or errors
-    stretch = worst_stretch(chained, time_s, time_s > SCORED_AFTER_S, STRETCH_S)
-    title = f"Seed {seed}, the worst {STRETCH_S:.0f} s of inverse kinematics: {stretch.text}"
+    window = worst_window(chained, time_s, time_s > SCORED_AFTER_S, WINDOW_S)
+    title = f"Seed {seed}, the worst {WINDOW_S:.0f} s of inverse kinematics: {window.text}"
     truth = [("distance from the pole, deg", np.degrees(trial.pole_distance_rad))]
-    return stretch.rms_deg, stretch_plot(f"singular-{seed}", title, errors, time_s, stretch, truth)
+    return window.rms_deg, window_plot(f"singular-{seed}", title, errors, time_s, window, truth)

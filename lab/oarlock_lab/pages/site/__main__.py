@@ -23,7 +23,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument(
         "--without-gallery", action="store_true", help="links instead of reports, to look at prose"
     )
-    asked = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     docs = OUT / "docs"
     shutil.rmtree(docs, ignore_errors=True)
     shutil.rmtree(OUT / "html", ignore_errors=True)
@@ -32,8 +32,8 @@ def main(arguments: list[str] | None = None) -> int:
     commands.write_pages(docs)
     model_keys.write_pages(docs)
     moving_figure.write_picture(docs / "moving-sculler.svg")
-    gallery.write_pages(docs, OUT / "work", made=not asked.without_gallery)
-    status = build(asked.builder)
+    gallery.write_pages(docs, OUT / "work", made=not options.without_gallery)
+    status = build(options.builder)
     if status == 0:
         finish(OUT / "html")
     return status
@@ -42,10 +42,10 @@ def main(arguments: list[str] | None = None) -> int:
 def build(builder: str) -> int:
     """Turn the prepared pages into HTML; a warning is an error."""
     program = Path(sys.executable).with_name(builder)
-    found = subprocess.run(
+    done = subprocess.run(
         [program, "build", "--strict", "--clean"], cwd=ROOT, env={**os.environ, "NO_COLOR": "1"}, check=False
     )
-    return found.returncode
+    return done.returncode
 
 
 if __name__ == "__main__":

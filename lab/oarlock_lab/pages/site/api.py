@@ -22,8 +22,10 @@ WIDTH = 88
 
 def public_names() -> dict[str, list[str]]:
     """The public names of each package, without the version."""
-    every = {one: importlib.import_module(one).__all__ for one in PACKAGES}
-    return {one: sorted(name for name in names if name != "__version__") for one, names in every.items()}
+    every = {package: importlib.import_module(package).__all__ for package in PACKAGES}
+    return {
+        package: sorted(name for name in names if name != "__version__") for package, names in every.items()
+    }
 
 
 def write_pages(docs: Path) -> None:
@@ -39,28 +41,28 @@ def write_pages(docs: Path) -> None:
     for package, names in public_names().items():
         index += [f"\n## {package}\n", "| name | what it is |", "| --- | --- |"]
         for name in names:
-            found, text = _found(tree, package, name)
+            member, text = _definition(tree, package, name)
             if not text:
                 missing.append(f"{package}.{name}")
-            write(folder / package / f"{name}.md", _page(package, name, found, text))
+            write(folder / package / f"{name}.md", _page(package, name, member, text))
             index.append(f"| [`{name}`]({package}/{name}.md) | {_first_line(text)} |")
     if missing:
         raise ValueError(f"public names without a docstring: {', '.join(missing)}")
     write(folder / "index.md", "\n".join(index))
 
 
-def _found(tree: Any, package: str, name: str) -> tuple[Any, str]:
+def _definition(tree: Any, package: str, name: str) -> tuple[Any, str]:
     """What griffe knows of a name, and its docstring; that of compiled classes is known at run time only."""
-    found = tree
+    node = tree
     for part in [*package.split(".")[1:], name]:
-        found = found[part]
-    found = found.final_target if found.is_alias else found
-    return found, _text(found, getattr(importlib.import_module(package), name))
+        node = node[part]
+    node = node.final_target if node.is_alias else node
+    return node, _text(node, getattr(importlib.import_module(package), name))
 
 
-def _text(found: Any, value: object) -> str:
-    if found.docstring:
-        return str(inspect.cleandoc(found.docstring.value))
+def _text(member: Any, value: object) -> str:
+    if member.docstring:
+        return str(inspect.cleandoc(member.docstring.value))
     if inspect.ismodule(value) or callable(value) or inspect.isdatadescriptor(value):
         return inspect.getdoc(value) or ""
     return ""
@@ -71,24 +73,24 @@ def _first_line(text: str) -> str:
     return re.split(r"\n\n|(?<=\.)\s", text.strip())[0].replace("\n", " ").replace("|", "\\|")
 
 
-def _page(package: str, name: str, found: Any, text: str) -> str:
-    lines = [f"# {name}\n", f"`{package}.{name}`\n", *_signature(found, name), _sections(found, text)]
-    if found.is_class:
-        lines += _members(found, getattr(importlib.import_module(package), name))
+def _page(package: str, name: str, member: Any, text: str) -> str:
+    lines = [f"# {name}\n", f"`{package}.{name}`\n", *_signature(member, name), _sections(member, text)]
+    if member.is_class:
+        lines += _members(member, getattr(importlib.import_module(package), name))
     return "\n".join(lines)
 
 
-def _signature(found: Any, name: str) -> list[str]:
-    if found.is_module:
+def _signature(function: Any, name: str) -> list[str]:
+    if function.is_module:
         return []
-    if found.is_attribute:
-        kind = f": {found.annotation}" if found.annotation else ""
+    if function.is_attribute:
+        kind = f": {function.annotation}" if function.annotation else ""
         return ["```python", f"{name}{kind}", "```\n"]
-    shown = re.sub(rf"^{found.name}", name, found.signature() if hasattr(found, "signature") else "")
-    shown = shown or f"class {name}"
-    if len(shown) > WIDTH and "(" in shown:
-        shown = _by_lines(shown)
-    return ["```python", shown, "```\n"]
+    text = re.sub(rf"^{function.name}", name, function.signature() if hasattr(function, "signature") else "")
+    text = text or f"class {name}"
+    if len(text) > WIDTH and "(" in text:
+        text = _by_lines(text)
+    return ["```python", text, "```\n"]
 
 
 def _by_lines(signature: str) -> str:
@@ -105,19 +107,19 @@ def _by_lines(signature: str) -> str:
     return f"{signature[: begin + 1]}\n{body}{signature[last - 1 :]}"
 
 
-def _sections(found: Any, text: str) -> str:
+def _sections(member: Any, text: str) -> str:
     """The docstring in Markdown: its parameters and errors as lists."""
     if not text:
         return ""
     lines: list[str] = []
-    for section in griffe.Docstring(text, parent=found).parse("google", **PARSED):
+    for section in griffe.Docstring(text, parent=member).parse("google", **PARSED):
         if section.kind.value == "text":
             lines.append(f"{_markdown(section.value)}\n")
         elif section.kind.value == "examples":
             lines += [f"```python\n{value}\n```\n" for _, value in section.value]
         elif isinstance(section.value, list):
             lines.append(f"**{section.kind.value.capitalize()}**\n")
-            lines += [_item(one) for one in section.value]
+            lines += [_item(package) for package in section.value]
             lines.append("")
         else:
             lines.append(
@@ -126,9 +128,9 @@ def _sections(found: Any, text: str) -> str:
     return "\n".join(lines)
 
 
-def _item(one: Any) -> str:
-    name = getattr(one, "name", "") or str(getattr(one, "annotation", "") or "")
-    text = _markdown(getattr(one, "description", "")).replace("\n", " ")
+def _item(member: Any) -> str:
+    name = getattr(member, "name", "") or str(getattr(member, "annotation", "") or "")
+    text = _markdown(getattr(member, "description", "")).replace("\n", " ")
     return f"- `{name}`: {text}" if name else f"- {text}"
 
 
@@ -139,42 +141,47 @@ def _markdown(text: str) -> str:
     return "".join(parts)
 
 
-def _members(found: Any, value: Any) -> list[str]:
-    meaning = _meanings(found)
+def _members(owner: Any, value: Any) -> list[str]:
+    meaning = _meanings(owner)
     rows, methods = [], []
-    for name, member in found.all_members.items():
+    for name, member in owner.all_members.items():
         member = member.final_target if member.is_alias else member
         if name.startswith("_") or not (member.is_function or member.is_attribute):
             continue
         text = _text(member, inspect.getattr_static(value, name, None))
         if member.is_function:
             methods += [f"\n## {name}\n", *_signature(member, name), _sections(member, text)]
-        elif text or name not in _parameters(found):
+        elif text or name not in _parameters(owner):
             kind = f"`{member.annotation}`".replace("|", "\\|") if member.annotation else ""
             rows.append(f"| `{name}` | {kind} | {_cell(text) or meaning.get(name, '')} |")
     table = ["\n| attribute | type | meaning |", "| --- | --- | --- |", *rows] if rows else []
     return [*table, *methods]
 
 
-def _parameters(found: Any) -> set[str]:
+def _parameters(member: Any) -> set[str]:
     """Names that the docstring of a class explains itself."""
-    return set(_explained(found)) if found.docstring else set()
+    return set(_explained(member)) if member.docstring else set()
 
 
-def _meanings(found: Any) -> dict[str, str]:
+def _meanings(member: Any) -> dict[str, str]:
     """What the docstrings of a class and of those that it extends say about each attribute."""
-    every = [found]
+    every = [member]
     with suppress(ValueError):  # a base from a compiled module
-        every += found.mro()
-    return {name: text for one in reversed(every) if one.docstring for name, text in _explained(one).items()}
+        every += member.mro()
+    return {
+        name: text
+        for package in reversed(every)
+        if package.docstring
+        for name, text in _explained(package).items()
+    }
 
 
-def _explained(found: Any) -> dict[str, str]:
-    sections = griffe.Docstring(inspect.cleandoc(found.docstring.value), parent=found).parse(
+def _explained(member: Any) -> dict[str, str]:
+    sections = griffe.Docstring(inspect.cleandoc(member.docstring.value), parent=member).parse(
         "google", **PARSED
     )
-    lists = [one.value for one in sections if one.kind.value in ("parameters", "attributes")]
-    return {item.name: _cell(item.description) for one in lists for item in one}
+    lists = [package.value for package in sections if package.kind.value in ("parameters", "attributes")]
+    return {item.name: _cell(item.description) for package in lists for item in package}
 
 
 def _cell(text: str) -> str:

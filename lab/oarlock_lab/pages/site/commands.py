@@ -19,8 +19,8 @@ def write_pages(docs: Path) -> None:
     rows = [f"| [`oarlock {verb}`]({verb}.md) | {text} |" for verb, text in VERBS.items()]
     write(folder / "index.md", "\n".join(["# Commands\n", "| command | does |", "| --- | --- |", *rows]))
     for verb in VERBS:
-        shown = [f"## {title}\n\n```text\n{text}\n```\n" for title, text in helps(verb)]
-        write(folder / f"{verb}.md", f"# oarlock {verb}\n\n{VERBS[verb]}\n\n" + "\n".join(shown))
+        sections = [f"## {title}\n\n```text\n{text}\n```\n" for title, text in helps(verb)]
+        write(folder / f"{verb}.md", f"# oarlock {verb}\n\n{VERBS[verb]}\n\n" + "\n".join(sections))
 
 
 def helps(verb: str) -> Iterator[tuple[str, str]]:
@@ -33,5 +33,5 @@ def _helps(command: Any, path: str) -> Iterator[tuple[str, str]]:
         path, [], resilient_parsing=True, max_content_width=WIDTH, terminal_width=WIDTH
     )
     yield path, command.get_help(context).strip()
-    for name, one in sorted(getattr(command, "commands", {}).items()):
-        yield from _helps(one, f"{path} {name}")
+    for name, subcommand in sorted(getattr(command, "commands", {}).items()):
+        yield from _helps(subcommand, f"{path} {name}")

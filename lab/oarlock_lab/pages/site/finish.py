@@ -30,15 +30,15 @@ def finish(site: Path) -> None:
             page.write_text(
                 text.replace(SHIM_URL, os.path.relpath(site / "iframe-worker.js", page.parent)), "utf-8"
             )
-    if found := requests(site):
-        raise ValueError("the site makes requests: " + "; ".join(found[:5]))
+    if addresses := requests(site):
+        raise ValueError("the site makes requests: " + "; ".join(addresses[:5]))
 
 
 def requests(site: Path) -> list[str]:
     """Elements of pages and style sheets that load something from another server."""
     files = [*site.rglob("*.html"), *site.rglob("*.css")]
     return [
-        f"{file.relative_to(site)}: {found[0][:120]}"
+        f"{file.relative_to(site)}: {match[0][:120]}"
         for file in files
-        for found in REQUEST.finditer(file.read_text(encoding="utf-8", errors="replace"))
+        for match in REQUEST.finditer(file.read_text(encoding="utf-8", errors="replace"))
     ]

@@ -14,7 +14,7 @@ from .stage import ROOT, write
 
 
 @dataclass(frozen=True)
-class Piece:
+class GalleryPage:
     """One page of the gallery.
 
     Args:
@@ -41,21 +41,21 @@ def copy_exports(folder: Path) -> None:
 
 SIMULATE = "simulate --field careful --rate-spm 24 --duration-s 60 --out piece"
 PIECES = (
-    Piece(
+    GalleryPage(
         "demo-sculler.html",
         "A sculler, simulated, with ground truth",
         "Estimates, 95 % bands and the true angles in the same curves.",
         ("demo --out demo",),
         "demo/sculler/smoother/report.html",
     ),
-    Piece(
+    GalleryPage(
         "demo-pendulum.html",
         "A real pendulum of three links",
         "Three recorded units; their mounts were found from the recording itself.",
         (),
         "demo/pendulum/report.html",
     ),
-    Piece(
+    GalleryPage(
         "steady-piece.html",
         "A steady piece with the errors of a careful session",
         "Simulated: mounts and lengths are slightly wrong, packets are lost, clocks drift. "
@@ -63,7 +63,7 @@ PIECES = (
         (SIMULATE, "track piece --model sculler --smooth --out tracked"),
         "tracked/report.html",
     ),
-    Piece(
+    GalleryPage(
         "ramp.html",
         "A ramp from 20 to 34 strokes a minute",
         "What changes with the rate is not a fault of technique.",
@@ -73,14 +73,14 @@ PIECES = (
         ),
         "ramped/report.html",
     ),
-    Piece(
+    GalleryPage(
         "two-pieces.html",
         "Two pieces side by side",
         "The ramp beside the steady piece.",
         ("report ramped --compare tracked --to two.html",),
         "two.html",
     ),
-    Piece(
+    GalleryPage(
         "arm.html",
         "An arm in its calibration session",
         "No rowing: joint angles with bands, and the health of each sensor.",
@@ -90,14 +90,14 @@ PIECES = (
         ),
         "reach/track/report.html",
     ),
-    Piece(
+    GalleryPage(
         "calibration.html",
         "The page of a calibration session",
         "What was found, how certain it is, and what to repeat.",
         (),
         "reach/calibration.html",
     ),
-    Piece(
+    GalleryPage(
         "export.html",
         "An export alone",
         "A SpeedCoach with EmPower: angles, force and power of another device, without any inertial unit.",
@@ -105,7 +105,7 @@ PIECES = (
         "export.html",
         copy_exports,
     ),
-    Piece(
+    GalleryPage(
         "crew.html",
         "A crew of four",
         "Recordings of four seats with encoders on the oars, simulated: bow is 25 ms late at the catch.",
@@ -113,14 +113,14 @@ PIECES = (
         "crew.html",
         write_crew,
     ),
-    Piece(
+    GalleryPage(
         "moving-figure.html",
         "The moving figure beside its curves",
         "Space plays, the mouse turns, 1 to 9 are views.",
         ("view tracked --start-s 20 --end-s 30 --every-s 0.05 --to figure.html --no-open",),
         "figure.html",
     ),
-    Piece(
+    GalleryPage(
         "season.html",
         "The season of a squad",
         "Synthetic: twelve athletes over a year.",
@@ -155,8 +155,8 @@ def write_pages(docs: Path, work: Path, made: bool = True) -> None:
             shutil.copyfile(work / piece.made, folder / piece.file)
         else:
             (folder / piece.file).write_text("<!doctype html><title>not made</title>", encoding="utf-8")
-        shown = "\n".join(f"oarlock {command}" for command in piece.commands)
-        code = f"```sh\n{shown}\n```\n" if shown else "Made by the commands above.\n"
+        commands = "\n".join(f"oarlock {command}" for command in piece.commands)
+        code = f"```sh\n{commands}\n```\n" if commands else "Made by the commands above.\n"
         lines += [
             f"## {piece.title}\n",
             f"{piece.text} [Open](gallery/{piece.file}){{target=_blank}}\n",

@@ -27,7 +27,7 @@ TABLES: Mapping[str, str] = {
 """A table, and a file with an unknown key in it: the engine answers with the keys that it knows."""
 BEFORE = {"extends", "mirror", "part"}
 """Keys that are resolved before the engine reads a model."""
-SHOWN = re.compile(r"unknown key `no_key`; valid: (.*?)$", re.M)
+VALID_KEYS = re.compile(r"unknown key `no_key`; valid: (.*?)$", re.M)
 
 
 def write_pages(docs: Path) -> None:
@@ -54,11 +54,11 @@ def check_keys() -> None:
         ValueError: they differ.
     """
     for table, probe in TABLES.items():
-        known, count = _known(probe)
+        engine_keys, count = _engine_keys(probe)
         written = keys_of(table)
-        if not known <= written or count != len(written):
+        if not engine_keys <= written or count != len(written):
             raise ValueError(
-                f"{table}: the table has {sorted(written)}; the engine knows {count}: {sorted(known)}"
+                f"{table}: the table has {sorted(written)}; the engine knows {count}: {sorted(engine_keys)}"
             )
 
 
@@ -68,16 +68,16 @@ def keys_of(table: str) -> set[str]:
     return (keys - BEFORE) | (set(KEYS) - {"file", "cone"}) if table == "file" else keys
 
 
-def _known(probe: str) -> tuple[set[str], int]:
+def _engine_keys(probe: str) -> tuple[set[str], int]:
     """Keys in the engine's answer, and how many there are; the answer shows twelve."""
     try:
         oarlock.Model.from_toml(probe, "probe.toml", {})
     except oarlock.ModelError as error:
-        found = SHOWN.search(str(error))
-        if found is None:
+        match = VALID_KEYS.search(str(error))
+        if match is None:
             raise
-        keys = set(re.findall(r"`(\w+)`", found[1]))
-        more = re.search(r"\((\d+) in all\)", found[1])
+        keys = set(re.findall(r"`(\w+)`", match[1]))
+        more = re.search(r"\((\d+) in all\)", match[1])
         return keys, int(more[1]) if more else len(keys)
     raise ValueError("the engine accepted an unknown key")
 
@@ -89,13 +89,13 @@ def _models() -> str:
         "`oarlock model show NAME` prints one in full, `oarlock model copy` makes a copy to change.",
     ]
     for name in model_names():
-        shown = oarlock.load_model(name).describe()
-        lines += [f"\n## {name}\n", f"{shown.description}\n", "| what | names |", "| --- | --- |"]
+        description = oarlock.load_model(name).describe()
+        lines += [f"\n## {name}\n", f"{description.description}\n", "| what | names |", "| --- | --- |"]
         for title, each in (
-            ("joints", shown.joints),
-            ("sensors", shown.sensors),
-            ("parameters", shown.parameters),
+            ("joints", description.joints),
+            ("sensors", description.sensors),
+            ("parameters", description.parameters),
         ):
-            names = ", ".join(f"`{one.name}`" for one in each)
+            names = ", ".join(f"`{part.name}`" for part in each)
             lines.append(f"| {len(each)} {title} | {names} |")
     return "\n".join(lines)

@@ -37,7 +37,9 @@ def write_picture(file: Path) -> None:
     rows = np.searchsorted(track.time_s, BEGIN_S + STROKE_S * np.arange(FRAMES) / FRAMES)
     figure = list(_outlines(track, rows))
     # The hull is longer than the picture.
-    corners = np.concatenate([one for part, frames in figure if part != "shell" for one in frames])
+    corners = np.concatenate(
+        [corners_of_frame for part, frames in figure if part != "shell" for corners_of_frame in frames]
+    )
     low, high = corners.min(axis=0) - MARGIN_M, corners.max(axis=0) + MARGIN_M
     size = (high - low) * SCALE
     lines = [
@@ -58,25 +60,25 @@ def write_picture(file: Path) -> None:
 
 def _outlines(track: oarlock.Track, rows: NDArray[np.int64]) -> Iterator[tuple[str, list[Floats]]]:
     """Each part of the body with its outline in the picture at each row."""
-    look = rowing.rowing_look(track)
-    assert look is not None
-    shapes = [one for one in look.shapes if one.part != "frame"]
-    for shape in sorted(shapes, key=lambda one: one.part != "shell"):
+    drawing = rowing.rowing_look(track)
+    assert drawing is not None
+    shapes = [candidate for candidate in drawing.shapes if candidate.part != "frame"]
+    for shape in sorted(shapes, key=lambda candidate: candidate.part != "shell"):
         if shape.frame == "root":
             corners = np.broadcast_to(shape.vertices_m, (len(rows), *shape.vertices_m.shape))
         else:
-            turned = _matrices(track.frame_quat_wxyz(shape.frame)[rows]) @ shape.vertices_m.T
-            corners = turned.transpose(0, 2, 1) + track.frame_positions(shape.frame)[rows][:, None]
-        yield shape.part, [_hull(one @ TO_PICTURE) for one in corners]
-    for strand in look.strands:
+            rotated = _matrices(track.frame_quat_wxyz(shape.frame)[rows]) @ shape.vertices_m.T
+            corners = rotated.transpose(0, 2, 1) + track.frame_positions(shape.frame)[rows][:, None]
+        yield shape.part, [_hull(candidate @ TO_PICTURE) for candidate in corners]
+    for strand in drawing.strands:
         for begin in range(strand.places_m.shape[1] - 1):
             ends = strand.places_m[rows, begin : begin + 2]
-            yield strand.part, [_rod(one @ TO_PICTURE, strand.radius_m) for one in ends]
+            yield strand.part, [_rod(candidate @ TO_PICTURE, strand.radius_m) for candidate in ends]
     for side in ("r", "l"):
         chain = [f"{side}_shoulder", f"{side}_elbow", f"{side}_wrist"]
-        places = np.stack([track.frame_positions(one)[rows] for one in chain], axis=1)
+        places = np.stack([track.frame_positions(candidate)[rows] for candidate in chain], axis=1)
         for begin in (0, 1):
-            yield "body", [_rod(one @ TO_PICTURE, 0.04) for one in places[:, begin : begin + 2]]
+            yield "body", [_rod(candidate @ TO_PICTURE, 0.04) for candidate in places[:, begin : begin + 2]]
 
 
 def _matrices(quat_wxyz: Floats) -> Floats:

@@ -148,14 +148,14 @@ def presume(name: str, folder: Path, pool: Path, run: Callable[[Path, str], obje
     for file in DATA:
         if data(file).exists():
             (folder / file).symlink_to(data(file))
-    for one in PRESUMED.get(name, ()):
-        called, _, source = one.partition("=")
-        _make(source or called, pool, run)
-        made = pool / (source or called)
+    for item in PRESUMED.get(name, ()):
+        target, _, source = item.partition("=")
+        _make(source or target, pool, run)
+        made = pool / (source or target)
         if made.is_dir():
-            shutil.copytree(made, folder / called)
+            shutil.copytree(made, folder / target)
         else:
-            shutil.copyfile(made, folder / called)
+            shutil.copyfile(made, folder / target)
 
 
 def _make(name: str, pool: Path, run: Callable[[Path, str], object]) -> None:

@@ -48,15 +48,15 @@ def _copy(source: Path, target: Path, docs: Path) -> None:
 def linked(text: str, source: Path, target: Path, docs: Path) -> str:
     """Text of a page of the repository with links that are right where it goes in the site."""
 
-    def moved(found: re.Match[str]) -> str:
-        before, link, after = (one for one in found.groups() if one is not None)
+    def relocated(match: re.Match[str]) -> str:
+        before, link, after = (part for part in match.groups() if part is not None)
         path, mark, anchor = link.partition("#")
         if not path or "://" in link or path.startswith("mailto:"):
-            return found[0]
+            return match[0]
         place = _place((source.parent / path).resolve(), docs)
-        return f"{before}{os.path.relpath(place, target.parent)}{mark}{anchor}{after}" if place else found[0]
+        return f"{before}{os.path.relpath(place, target.parent)}{mark}{anchor}{after}" if place else match[0]
 
-    return LINK.sub(moved, text)
+    return LINK.sub(relocated, text)
 
 
 def _place(file: Path, docs: Path) -> Path | None:
@@ -79,9 +79,9 @@ def _place(file: Path, docs: Path) -> Path | None:
 
 def _equations(text: str) -> str:
     text = EQUATION.sub(
-        lambda found: f'<div class="equation" tabindex="0">{_mathml(found[1], "block")}</div>', text
+        lambda match: f'<div class="equation" tabindex="0">{_mathml(match[1], "block")}</div>', text
     )
-    return INLINE.sub(lambda found: f"<span>{_mathml(found[1], 'inline')}</span>", text)
+    return INLINE.sub(lambda match: f"<span>{_mathml(match[1], 'inline')}</span>", text)
 
 
 def _mathml(latex: str, display: str) -> str:

@@ -97,9 +97,9 @@ class Reader:
 
     def follow(self, page: str) -> list[tuple[str, float]]:
         """Run all steps of a page; each command with its seconds."""
-        taken = (step for step, why in with_reasons(page) if not why)
+        runnable = (step for step, why in with_reasons(page) if not why)
         try:
-            return [(step.title, self.run(step)) for step in taken if not self.wrote(step)]
+            return [(step.title, self.run(step)) for step in runnable if not self.wrote(step)]
         finally:
             for process in self.running:
                 _stop(process)
@@ -150,7 +150,7 @@ class Reader:
         if looker[0].wait(ENDS_S):
             raise RuntimeError(f"{text}\n{self.output('_looking.txt')}")
 
-    def finish(self, command: str, shown: str = "") -> str:
+    def finish(self, command: str, expected: str = "") -> str:
         """Run a command to its end; what it printed."""
         done = subprocess.run(
             ["bash", "-c", command],
@@ -161,8 +161,8 @@ class Reader:
             stdin=subprocess.DEVNULL,
         )
         if done.returncode:
-            said = f"{done.stdout[-2000:]}\n{done.stderr[-2000:]}"
-            raise RuntimeError(f"{shown or command}\nexit status {done.returncode}\n{said}")
+            output = f"{done.stdout[-2000:]}\n{done.stderr[-2000:]}"
+            raise RuntimeError(f"{expected or command}\nexit status {done.returncode}\n{output}")
         return done.stdout
 
     def start(self, command: str, output: str = "_output.txt") -> subprocess.Popen[bytes]:
@@ -199,11 +199,11 @@ class Reader:
     def address(self, process: subprocess.Popen[bytes], command: str) -> str:
         """The address that a server prints."""
         ends = time.monotonic() + STARTS_S
-        while not (found := ADDRESS.search(self.output())):
+        while not (match := ADDRESS.search(self.output())):
             if process.poll() is not None or time.monotonic() > ends:
                 raise RuntimeError(f"{command}\nno address of a page\n{self.output()[-2000:]}")
             time.sleep(POLL_S)
-        return found.group()
+        return match.group()
 
     def pseudonym(self) -> str:
         """The first athlete of the page's season, in place of the one that the page names."""
@@ -223,18 +223,18 @@ def _stop(process: subprocess.Popen[bytes]) -> int:
 
 def environment(programs: Path, home: Path) -> dict[str, str]:
     """Without what would let the checkout's package be found before the one that is installed there."""
-    kept = {
+    variables = {
         name: value
         for name, value in os.environ.items()
         if not name.startswith(("PYTHON", "OARLOCK", "VIRTUAL_ENV"))
     }
     if programs == Path(sys.executable).parent and "PYTHONPATH" in os.environ:  # the checkout itself
-        kept["PYTHONPATH"] = os.environ["PYTHONPATH"]
+        variables["PYTHONPATH"] = os.environ["PYTHONPATH"]
     home.mkdir(exist_ok=True)
     caches = os.environ.get("XDG_CACHE_HOME", str(Path.home() / ".cache"))
     return {
-        **kept,
-        "PATH": f"{programs}{os.pathsep}{kept.get('PATH', '')}",
+        **variables,
+        "PATH": f"{programs}{os.pathsep}{variables.get('PATH', '')}",
         "BROWSER": "true",
         "MPLBACKEND": "Agg",
         "HOME": str(home),

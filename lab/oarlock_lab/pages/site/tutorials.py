@@ -35,13 +35,13 @@ def measured(python: Path = Path(sys.executable)) -> dict[str, Any]:
     Raises:
         RuntimeError: a command failed.
     """
-    found: dict[str, Any] = {}
+    figures: dict[str, Any] = {}
     for name in TUTORIALS:
         with TemporaryDirectory() as folder:
-            found[name] = [
+            figures[name] = [
                 {"command": text, "s": round(s, 1)} for text, s in run(name, python.parent, Path(folder))
             ]
-    return {"machine": machine(), "tutorials": found}
+    return {"machine": machine(), "tutorials": figures}
 
 
 def machine() -> str:
@@ -55,9 +55,9 @@ def sections(record: Record) -> Mapping[str, Mapping[str, str]]:
     """The time that each tutorial's commands take."""
     made = f"{made_text(record)}, installed from a wheel, on {record['machine']}; "
     made += "`make pages PAGES=tutorials` measures it anew."
-    found = {}
+    sections_by_name = {}
     for name, commands in record["tutorials"].items():
-        total_s, longest_s = (f([one["s"] for one in commands]) for f in (sum, max))
-        shown = f"All commands take {total_s:.1f} s, the longest {longest_s:.1f} s."
-        found[f"docs/tutorials/{name}.md"] = {"times": f"{shown}\n\n{made}"}
-    return found
+        total_s, longest_s = (f([command["s"] for command in commands]) for f in (sum, max))
+        sentence = f"All commands take {total_s:.1f} s, the longest {longest_s:.1f} s."
+        sections_by_name[f"docs/tutorials/{name}.md"] = {"times": f"{sentence}\n\n{made}"}
+    return sections_by_name

@@ -7,16 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .estimate import Estimate
-from .results import Curve, Panel, Plot
+from .estimate import OrientationEstimate
+from .results import Panel, Plot, ResultCurve
 from .rotations import Bools, Floats
 
-Errors = Mapping[str, tuple[Estimate, Floats]]
+Errors = Mapping[str, tuple[OrientationEstimate, Floats]]
 """Name of a software -> its estimate, and its errors over the reference's samples, deg."""
 
 
 @dataclass(frozen=True)
-class Stretch:
+class ErrorWindow:
     """A span of time in s, and the leading estimate's RMS error in it, deg."""
 
     start_s: float
@@ -38,31 +38,31 @@ def leading(errors: Errors) -> Floats:
     return sorted(errors.values(), key=lambda pair: not pair[0].ours)[0][1]
 
 
-def worst_stretch(errors: Errors, time_s: Floats, kept: Bools, length_s: float) -> Stretch:
+def worst_window(errors: Errors, time_s: Floats, rows: Bools, length_s: float) -> ErrorWindow:
     """The stretch of this length in which the leading estimate's errors are largest, root mean square."""
-    squares = np.where(kept, np.nan_to_num(leading(errors)), 0.0) ** 2
+    squares = np.where(rows, np.nan_to_num(leading(errors)), 0.0) ** 2
     count = min(len(time_s) - 1, max(1, round(length_s / float(np.median(np.diff(time_s))))))
     sums = np.concatenate([[0.0], np.cumsum(squares)])
     first = int(np.argmax(sums[count:-1] - sums[: -count - 1]))
     mean = (sums[first + count] - sums[first]) / count
-    return Stretch(float(time_s[first]), float(time_s[first + count]), float(np.sqrt(mean)))
+    return ErrorWindow(float(time_s[first]), float(time_s[first + count]), float(np.sqrt(mean)))
 
 
-def curves(errors: Errors, time_s: Floats, stretch: Stretch) -> tuple[Curve, ...]:
+def curves(errors: Errors, time_s: Floats, window: ErrorWindow) -> tuple[ResultCurve, ...]:
     """One curve an estimate, cut to the stretch."""
-    inside = stretch.of(time_s)
+    inside = window.of(time_s)
     return tuple(
-        Curve(name, time_s[inside], values[inside], "ours" if estimate.ours else "other")
+        ResultCurve(name, time_s[inside], values[inside], "ours" if estimate.ours else "other")
         for name, (estimate, values) in errors.items()
     )
 
 
 def worst_plot(
     name: str,
-    what: str,
+    caption: str,
     errors: Errors,
     time_s: Floats,
-    kept: Bools,
+    rows: Bools,
     length_s: float,
     truth: Sequence[tuple[str, Floats]] = (),
 ) -> tuple[float, Plot | None]:
@@ -70,10 +70,10 @@ def worst_plot(
 
     Args:
         name: the plot's.
-        what: the trial, as the title names it.
+        caption: the trial, as the title names it.
         errors: by software.
         time_s: (T,) the reference's stamps.
-        kept: (T,) samples that are scored.
+        rows: (T,) samples that are scored.
         length_s: of the stretch.
         truth: (label with unit, (T,) values) of the reference.
 
@@ -83,23 +83,25 @@ def worst_plot(
     """
     if not errors:
         return 0.0, None
-    stretch = worst_stretch(errors, time_s, kept, length_s)
-    title = f"Worst {length_s:.0f} s: {what}, {stretch.text}"
-    return stretch.rms_deg, stretch_plot(name, title, errors, time_s, stretch, truth)
+    window = worst_window(errors, time_s, rows, length_s)
+    title = f"Worst {length_s:.0f} s: {caption}, {window.text}"
+    return window.rms_deg, window_plot(name, title, errors, time_s, window, truth)
 
 
-def stretch_plot(
+def window_plot(
     name: str,
     title: str,
     errors: Errors,
     time_s: Floats,
-    stretch: Stretch,
+    window: ErrorWindow,
     truth: Sequence[tuple[str, Floats]] = (),
 ) -> Plot:
     """Errors of all software in a stretch, above curves of what was really there; arguments as `worst_plot`."""
-    inside = stretch.of(time_s)
-    panels: list[Panel] = [("error, deg", curves(errors, time_s, stretch))]
-    panels += [(label, (Curve("reference", time_s[inside], v[inside], "reference"),)) for label, v in truth]
+    inside = window.of(time_s)
+    panels: list[Panel] = [("error, deg", curves(errors, time_s, window))]
+    panels += [
+        (label, (ResultCurve("reference", time_s[inside], v[inside], "reference"),)) for label, v in truth
+    ]
     return Plot(name, title, tuple(panels))
 
 
