@@ -7,7 +7,7 @@ import pytest
 
 import oarlock
 from oarlock import rowing
-from oarlock_lab.bench.apart import JITTER_S, RATES_HZ, COMMON_HZ, recorded
+from oarlock_lab.bench.apart import COMMON_HZ, JITTER_S, RATES_HZ, recorded
 from refusals import assert_refused
 
 

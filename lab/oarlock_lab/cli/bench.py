@@ -118,8 +118,9 @@ def _show(bench: Bench) -> None:
                 for name, steps_s, problem in software
             ],
             "notes": [
-                f"The textbook's UKF is the same filter with dense matrices; {REFERENCE_TEXTBOOK_US:.0f} us at 41 states "
-                "on one core of a 3.7 GHz Zen 4. If it is slower on this machine, compare times instead of ratios.",
+                f"The textbook's UKF is the same filter with dense matrices; {REFERENCE_TEXTBOOK_US:.0f} us at "
+                "41 states on one core of a 3.7 GHz Zen 4. If it is slower on this machine, compare times instead of "
+                "ratios.",
                 *(
                     f"{software_timing.package} {software_timing.version} does not run: {software_timing.reason}"
                     for software_timing in bench.failed

@@ -7,6 +7,8 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
+from oarlock_lab.validation.__main__ import SETS
+
 from . import coverage, emulated, faults, record, robustness, status, structures, tables, validation
 from .sections import into_page
 from .site import tutorials
@@ -30,7 +32,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"{', '.join(NAMES)}; default: all")
     parser.add_argument("--seeds", type=int, help="robustness, coverage, faults: only N seeds")
     parser.add_argument("--jobs", type=int, help="robustness, faults: processes; else all cores")
-    parser.add_argument("--sets", nargs="+", choices=list(validation.SETS), help="validation: only these")
+    parser.add_argument("--sets", nargs="+", choices=list(SETS), help="validation: only these")
     parser.add_argument("--python", type=Path, help="tutorials: a Python in which a wheel is installed")
     parser.add_argument("--recorded", action="store_true", help="write the pages, measure nothing")
     options = parser.parse_args(arguments)
@@ -63,8 +65,8 @@ def _measured(name: str, options: argparse.Namespace) -> Iterator[record.Record]
     elif name == "emulated":
         yield record.stamped(emulated.measured())
     else:
-        seeds = None if options.seeds is None else range(options.seeds)
-        yield record.stamped(robustness.measured(seeds, options.jobs))
+        count: int | None = options.seeds
+        yield record.stamped(robustness.measured(None if count is None else range(count), options.jobs))
 
 
 def write(name: str, root: Path = record.ROOT) -> list[Path]:

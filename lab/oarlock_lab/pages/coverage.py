@@ -20,7 +20,7 @@ import oarlock
 from oarlock import Recording, Track
 from oarlock.evaluation.errors import BAND_95
 from oarlock.evaluation.reference import Reference
-from oarlock.formats.datasets.dfjimu import read_dfjimu, read_dfjimu_reference
+from oarlock.formats.datasets.dfjimu import BODIES, read_dfjimu, read_dfjimu_reference
 from oarlock.formats.datasets.diodem import read_diodem, read_diodem_reference
 from oarlock.model.coordinates import joint_columns
 from oarlock.report.text import percent
@@ -160,7 +160,7 @@ def _scored(track: Track, trial: StatusTrial) -> Joints:
 
 def _two_units(file: Path, removed: bool) -> dict[str, Joints]:
     recording, reference = read_dfjimu(file), read_dfjimu_reference(file)
-    joints = {"ball": Joint(dfjimu.BODIES)}
+    joints = {"ball": Joint(BODIES)}
     tracks = ours.dfjimu_tracks(recording)
     return _against(recording, reference, tracks, joints, dfjimu.SCORED_AFTER_S, removed)
 

@@ -23,7 +23,8 @@ from oarlock import DataError, DivergedError, Recording, Track
 from oarlock.recording import ImuStream, ScalarStream
 from oarlock.recording.streams import Stream
 from oarlock.rowing import FieldEffects, simulate_field
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Bools, Floats
+from oarlock.tracking.joint_series import HingeSeries
 
 from .record import Record, made_text
 from .sections import table
@@ -77,7 +78,7 @@ def _stamps(by: Callable[[Floats], Floats]) -> Spoil:
     return _stream(lambda s, _: s.at_rows(slice(None), time_s=s.time_s[0] + by(s.time_s - s.time_s[0])))
 
 
-def _rows(keep: Callable[[Floats, np.random.Generator], Floats]) -> Spoil:
+def _rows(keep: Callable[[Floats, np.random.Generator], Bools]) -> Spoil:
     return _stream(lambda s, random: s.at_rows(np.flatnonzero(keep(s.time_s - s.time_s[0], random))))
 
 
@@ -112,7 +113,7 @@ def _jumping(v: Floats, _: Floats, random: np.random.Generator) -> Floats:
 
 
 def _axis(angle_deg: float) -> Floats:
-    return Rotation.from_rotvec(np.radians(angle_deg) * np.array([0.6, -0.64, 0.48])).as_matrix()
+    return np.asarray(Rotation.from_rotvec(np.radians(angle_deg) * np.array([0.6, -0.64, 0.48])).as_matrix())
 
 
 BIAS = np.array([0.6, -0.6, 0.53])
@@ -202,16 +203,17 @@ def body(name: str, seed: int) -> tuple[oarlock.Model, Recording, Track, oarlock
         trial = simulate_field(model, FieldEffects(), duration_s=DURATION_S, rate_spm=26.0, seed=seed)
         return model, trial.recording, trial.truth, trial.calibration
     random, time_s = np.random.default_rng(seed), np.arange(0.0, DURATION_S, 0.01)
+    limits = {joint.name: joint.limits for joint in model.describe().joints}
     q = []
     for joint in model.joint_names:
         frequency_hz, phase_rad = random.uniform(0.1, 0.8, 4), random.uniform(0.0, 2.0 * np.pi, 4)
         waves = np.sin(2.0 * np.pi * frequency_hz * time_s[:, None] + phase_rad).sum(axis=1) / np.sqrt(2.0)
-        low, high = next(j.limits for j in model.describe().joints if j.name == joint) or (-1.0, 1.0)
+        low, high = limits[joint]
         size = min(0.4 * (high - low), 0.5)
         middle = float(np.clip(0.0, low + size, high - size))
         q.append(np.minimum(time_s / 2.0, 1.0) * (middle + size * np.tanh(waves / 1.5)))
     truth, recording = oarlock.simulate(
-        model, oarlock.simulation.Motion(model.joint_names, time_s, np.column_stack(q)), seed=seed
+        model, oarlock.simulation.Motion(tuple(model.joint_names), time_s, np.column_stack(q)), seed=seed
     )
     return model, recording, truth, None
 
@@ -253,9 +255,11 @@ def is_certain(track: Track, truth: Track) -> bool:
     rows = (time_s > SETTLED_S) & (time_s < truth.time_s[-1])
     for name in track.joint_names:
         joint = track[name]
-        if not hasattr(joint, "angle_rad") or "oar" in name or not rows.any():
+        true_series = truth[name]
+        if not isinstance(joint, HingeSeries) or "oar" in name or not rows.any():
             continue
-        true = np.interp(time_s[rows], truth.time_s, truth[name].angle_rad)  # type: ignore[union-attr]
+        assert isinstance(true_series, HingeSeries)
+        true = np.interp(time_s[rows], truth.time_s, true_series.angle_rad)
         error = np.abs((joint.angle_rad[rows] - true + np.pi) % (2.0 * np.pi) - np.pi)
         bad = (error > CERTAIN_STDS * joint.std_rad[rows]) & joint.observed[rows]
         if bad.mean() > CERTAIN_SHARE:

@@ -45,7 +45,7 @@ def _git(root: Path, *arguments: str) -> str:
     return done.stdout.strip()
 
 
-def made_text(record: Record) -> str:
+def made_text(record: Mapping[str, Any]) -> str:
     """A sentence for the page: date, version and commit."""
     made = record["made"]
     return f"Measured on {made['date']} with Oarlock {made['oarlock']}, commit {made['commit']}"

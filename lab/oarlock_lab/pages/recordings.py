@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import oarlock
+from oarlock.model.coordinates import joint_units
 from oarlock.storage.arrays import Floats
-from oarlock.tracking.track import joint_units
 
 UNITS = ("back", "r_upperarm", "r_forearm", "l_upperarm", "l_forearm")
 ENCODERS = ("seat", "r_oar_phi", "r_oar_alpha", "l_oar_phi", "l_oar_alpha")
@@ -77,7 +77,7 @@ def nominal_lengths(arrays: Mapping[str, Any]) -> dict[str, float]:
 
 def _nominal_mounts(arrays: Mapping[str, Any]) -> dict[str, tuple[Floats, Floats]]:
     rotations, offsets = arrays["nominal_mount_rotation"], arrays["nominal_mount_offset_m"]
-    return {unit: pair for unit, *pair in zip(UNITS, rotations, offsets, strict=True)}
+    return {unit: (turn, at) for unit, turn, at in zip(UNITS, rotations, offsets, strict=True)}
 
 
 def _recording(arrays: Mapping[str, Any]) -> oarlock.Recording:

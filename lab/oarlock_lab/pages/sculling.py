@@ -10,8 +10,7 @@ import numpy as np
 import oarlock
 from oarlock.evaluation.errors import position_score
 from oarlock.evaluation.resample import resample
-
-from .recordings import Floats
+from oarlock.storage.arrays import Floats
 
 SHOULDER = ("shoulder_abduction", "shoulder_rotation", "shoulder_flexion")
 ARM = (*SHOULDER, "elbow_flexion", "elbow_rotation")

@@ -6,20 +6,21 @@ import os
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, Literal
 
 import numpy as np
 
 import oarlock
 from oarlock import Config
 from oarlock.rowing import FieldEffects
+from oarlock.tracking.joint_series import HingeSeries
 
 from .record import Record, made_text
 from .sculling import ELEVEN, HANDS, SETTLED_S, angles
 from .sections import table
 from .status import RECORDINGS, Make, StatusTrial, field_trial, read_trial
 
-STRUCTURES = ("tree", "strapdown")
+STRUCTURES: Final = ("tree", "strapdown")
 SEEDS = (1, 2, 3)
 
 
@@ -48,10 +49,10 @@ def measured() -> dict[str, Any]:
     return {"rows": figures}
 
 
-def _scores(trial: StatusTrial, structure: str) -> dict[str, float]:
+def _scores(trial: StatusTrial, structure: Literal["strapdown", "tree"]) -> dict[str, float]:
     config = Config(structure=structure)
     live = oarlock.track(oarlock.load_model("sculler"), trial.recording, trial.nominal, config)
-    rows_by_structure = {}
+    rows_by_structure: dict[str, float] = {}
     for when, track in (("live", live), ("smoothed", oarlock.smooth(live))):
         scores = angles(track, trial.truth)
         rows_by_structure |= {
@@ -70,9 +71,11 @@ def _e2_over_var(track: oarlock.Track, truth: oarlock.Track) -> float:
     late = track.time_s >= track.time_s[0] + SETTLED_S
     ratios = []
     for joint in ELEVEN:
-        true = np.interp(track.time_s[late], truth.time_s, truth[joint].angle_rad)
-        error = np.remainder(track[joint].angle_rad[late] - true + np.pi, 2 * np.pi) - np.pi
-        ratios.append(np.mean((error / track[joint].std_rad[late]) ** 2))
+        ours, true_series = track[joint], truth[joint]
+        assert isinstance(ours, HingeSeries) and isinstance(true_series, HingeSeries)
+        true = np.interp(track.time_s[late], truth.time_s, true_series.angle_rad)
+        error = np.remainder(ours.angle_rad[late] - true + np.pi, 2 * np.pi) - np.pi
+        ratios.append(np.mean((error / ours.std_rad[late]) ** 2))
     return float(np.mean(ratios))
 
 

@@ -70,10 +70,10 @@ def metrics() -> str:
         moments = _MOMENT.findall(text)
         text = _MOMENT.sub("{}", text) if len(moments) == 1 else text
         rows.setdefault((unit, text, feature.sign, source), []).append((columns, "".join(moments)))
-    cells = []
-    for (unit, text, sign, source), models in rows.items():
-        names, moments = (", ".join(dict.fromkeys(parts)) for parts in zip(*models, strict=True))
-        cells.append([names, unit, text.format(moments), sign, source])
+    cells: list[Sequence[str]] = []
+    for (unit, definition, sign, source), models in rows.items():
+        columns_of_row, moment_text = (", ".join(dict.fromkeys(parts)) for parts in zip(*models, strict=True))
+        cells.append([columns_of_row, unit, definition.format(moment_text), sign, source])
     return _table(("column", "shown in", "definition", "positive", "source"), cells)
 
 

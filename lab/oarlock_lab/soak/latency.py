@@ -25,6 +25,7 @@ import numpy as np
 
 from oarlock.evaluation.comparison.comparison import processor
 from oarlock.live.transports.udp import free_port
+from oarlock.storage.arrays import Floats
 from oarlock_lab.pages.sections import into_page, table
 from oarlock_lab.soak.child import FIGURES
 
@@ -61,10 +62,10 @@ class LatencyRun:
     seconds: float
 
     @property
-    def rows(self) -> np.ndarray:
+    def rows(self) -> Floats:
         """Moment, arrival, time out and processor time of the estimates after warming, s."""
-        rows = np.array(self.figures["rows"])
-        return rows[rows[:, 2] > rows[-1, 2] - self.seconds]
+        rows: Floats = np.array(self.figures["rows"])
+        return np.asarray(rows[rows[:, 2] > rows[-1, 2] - self.seconds])
 
     def cells(self) -> list[str]:
         """A row of the table."""
@@ -137,8 +138,8 @@ def _painted(url: str, page: int, seconds: float) -> list[dict[str, float]]:
 
     with sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=list(FLAGS))
-        size = dict(zip(("width", "height"), SIZES[page], strict=True))
-        tab = browser.new_context(viewport=size).new_page()
+        width, height = SIZES[page]
+        tab = browser.new_context(viewport={"width": width, "height": height}).new_page()
         tab.goto(url)
         time.sleep(WARM_S)
         tab.evaluate("() => { oarlock.live.painted.length = 0; }")

@@ -10,12 +10,12 @@ import numpy as np
 
 from oarlock import Recording
 from oarlock.formats.datasets.broad import BODY, read_broad, read_broad_reference
+from oarlock.storage.arrays import Floats
 
 from . import others, ours
 from .estimate import OrientationEstimate, Outcome, attempt
 from .limits import limits, punctual
 from .results import Collected, Plot, SetResult
-from .rotations import Floats
 from .scores import attitude_error_rad, later, rmse_deg
 from .worst_window import worst_of, worst_plot
 

@@ -16,8 +16,10 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from oarlock.storage.arrays import Floats
+
 from .estimate import NotRunError, OrientationEstimate, Outcome, attempt
-from .rotations import Floats, quat_wxyz, rotation
+from .rotations import quat_wxyz, rotation
 
 
 @dataclass(frozen=True)

@@ -11,12 +11,12 @@ import numpy as np
 from oarlock import Recording
 from oarlock.evaluation.reference import Reference
 from oarlock.formats.datasets.dfjimu import BODIES, read_dfjimu, read_dfjimu_reference
+from oarlock.storage.arrays import Floats
 
 from . import others, ours
 from .estimate import OrientationEstimate, Outcome, attempt
 from .limits import limits, punctual
 from .results import Collected, Plot, SetResult
-from .rotations import Floats
 from .scores import heading_zeroed, later, relative_error_rad, rmse_deg, turn_between_rad
 from .worst_window import worst_of, worst_plot
 

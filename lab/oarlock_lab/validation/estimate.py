@@ -7,7 +7,9 @@ from dataclasses import dataclass, replace
 
 from scipy.spatial.transform import Rotation
 
-from .rotations import Floats, quat_wxyz, rotation
+from oarlock.storage.arrays import Floats
+
+from .rotations import quat_wxyz, rotation
 
 
 @dataclass(frozen=True, eq=False)

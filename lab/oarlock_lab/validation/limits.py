@@ -18,9 +18,10 @@ from scipy.spatial.transform import Rotation
 from oarlock import Recording
 from oarlock.evaluation.reference import Reference
 from oarlock.recording import ImuStream
+from oarlock.storage.arrays import Floats
 
 from .estimate import OrientationEstimate
-from .rotations import Floats, quat_wxyz
+from .rotations import quat_wxyz
 from .scores import body_rotations
 
 LONGEST_LAG_S = 0.15
@@ -200,7 +201,7 @@ def _fit(rates: _Rates, lag_s: Floats) -> tuple[Rotation, float, Floats]:
     Sizes count, not squares (iteratively reweighted): where a cluster is lost for a moment, 50 rad/s appear.
     """
     gyro = rates.gyro_rad_s(lag_s)
-    good = np.isfinite(gyro).all(axis=1)
+    good = np.asarray(np.isfinite(gyro).all(axis=1))
     gyro, true = gyro[good], rates.reference_rad_s[good]
     turn = Rotation.identity()
     left = _sizes(true - gyro, np.ones(len(gyro)))

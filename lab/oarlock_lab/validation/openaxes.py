@@ -16,12 +16,12 @@ from oarlock.formats.datasets.openaxes import (
     read_openaxes,
     read_openaxes_reference,
 )
+from oarlock.storage.arrays import Floats
 
 from . import orientations_only, others, ours
 from .estimate import OrientationEstimate, Outcome, attempt
 from .limits import limits, punctual
 from .results import Collected, Plot, SetResult
-from .rotations import Floats
 from .scores import heading_zeroed, median_deg, relative_error_rad, rmse_deg, turn_between_rad
 from .worst_window import worst_of, worst_plot
 
@@ -128,8 +128,8 @@ def _run_orientations(folder: Path, name: str, forced: Collected) -> None:
             continue
         links = heading_zeroed(next(_on_links(iter([units]))), reference, HEADING_AT_S)
         for outcome in orientations_only.estimates(units, links):
-            scored = isinstance(outcome, OrientationEstimate)
-            error = relative_error_rad(outcome, reference, PAIR) if scored else None
+            scored = outcome if isinstance(outcome, OrientationEstimate) else None
+            error = None if scored is None else relative_error_rad(scored, reference, PAIR)
             forced.add(outcome, {} if error is None else {name: median_deg(error, rows)})
 
 

@@ -16,9 +16,9 @@ import numpy as np
 
 from oarlock import Recording
 from oarlock.recording import ImuStream
+from oarlock.storage.arrays import Floats
 
 from .estimate import NotRunError, OrientationEstimate
-from .rotations import Floats
 
 GRAVITY_M_S2 = 9.80665
 

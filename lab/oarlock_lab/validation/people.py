@@ -21,12 +21,13 @@ from scipy.spatial.transform import Rotation, Slerp
 
 import oarlock
 from oarlock import Calibration, Config, Recording, Track
+from oarlock.storage.arrays import Bools, Floats, Indices
 
 from . import chains
 from .chains import Link
 from .estimate import Missing, OrientationEstimate, Outcome, attempt
 from .results import ResultRow, ResultTable, SetResult
-from .rotations import Floats, quat_wxyz, rotation
+from .rotations import quat_wxyz, rotation
 
 NAME, FOLDER = "people", "people"
 TITLE = "People against optics"
@@ -198,7 +199,7 @@ class PersonTrial:
         """The score of each method, or why there is none."""
         model = oarlock.load_model("upper_body").with_units(self.segments)
         calibration = Calibration(
-            mounts={s: (self.mounts[s].as_matrix(), OFFSETS_M[s]) for s in self.segments}
+            mounts={s: (self.mounts[s].as_matrix(), np.array(OFFSETS_M[s])) for s in self.segments}
         )
         recording = self._recording()
         live = oarlock.track(model, recording, calibration, Config(magnetometer="off"))
@@ -279,14 +280,14 @@ def _turn_deg(
     pair: tuple[str, str],
     expected: Rotation,
     heading_rad: float,
-    rows: Sequence[int] | slice = slice(None),
+    rows: Indices | slice = slice(None),
 ) -> Floats:
     relative = _relative({s: orientations[s][rows] for s in pair}, pair, heading_rad)
-    return np.degrees((expected[rows].inv() * relative).magnitude())
+    return np.asarray(np.degrees((expected[rows].inv() * relative).magnitude()))
 
 
 def _heading(
-    orientations: Mapping[str, Rotation], pair: tuple[str, str], expected: Rotation, rows: Sequence[int]
+    orientations: Mapping[str, Rotation], pair: tuple[str, str], expected: Rotation, rows: Indices
 ) -> float:
     """The constant heading between two segments that fits best over some rows, rad."""
 
@@ -307,7 +308,7 @@ def _rms(values: Sequence[float] | Floats) -> float:
 
 
 def _angle_deg(first: Floats, second: Floats) -> Floats:
-    return np.degrees(np.arccos(np.clip(np.sum(first * second, axis=-1), -1.0, 1.0)))
+    return np.asarray(np.degrees(np.arccos(np.clip(np.sum(first * second, axis=-1), -1.0, 1.0))))
 
 
 def _optics(folder: Path, cluster: str) -> tuple[Floats, Floats | None, Floats]:
@@ -356,7 +357,8 @@ def _aligned(optics_s: Floats, quat: Floats, unit_s: Floats, gyro: Floats) -> tu
     norms = [np.interp(t, s, np.linalg.norm(v, axis=1)) for t, s, v in both]
     there = np.interp(at[0], optics_s, valid.astype(float)) > 0.99
     rough = min(
-        (_mismatch(*norms, there, shift), shift) for shift in range(200 - len(norms[1]), len(norms[0]) - 200)
+        (_mismatch(norms[0], norms[1], there, shift), shift)
+        for shift in range(200 - len(norms[1]), len(norms[0]) - 200)
     )
     rough_s = rough[1] * grid_s + at[0][0] - at[1][0]
     lags = rough_s + np.linspace(-0.06, 0.06, 61)
@@ -364,9 +366,9 @@ def _aligned(optics_s: Floats, quat: Floats, unit_s: Floats, gyro: Floats) -> tu
     return min(fits, key=lambda fit: fit[0])[1:]
 
 
-def _rates(time_s: Floats, quat: Floats, half: int = 2) -> tuple[Floats, Floats]:
+def _rates(time_s: Floats, quat: Floats, half: int = 2) -> tuple[Floats, Bools]:
     """Angular velocity in the cluster's axes by central differences, and where it is known."""
-    finite = np.isfinite(quat).all(axis=1)
+    finite = np.asarray(np.isfinite(quat).all(axis=1))
     turn = Rotation.from_quat(np.where(finite[:, None], quat, [0.0, 0.0, 0.0, 1.0]))
     rate = np.zeros((len(time_s), 3))
     rate[half:-half] = (turn[: -2 * half].inv() * turn[2 * half :]).as_rotvec() / (
@@ -386,7 +388,7 @@ def _mismatch(optics: Floats, unit: Floats, there: Floats, shift: int) -> float:
 
 
 def _turn_at(
-    late_s: float, optics_s: Floats, optics: Floats, valid: Floats, unit_s: Floats, unit: Floats
+    late_s: float, optics_s: Floats, optics: Floats, valid: Bools, unit_s: Floats, unit: Floats
 ) -> tuple[float, float, Rotation]:
     """Residual rate, the lag, and cluster from unit at it; a constant bias of the gyroscope is left out."""
     time_s = unit_s + late_s

@@ -10,11 +10,12 @@ import numpy as np
 from oarlock import Recording, Track
 from oarlock.formats.datasets.qmt import read_qmt
 from oarlock.recording import ImuStream
+from oarlock.storage.arrays import Bools, Floats
 
 from . import others, ours
 from .estimate import OrientationEstimate, Outcome, attempt
 from .results import Collected, Panel, Plot, ResultCurve, SetResult
-from .rotations import Bools, Floats, rotation
+from .rotations import rotation
 
 FOLDER = "qmt_full_body"
 FILE = "full_body_example_data.mat"

@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from oarlock.storage.arrays import Floats
+
 from .estimate import Missing, OrientationEstimate, Outcome
-from .rotations import Floats
 
 Cell = float | int | str | None
 

@@ -11,9 +11,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from oarlock.evaluation.reference import Reference
+from oarlock.storage.arrays import Bools, Floats
 
 from .estimate import OrientationEstimate
-from .rotations import Bools, Floats, about_vertical, at, rotation, twist_rad, wrapped
+from .rotations import about_vertical, at, rotation, twist_rad, wrapped
 
 Pair = tuple[str, str]
 HEADED = "heading set by the reference"

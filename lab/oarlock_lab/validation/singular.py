@@ -21,12 +21,13 @@ from oarlock import Recording, Track
 from oarlock.evaluation.reference import Reference
 from oarlock.recording import ImuStream
 from oarlock.simulation import Motion
+from oarlock.storage.arrays import Floats
 
 from . import chains, others, ours
 from .chains import Link
 from .estimate import OrientationEstimate, Outcome, attempt
 from .results import Collected, Plot, SetResult
-from .rotations import Floats, rotation
+from .rotations import rotation
 from .scores import HEADED, heading_zeroed, hinge_error_rad, rmse_deg, world_error
 from .worst_window import Errors, window_plot, worst_of, worst_window
 
@@ -150,7 +151,8 @@ def simulated(seed: int) -> HingeTrial:
         gyro_bias_rad_s={n: b["gyro"] for n, b in biases.items()},
         accel_bias_m_s2={n: b["accel"] for n, b in biases.items()},
     )
-    angles = np.column_stack([truth[joint].value for joint in ("tilt_x", "tilt_y", "spin_z", "elbow")])
+    joints = ("tilt_x", "tilt_y", "spin_z", "elbow")
+    angles = truth.q[:, [truth.coordinate_names.index(joint) for joint in joints]]
     raised = Rotation.from_euler("x", np.pi / 2)
     quats = chains.world_from_links((Link("upper_arm", "xyz"), Link("forearm", "y")), angles, raised)
     return HingeTrial(recording, Reference("simulated", truth.time_s, quats))
@@ -205,7 +207,8 @@ def _tracked(model_file: str, mode: str, recording: Recording) -> Iterator[Repor
     outcomes = attempt([name.replace("Oarlock", f"Oarlock {mode}") for name in ours.NAMES], estimates)
     for i, outcome in enumerate(outcomes):
         has_angles = isinstance(outcome, OrientationEstimate) and set(HINGES) <= set(tracks[i].joint_names)
-        angles = np.column_stack([tracks[i][joint].angle_rad for joint in HINGES]) if has_angles else None
+        columns = [tracks[i].coordinate_names.index(joint) for joint in HINGES] if has_angles else []
+        angles = tracks[i].q[:, columns] if has_angles else None
         yield ReportedLink(outcome, angles)
 
 

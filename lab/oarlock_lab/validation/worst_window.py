@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from oarlock.storage.arrays import Bools, Floats
+
 from .estimate import OrientationEstimate
 from .results import Panel, Plot, ResultCurve
-from .rotations import Bools, Floats
 
 Errors = Mapping[str, tuple[OrientationEstimate, Floats]]
 """Name of a software -> its estimate, and its errors over the reference's samples, deg."""

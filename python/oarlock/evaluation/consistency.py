@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.storage.statistics import chi2_quantile
 from oarlock.evaluation.interval import Interval, beliefs_of, info_of
 from oarlock.evaluation.resample import resample, resample_rotation
 from oarlock.evaluation.scores import SensorScore, StateScore
 from oarlock.model.coordinates import Kind, parts
 from oarlock.model.rotation import quat_from_rotvec, rotvec_between, wrap
 from oarlock.storage.arrays import Floats
+from oarlock.storage.statistics import chi2_quantile
 from oarlock.tracking.counts import StreamCount
 from oarlock.tracking.records import Beliefs
 from oarlock.tracking.track import Track

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from oarlock.storage.statistics import range_quantile, student_quantile
 from oarlock.movement.blocks import MovementAnalysis, MovementBlock
 from oarlock.movement.cycles import RATE_HZ, cycle_courses
 from oarlock.movement.ranges import LEAST_MOVEMENT_DEG
 from oarlock.storage.arrays import Floats
+from oarlock.storage.statistics import range_quantile, student_quantile
 
 CHANCE = 0.05 / 3.0
 """Of a false finding among changes of numbers, among changes of middles, and among spans of middles."""

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from oarlock.evaluation.consistency import ALL_INERTIAL
-from oarlock.storage.statistics import chi2_quantile
 from oarlock.evaluation.interval import info_of
 from oarlock.evaluation.scores import SensorScore
 from oarlock.evaluation.summary import rate_text, shares_text
@@ -17,6 +16,7 @@ from oarlock.report import plot
 from oarlock.report.markup import Column, figure, grid, table
 from oarlock.report.text import DASH, breakable, fixed
 from oarlock.storage.arrays import Floats
+from oarlock.storage.statistics import chi2_quantile
 from oarlock.tracking.counts import StreamCount
 from oarlock.tracking.records import SensorInfo
 from oarlock.tracking.track import Track

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from oarlock import _core
-from oarlock.storage.statistics import student_quantile
 from oarlock.evaluation.study.costs import save_costs
 from oarlock.evaluation.study.pool import identity
 from oarlock.evaluation.study.rows import scores_of, write_rows
@@ -22,6 +21,7 @@ from oarlock.storage.arrays import Floats
 from oarlock.storage.dataframes import columns_of_rows, pandas_table, polars_table
 from oarlock.storage.folder_writer import replaced_folder
 from oarlock.storage.notebook_html import card, html_table
+from oarlock.storage.statistics import student_quantile
 from oarlock.storage.toml import write_toml
 
 if TYPE_CHECKING:

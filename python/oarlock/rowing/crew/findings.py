@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.storage.statistics import f_tail
 from oarlock.rowing.crew.scatter import FEWEST, inflation
 from oarlock.rowing.crew.timing import CrewTiming, Delay
+from oarlock.storage.statistics import f_tail
 
 MOST = 3
 LEAST_S = 0.005

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from oarlock.storage.statistics import student_quantile
 from oarlock.storage.arrays import Floats
+from oarlock.storage.statistics import student_quantile
 
 FEWEST = 5
 """Strokes that a mean needs."""

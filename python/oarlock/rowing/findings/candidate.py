@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from oarlock.storage.statistics import student_quantile, student_tail
 from oarlock.rowing.findings.at_like_rate import FITTED, RateAdjustedChange, change, robust_sd
 from oarlock.rowing.findings.rowed import FEWEST_STROKES, Rowed
 from oarlock.rowing.findings.watched import WATCHED, Watched
+from oarlock.storage.statistics import student_quantile, student_tail
 
 _WANDER = 0.25
 """Share of a stroke's standard deviation by which the last third may be off against the strokes before it. The rest is
