@@ -25,7 +25,6 @@ CHECKS: dict[str, Callable[[], list[str]]] = {
     "budgets of rooms": budgets.findings,
     "file names": names.vague_names,
     "class names": names.classes_with_the_same_name,
-    "words of names": names.refused_words,
     "machine paths": portability.machine_paths,
     "data folder": portability.data_folder,
     "registries": portability.registries,

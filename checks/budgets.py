@@ -8,6 +8,7 @@ import re
 import tomllib
 from pathlib import Path
 
+from checks.names import refused_names
 from checks.project_files import ROOT, code_files, name_of, text_files, text_of
 
 TABLE = ROOT / "checks/budgets.toml"
@@ -28,7 +29,10 @@ def room_of(path: Path) -> str:
 
 
 def size_of(paths: list[Path]) -> dict[str, int]:
-    """Lines, lines of code (neither blank, comment, docstring nor import), files, distinct functions and classes."""
+    """Lines, lines of code (neither blank, comment, docstring nor import), files, distinct functions and classes.
+
+    `refused` counts names that contain one of `checks/refused_words.txt`; `python -m checks.names` lists them.
+    """
     lines = code = 0
     names: dict[str, set[str]] = {"functions": set(), "classes": set()}
     for path in paths:
@@ -49,7 +53,8 @@ def size_of(paths: list[Path]) -> dict[str, int]:
                 names["functions"].add(node.name)
             elif isinstance(node, ast.ClassDef):
                 names["classes"].add(node.name)
-    return {"lines": lines, "code": code, "files": len(paths)} | {k: len(v) for k, v in names.items()}
+    counts = {"lines": lines, "code": code, "files": len(paths)} | {k: len(v) for k, v in names.items()}
+    return counts | {"refused": sum(len(refused_names(path)) for path in paths)}
 
 
 def lines_of_code(text: str, tree: ast.Module) -> set[int]:
@@ -86,7 +91,7 @@ def findings() -> list[str]:
         if room not in budgets:
             lines.append(f"{room}: has no budget; add it to {name_of(TABLE)}, with a line that says what for")
         for key, value in size.items():
-            budget = budgets.get(room, {}).get(key, value)
+            budget = budgets.get(room, {}).get(key, 0 if key == "refused" else value)
             if value > budget:
                 lines.append(
                     f"{room}: {value} {key}, budget {budget}; delete, or raise it with a line that says what for"

@@ -43,19 +43,16 @@ def classes_with_the_same_name() -> list[str]:
     ]
 
 
-def refused_words() -> list[str]:
-    """Names in Python, Rust and the package's TOML that contain a refused word."""
-    lines = []
-    for path in text_files():
-        if path.relative_to(ROOT).parts[0] not in REFUSED_IN:
-            continue
-        for name, line in sorted(dict(reversed([*defined_names(path)])).items()):
-            words = {word.lower() for word in WORD.findall(name)} & REFUSED_WORDS
-            if words and not OTHERS_NAMES.search(name):
-                lines.append(
-                    f"{name_of(path)}:{line}: {name}: name the thing, not {', '.join(sorted(words))}"
-                )
-    return lines
+def refused_names(path: Path) -> dict[str, int]:
+    """Names of a file of Python, Rust or the package's TOML that contain a refused word, with their first line."""
+    if not any(path.is_relative_to(ROOT / folder) for folder in REFUSED_IN):
+        return {}
+    first = dict(reversed([*defined_names(path)]))
+    return {
+        name: line
+        for name, line in sorted(first.items())
+        if {word.lower() for word in WORD.findall(name)} & REFUSED_WORDS and not OTHERS_NAMES.search(name)
+    }
 
 
 def defined_names(path: Path) -> Iterator[tuple[str, int]]:
@@ -81,3 +78,9 @@ def defined_names(path: Path) -> Iterator[tuple[str, int]]:
         for k, line in enumerate(text.splitlines(), 1):
             if key := re.match(r"\s*\[*([\w.]+)\]*\s*(?:=|$)", line):
                 yield key[1], k
+
+
+if __name__ == "__main__":
+    for file in text_files():
+        for refused, at in refused_names(file).items():
+            print(f"{name_of(file)}:{at}: {refused}")

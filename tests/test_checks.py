@@ -80,7 +80,14 @@ def test_lines_of_code_are_neither_text_nor_imports(tmp_path):
         '"""One."""\n\nimport os\n\n\nclass A:\n    """Two\n    lines."""\n\n'
         "    def f(self):\n        # why\n        return 1\n"
     )
-    assert budgets.size_of([file]) == {"lines": 12, "code": 3, "files": 1, "functions": 1, "classes": 1}
+    assert budgets.size_of([file]) == {
+        "lines": 12,
+        "code": 3,
+        "files": 1,
+        "functions": 1,
+        "classes": 1,
+        "refused": 0,
+    }
 
 
 def test_rooms_beyond_their_budget_and_loose_budgets_are_found(monkeypatch, tmp_path):
@@ -251,3 +258,19 @@ def test_a_package_that_cannot_be_imported_is_said(monkeypatch):
 
     monkeypatch.setattr(inventory, "surface", unbuilt)
     assert "oarlock._core" in inventory.findings()[0] and "make" in inventory.findings()[0]
+
+
+def test_names_with_refused_words_are_listed(monkeypatch, tmp_path):
+    monkeypatch.setattr(names, "ROOT", tmp_path)
+    monkeypatch.setattr(names, "PACKAGE", tmp_path / "python/oarlock")
+    folder = tmp_path / "python/oarlock"
+    folder.mkdir(parents=True)
+    (folder / "told.py").write_text(
+        "def found_mount(kept, mount):\n    FileNotFoundError\n    least_squares = 1\n    mount.asked = kept\n"
+    )
+    (folder / "keys.toml").write_text("[usual]\nshown_unit = 'deg'\nunit = 'found'\n")
+    (folder / "engine.rs").write_text('fn take_in(turned: f64) { x.found(); mem::take(y); "told"; } // one\n')
+    assert names.refused_names(folder / "told.py") == {"told": 1, "found_mount": 1, "kept": 1, "asked": 4}
+    assert names.refused_names(folder / "keys.toml") == {"usual": 1, "shown_unit": 2}
+    assert names.refused_names(folder / "engine.rs") == {"take_in": 1, "turned": 1}
+    assert names.refused_names(tmp_path / "told.py") == {}
