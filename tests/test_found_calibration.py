@@ -66,7 +66,9 @@ def test_a_robots_mounts_found_serve_as_well_as_nominal_ones(run):
         headed = heading_zeroed(estimate, reference, 1.0)
         return errors_deg(headed, reference, [("radius", "carpus")], AFTER_S["openaxes"])
 
-    assert_found_serves(run, ours.track_openaxes(recording), ours.track_openaxes_calibrated(recording), errors)
+    assert_found_serves(
+        run, ours.track_openaxes(recording), ours.track_openaxes_calibrated(recording), errors
+    )
 
 
 @pytest.mark.parametrize("run", long("circle-250", "circle-100", "triangle-150", "triangle-250"))

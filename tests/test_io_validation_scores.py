@@ -101,7 +101,9 @@ def test_the_mean_heading_is_that_of_the_scored_samples():
     moving = TIME_S > 10.0
     drift = np.where(moving, 0.2, -0.4)
     quats = {"a": quat_wxyz(about_vertical(drift) * turns(1)), "b": quat_wxyz(turns(2))}
-    _, heading, _ = attitude_error_rad(OrientationEstimate("made", TIME_S, quats), reference(scored=moving), "a")
+    _, heading, _ = attitude_error_rad(
+        OrientationEstimate("made", TIME_S, quats), reference(scored=moving), "a"
+    )
     assert np.abs(heading[moving]).max() < ROUNDING_RAD
     assert heading[~moving] == pytest.approx(-0.6, abs=ROUNDING_RAD)
 
