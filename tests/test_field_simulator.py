@@ -265,7 +265,7 @@ def test_the_rate_is_that_of_all_sensors():
 
 KINEMATICS = {"forward_kinematics", "predict_measurements", "imu_signals"}
 ENGINES_OWN = KINEMATICS | {"simulate", "track", "smooth", "Tracker"}
-STORAGE = {"oarlock.storage.errors", "oarlock.storage.folder_writer"}
+STORAGE = {"oarlock.storage.arrays", "oarlock.storage.errors", "oarlock.storage.folder_writer"}
 ROOMS = ("oarlock", "oarlock.markers", "oarlock.model", "oarlock.recording")
 ALLOWED = {"Calibration", "ImuStream", "Markers", "Model", "Recording", "ScalarStream", "Track"}
 

@@ -199,4 +199,4 @@ def test_a_trial_says_which_step_failed(tmp_path):
     run = trial._Run(tmp_path, tmp_path, compilers=False)
     assert run.environment["PATH"] == str(tmp_path)
     with pytest.raises(RuntimeError, match="exit"):
-        run.said(trial.sys.executable, "-c", "raise SystemExit('exit')")
+        run.output(trial.sys.executable, "-c", "raise SystemExit('exit')")

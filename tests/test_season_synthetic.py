@@ -25,7 +25,7 @@ def files(folder: Path) -> dict[str, bytes]:
 
 def test_one_seed_gives_one_season_also_after_a_stop(tmp_path: Path) -> None:
     shares: list[float] = []
-    make_synthetic(str(tmp_path / "whole"), SMALL, jobs=1, told=shares.append)
+    make_synthetic(str(tmp_path / "whole"), SMALL, jobs=1, progress=shares.append)
     assert shares[-1] == 1.0
     season = make_synthetic(str(tmp_path / "stopped"), SMALL, jobs=1)
     who, *_ = season.athletes()

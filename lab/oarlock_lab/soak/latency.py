@@ -50,7 +50,7 @@ class LatencyRun:
     Args:
         page: width, px; None without a browser.
         load: of the machine, mean of the last minute.
-        figures: of the session, as `bench.live.timed` writes it.
+        figures: of the session, as `oarlock_lab.soak.timed` writes it.
         painted: frames that the page painted: `time_s`, `age_ms`.
         seconds: of the measurement.
     """
@@ -102,11 +102,11 @@ def session(folder: Path) -> Iterator[str]:
     """The address of a session with emulated sensors; its figures are in the folder when it has ended."""
     port = str(free_port())
     with subprocess.Popen(
-        [sys.executable, "-m", "bench.live.timed", "--send", port], stdout=subprocess.PIPE, text=True
+        [sys.executable, "-m", "oarlock_lab.soak.timed", "--send", port], stdout=subprocess.PIPE, text=True
     ) as sender:
         assert sender.stdout is not None
         sender.stdout.readline()
-        words = [sys.executable, "-m", "bench.live.timed", str(folder), port]
+        words = [sys.executable, "-m", "oarlock_lab.soak.timed", str(folder), port]
         with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as running:
             assert running.stdout is not None
             try:

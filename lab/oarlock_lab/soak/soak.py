@@ -62,7 +62,7 @@ def soak_live(folder: Path, seconds: float, rate_hz: float) -> Soaked:
     """A session of so many seconds in true time, over sockets."""
     port = free_port()
     child, watcher = _started([str(folder), str(rate_hz), str(port)], folder)
-    words = [sys.executable, "-m", "bench.live.misbehaving", str(port), str(seconds), str(rate_hz)]
+    words = [sys.executable, "-m", "oarlock_lab.soak.misbehaving", str(port), str(seconds), str(rate_hz)]
     with subprocess.Popen(words, stdout=subprocess.PIPE) as sender:
         assert sender.stdout is not None
         begun_ns = int(sender.stdout.readline())
@@ -81,7 +81,7 @@ def _errors(folder: Path) -> Path:
 
 def _started(words: list[str], folder: Path) -> tuple[subprocess.Popen[bytes], Watcher]:
     folder.parent.mkdir(parents=True, exist_ok=True)
-    command = [sys.executable, "-m", "bench.live.child", *words]
+    command = [sys.executable, "-m", "oarlock_lab.soak.child", *words]
     errors: IO[bytes]
     with _errors(folder).open("wb") as errors:
         child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors)
