@@ -6,6 +6,8 @@
 import ast
 import re
 import tomllib
+from collections import Counter
+from functools import cache
 from pathlib import Path
 
 from checks.names import refused_names
@@ -33,28 +35,33 @@ def size_of(paths: list[Path]) -> dict[str, int]:
 
     `refused` counts names that contain one of `checks/refused_words.txt`; `python -m checks.names` lists them.
     """
-    lines = code = 0
+    counts: Counter[str] = Counter(lines=0, code=0, files=0, refused=0)
     names: dict[str, set[str]] = {"functions": set(), "classes": set()}
     for path in paths:
-        text = text_of(path)
-        lines += text.count("\n")
-        if path.suffix == ".rs":
-            code += sum(
-                bool(line.strip()) and not line.strip().startswith(("//", "use "))
-                for line in text.splitlines()
-            )
-            for kind, pattern in RUST_NAMES.items():
-                names[kind] |= set(pattern.findall(text))
-            continue
+        of_file, own_names = _of_file(path)
+        counts.update(of_file)
+        for kind, own in own_names.items():
+            names[kind] |= own
+    return {**counts, **{kind: len(own) for kind, own in names.items()}}
+
+
+@cache
+def _of_file(path: Path) -> tuple[dict[str, int], dict[str, set[str]]]:
+    text = text_of(path)
+    if path.suffix == ".rs":
+        rows = (line.strip() for line in text.splitlines())
+        code = sum(bool(row) and not row.startswith(("//", "use ")) for row in rows)
+        names = {kind: set(pattern.findall(text)) for kind, pattern in RUST_NAMES.items()}
+    else:
         tree = ast.parse(text)
-        code += len(lines_of_code(text, tree))
-        for node in ast.walk(tree):
-            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-                names["functions"].add(node.name)
-            elif isinstance(node, ast.ClassDef):
-                names["classes"].add(node.name)
-    counts = {"lines": lines, "code": code, "files": len(paths)} | {k: len(v) for k, v in names.items()}
-    return counts | {"refused": sum(len(refused_names(path)) for path in paths)}
+        code = len(lines_of_code(text, tree))
+        nodes = {"functions": (ast.FunctionDef, ast.AsyncFunctionDef), "classes": (ast.ClassDef,)}
+        names = {
+            kind: {node.name for node in ast.walk(tree) if isinstance(node, types)}
+            for kind, types in nodes.items()
+        }
+    counts = {"lines": text.count("\n"), "code": code, "files": 1, "refused": len(refused_names(path))}
+    return counts, names
 
 
 def lines_of_code(text: str, tree: ast.Module) -> set[int]:
@@ -91,7 +98,7 @@ def findings() -> list[str]:
         if room not in budgets:
             lines.append(f"{room}: has no budget; add it to {name_of(TABLE)}, with a line that says what for")
         for key, value in size.items():
-            budget = budgets.get(room, {}).get(key, 0 if key == "refused" else value)
+            budget = budgets.get(room, size).get(key, 0)
             if value > budget:
                 lines.append(
                     f"{room}: {value} {key}, budget {budget}; delete, or raise it with a line that says what for"

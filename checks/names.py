@@ -12,13 +12,13 @@ from checks.project_files import ROOT, code_files, name_of, text_files, text_of
 VAGUE_NAMES = {"base", "common", "factory", "helper", "helpers", "manager", "misc", "types", "util", "utils"}
 # Participles and private words that stood for a noun of the field. The thing has a name: stroke, mount, progress.
 REFUSED_WORDS = frozenset(text_of(ROOT / "checks/refused_words.txt").split())
-# Of libraries, and of the standards that a file follows.
+# Names of libraries.
 OTHERS_NAMES = re.compile(
     r"^(FileNotFoundError|ModuleNotFoundError|CalledProcessError)$|least_squares|LeastSquares"
 )
 REFUSED_IN = ("python", "lab", "checks", "golden", "release", "crates")
 WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")
-RUST_TALK = re.compile(r'//[^\n]*|r#"[\s\S]*?"#|b?"(?:\\.|[^"\\])*"')
+RUST_TALK = re.compile(r'//[^\n]*|r#"[\s\S]*?"#|b?"(?:\\[\s\S]|[^"\\])*"')
 RUST_NAME = re.compile(r"(?<![\w.:'])(?!r#)[A-Za-z_]\w*(?!\w*!)")
 
 

@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from golden.cases import GROUPS
 from golden.values import Value
+from oarlock.storage.arrays import Floats, Ints
 
 HERE = Path(__file__).parent
 COMMITTED, RENAMES, TOLERANCES = (
@@ -83,7 +83,7 @@ def differences(before: Mapping[str, Value], after: Mapping[str, Value]) -> list
     return sorted(unlike, key=lambda difference: difference.key)
 
 
-def _largest(before: NDArray[np.float64], other: NDArray[np.float64], std: Value | None) -> str:
+def _largest(before: Floats, other: Floats, std: Value | None) -> str:
     apart = np.abs(other - before)
     holes = int(np.count_nonzero(np.isfinite(before) != np.isfinite(other)))
     text = f"largest difference {np.nanmax(apart, initial=0.0):.3g}, in {np.count_nonzero(apart > 0)} of {before.size}"
@@ -129,11 +129,11 @@ def _has_rows(key: str) -> bool:
     return group == "track" and name.rpartition("/")[2] in ("q", "q_std")
 
 
-def _rows(count: int) -> NDArray[np.int64]:
+def _rows(count: int) -> Ints:
     return np.linspace(0, count - 1, min(ROWS, count)).round().astype(np.int64)
 
 
-def digest(value: NDArray[np.float64], with_ends: bool) -> list[float]:
+def digest(value: Floats, with_ends: bool) -> list[float]:
     """Root mean square, then mean, that of first differences, a sum with uneven weights, first and last; or all of few.
 
     Missing numbers count as 0.

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from numpy.typing import NDArray
 from typer.testing import CliRunner
 
 import oarlock
 from oarlock.cli import app
+from oarlock.storage.arrays import Floats
 
-Value = NDArray[np.float64] | str
+Value = Floats | str
 Outputs = Iterator[tuple[str, Value]]
 
 NUMBER = r"(?<![\w.])-?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.]*\w)"
@@ -31,12 +31,12 @@ PARTS = r"\"[^\"\n]*\"|`[^`\n]*`|'[\w.-]+'|--[a-z][\w-]*|[\w.]+\.\w+:\d+|" + NUM
 TEXT_SUFFIXES = (".csv", ".json", ".toml", ".html", ".mot", ".sto", ".trc", ".osim", ".bvh", ".svg")
 
 
-def printed_numbers(text: str) -> NDArray[np.float64]:
+def printed_numbers(text: str) -> Floats:
     """All numbers of a text in their order, without those in names, dates and versions."""
     return np.array([float(number) for number in re.findall(NUMBER, re.sub(DATES, "", text))])
 
 
-def page_numbers(text: str) -> NDArray[np.float64]:
+def page_numbers(text: str) -> Floats:
     """Numbers of a page's text, pictures and data, without those of its programs and styles."""
     lasting = re.sub(DURATIONS, "", text)
     data = re.sub(r"<(script|style)(?![^>]*json)[^>]*>.*?</\1>", "", lasting, flags=re.DOTALL)

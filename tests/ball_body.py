@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fake_track import frame
@@ -12,10 +11,10 @@ from oarlock.model import JointDescription, ModelDescription, ProcessDescription
 from oarlock.model.coordinates import angle_sequences, coordinate_units, joint_columns, joint_units
 from oarlock.model.rotation import quat_from_rotvec, quat_product, rotvec_from_quat
 from oarlock.simulation.motion import Motion
+from oarlock.storage.arrays import Floats
 from oarlock.tracking.records import Beliefs
 from oarlock.tracking.track import Track
 
-Floats = NDArray[np.float64]
 STEP = 1e-5
 """Of central differences, rad or m: errors of 1e-10."""
 

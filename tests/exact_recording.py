@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 import oarlock
 from local_data import local_folder
+from oarlock.storage.arrays import Floats
 from oarlock_lab.pages import recordings, sculling
-
-Floats = NDArray[np.float64]
 
 Exact = recordings.SimulatedRecording
 UNITS, ENCODERS = recordings.UNITS, recordings.ENCODERS

@@ -6,12 +6,10 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.model import FrameDescription
+from oarlock.storage.arrays import Bools, Floats, Ints
 from oarlock.tracking.counts import StreamCount
-
-Floats = NDArray[np.float64]
 
 
 def frame(name: str, parent: str | None, joint: str | None = None) -> FrameDescription:
@@ -46,13 +44,13 @@ class FakeSlow:
 class FakeInfo:
     sensor_names: tuple[str, ...]
     nis: Floats
-    used: NDArray[np.int64]
-    rejected: NDArray[np.int64]
-    missing: NDArray[np.int64]
-    inertial_nis: NDArray[np.float64]
-    inertial_used: NDArray[np.int64]
-    field: NDArray[np.int64]
-    fault: NDArray[np.int64]
+    used: Ints
+    rejected: Ints
+    missing: Ints
+    inertial_nis: Floats
+    inertial_used: Ints
+    field: Ints
+    fault: Ints
 
 
 @dataclass(frozen=True)
@@ -74,7 +72,7 @@ class FakeTrack:
     qd: Floats
     qdd: Floats
     q_std: Floats
-    observed: NDArray[np.bool_]
+    observed: Bools
     model: FakeModel | None = None
     positions: Mapping[str, Floats] = field(default_factory=dict)
     position_std_m: float = np.nan

@@ -5,12 +5,10 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from exact_recording import UNITS, sculler
 from oarlock.rowing import FieldEffects, FieldTrial, simulate_field
-
-Floats = NDArray[np.float64]
+from oarlock.storage.arrays import Floats
 
 DURATION_S, SEED = 3.0, 5
 SILENT = replace(FieldEffects.off(), noise_factor=0.0)

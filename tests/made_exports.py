@@ -4,9 +4,8 @@ import datetime
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from oarlock.storage.arrays import Floats
 
 PEAK_N = 600.0
 DRIVE_SHARE = 0.42

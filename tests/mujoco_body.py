@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import oarlock
@@ -16,8 +15,7 @@ from oarlock.model import (
     TransformDescription,
     WorldDescription,
 )
-
-Floats = NDArray[np.float64]
+from oarlock.storage.arrays import Floats
 
 WAYS = np.eye(3)
 

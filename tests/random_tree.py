@@ -7,13 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import oarlock
+from oarlock.storage.arrays import Floats
 from oarlock.storage.toml import toml_text
 
-Floats = NDArray[np.float64]
 GRAVITY_M_S2 = 9.80665
 FIELD_UT, DIP_RAD, AZIMUTH_RAD = 47.0, 1.05, 0.4
 

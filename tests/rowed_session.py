@@ -7,7 +7,6 @@ out here. True reversals are zeros of the derivative of the splines through the 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import brentq
@@ -15,8 +14,7 @@ from scipy.optimize import brentq
 import oarlock
 from oarlock.rowing.simulation.stroke_shape import StrokeShape, body_and_oars
 from oarlock.rowing.simulation.timing import StrokeTiming, warp
-
-Floats = NDArray[np.float64]
+from oarlock.storage.arrays import Floats
 
 KNOTS_HZ = 400.0
 NEAR_S = 0.12

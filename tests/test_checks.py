@@ -269,7 +269,9 @@ def test_names_with_refused_words_are_listed(monkeypatch, tmp_path):
         "def found_mount(kept, mount):\n    FileNotFoundError\n    least_squares = 1\n    mount.asked = kept\n"
     )
     (folder / "keys.toml").write_text("[usual]\nshown_unit = 'deg'\nunit = 'found'\n")
-    (folder / "engine.rs").write_text('fn take_in(turned: f64) { x.found(); mem::take(y); "told"; } // one\n')
+    (folder / "engine.rs").write_text(
+        'fn take_in(turned: f64) { mem::take(x.found(), "a \\\n most"); } // one\n'
+    )
     assert names.refused_names(folder / "told.py") == {"told": 1, "found_mount": 1, "kept": 1, "asked": 4}
     assert names.refused_names(folder / "keys.toml") == {"usual": 1, "shown_unit": 2}
     assert names.refused_names(folder / "engine.rs") == {"take_in": 1, "turned": 1}

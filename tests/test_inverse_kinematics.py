@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import oarlock
 from exact_recording import Floats
 from oarlock import rowing
 from oarlock.evaluation.comparison.inverse_kinematics import Measured, solve
 from oarlock.model.rotation import quat_from_matrix, quat_from_rotvec, quat_product, rotvec_between
+from oarlock.storage.arrays import Bools
 
 # Gauss-Newton is quadratic where all agrees: the last step, under 1e-6, leaves 1e-12; rounding of angles is 1e-15.
 EXACT = 1e-8
@@ -41,7 +41,7 @@ def seen_by_units(model: oarlock.Model, q: Floats) -> Measured:
     )
 
 
-def furthest(model: oarlock.Model, found: Floats, q: Floats, seen: NDArray[np.bool_]) -> float:
+def furthest(model: oarlock.Model, found: Floats, q: Floats, seen: Bools) -> float:
     """Largest error of what is seen; rotation vectors are compared as turns."""
     error = np.where(seen, found - q, 0.0)
     for joint in model.describe().joints:

@@ -13,7 +13,7 @@ from oarlock.rowing.analysis.stroke_means import FeatureMean, feature_means
 from oarlock.rowing.analysis.technique import technique
 from oarlock.rowing.findings.candidate import MetricComparison
 from oarlock.rowing.findings.watched import WATCHED
-from oarlock.rowing.report.averages import SIGMAS_95, Average, Difference, difference, feature_of
+from oarlock.rowing.report.averages import Average, Difference, difference, feature_of
 from oarlock.rowing.report.by_rate import range_over_rate
 from oarlock.rowing.report.called import Folder, called
 from oarlock.rowing.report.compared import counts, differences, first_sentence
@@ -24,6 +24,7 @@ from oarlock.rowing.report.player import player
 from oarlock.rowing.report.shown import apart, shown
 from oarlock.rowing.report.tables import averages_table, sides_table, verdict, which_left_out
 from oarlock.rowing.report.write import write_rowing_report
+from oarlock.storage.statistics import NORMAL_95
 from rowed_truth import rowed
 
 ARC = feature_of("arc_rad")
@@ -76,7 +77,7 @@ def test_the_difference_of_two_shown_numbers_adds_up_for_a_reader():
 def test_what_is_not_clear_has_no_direction():
     assert in_words(difference(average(102.9), average(102.9))) == "no clear change (±\N{NO-BREAK SPACE}0.3°)"
     # As shown, a change is not larger than its interval, though before rounding it is.
-    edge = Difference(ARC, 0.54 * DEG, 0.53 / SIGMAS_95 * DEG, 0.5 * DEG)
+    edge = Difference(ARC, 0.54 * DEG, 0.53 / NORMAL_95 * DEG, 0.5 * DEG)
     assert edge.beyond is False and not matters(edge)
     unknown = replace(edge, uncertainty=float("nan"))
     assert in_words(unknown) == "0.5° longer, uncertainty not known"

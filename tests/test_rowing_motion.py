@@ -4,11 +4,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import oarlock
 from oarlock.rowing import Boat, Piece, StrokeShape, adjusted_stretcher, row_piece, sculling
 from oarlock.simulation.motion import Motion
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 from refusals import assert_refused
 
@@ -32,7 +32,7 @@ def race() -> Piece:
     return row_piece(sculler(), 20.0, 34.0)
 
 
-def closure(model: Any, q: NDArray[np.float64]) -> tuple[float, float]:
+def closure(model: Any, q: Floats) -> tuple[float, float]:
     poses = np.asarray(model.forward_kinematics(q))
     frames = list(model.frame_names)
     gaps = [poses[:, frames.index(f"{s}_hand")] - poses[:, frames.index(f"{s}_handle")] for s in "rl"]
@@ -128,7 +128,7 @@ def test_legs_trunk_arms_then_arms_trunk_legs():
     assert recovery_order == sorted(recovery_order, reverse=True)
 
 
-def _half_way(speed: NDArray[np.float64], time_s: NDArray[np.float64]) -> float:
+def _half_way(speed: Floats, time_s: Floats) -> float:
     way = np.cumsum(speed)
     return float(time_s[np.searchsorted(np.maximum.accumulate(way), 0.5 * way.max())])
 
@@ -290,7 +290,7 @@ def test_model_without_arms_is_refused():
         joint_names = ("seat",)
         frame_names = ("root",)
 
-        def forward_kinematics(self, q: Any, /) -> NDArray[np.float64]:
+        def forward_kinematics(self, q: Any, /) -> Floats:
             raise AssertionError("not reached")
 
     assert_refused(lambda: sculling(Bare(), 1.0), "no joint 'trunk'")

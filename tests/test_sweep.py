@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import oarlock
 from command_line import run
 from exact_recording import ARM
 from oarlock.rowing import SweepShape, sweep_piece, sweeping
 from oarlock.rowing.simulation.experiment import simulate_sweep
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
 SIDES = ("sweep", "sweep_starboard")
@@ -37,7 +37,7 @@ TREE = oarlock.Config(structure="tree")
 """Exact bodies: the structure that takes mounts and lengths as they are."""
 
 
-def gaps(model: Any, q: NDArray[np.float64]) -> tuple[float, float]:
+def gaps(model: Any, q: Floats) -> tuple[float, float]:
     """Largest distance hand to handle, m, and difference of their axes, by the handle's own geometry."""
     poses = np.asarray(model.forward_kinematics(q))
     frames = list(model.frame_names)

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import oarlock
 from exact_recording import oars_as_states
+from oarlock.storage.arrays import Floats
 from oarlock.storage.toml import toml_text
 
 VECTORS = Path(__file__).parent / "vectors"
@@ -63,7 +63,7 @@ def model_with_sensors(sensors: list[dict[str, Any]], given: dict[str, Any], fol
     return oarlock.load_model(file, parameters=parameters(given))
 
 
-def grip_rows(z: NDArray[np.float64], model: oarlock.Model) -> NDArray[np.float64]:
+def grip_rows(z: Floats, model: oarlock.Model) -> Floats:
     """Rows of both closures, (..., 12): right points and axes, then left."""
     first = list(model.measurement_names).index("r_grip.x")
     return z[..., first : first + 12]
@@ -119,7 +119,7 @@ def test_closure_residuals():
     assert np.abs(found[:-5]).max() > 0.1
 
 
-def joint_values(given: dict[str, Any], model: oarlock.Model) -> tuple[NDArray[np.float64], ...]:
+def joint_values(given: dict[str, Any], model: oarlock.Model) -> tuple[Floats, ...]:
     """(q, qd, qdd) in the model's order from the vectors' states and encoder readings."""
     names = list(model.joint_names)
     x = np.array(given["x"])

@@ -11,8 +11,7 @@ from scipy.ndimage import gaussian_filter
 import oarlock
 from oarlock.movement.video import Camera
 from oarlock.rowing.simulation.experiment import simulate_sculling
-
-Floats = NDArray[np.float64]
+from oarlock.storage.arrays import Floats
 
 WIDTH_PX, HEIGHT_PX = 320, 180
 LIMB_PX = 4.0

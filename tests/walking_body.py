@@ -4,14 +4,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import oarlock
 from oarlock import Calibration, Model, Recording
 from oarlock.simulation import Motion
-
-Floats = NDArray[np.float64]
+from oarlock.storage.arrays import Floats
 
 STILL_S, STEP_S = 3.0, 1.1
 NOISE = {"gyro_rad_s": 0.01, "accel_m_s2": 0.05}

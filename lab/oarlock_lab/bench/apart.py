@@ -9,11 +9,10 @@ from collections.abc import Mapping
 from time import process_time
 
 import numpy as np
-from numpy.typing import NDArray
 
 import oarlock
 from oarlock import rowing
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Bools, Floats
 
 Stream = oarlock.recording.ImuStream | oarlock.recording.ScalarStream
 
@@ -62,7 +61,7 @@ def recorded(
     return oarlock.Recording(streams)
 
 
-def _part(stream: Stream, stamps: Floats, rows: NDArray[np.bool_]) -> Stream:
+def _part(stream: Stream, stamps: Floats, rows: Bools) -> Stream:
     values = {name: value[rows] for name, value in stream.values.items()}
     if isinstance(stream, oarlock.recording.ScalarStream):
         return oarlock.recording.ScalarStream(stream.name, stamps[rows], values["value"], stream.unit)

@@ -86,17 +86,10 @@ def _spent(folder: Path, parts: str, file_format: str = "parquet") -> Figures:
 
 
 def _verb(folder: Path) -> Figures:
-    command = [
-        "track",
-        str(folder / "parquet"),
-        "--model",
-        "sculler",
-        "--smooth",
-        "--out",
-        str(folder / "out"),
-    ]
+    command = [sys.executable, "-m", "oarlock", "track", str(folder / "parquet"), "--model", "sculler"]
+    command += ["--smooth", "--out", str(folder / "out"), "--force"]
     before = os.times()
-    subprocess.run([sys.executable, "-m", "oarlock", *command, "--force"], capture_output=True, check=True)
+    subprocess.run(command, capture_output=True, check=True)
     after = os.times()
     spent_s = after.children_user + after.children_system - before.children_user - before.children_system
     return {"spent_s": spent_s}

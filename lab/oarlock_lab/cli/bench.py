@@ -74,12 +74,7 @@ def _show(bench: Bench) -> None:
     )
     software = [("Oarlock, ukf", figures["ukf_steps_s"], f"{joints.n} states, {joints.m} readings")]
     software += [
-        (
-            f"{software_timing.name} ({software_timing.package})",
-            software_timing.steps_s,
-            software_timing.problem,
-        )
-        for software_timing in bench.others
+        (f"{timing.name} ({timing.package})", timing.steps_s, timing.problem) for timing in bench.others
     ]
     paper = f"{PAPER.n} states, {PAPER.m} readings; {PAPER.machine}"
     software.append((f"the paper, {PAPER.program}", PAPER.steps_s, paper))
@@ -122,8 +117,8 @@ def _show(bench: Bench) -> None:
                 "41 states on one core of a 3.7 GHz Zen 4. If it is slower on this machine, compare times instead of "
                 "ratios.",
                 *(
-                    f"{software_timing.package} {software_timing.version} does not run: {software_timing.reason}"
-                    for software_timing in bench.failed
+                    f"{failure.package} {failure.version} does not run: {failure.reason}"
+                    for failure in bench.failed
                 ),
                 *(
                     [f"Not installed: {', '.join(missing)}; {figures['install']} adds them"]

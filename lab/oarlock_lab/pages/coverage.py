@@ -14,18 +14,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import oarlock
 from oarlock import Recording, Track
-from oarlock.evaluation.errors import BAND_95
 from oarlock.evaluation.reference import Reference
 from oarlock.formats.datasets.dfjimu import BODIES, read_dfjimu, read_dfjimu_reference
 from oarlock.formats.datasets.diodem import read_diodem, read_diodem_reference
 from oarlock.model.coordinates import joint_columns
 from oarlock.report.text import percent
 from oarlock.rowing import FieldEffects
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Floats, Indices
+from oarlock.storage.statistics import NORMAL_95
 from oarlock_lab.validation import dfjimu, diodem, ours
 from oarlock_lab.validation.estimate import OrientationEstimate
 from oarlock_lab.validation.limits import limits, punctual
@@ -211,13 +210,13 @@ def _against(
     return joints_by_name
 
 
-def _optical_score(track: Track, name: str, rows: NDArray[np.intp], error: Floats) -> dict[str, float]:
+def _optical_score(track: Track, name: str, rows: Indices, error: Floats) -> dict[str, float]:
     columns = list(joint_columns(track.coordinate_names)[name])
     std, there = track.q_std[rows][:, columns], np.isfinite(error).all(axis=1)
     ratio = error[there] / std[there]
     return {
         "rmse_deg": float(np.degrees(np.sqrt(np.mean(np.sum(error[there] ** 2, axis=1))))),
-        "coverage": float(np.mean(np.abs(ratio) <= BAND_95)),
+        "coverage": float(np.mean(np.abs(ratio) <= NORMAL_95)),
         "nees": float(np.mean(ratio**2)),
         "observed": float(np.mean(track.observed[:, columns])),
     }

@@ -13,6 +13,7 @@ from oarlock.evaluation import Evaluation
 from oarlock.rowing.simulation import paper
 from oarlock.rowing.simulation.experiment import simulate_sculling
 from oarlock.storage.arrays import Floats
+from oarlock.storage.statistics import NORMAL_95
 from oarlock_lab.reproduce.contents import EstimateCurve, PaperPart, Row, rounded
 from oarlock_lab.reproduce.table6 import NOT_PUBLIC, RATE_HZ, TrackedTrial, marker_at
 
@@ -81,7 +82,7 @@ def _joint(track: Track, truth: Track, scores: Evaluation, name: str, duration_s
         unit,
         track.time_s[rows],
         own.value[rows] * factor,
-        1.96 * own.std[rows] * factor,
+        NORMAL_95 * own.std[rows] * factor,
         np.interp(track.time_s[rows], truth.time_s, true.value) * factor,
         f"RMSE {rounded(score.rmse * fine)} {fine_unit}{printed_text}",
     )

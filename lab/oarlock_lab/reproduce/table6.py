@@ -19,6 +19,7 @@ from oarlock.rowing.field.trial import simulate_field
 from oarlock.rowing.simulation import paper
 from oarlock.storage.arrays import Floats
 from oarlock.storage.progress import Told
+from oarlock.storage.statistics import NORMAL_95
 from oarlock_lab.reproduce.contents import Cell, PaperPart, Row, Table, finite_mean, rounded, spread
 
 NO_BAND_M = 1e-9
@@ -35,7 +36,9 @@ class PlaceBand:
     def half_band(self, time_s: Floats) -> Floats:
         """Half of the 95 % band (T, 3), m, linear between beliefs."""
         std = np.sqrt(np.einsum("kii->ki", self.covariance_m2))
-        return np.stack([1.96 * np.interp(time_s, self.time_s, std[:, axis]) for axis in range(3)], axis=1)
+        return np.stack(
+            [NORMAL_95 * np.interp(time_s, self.time_s, std[:, axis]) for axis in range(3)], axis=1
+        )
 
     def nees(self, truth_m: Floats) -> float:
         """Mean of (error / std)^2 over beliefs and axes (Bar-Shalom et al. 2001, section 5.4); truth (K, 3).
@@ -47,7 +50,7 @@ class PlaceBand:
     def coverage(self, truth_m: Floats) -> float:
         """Share of beliefs and axes inside the 95 % band, of those that have one; truth (K, 3)."""
         ratio = self._ratio(truth_m)
-        return float(np.mean(np.abs(ratio[np.isfinite(ratio)]) <= 1.96))
+        return float(np.mean(np.abs(ratio[np.isfinite(ratio)]) <= NORMAL_95))
 
     def _ratio(self, truth_m: Floats) -> Floats:
         std = np.sqrt(np.einsum("kii->ki", self.covariance_m2))

@@ -144,14 +144,11 @@ async def run_for_real(kind: EmulatorKind, emulated: Emulated, model: Model, fol
     """Runs emulated devices and a session, connected by their transport, until all is sent."""
     rig = replace(rig_of(kind, emulated, model, model.name), wait_s=WAIT_S)
     transport_of, emulate = _by_bluetooth(kind) if emulated.place.transport == "ble" else _by_wire(kind)
-    live, plain_emulated = (
-        Live(rig, model, folder, transport_of=transport_of),
-        replace(emulated, say=lambda text: None),
-    )
+    live = Live(rig, model, folder, transport_of=transport_of)
     running = asyncio.create_task(live.run())
     if emulated.place.transport == "udp":
         await live.started.wait()
-    emulating = asyncio.create_task(emulate(plain_emulated))
+    emulating = asyncio.create_task(emulate(replace(emulated, say=lambda text: None)))
     await asyncio.wait([emulating, running], return_when=asyncio.FIRST_COMPLETED)
     await _all_taken(live)
     for task in (emulating, running):

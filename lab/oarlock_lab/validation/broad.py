@@ -39,8 +39,8 @@ def run(data_folder: Path) -> SetResult:
     if not files:
         return SetResult(FOLDER, TITLE, TEXT, absent=f"no trial in {FOLDER}/")
     plain, removed = ({part: Collected() for part in PARTS} for _ in range(2))
-    limits_of_reference = Collected()
-    plots = [_trial(file, plain, removed, limits_of_reference) for file in files]
+    collected_limits = Collected()
+    plots = [_trial(file, plain, removed, collected_limits) for file in files]
     for name, published in _published(data_folder / FOLDER).items():
         for part, collected in plain.items():
             figures = {
@@ -49,17 +49,17 @@ def run(data_folder: Path) -> SetResult:
             collected.put(name, figures, "figures of the authors, not run here")
     tables = [c.table(f"{part.capitalize()}, RMSE over the movement", mean=True) for part, c in plain.items()]
     tables.append(removed["total"].table("Total, RMSE over the movement, lag and delays removed", mean=True))
-    tables.append(limits_of_reference.table("Limits of the reference", unit="", text=LIMITS_TEXT))
+    tables.append(collected_limits.table("Limits of the reference", unit="", text=LIMITS_TEXT))
     return SetResult(FOLDER, TITLE, TEXT, tuple(tables), worst_of(plots))
 
 
 def _trial(
-    file: Path, plain: dict[str, Collected], removed: dict[str, Collected], limits_of_reference: Collected
+    file: Path, plain: dict[str, Collected], removed: dict[str, Collected], collected_limits: Collected
 ) -> tuple[float, Plot | None]:
     """Fills the tables; gives the worst stretch."""
     recording, reference = read_broad(file), read_broad_reference(file)
     lag_s = limits(recording, reference).lag_s
-    limits_of_reference.put(_short(file.stem), {"lag, ms": lag_s * 1e3})
+    collected_limits.put(_short(file.stem), {"lag, ms": lag_s * 1e3})
     errors: dict[str, tuple[OrientationEstimate, Floats]] = {}
     for outcome in _outcomes(recording):
         for collected, compared in ((plain, reference), (removed, later(reference, lag_s))):

@@ -56,24 +56,24 @@ def run(data_folder: Path) -> SetResult:
     there = {t: f for t, f in files.items() if f.is_file()}
     if not there:
         return SetResult(FOLDER, TITLE, TEXT, absent=f"no data_*.mat in {FOLDER}/")
-    scored, limits_of_reference = {name: Collected() for name in HOW}, Collected()
-    plots = [_trial(trial, file, scored, limits_of_reference) for trial, file in there.items()]
+    scored, collected_limits = {name: Collected() for name in HOW}, Collected()
+    plots = [_trial(trial, file, scored, collected_limits) for trial, file in there.items()]
     tables = [
         collected.table(f"Relative orientation, RMSE after 10 s, {name}", mean=True, text=HOW[name])
         for name, collected in scored.items()
     ]
-    tables.append(limits_of_reference.table("Limits of the reference", unit="", text=LIMITS_TEXT))
+    tables.append(collected_limits.table("Limits of the reference", unit="", text=LIMITS_TEXT))
     absent = tuple(f"Trial {t} is absent." for t in TRIALS if t not in there)
     return SetResult(FOLDER, TITLE, TEXT, tuple(tables), worst_of(plots), absent)
 
 
 def _trial(
-    trial: str, file: Path, scored: dict[str, Collected], limits_of_reference: Collected
+    trial: str, file: Path, scored: dict[str, Collected], collected_limits: Collected
 ) -> tuple[float, Plot | None]:
     """Fills the tables; gives the worst stretch."""
     recording, plain = read_dfjimu(file), read_dfjimu_reference(file)
     reference_limits = limits(recording, plain)
-    limits_of_reference.put(trial, reference_limits.figures)
+    collected_limits.put(trial, reference_limits.figures)
     references = {
         PLAIN: plain,
         AUTHORS: later(plain, AUTHORS_LAG_S),

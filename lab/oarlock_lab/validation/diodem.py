@@ -65,11 +65,11 @@ def run(data_folder: Path) -> SetResult:
     if not (folder / "omc.csv").is_file():
         return SetResult(FOLDER, TITLE, TEXT, absent=f"no {FOLDER}/{TRIAL}/omc.csv")
     plain = later(read_diodem_reference(folder), TRIAL1_LAG_S)
-    tables, plots, limits_of_reference = [], [], Collected()
+    tables, plots, collected_limits = [], [], Collected()
     for mounted in MOUNTED:
         recording = read_diodem(folder, mounted, MAG_UNIT_UT)
         reference_limits = limits(recording, plain)
-        limits_of_reference.put(mounted, reference_limits.figures)
+        collected_limits.put(mounted, reference_limits.figures)
         removed = reference_limits.removed_from(plain)
         outcomes = _outcomes(recording, mounted)
         exact = [punctual(recording, o) if isinstance(o, OrientationEstimate) else o for o in outcomes]
@@ -79,7 +79,7 @@ def run(data_folder: Path) -> SetResult:
                 collected.add(outcome, _figures(outcome, reference))
             tables.append(collected.table(f"{mounted.capitalize()} units, RMSE after 5 s, {text}"))
         plots.append(_plot(mounted, exact, removed))
-    tables.append(limits_of_reference.table("Limits of the reference", unit="", text=LIMITS_TEXT))
+    tables.append(collected_limits.table("Limits of the reference", unit="", text=LIMITS_TEXT))
     return SetResult(FOLDER, TITLE, TEXT, tuple(tables), tuple(p for p in plots if p is not None))
 
 

@@ -62,8 +62,8 @@ def run(data_folder: Path) -> SetResult:
     except DataError as error:
         return SetResult(FOLDER, TITLE, TEXT, absent=str(error))
     medians = {name: Collected() for name in (PLAIN, REMOVED)}
-    squares, unaided, limits_of_reference = Collected(), Collected(), Collected()
-    plots = [_run(folder, name, medians, squares, unaided, limits_of_reference) for name in runs]
+    squares, unaided, collected_limits = Collected(), Collected(), Collected()
+    plots = [_run(folder, name, medians, squares, unaided, collected_limits) for name in runs]
     forced = Collected()
     for name in runs:
         _run_orientations(folder, name, forced)
@@ -77,7 +77,7 @@ def run(data_folder: Path) -> SetResult:
             f"Median after 5 s without a heading from the reference, {PLAIN}", mean=True, text=UNAIDED
         ),
         forced.table(f"Orientations only, median after 5 s, {PLAIN}", mean=True, text=ORIENTATIONS),
-        limits_of_reference.table("Limits of the reference", unit="", text=LIMITS_TEXT),
+        collected_limits.table("Limits of the reference", unit="", text=LIMITS_TEXT),
     ]
     return SetResult(FOLDER, TITLE, TEXT, tuple(tables), worst_of(plots))
 
@@ -88,13 +88,13 @@ def _run(
     medians: dict[str, Collected],
     squares: Collected,
     unaided: Collected,
-    limits_of_reference: Collected,
+    collected_limits: Collected,
 ) -> tuple[float, Plot | None]:
     """Fills the tables; gives the worst stretch."""
     recording, plain = read_openaxes(folder, name), read_openaxes_reference(folder, name)
     mounts = dict.fromkeys(LINKS, MOUNT)
     reference_limits = limits(recording, plain, mounts)
-    limits_of_reference.put(name, reference_limits.figures)
+    collected_limits.put(name, reference_limits.figures)
     references = {PLAIN: plain, REMOVED: reference_limits.removed_from(plain)}
     rows = plain.time_s > SCORED_AFTER_S
     errors: dict[str, tuple[OrientationEstimate, Floats]] = {}

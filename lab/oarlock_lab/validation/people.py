@@ -22,6 +22,7 @@ from scipy.spatial.transform import Rotation, Slerp
 import oarlock
 from oarlock import Calibration, Config, Recording, Track
 from oarlock.storage.arrays import Bools, Floats, Indices
+from oarlock.storage.statistics import NORMAL_95
 
 from . import chains
 from .chains import Link
@@ -300,7 +301,7 @@ def _heading(
 
 def _band(orientations: Rotation, expected: Rotation, std: Floats) -> tuple[int, float, float]:
     error, variance = (orientations.inv() * expected).as_rotvec(), std**2 + REFERENCE_STD_RAD**2
-    return len(error), float(np.mean(error**2 < 1.96**2 * variance)), float(np.mean(error**2 / variance))
+    return len(error), float(np.mean(error**2 < NORMAL_95**2 * variance)), float(np.mean(error**2 / variance))
 
 
 def _rms(values: Sequence[float] | Floats) -> float:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock._core import Model
 from oarlock.evaluation.interval import Interval
@@ -13,15 +12,13 @@ from oarlock.evaluation.resample import resample, resample_rotation
 from oarlock.evaluation.scores import JointScore, PositionScore
 from oarlock.model.coordinates import JointPart, parts
 from oarlock.model.rotation import quat_from_rotvec, rotvec_between, wrap
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.storage.progress import Told
+from oarlock.storage.statistics import NORMAL_95
 from oarlock.tracking.track import Track
 
 LANDMARKS = frozenset({"shoulder", "elbow", "wrist", "hand"})
 """Words in a frame's name that mark it as a landmark."""
-
-BAND_95 = 1.96
-"""Half-width of the 95 % band in standard deviations."""
 
 OBSERVED_SHARE = 0.5
 """A joint counts as observed if all its coordinates are observed in at least this share of the rows."""
@@ -56,7 +53,7 @@ def part_error(track: Track, truth: Track, part: JointPart) -> Floats:
     return wrap(error) if part.kind == "scalar" and track[part.joint].unit == "rad" else error
 
 
-def seen(track: Track, part: JointPart, kept: NDArray[np.bool_]) -> bool:
+def seen(track: Track, part: JointPart, kept: Bools) -> bool:
     """Whether the part is observed in at least half of the kept rows (T,), the same share as in `observed_joints`."""
     return bool(np.mean(track.observed[kept][:, list(part.columns)].all(axis=1)) >= OBSERVED_SHARE)
 
@@ -76,7 +73,7 @@ def scalar_score(
         rmse=rms(error),
         bias=float(np.mean(error)),
         correlation=correlated,
-        coverage=mean_of(np.abs(ratio) <= BAND_95),
+        coverage=mean_of(np.abs(ratio) <= NORMAL_95),
         nees=mean_of(ratio**2),
         mean_std=mean_of(std[banded]),
     )
@@ -131,7 +128,7 @@ def position_score(frame: str, estimate: Floats, reference: Floats, std: Floats)
         rmse_m=float(np.sqrt(x * x + y * y + z * z)),
         axis_rmse_m=(x, y, z),
         axis_correlation=(cx, cy, cz),
-        coverage=mean_of(np.abs(error[banded]) <= BAND_95 * std[banded]),
+        coverage=mean_of(np.abs(error[banded]) <= NORMAL_95 * std[banded]),
     )
 
 
@@ -147,6 +144,6 @@ def correlation(a: Floats, b: Floats) -> float:
     return float(np.corrcoef(a, b)[0, 1])
 
 
-def mean_of(values: NDArray[np.float64] | NDArray[np.bool_]) -> float:
+def mean_of(values: Floats | Bools) -> float:
     """Mean; NaN for an empty array."""
     return float(np.mean(values)) if len(values) else float("nan")

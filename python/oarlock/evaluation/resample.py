@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.evaluation.interval import STAMP_TOLERANCE_S
 from oarlock.model.rotation import continuous_quat
-from oarlock.storage.arrays import Bools, Floats
+from oarlock.storage.arrays import Bools, Floats, Indices
 from oarlock.storage.errors import DataError
 from oarlock.storage.extras import FULL, optional
 
@@ -52,7 +51,7 @@ def _fill(result: Floats, time_s: Floats, value: Floats, at_s: Floats, circular:
         result[inside] = interpolate.CubicSpline(time_s, smooth)(at_s[inside])
 
 
-def _coincident(time_s: Floats, at_s: Floats) -> tuple[NDArray[np.intp], Bools]:
+def _coincident(time_s: Floats, at_s: Floats) -> tuple[Indices, Bools]:
     right = np.clip(np.searchsorted(time_s, at_s), 1, max(len(time_s) - 1, 1))
     left = right - 1
     right = np.minimum(right, len(time_s) - 1)

@@ -4,9 +4,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Floats, Ints
 from oarlock.storage.delimited import ColumnLayout, numbers
 from oarlock.storage.errors import DataError
 
@@ -14,7 +13,7 @@ from oarlock.storage.errors import DataError
 class Places(Sequence[str]):
     """File, line and column of each row, as text for errors."""
 
-    def __init__(self, layout: ColumnLayout, lines: NDArray[np.int64], index: int) -> None:
+    def __init__(self, layout: ColumnLayout, lines: Ints, index: int) -> None:
         self._layout, self._lines, self._index = layout, lines, index
 
     def __len__(self) -> int:

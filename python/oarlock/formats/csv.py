@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.formats.arbitrary_units import ARBITRARY, scale_meta, scaled_mag
 from oarlock.formats.columns import Places
@@ -30,7 +29,7 @@ from oarlock.recording.packets import META_KEY
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream, ScalarStream, ScalarUnit, Stream, VectorStream
 from oarlock.storage.array_gate import disorder_text
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Floats, Ints
 from oarlock.storage.delimited import ColumnLayout, numbers
 from oarlock.storage.errors import DataError
 from oarlock.storage.paths import place_of
@@ -45,7 +44,7 @@ class _CsvColumns:
 
     layout: ColumnLayout
     stamps: Stamps
-    lines: NDArray[np.int64]
+    lines: Ints
     columns: dict[int, Floats]
     unit: TimeUnit
     said: tuple[str, ...]

@@ -12,9 +12,8 @@ from types import MappingProxyType
 from typing import Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Floats, Ints
 from oarlock.storage.epoch import FIRST_S, LAST_S, epoch_text, moment_text
 from oarlock.storage.errors import DataError
 
@@ -49,7 +48,7 @@ class Stamps:
 
     family: Family
     seconds: Floats
-    nanoseconds: NDArray[np.int64]
+    nanoseconds: Ints
 
 
 def plain_time_unit(unit: str) -> str:
@@ -199,12 +198,12 @@ def _iso(cell: str, place: str) -> datetime.datetime:
         ) from error
 
 
-def _across_midnight(ticks: NDArray[np.int64]) -> NDArray[np.int64]:
+def _across_midnight(ticks: Ints) -> Ints:
     """Adds a day after each step back of more than twelve hours; later checks report smaller steps back."""
     days = np.cumsum(np.diff(ticks, prepend=ticks[:1]) < -_DAY_NS // 2)
     return ticks + days * _DAY_NS
 
 
-def _nearest_day(ticks: NDArray[np.int64], reference: int) -> NDArray[np.int64]:
+def _nearest_day(ticks: Ints, reference: int) -> Ints:
     """Shifts by whole days so that the first stamp is within twelve hours of the reference."""
     return ticks - round((int(ticks[0]) - reference) / _DAY_NS) * _DAY_NS

@@ -15,6 +15,7 @@ from itertools import islice
 import numpy as np
 
 from oarlock.storage.arrays import Floats
+from oarlock.storage.statistics import robust_std
 
 WINDOW_S, WINDOWS = 5.0, 240
 """The least delay is taken of each such window; the line goes through those of the last 20 minutes."""
@@ -112,6 +113,6 @@ def line(least: Floats, prior: tuple[float, float] = (0.0, DRIFT_STD)) -> tuple[
         right = [weight @ delay, weight @ (late * delay) + usual * precision]
         offset, drift = (float(x) for x in np.linalg.solve(normal, right))
         off = delay - offset - drift * late
-        std = max(float(np.median(np.abs(off))) * 1.4826, LEAST_DELAY_STD_S)
+        std = max(robust_std(off), LEAST_DELAY_STD_S)
         weight = newest / (1.0 + (np.maximum(off, 0.0) / std) ** 2) / std**2
     return middle, offset, drift

@@ -7,11 +7,10 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import oarlock
 from oarlock.live.session import Estimate, LiveSession, recorded
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Floats, Ints
 from oarlock.storage.errors import DataError
 from oarlock.tracking.notes import Note
 from oarlock.tracking.records import FAULT, FIELD, SensorInfo, SlowSeries
@@ -94,7 +93,7 @@ class _Rows:
         def table(key: str) -> list[list[Any]]:
             return [[one[name][key] for name in names] for one in self.sensors]
 
-        def places(key: str, words: tuple[str, ...]) -> NDArray[np.int64]:
+        def places(key: str, words: tuple[str, ...]) -> Ints:
             return np.array([[words.index(word) for word in row] for row in table(key)], dtype=np.int64)
 
         nis, used = zip(*self.inertial, strict=True)
@@ -108,7 +107,7 @@ class _Rows:
             **{key: np.array(table(key), dtype=np.int64) for key in _COUNTS},
         )
 
-    def slow(self, whole: Track, nearest: NDArray[np.int64]) -> dict[str, SlowSeries]:
+    def slow(self, whole: Track, nearest: Ints) -> dict[str, SlowSeries]:
         """Of the live states; turns off the axes of hinges are no states, and are those of the whole recording."""
         column = {name: k for k, name in enumerate(self.beliefs[0][1].state_names)}
         means, stds = np.array(self.means), np.array(self.stds)
@@ -150,7 +149,7 @@ def _with_whole(rows: _Rows, made: Track, whole: Track) -> Track:
     )
 
 
-def _notes(made: Track, whole: Track, nearest: NDArray[np.int64]) -> Iterator[str]:
+def _notes(made: Track, whole: Track, nearest: Ints) -> Iterator[str]:
     """Whether readings that came late would have moved live estimates."""
     same = (whole.q[nearest] == made.q) | np.isnan(made.q)
     differ = int((~same.all(axis=1)).sum())

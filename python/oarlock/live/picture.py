@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.model.shapes import Look, Strand
 from oarlock.report.viewer.figure import SAME_PLACE_M, Figure, add_frames, add_loops, carried_shapes
 from oarlock.report.viewer.scene import viewpoints_of
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Floats, Ints
 from oarlock.storage.errors import DataError
 
 if TYPE_CHECKING:
@@ -41,9 +40,9 @@ class LivePicture:
 
     model: Model
     structure: dict[str, Any]
-    carriers: NDArray[np.int64]
+    carriers: Ints
     offsets_m: Floats
-    shape_frames: NDArray[np.int64]
+    shape_frames: Ints
     strands: Strands | None = None
 
     @classmethod

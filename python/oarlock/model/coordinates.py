@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.model.description import JointDescription
 from oarlock.model.rotation import quat_from_rotvec, quat_product, rotvec_from_quat
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
 if TYPE_CHECKING:
@@ -73,14 +73,12 @@ def rotation_columns(coordinate_names: Sequence[str]) -> list[list[int]]:
     return [list(part.columns) for part in parts(coordinate_names) if part.kind == "rotation"]
 
 
-def with_untold_at_zero(q: NDArray[np.float64]) -> NDArray[np.float64]:
+def with_untold_at_zero(q: Floats) -> Floats:
     """Coordinates (T, n) in which those that no stream ever told, NaN from first to last, stand at 0."""
     return np.where(np.isnan(q).all(axis=0), 0.0, q)
 
 
-def plus(
-    q: NDArray[np.float64], step: NDArray[np.float64], rotations: Sequence[list[int]]
-) -> NDArray[np.float64]:
+def plus(q: Floats, step: Floats, rotations: Sequence[list[int]]) -> Floats:
     """Coordinates (T, n) after small steps (T, n): values add, a rotation R becomes R Exp(e), e in the child's axes."""
     moved = np.asarray(q + step)
     for columns in rotations:

@@ -11,9 +11,10 @@ from dataclasses import dataclass, fields, is_dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
+from oarlock.storage.arrays import Floats
+
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+    pass
 
 Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
@@ -420,7 +421,7 @@ class ModelDescription:
         return plain
 
 
-def pose_of(transform: TransformDescription | None) -> NDArray[np.float64]:
+def pose_of(transform: TransformDescription | None) -> Floats:
     """The transform as a pose (4, 4); None is the identity."""
     import numpy as np  # not at the top: help of verbs imports this module
 

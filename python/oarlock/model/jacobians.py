@@ -10,7 +10,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from oarlock.storage.arrays import Floats
 
 
 class FrameJacobian(NamedTuple):
@@ -22,8 +23,8 @@ class FrameJacobian(NamedTuple):
         by_length: (..., n_frames, 3, n_lengths) move of the frame's origin, m per m. Lengths turn nothing.
     """
 
-    by_coordinate: NDArray[np.float64]
-    by_length: NDArray[np.float64]
+    by_coordinate: Floats
+    by_length: Floats
 
 
 class MeasurementJacobian(NamedTuple):
@@ -36,13 +37,13 @@ class MeasurementJacobian(NamedTuple):
         by_length: (..., n_measurements, n_lengths) by lengths, m.
     """
 
-    by_q: NDArray[np.float64]
-    by_qd: NDArray[np.float64]
-    by_qdd: NDArray[np.float64]
-    by_length: NDArray[np.float64]
+    by_q: Floats
+    by_qd: Floats
+    by_qdd: Floats
+    by_length: Floats
 
 
-def relative_moves(poses: NDArray[np.float64], by_coordinate: NDArray[np.float64]) -> NDArray[np.float64]:
+def relative_moves(poses: Floats, by_coordinate: Floats) -> Floats:
     """Derivatives (..., K, 3, n) of places in the axes of a frame, which is the first of all.
 
     Args:

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from oarlock import Track, joint_angles
-from oarlock.evaluation.errors import BAND_95
 from oarlock.model.angle_sequence import angle_labels, angles_from_quat, angles_per_turn
 from oarlock.movement.turns import SegmentTurns, Sensitivity
 from oarlock.storage.arrays import Bools, Floats
+from oarlock.storage.statistics import NORMAL_95
 from oarlock.tracking.joint_angles import JointAngle, NamedRotation, named_rotation
 from oarlock.tracking.joint_series import BallSeries
 from oarlock.tracking.notes import contradicted_units, undetermined_units
@@ -73,7 +73,7 @@ class MovementAngle:
             return False
         low, high = self.limits_deg
         beyond_deg = np.maximum(low - self.value_deg, self.value_deg - high)
-        return bool((beyond_deg > BAND_95 * self.std_deg).any())
+        return bool((beyond_deg > NORMAL_95 * self.std_deg).any())
 
     def since(self, first: int) -> MovementAngle:
         """The angle from a sample on."""

@@ -12,10 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.movement.angles import MovementAngle
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Floats, Indices
 from oarlock.storage.even_times import even_times_of_stretches
 
 WINDOWS_S, HOP_S, RATE_HZ = (10.0, 6.0), 1.0, 25.0
@@ -127,7 +126,7 @@ def cycle_courses(time_s: Floats, value: Floats, begins_s: Floats) -> Floats:
     return np.asarray(np.interp(places, time_s, value))
 
 
-def peaks_of(values: Floats, prominence: float, distance: float = 1.0) -> NDArray[np.intp]:
+def peaks_of(values: Floats, prominence: float, distance: float = 1.0) -> Indices:
     """Places of the local maxima of (N,) numbers, as `scipy.signal.find_peaks`: the middle of each flat top.
 
     Args:

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from oarlock.evaluation.errors import BAND_95
 from oarlock.movement.angles import BESIDE, CONTRADICTED, LIMITS, UNDETERMINED, MovementAngle
 from oarlock.movement.cycles import cycle_courses
 from oarlock.movement.turns import Sensitivity
 from oarlock.report.viewer.sides import side_of
 from oarlock.storage.arrays import Floats, Ints
+from oarlock.storage.statistics import NORMAL_95
 
 LEAST_DIFFERENCE_DEG = 2.0
 """Differences of the sides below this are not reported, even if they are certain."""
@@ -106,7 +106,7 @@ class MotionRange:
     @property
     def half_deg(self) -> float:
         """Half of the 95 % interval of the range, deg; NaN if the track has no standard deviations."""
-        return BAND_95 * self.range_std_deg
+        return NORMAL_95 * self.range_std_deg
 
     @property
     def is_narrow(self) -> bool:
@@ -167,7 +167,7 @@ class SideDifference:
     @property
     def limit_deg(self) -> float:
         """Half of the 95 % interval of the difference, deg."""
-        return BAND_95 * self.std_deg
+        return NORMAL_95 * self.std_deg
 
     @property
     def well_measured(self) -> bool:
@@ -227,7 +227,7 @@ def _band_doubt(std_deg: Floats) -> str:
     """
     known = std_deg[np.isfinite(std_deg)]
     thirds = np.array_split(known, 3) if known.size >= 3 else [known] if known.size else []
-    halves_deg = [BAND_95 * float(np.sqrt(np.mean(third**2))) for third in thirds]
+    halves_deg = [NORMAL_95 * float(np.sqrt(np.mean(third**2))) for third in thirds]
     if max(halves_deg, default=0.0) <= WITHIN_DEG:
         return ""
     return DRIFTS if halves_deg[0] <= WITHIN_DEG < halves_deg[-1] else WIDE

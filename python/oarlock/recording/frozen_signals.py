@@ -5,10 +5,9 @@ from __future__ import annotations
 from math import radians
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.recording.streams import ImuStream
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Bools, Floats
 
 STUCK_S, STUCK_ROWS = 0.5, 20
 """A constant value over this time and this number of samples is stuck if the sensor moves."""
@@ -111,7 +110,7 @@ def _is_long(stream: ImuStream, first: int, stop: int) -> bool:
     return stop - first >= STUCK_ROWS and stream.time_s[stop - 1] - stream.time_s[first] >= 0.99 * STUCK_S
 
 
-def _longest(same: NDArray[np.bool_]) -> tuple[int, int]:
+def _longest(same: Bools) -> tuple[int, int]:
     """Start and stop index of the longest run of equal values, from where each equals the next."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(np.int8)))
     if not edges.size:

@@ -6,11 +6,10 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Floats, Ints
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
 
@@ -77,7 +76,7 @@ def readings(stream: object) -> dict[str, Any]:
     }
 
 
-def at_nearest(time_s: Floats, mag: Floats, kept: NDArray[np.int64]) -> Floats:
+def at_nearest(time_s: Floats, mag: Floats, kept: Ints) -> Floats:
     """The readings (T, 3) at the kept rows; those of other rows at the kept row that is nearest in time."""
     rows = np.flatnonzero(np.isfinite(mag).any(axis=1))
     middles = 0.5 * (time_s[kept][1:] + time_s[kept][:-1])

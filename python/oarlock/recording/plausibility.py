@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.recording.frozen_signals import STUCK_ROWS, clipped_texts, moves, stuck_texts
 from oarlock.recording.gyro_scale import gyro_per_gravity_turn, row_norms
 from oarlock.recording.packets import expected_quantity_rows, lost_packets
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream, ScalarStream, Stream
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.storage.errors import DataError
 
 Severity: TypeAlias = Literal["error", "warning", "note"]
@@ -257,7 +256,7 @@ def _missing_findings(recording: Recording, stream: Stream) -> list[SignalFindin
     return findings
 
 
-def _missing_text(recording: Recording, stream: Stream, field: str, missing: NDArray[np.bool_]) -> str:
+def _missing_text(recording: Recording, stream: Stream, field: str, missing: Bools) -> str:
     """Empty if a quantity that is slower than the rows of its stream has all readings of its own rate."""
     expected = expected_quantity_rows(recording, stream)[field]
     received = int(np.logical_or.reduce(~missing, axis=1).sum())
@@ -268,7 +267,7 @@ def _missing_text(recording: Recording, stream: Stream, field: str, missing: NDA
     return _rows_text(stream, field, missing)
 
 
-def _rows_text(stream: Stream, field: str, missing: NDArray[np.bool_]) -> str:
+def _rows_text(stream: Stream, field: str, missing: Bools) -> str:
     gone = np.logical_and.reduce(missing, axis=0)
     axes = [axis for axis, never in zip("xyz", gone, strict=False) if never]
     rows = np.logical_or.reduce(missing[:, ~gone], axis=1)
@@ -307,11 +306,11 @@ def _gap_findings(recording: Recording, stream: Stream) -> list[SignalFinding]:
     return findings
 
 
-def _norms(rows: Floats | None) -> tuple[Floats, NDArray[np.bool_]]:
+def _norms(rows: Floats | None) -> tuple[Floats, Bools]:
     """Norms of the rows without NaN, and a mask of these rows. An axis without any reading counts as absent."""
     if rows is None:
         return np.zeros(0), np.zeros(0, dtype=np.bool_)
-    whole: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(rows), axis=1)
+    whole: Bools = np.logical_and.reduce(np.isfinite(rows), axis=1)
     return row_norms(rows[whole]), whole
 
 
@@ -330,7 +329,7 @@ def _stillest(time_s: Floats, rows: Floats) -> slice:
     return slice(first, first + width)
 
 
-def _longest_run(flags: NDArray[np.bool_]) -> tuple[int, int]:
+def _longest_run(flags: Bools) -> tuple[int, int]:
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     starts, stops = edges[::2], edges[1::2]
     longest = int(np.argmax(stops - starts))

@@ -9,7 +9,7 @@ from html import escape
 import numpy as np
 
 from oarlock.evaluation.angles import angle_error, named_angles
-from oarlock.evaluation.errors import BAND_95, part_error
+from oarlock.evaluation.errors import part_error
 from oarlock.evaluation.interval import Interval
 from oarlock.evaluation.joints import part_unit
 from oarlock.evaluation.scores import Evaluation, JointScore, presentation
@@ -17,6 +17,7 @@ from oarlock.model.coordinates import JointPart, parts
 from oarlock.report import markup, plot
 from oarlock.report.text import MINUS, number, percent
 from oarlock.storage.arrays import Bools, Floats
+from oarlock.storage.statistics import NORMAL_95
 from oarlock.tracking.track import Track
 
 WIDTH, LEFT, RIGHT = 400.0, 44.0, 8.0
@@ -101,7 +102,7 @@ def _curves(track: Track, truth: Track | None, part: JointPart) -> list[ErrorCur
             shown[good] = np.unwrap(shown[good])
         else:
             unit, factor = ("m", 1.0) if good.any() and np.ptp(shown[good]) > 0.1 else ("mm", 1e3)
-        half = BAND_95 * std[:, k] * factor
+        half = NORMAL_95 * std[:, k] * factor
         scaled = None if error is None else error[:, k] * factor
         found.append(ErrorCurve(name, unit, track.time_s, shown * factor, half, scaled, observed, near))
     return found

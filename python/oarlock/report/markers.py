@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from oarlock.evaluation.errors import BAND_95
 from oarlock.evaluation.markers.gaps import Gap, stretches
 from oarlock.evaluation.markers.simulated import MarkerStudy
 from oarlock.evaluation.scores import presentation
@@ -17,6 +16,7 @@ from oarlock.report import page, plot
 from oarlock.report.markup import bar_legend, figure, grid, notes_list, table
 from oarlock.report.text import breakable, fixed, percent, plural
 from oarlock.storage.arrays import Bools, Floats
+from oarlock.storage.statistics import NORMAL_95
 from oarlock.storage.write_file import write_file
 
 WIDTH, HEIGHT, FOOT = 400.0, 96.0, 20.0
@@ -81,7 +81,7 @@ def _figure(
     key: int, name: str, unit: str, time_s: Floats, course: tuple[Floats, Floats], determined: Bools
 ) -> str:
     value, std = (np.where(determined, part, np.nan) for part in course)
-    half = BAND_95 * std
+    half = NORMAL_95 * std
     panel = plot.over_time(time_s, PLACE, plot.padded([value - half, value + half]))
     lost = "".join(
         plot.span(panel, float(time_s[a]), float(time_s[b - 1]), "unseen-span")

@@ -9,10 +9,9 @@ from html import escape
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.report.text import MINUS
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Bools, Floats, Indices
 
 BUCKETS = 280
 """Columns of a decimated curve; each keeps its smallest and largest sample."""
@@ -122,7 +121,7 @@ def envelope(x: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats, Floa
     return middle, lower, upper
 
 
-def _buckets(samples: int) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+def _buckets(samples: int) -> tuple[Indices, Bools]:
     """(BUCKETS, n) indices of the samples of each bucket, and which of them are its own: n is that of the longest."""
     edges = np.linspace(0, samples, BUCKETS + 1).astype(int)
     places = edges[:-1, None] + np.arange(np.diff(edges).max())

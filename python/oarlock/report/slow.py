@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from oarlock.evaluation.errors import BAND_95
 from oarlock.report import plot
 from oarlock.report.markup import figure, grid
 from oarlock.report.text import number
 from oarlock.storage.arrays import Floats
+from oarlock.storage.statistics import NORMAL_95
 from oarlock.tracking.records import SlowSeries
 from oarlock.tracking.track import Track
 
@@ -57,7 +57,7 @@ def _true_lines(truth: Track | None, group: str, lines: Lines) -> list[tuple[Flo
 
 def _figure(key: int, time_s: Floats, name: str, lines: Lines, true: list[tuple[Floats, Floats]]) -> str:
     factor, unit = SHOWN_UNITS.get(lines[0][1].unit, (1.0, lines[0][1].unit))
-    scaled = [(axis, series.value * factor, BAND_95 * series.std * factor) for axis, series in lines]
+    scaled = [(axis, series.value * factor, NORMAL_95 * series.std * factor) for axis, series in lines]
     content = _content(time_s, scaled, [(at_s, v * factor) for at_s, v in true])
     ends = ", ".join(f"{axis or 'value'} {number(_last(v))}" for axis, v, _ in scaled)
     description = f"Estimate with its 95 % band; at the end {ends} {unit}."

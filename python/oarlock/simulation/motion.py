@@ -7,11 +7,12 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import BSpline, make_interp_spline
 
 from oarlock.model.coordinates import POSITION, ROTATION, joint_columns, parts
 from oarlock.model.rotation import body_rates, continuous_quat, quat_from_rotvec, rotvec_from_quat, unit_quats
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
 _DEGREE = 5
@@ -20,7 +21,7 @@ _WIDEST_TURN_RAD = 0.5 * np.pi
 """Largest rotation of a ball joint between two knots, rad; beyond it the direction of rotation is ambiguous."""
 
 
-def _finite(values: ArrayLike, name: str, shape: tuple[int, ...]) -> NDArray[np.float64]:
+def _finite(values: ArrayLike, name: str, shape: tuple[int, ...]) -> Floats:
     array = np.array(values, dtype=np.float64)
     if array.shape != shape:
         raise DataError(f"motion: {name} has shape {array.shape}, expected {shape}")
@@ -31,7 +32,7 @@ def _finite(values: ArrayLike, name: str, shape: tuple[int, ...]) -> NDArray[np.
     return array
 
 
-def _check_times(time_s: NDArray[np.float64]) -> None:
+def _check_times(time_s: Floats) -> None:
     if time_s.size < _MIN_KNOTS:
         raise DataError(f"motion: {time_s.size} knots, a quintic spline needs at least {_MIN_KNOTS}")
     steps = np.diff(time_s)
@@ -43,7 +44,7 @@ def _check_times(time_s: NDArray[np.float64]) -> None:
         )
 
 
-def _check_turns(joint: str, time_s: NDArray[np.float64], rotvec_rad: NDArray[np.float64]) -> None:
+def _check_turns(joint: str, time_s: Floats, rotvec_rad: Floats) -> None:
     quat = quat_from_rotvec(rotvec_rad)
     turns = 2.0 * np.arccos(np.clip(np.abs(np.sum(quat[1:] * quat[:-1], axis=1)), 0.0, 1.0))
     worst = int(np.argmax(turns))
@@ -54,7 +55,7 @@ def _check_turns(joint: str, time_s: NDArray[np.float64], rotvec_rad: NDArray[np
         )
 
 
-def _as_coordinates(joint: str, values: NDArray[np.float64]) -> tuple[list[str], NDArray[np.float64]]:
+def _as_coordinates(joint: str, values: Floats) -> tuple[list[str], Floats]:
     """Names and (K, ...) values of a joint's coordinates."""
     if values.ndim == 1:
         return [joint], values[:, None]
@@ -94,9 +95,9 @@ class Motion:
     """
 
     joint_names: tuple[str, ...]
-    time_s: NDArray[np.float64]
-    q: NDArray[np.float64]
-    base_acceleration_m_s2: NDArray[np.float64] | None = None
+    time_s: Floats
+    q: Floats
+    base_acceleration_m_s2: Floats | None = None
     coordinate_names: tuple[str, ...] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -135,7 +136,7 @@ class Motion:
             DataError: as `Motion`; or a wrong shape, or quaternions that are not unit.
         """
         names: list[str] = []
-        columns: list[NDArray[np.float64]] = []
+        columns: list[Floats] = []
         for joint, values in joints.items():
             own, given = _as_coordinates(joint, np.asarray(values, dtype=np.float64))
             names += own
@@ -161,7 +162,7 @@ class Motion:
         """Time of the last knot, s."""
         return float(self.time_s[-1])
 
-    def at(self, time_s: ArrayLike) -> NDArray[np.float64]:
+    def at(self, time_s: ArrayLike) -> Floats:
         """Values q (..., n_coordinates) at ``time_s`` (...), s; rotation vectors are the shortest, at most pi long.
 
         Raises:
@@ -175,9 +176,7 @@ class Motion:
             q[..., columns] = rotvec_from_quat(quat / np.linalg.norm(quat, axis=-1, keepdims=True))
         return q
 
-    def derivatives(
-        self, time_s: ArrayLike
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def derivatives(self, time_s: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """(q, qd, qdd), each (..., n_coordinates), in rad or m per s and s2, at ``time_s`` (...).
 
         For a rotation qd is the angular velocity of the child relative to the parent, in the child's axes, and qdd its
@@ -195,7 +194,7 @@ class Motion:
             qd[..., columns], qdd[..., columns] = body_rates(*(course(time, order) for order in (0, 1, 2)))
         return q, qd, qdd
 
-    def base_acceleration_at(self, time_s: ArrayLike) -> NDArray[np.float64]:
+    def base_acceleration_at(self, time_s: ArrayLike) -> Floats:
         """Coordinate acceleration of the root's origin (..., 3), m/s2, root axes; zeros if none is given.
 
         Raises:
@@ -204,7 +203,7 @@ class Motion:
         time = self._inside(time_s)
         return np.asarray(self._base_spline(time), dtype=np.float64)
 
-    def column(self, joint_name: str) -> NDArray[np.float64]:
+    def column(self, joint_name: str) -> Floats:
         """Values (K,) of one hinge, slide or coordinate at the knots.
 
         Raises:
@@ -247,7 +246,7 @@ class Motion:
         )
         return make_interp_spline(self.time_s, base, k=_DEGREE)
 
-    def _inside(self, time_s: ArrayLike) -> NDArray[np.float64]:
+    def _inside(self, time_s: ArrayLike) -> Floats:
         """Checks times. One knot interval beyond each end is allowed for central differences."""
         time = np.asarray(time_s, dtype=np.float64)
         first = self.start_s - (self.time_s[1] - self.time_s[0])

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Floats, Indices
 from oarlock.storage.errors import DataError
 
 LEAST_INTERVAL_S = 5e-7
@@ -70,7 +70,7 @@ def time_array(value: ArrayLike, where: str) -> Floats:
     return time_s
 
 
-def _too_close_text(steps_s: Floats, close: NDArray[np.intp]) -> str:
+def _too_close_text(steps_s: Floats, close: Indices) -> str:
     first = int(close[0])
     reason = (
         "Are the stamps in another unit? They must be seconds."

@@ -1,4 +1,4 @@
-"""Names of array types, for all rooms."""
+"""Names of array types, for the whole package."""
 
 import numpy as np
 from numpy.typing import NDArray

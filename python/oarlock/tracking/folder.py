@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock._core import Model
 from oarlock.recording.calibration import load_calibration
 from oarlock.recording.session_info import SESSION_KEY, read_session, without_session, write_session
+from oarlock.storage.arrays import Floats, Ints
 from oarlock.storage.errors import DataError
 from oarlock.storage.folder_writer import read_manifest, replaced_folder
 from oarlock.storage.parquet_table import Column, ParquetTable, Texts, read_table, write_table
@@ -174,7 +174,7 @@ def _with_none_read(value: Any) -> Any:
     return None if isinstance(value, str) and value == _NONE else value
 
 
-def _sensor_table(time_s: NDArray[np.float64], info: SensorInfo) -> dict[str, Column]:
+def _sensor_table(time_s: Floats, info: SensorInfo) -> dict[str, Column]:
     columns: dict[str, Column] = {"time_s": time_s}
     for i, name in enumerate(info.sensor_names):
         columns |= {f"{name}.{kind}": getattr(info, kind)[:, i] for kind in ("nis", *_COUNTS)}
@@ -207,7 +207,7 @@ def _info(file: Path, names: tuple[str, ...]) -> SensorInfo | None:
     )
 
 
-def _words(table: ParquetTable, name: str, known: tuple[str, ...]) -> NDArray[np.int64]:
+def _words(table: ParquetTable, name: str, known: tuple[str, ...]) -> Ints:
     places, words = table.texts(name)
     if not set(words) <= set(known) or (places < 0).any():
         raise DataError(
@@ -237,5 +237,5 @@ def _model(place: Path, provenance: Mapping[str, Any]) -> Model | None:
     return Model.from_toml(read_text(file), str(file), dict(provenance.get("parameters", {})))
 
 
-def _stack(table: ParquetTable, names: list[str]) -> NDArray[np.float64]:
+def _stack(table: ParquetTable, names: list[str]) -> Floats:
     return np.stack([table.numbers(name) for name in names], axis=1)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.recording.session_info import session_info, session_text
+from oarlock.storage.arrays import Floats
 from oarlock.storage.notebook_html import card, folded, html_list, html_table
+from oarlock.storage.statistics import NORMAL_95
 from oarlock.tracking.estimates import Estimates
 
 _DEG = float(np.degrees(1.0))
@@ -46,6 +47,6 @@ def _row(track: Estimates, column: int) -> list[object]:
     ]
 
 
-def _band(std: NDArray[np.float64]) -> str | None:
+def _band(std: Floats) -> str | None:
     known = std[np.isfinite(std)]
-    return f"{1.96 * float(np.median(known)):.2f}" if known.size else None
+    return f"{NORMAL_95 * float(np.median(known)):.2f}" if known.size else None

@@ -7,17 +7,16 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock._core import Model
 from oarlock.model.coordinates import with_untold_at_zero
 from oarlock.model.jacobians import relative_moves
 from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Floats, Ints
 from oarlock.storage.errors import DataError
 from oarlock.tracking.estimates import Estimates
 
-Rows = slice | NDArray[np.int64]
+Rows = slice | Ints
 Source = Literal["beliefs", "deviations", "unknown"]
 
 LENGTH_PREFIX = "parameters."

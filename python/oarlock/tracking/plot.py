@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.model.angle_sequence import angle_labels
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.storage.errors import DataError
 from oarlock.storage.extras import optional
+from oarlock.storage.statistics import NORMAL_95
 from oarlock.tracking.estimates import Estimates
 from oarlock.tracking.joint_series import BallSeries, FreeSeries, JointSeries
 
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 Panel: TypeAlias = str | Sequence[str]
 """A joint, or several joints in one panel."""
 
-BAND: Final = 1.96
-"""Standard deviations either side: 95 %."""
 _MOST_PANELS: Final = 12
 _PANEL_WIDTH_IN, _PANEL_HEIGHT_IN = 4.6, 1.9
 _COLOURS: Final = ("#2a78b8", "#d9601a", "#3d8f4a", "#8a5cb0", "#a3781a", "#4a9aa8")
@@ -125,17 +123,17 @@ def _panel(ax: Axes, track: Estimates, names: Sequence[str], truth: Estimates | 
         )
 
 
-def _curve(
-    ax: Axes, time_s: Floats, series: tuple[Floats, Floats, NDArray[np.bool_]], colour: str, label: str
-) -> None:
+def _curve(ax: Axes, time_s: Floats, series: tuple[Floats, Floats, Bools], colour: str, label: str) -> None:
     value, std, observed = series
     seen = np.where(observed, value, np.nan)
-    ax.fill_between(time_s, seen - BAND * std, seen + BAND * std, color=colour, alpha=0.22, linewidth=0)
+    ax.fill_between(
+        time_s, seen - NORMAL_95 * std, seen + NORMAL_95 * std, color=colour, alpha=0.22, linewidth=0
+    )
     ax.plot(time_s, np.where(observed, np.nan, value), color=colour, linewidth=0.7, alpha=0.45, linestyle=":")
     ax.plot(time_s, seen, color=colour, linewidth=1.3, label=label or None)
 
 
-def _curves(track: Estimates, name: str) -> list[tuple[str, Floats, Floats, NDArray[np.bool_]]]:
+def _curves(track: Estimates, name: str) -> list[tuple[str, Floats, Floats, Bools]]:
     """Label, value, standard deviation and where observed, in deg or cm."""
     series: Any = track[name]
     if isinstance(series, JointSeries):

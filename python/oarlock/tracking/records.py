@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from oarlock.storage.arrays import Bools, Floats
+from oarlock.storage.arrays import Bools, Floats, Ints
 from oarlock.storage.errors import DataError
 from oarlock.storage.short_repr import ShortRepr
 from oarlock.storage.suggest import did_you_mean
@@ -40,13 +39,13 @@ class SensorInfo(ShortRepr):
 
     sensor_names: tuple[str, ...]
     nis: Floats
-    used: NDArray[np.int64]
-    rejected: NDArray[np.int64]
-    missing: NDArray[np.int64]
+    used: Ints
+    rejected: Ints
+    missing: Ints
     inertial_nis: Floats
-    inertial_used: NDArray[np.int64]
-    field: NDArray[np.int64]
-    fault: NDArray[np.int64]
+    inertial_used: Ints
+    field: Ints
+    fault: Ints
 
     def of_rows(self, rows: Bools) -> SensorInfo:
         """The same for some of the rows."""

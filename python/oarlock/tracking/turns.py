@@ -12,9 +12,8 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from oarlock.storage.arrays import Bools, Floats
+from oarlock.storage.arrays import Bools, Floats, Ints
 
 if TYPE_CHECKING:
     from oarlock.model.description import JointDescription
@@ -84,11 +83,11 @@ def placed(hinges: Sequence[Hinge], q: Floats, qd: Callable[[], Floats], time_s:
     return q
 
 
-def _rates(qd: Callable[[], Floats], rows: NDArray[np.int64], column: int) -> Floats:
+def _rates(qd: Callable[[], Floats], rows: Ints, column: int) -> Floats:
     return np.asarray(qd()[rows, column])
 
 
-def _jumps(angle: Floats, rate: Callable[[], Floats], time_s: Floats) -> tuple[NDArray[np.int64], Floats]:
+def _jumps(angle: Floats, rate: Callable[[], Floats], time_s: Floats) -> tuple[Ints, Floats]:
     """Rows at which the angle jumps by full turns that the rate does not explain, and the number of turns.
 
     The filter's angles are continuous, so it has found the posture anew there. A wheel at a low output rate turns by

@@ -6,12 +6,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 import oarlock
 from oarlock import rowing
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Floats, Ints
 
 FRAMES = 40
 STROKE_S = 2.5
@@ -58,7 +57,7 @@ def write_picture(file: Path) -> None:
     file.write_text("\n".join([*lines, "</svg>"]), encoding="utf-8")
 
 
-def _outlines(track: oarlock.Track, rows: NDArray[np.int64]) -> Iterator[tuple[str, list[Floats]]]:
+def _outlines(track: oarlock.Track, rows: Ints) -> Iterator[tuple[str, list[Floats]]]:
     """Each part of the body with its outline in the picture at each row."""
     drawing = rowing.rowing_look(track)
     assert drawing is not None

@@ -8,6 +8,7 @@ import numpy as np
 
 from oarlock.recording.stream_scales import Clock
 from oarlock.storage.arrays import Floats
+from oarlock.storage.statistics import STD_OF_MAD
 
 CRYSTAL_DRIFT = 3e-5
 """Prior standard deviation of a clock's drift: quartz oscillators are specified to 20 to 50 ppm. Its tails are those of
@@ -86,7 +87,7 @@ def _fitted(
         precision = 2.0 / (2.0 * drift_std**2 + (fit[1] + drift_so_far) ** 2)
         apart = np.abs(delay_s - design @ fit) / std_s
         if own > 0:
-            found = 1.4826**2 * float(np.median(apart)) ** 2 * len(apart) / own
+            found = STD_OF_MAD**2 * float(np.median(apart)) ** 2 * len(apart) / own
             share = min(own / enough, 1.0)
             scale = max(least, float(np.sqrt(share * found + (1.0 - share) * usual**2)))
         excess = np.maximum(1.0, apart / scale / _HUBER)

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from oarlock._core import Model
@@ -16,7 +15,7 @@ from oarlock.calibration.motion.searched_model import PLACE, ZERO
 from oarlock.calibration.static.offset_parameters import place_parameters
 from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec
 from oarlock.recording.calibration import Calibration, EncoderScale
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Bools, Floats
 
 if TYPE_CHECKING:
     from oarlock._core import Belief
@@ -48,7 +47,7 @@ class Constants:
     moved: Floats
     covariance: Floats
     prior_std: Floats
-    of_wearing: NDArray[np.bool_]
+    of_wearing: Bools
 
     @classmethod
     def of(cls, belief: Belief, searched: Model, samples_per_error: float) -> Constants:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from oarlock.calibration.session.body import BodyKinematics
 from oarlock.calibration.session.unit_rows import WINDOW_S, UnitRows, common, joined
@@ -28,7 +28,7 @@ from oarlock.recording.corrections import corrected
 from oarlock.recording.inertial_units import chosen_units
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.storage.errors import DataError
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ class _Standing:
         right = np.cross(self.body.forward, self.body.up)
         return link_from_root @ self.body.up, link_from_root @ self.body.forward, link_from_root @ right
 
-    def rests(self, time_s: Floats) -> NDArray[np.bool_]:
+    def rests(self, time_s: Floats) -> Bools:
         """(T,) whether the stamps are in the still stretch."""
         return np.asarray((time_s >= self.still_s[0]) & (time_s <= self.still_s[1]))
 

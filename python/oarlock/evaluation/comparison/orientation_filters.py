@@ -8,11 +8,10 @@ from __future__ import annotations
 from types import ModuleType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.evaluation.comparison.single_units import UnitSegment
 from oarlock.model.rotation import quat_from_matrix, quat_product
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.storage.errors import DataError
 
 START_S = 2.0
@@ -118,7 +117,7 @@ def quaternion_ekf(stretch: UnitSegment, dip_rad: float) -> Floats:
     return quats
 
 
-def _whole(vectors: Floats) -> NDArray[np.bool_]:
+def _whole(vectors: Floats) -> Bools:
     return np.asarray(np.isfinite(vectors).all(axis=1))
 
 

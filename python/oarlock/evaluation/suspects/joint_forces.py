@@ -34,7 +34,7 @@ from oarlock.evaluation.suspects.suspect import Suspect, of_units
 from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec
 from oarlock.recording.butterworth import passed_twice
 from oarlock.recording.streams import ImuStream
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.storage.errors import DataError
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ class _GridReadings:
 
     gyro_rad_s: Floats
     accel_m_s2: Floats
-    there: NDArray[np.bool_]
+    there: Bools
 
     def changed(self, by: Floats | float, fields: Sequence[str] = UNIT_FIELDS) -> _GridReadings:
         """With some of its quantities times a factor, or turned by a matrix."""
@@ -232,7 +232,7 @@ def _on(stream: ImuStream, grid: Floats) -> _GridReadings | None:
 
 def on_grid_of(
     stream: ImuStream,
-) -> tuple[Floats, Floats, Floats | None, NDArray[np.bool_]] | None:
+) -> tuple[Floats, Floats, Floats | None, Bools] | None:
     """Gyroscope, accelerometer and magnetometer of one unit on an even grid, and where they read; None if too few."""
     if stream.gyro_rad_s is None or stream.accel_m_s2 is None:
         return None
@@ -247,7 +247,7 @@ def on_grid_of(
     return read.gyro_rad_s, read.accel_m_s2, field[0], read.there & field[1]
 
 
-def _interpolated(time_s: Floats, columns: Floats, grid: Floats) -> tuple[Floats, NDArray[np.bool_]] | None:
+def _interpolated(time_s: Floats, columns: Floats, grid: Floats) -> tuple[Floats, Bools] | None:
     whole = np.isfinite(columns).all(axis=1)
     time_s, columns = time_s[whole], columns[whole]
     if len(time_s) < RATE_HZ or len(grid) < RATE_HZ:

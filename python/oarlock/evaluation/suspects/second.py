@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream, Stream
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Bools, Floats, Indices
 
 STEP_S = 0.25
 """Interval between the starts of the examined seconds, s."""
@@ -54,9 +53,9 @@ def _motion_score(stream: Stream, starts: Floats, seconds: float) -> Floats:
         rows, full_motion = stream.gyro_rad_s, FULL_MOTION_RAD_S
     else:
         rows, full_motion = np.column_stack(list(stream.values.values())), FULL_MOTION_CHANGE
-    whole: NDArray[np.bool_] = np.asarray(np.isfinite(rows).all(axis=1))
+    whole: Bools = np.asarray(np.isfinite(rows).all(axis=1))
     rows = np.where(whole[:, None], rows, 0.0)
-    edges: NDArray[np.intp] = np.asarray(np.searchsorted(stream.time_s, np.stack([starts, starts + seconds])))
+    edges: Indices = np.asarray(np.searchsorted(stream.time_s, np.stack([starts, starts + seconds])))
     count = _between(whole.astype(float), edges)
     with np.errstate(invalid="ignore", divide="ignore"):
         square = _between((rows**2).sum(axis=1), edges) / count
@@ -67,7 +66,7 @@ def _motion_score(stream: Stream, starts: Floats, seconds: float) -> Floats:
     return np.asarray(np.minimum(1.0, spread / full_motion) * there)
 
 
-def _between(values: Floats, edges: NDArray[np.intp]) -> Floats:
+def _between(values: Floats, edges: Indices) -> Floats:
     sums = np.concatenate([[0.0], np.cumsum(values)])
     return np.asarray(sums[edges[1]] - sums[edges[0]])
 

@@ -19,7 +19,7 @@ from oarlock.evaluation.suspects.joint_forces import LEAST_M_S2, RATE_HZ, on_gri
 from oarlock.evaluation.suspects.suspect import Suspect, axes_text, of_units
 from oarlock.model.rotation import matrix_from_quat, quat_from_rotvec
 from oarlock.recording.streams import ImuStream
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Bools, Floats
 
 PARTS = 8
 SPAN_S = 0.24
@@ -101,7 +101,7 @@ def own_suspect(stream: ImuStream) -> tuple[Suspect, float] | None:
 
 
 def _explained_by_means(
-    stream: ImuStream, gyro: Floats, accel: Floats, there: NDArray[np.bool_]
+    stream: ImuStream, gyro: Floats, accel: Floats, there: Bools
 ) -> tuple[Suspect, float] | None:
     width = round(WINDOW_S * RATE_HZ)
     starts = np.arange(0, len(gyro) - 2 * width, round(WINDOWS_EVERY_S * RATE_HZ))
@@ -177,7 +177,7 @@ def _orientations(rates: Floats) -> Floats:
     return np.asarray(turned)
 
 
-def _parts(gyro: Floats, direction: Floats, usable: NDArray[np.bool_]) -> Iterator[_Sums | None]:
+def _parts(gyro: Floats, direction: Floats, usable: Bools) -> Iterator[_Sums | None]:
     width = round(SPAN_S * RATE_HZ)
     change = (direction[width:] - direction[:-width]) / SPAN_S
     sums = np.cumsum(np.concatenate([np.zeros((1, 3, 12)), _slopes(gyro, direction)]), axis=0)

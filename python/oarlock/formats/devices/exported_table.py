@@ -11,12 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.formats.columns import Places
 from oarlock.formats.listing import ListedFile, listed
 from oarlock.storage.array_gate import disorder_text
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Floats, Ints
 from oarlock.storage.delimited import ColumnLayout, Dialect, numbers
 from oarlock.storage.errors import DataError
 from oarlock.storage.suggest import did_you_mean
@@ -81,7 +80,7 @@ class Columns:
     """Columns of a file by name: numbers, and texts where they were asked for."""
 
     layout: ColumnLayout
-    lines: NDArray[np.int64]
+    lines: Ints
     values: Mapping[str, Floats]
     texts: Mapping[str, list[str]]
 

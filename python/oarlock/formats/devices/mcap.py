@@ -24,7 +24,7 @@ from oarlock.formats.times import Stamps, on_one_axis
 from oarlock.recording.epoch import CLOCK_KEY
 from oarlock.recording.recording import Recording
 from oarlock.recording.streams import ImuStream
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Floats, Ints
 from oarlock.storage.errors import DataError
 from oarlock.storage.names import LONGEST_NAME
 from oarlock.storage.paths import place_of
@@ -44,7 +44,7 @@ class _TopicReadings:
 
     topic: str
     frame: str
-    time_ns: NDArray[np.int64]
+    time_ns: Ints
     fields: Mapping[str, Floats]
 
 
@@ -133,7 +133,7 @@ def _channel(file: Path, content: Mapping[str, NDArray[np.generic]], place: int)
     return _TopicReadings(topic, frames[0], time_ns, _imu_fields(values) if is_imu else _mag_fields(values))
 
 
-def _check_order(file: Path, topic: str, time_ns: NDArray[np.int64]) -> None:
+def _check_order(file: Path, topic: str, time_ns: Ints) -> None:
     late = np.flatnonzero(np.diff(time_ns) <= 0)
     if late.size:
         raise DataError(

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from oarlock.formats.devices.xdf_chunks import XdfStream
 from oarlock.storage.array_gate import LEAST_INTERVAL_S
 from oarlock.storage.arrays import Floats
+from oarlock.storage.statistics import robust_std
 
 _RESET_S = 1.0
 """Clocks drift by microseconds in a second: a larger step between two measurements is a clock with another zero."""
-_SIGMA = 1.4826
 _WINDOW, _LEAST_SIDE, _LONG = 200, 10, 500
 _EXACT_S = 1e-12
 _STEPS = 50
@@ -123,7 +123,7 @@ def _robust(design: Floats, wanted: Floats) -> Floats:
         root = np.sqrt(weight)[:, None]
         new = np.linalg.lstsq(design * root, wanted * root[:, 0], rcond=None)[0]
         residual = wanted - design @ new
-        scale = _SIGMA * float(np.median(np.abs(residual)))
+        scale = robust_std(residual)
         if scale <= _EXACT_S or np.array_equal(new, found):
             return np.asarray(new, dtype=np.float64)
         found, weight = new, 1.0 / (1.0 + (residual / (2.0 * scale)) ** 2)
@@ -143,7 +143,7 @@ def _wanders(time_s: Floats) -> bool:
 
 
 def _spread(values: Floats) -> float:
-    return _SIGMA * float(np.median(np.abs(values - np.median(values))))
+    return robust_std(values - np.median(values))
 
 
 def _regular(time_s: Floats, cuts: Sequence[int]) -> tuple[Floats, float, int]:
@@ -203,7 +203,7 @@ def _late(time_s: Floats, begin: int, end: int, step_s: float) -> Floats:
 def _increasing(time_s: Floats) -> tuple[Floats, int]:
     """The stamps, those that are not later than the one before just behind it; and how many were moved."""
     index = np.arange(len(time_s)) * _LEAST_SPACING_S
-    spaced: NDArray[np.float64] = np.maximum.accumulate(time_s - index) + index
+    spaced: Floats = np.maximum.accumulate(time_s - index) + index
     late = np.diff(time_s, prepend=-np.inf) < LEAST_INTERVAL_S
     if not late.any():
         return time_s, 0

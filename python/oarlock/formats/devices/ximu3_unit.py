@@ -7,12 +7,11 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.formats.arbitrary_units import scaled_mag
 from oarlock.formats.merged import merged
 from oarlock.recording.streams import ImuStream, OrientationStream
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Floats, Ints
 from oarlock.storage.errors import DataError
 from oarlock.storage.units import to_held_unit
 
@@ -35,7 +34,7 @@ _LATE_US = 1_000_000
 class MessageTable:
     """Messages of one kind in the order of the file: (T,) microseconds and (T, k) arguments."""
 
-    time_us: NDArray[np.int64]
+    time_us: Ints
     values: Floats
 
 

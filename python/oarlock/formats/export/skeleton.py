@@ -14,7 +14,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.formats.export.plain_names import PlainNames
 from oarlock.model.coordinates import with_untold_at_zero
@@ -26,7 +25,7 @@ from oarlock.model.rotation import (
     quat_product,
     rotvec_between,
 )
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.storage.even_times import even_times
 from oarlock.tracking.places import poses_of
 
@@ -107,7 +106,7 @@ def skeleton_of(track: Track, ground_from_root: Floats) -> tuple[Skeleton, tuple
     moving = {joint.name for joint in description.joints if joint.kind != "fixed"}
     after = np.stack([pose_of(frame.after if frame.joint in moving else None) for frame in frames])
     q = with_untold_at_zero(track.q)
-    known: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(q), axis=1)
+    known: Bools = np.logical_and.reduce(np.isfinite(q), axis=1)
     rest = np.array(
         [x for joint in description.joints for x in np.ravel(joint.rest)[: len(joint.coordinates)]]
     )

@@ -13,11 +13,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import correlate, find_peaks
 
 from oarlock.movement.video.signals import HIGHEST_HZ, STEP_S, Signals
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Floats, Ints
 from oarlock.storage.errors import DataError
 
 LEAST_OVERLAP_S = 4.0
@@ -157,7 +156,7 @@ def align(
     )
 
 
-def _scores(fit: _LaggedSignals) -> tuple[NDArray[np.int64], Floats, Floats]:
+def _scores(fit: _LaggedSignals) -> tuple[Ints, Floats, Floats]:
     """All lags, and at each the score and the number of common samples."""
     p, b = fit.scaled
     mp, mb = fit.picture.valid.astype(float), fit.body.valid.astype(float)
@@ -196,7 +195,7 @@ def _information(cpp: Floats, cbb: Floats, cpb: Floats) -> Floats:
     return score
 
 
-def _peaks(evidence: Floats) -> NDArray[np.int64]:
+def _peaks(evidence: Floats) -> Ints:
     """Local maxima of the evidence that are at least a third of the largest, the largest first."""
     floor = float(np.where(np.isfinite(evidence), evidence, 0.0).min())
     finite = np.where(np.isfinite(evidence), evidence, floor - 1.0)
@@ -206,11 +205,11 @@ def _peaks(evidence: Floats) -> NDArray[np.int64]:
     if not found.size:
         raise DataError("video: no offset fits better than its neighbours; search a wider range")
     order = found[np.argsort(-evidence[found])]
-    high: NDArray[np.int64] = order[evidence[order] >= evidence[order[0]] / 3.0]
+    high: Ints = order[evidence[order] >= evidence[order[0]] / 3.0]
     return high
 
 
-def _common(fit: _LaggedSignals, lags: tuple[int, ...]) -> NDArray[np.int64]:
+def _common(fit: _LaggedSignals, lags: tuple[int, ...]) -> Ints:
     """Rows of the picture that have a partner in the body at all these lags."""
     rows = np.flatnonzero(fit.picture.valid)
     for lag in lags:
@@ -220,7 +219,7 @@ def _common(fit: _LaggedSignals, lags: tuple[int, ...]) -> NDArray[np.int64]:
     return rows
 
 
-def _score_of(fit: _LaggedSignals, rows: NDArray[np.int64], lag: int) -> float:
+def _score_of(fit: _LaggedSignals, rows: Ints, lag: int) -> float:
     p, b = fit.scaled[0][rows], fit.scaled[1][rows + lag]
     p, b = p - p.mean(axis=0), b - b.mean(axis=0)
     n = len(rows)
@@ -241,7 +240,7 @@ def _worse_by(fit: _LaggedSignals, best: int, other: int) -> float:
     return one - two
 
 
-def _champion(fit: _LaggedSignals, lags: NDArray[np.int64]) -> int:
+def _champion(fit: _LaggedSignals, lags: Ints) -> int:
     """The lag that is better than each one it was compared with."""
     best = int(lags[0])
     for lag in lags[1:]:

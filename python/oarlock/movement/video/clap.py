@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.recording.streams import ImuStream
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Floats, Ints
 from oarlock.storage.errors import DataError
 
 WINDOW_S = 0.004
@@ -132,7 +131,7 @@ def jolts_felt(unit: ImuStream) -> Floats:
     return np.asarray(times[peaks])
 
 
-def _impulses(times: Floats, strength: Floats) -> NDArray[np.int64]:
+def _impulses(times: Floats, strength: Floats) -> Ints:
     """Rows of the strongest samples, `APART_S` apart, each the first of its impulse that has half of its strength."""
     found: list[int] = []
     for row in np.argsort(-strength):

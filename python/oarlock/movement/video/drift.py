@@ -11,6 +11,7 @@ from oarlock.movement.video.alignment import VideoAlignment, align
 from oarlock.movement.video.signals import Signals
 from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
+from oarlock.storage.statistics import robust_std
 
 WINDOW_S = 30.0
 LEAST_WINDOWS = 6
@@ -66,5 +67,5 @@ def _line(middles: Floats, offsets: Floats, variance: float) -> tuple[float, flo
     slope = float(np.median((offsets[j] - offsets[i]) / (middles[j] - middles[i])))
     rest = offsets - slope * middles
     offset_s = float(np.median(rest))
-    scatter = float(np.hypot(1.4826 * np.median(np.abs(rest - offset_s)), np.sqrt(variance)))
+    scatter = float(np.hypot(robust_std(rest - offset_s), np.sqrt(variance)))
     return slope, scatter / float(np.sqrt(np.sum((middles - middles.mean()) ** 2))), offset_s

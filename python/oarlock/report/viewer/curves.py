@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.model.angle_sequence import angle_labels
 from oarlock.model.coordinates import joint_columns
 from oarlock.report.viewer.packing import packed
 from oarlock.report.viewer.sides import Side, side_of
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Floats, Ints
 from oarlock.storage.errors import DataError
 from oarlock.tracking.joint_series import BallSeries, FreeSeries, JointSeries
 
@@ -59,7 +58,7 @@ def joint_curves(track: Track) -> tuple[Curve, ...]:
 
 
 def packed_panels(
-    curves: Sequence[Curve], rows: NDArray[np.int64], count: int, first: Sequence[str]
+    curves: Sequence[Curve], rows: Ints, count: int, first: Sequence[str]
 ) -> list[dict[str, Any]]:
     """Panels in the order of their first curve, as plain data; those named in `first` come first and are open.
 
@@ -97,14 +96,14 @@ def _largest_ranges(panels: Mapping[str, Sequence[Curve]]) -> list[str]:
     return [key for key in panels if key in best]
 
 
-def _panel(key: str, curves: Sequence[Curve], rows: NDArray[np.int64], opened: bool) -> dict[str, Any]:
+def _panel(key: str, curves: Sequence[Curve], rows: Ints, opened: bool) -> dict[str, Any]:
     one, name = curves[0], key.replace("_", " ")
     alone = f"{one.label} {name}" if one.side else one.label
     label, series = name if len(curves) > 1 else alone, [_series(curve, rows) for curve in curves]
     return {"key": key, "label": label, "unit": one.unit, "open": opened, "series": series}
 
 
-def _series(curve: Curve, rows: NDArray[np.int64]) -> dict[str, Any]:
+def _series(curve: Curve, rows: Ints) -> dict[str, Any]:
     known = curve.std is not None and np.isfinite(curve.std[rows]).any()
     return {
         "key": curve.key,

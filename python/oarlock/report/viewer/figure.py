@@ -8,13 +8,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.model.description import ModelDescription, Vector
 from oarlock.model.rotation import continuous_quat, quat_from_matrix
 from oarlock.model.shapes import Look
 from oarlock.report.viewer.sides import side_of
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Floats, Ints
 
 SAME_PLACE_M = 1e-6
 """Points that are always closer than this are one point."""
@@ -127,7 +126,7 @@ def add_loops(figure: Figure, description: ModelDescription, poses: Floats) -> l
     return loops
 
 
-def add_strands(figure: Figure, look: Look, rows: NDArray[np.int64]) -> list[dict[str, Any]]:
+def add_strands(figure: Figure, look: Look, rows: Ints) -> list[dict[str, Any]]:
     """Adds the look's strands with their positions as further points."""
     strands = []
     for one in look.strands:

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.model.description import WorldDescription
 from oarlock.model.shapes import Look, Viewpoint
@@ -15,7 +14,7 @@ from oarlock.report.viewer.curves import Curve, joint_curves, packed_panels
 from oarlock.report.viewer.figure import Figure, add_frames, add_loops, add_strands, carried_shapes
 from oarlock.report.viewer.marks import Mark, marks_and_spans
 from oarlock.report.viewer.packing import packed, packed_times
-from oarlock.storage.arrays import Floats, Ints
+from oarlock.storage.arrays import Bools, Floats, Ints
 from oarlock.storage.epoch import ZONE_WORDS, moment_of
 from oarlock.storage.errors import DataError
 from oarlock.tracking.places import model_of, poses_of, position_spreads
@@ -174,7 +173,7 @@ def _spread(
     }
 
 
-def _factor(covariance: Floats, known: NDArray[np.bool_]) -> Floats:
+def _factor(covariance: Floats, known: Bools) -> Floats:
     """Rows (N, 6) of the lower factor L, C = L L': xx, yx, yy, zx, zy, zz, m; NaN where C is not known."""
     factors = np.full((len(covariance), 6), np.nan)
     # with a direction of zero variance the factor is not unique

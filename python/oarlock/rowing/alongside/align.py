@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.rowing.alongside.clock_match import FEWEST_PAIRS, ClockMatch, match_clocks
 from oarlock.rowing.strokes.table import StrokeTable
@@ -104,7 +103,7 @@ class _StrokeMatches:
         return cls(np.full(count, -1), onset_s, std_s, apart_s, [])
 
 
-def _runs(stamps_s: Floats) -> list[NDArray[np.int64]]:
+def _runs(stamps_s: Floats) -> list[Ints]:
     """Ints of known stamps, a list for each run of a clock that restarts; a stamp that repeats is left out."""
     known = np.flatnonzero(np.isfinite(stamps_s))
     step_s = np.diff(stamps_s[known])
@@ -114,9 +113,9 @@ def _runs(stamps_s: Floats) -> list[NDArray[np.int64]]:
 
 def _align_run(
     found: _StrokeMatches,
-    run: NDArray[np.int64],
+    run: Ints,
     stamps_s: Floats,
-    catches: tuple[NDArray[np.int64], Floats],
+    catches: tuple[Ints, Floats],
     near_s: float | None,
 ) -> list[str]:
     """Fill in the rows of a run; notes."""

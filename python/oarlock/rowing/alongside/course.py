@@ -7,13 +7,12 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.rowing.alongside.piece_start import PieceStart, start_of
 from oarlock.rowing.alongside.stretches import ContinuousPiece, RowTimeline, reasons_left_out, stretches_of
 from oarlock.rowing.exports.activity import Activity
 from oarlock.rowing.strokes.table import StrokeTable, running
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Bools, Floats
 
 QUANTITIES = (
     "speed_m_s",
@@ -49,7 +48,7 @@ class SpeedProfile:
 
     clock: RowTimeline
     values: Mapping[str, Floats]
-    counted: NDArray[np.bool_]
+    counted: Bools
     left_out: Mapping[str, int]
     stretches: Sequence[ContinuousPiece]
     is_strokes: bool
@@ -76,7 +75,7 @@ class SpeedProfile:
         return [one.start for one in self.stretches if one.start is not None]
 
     @property
-    def steady(self) -> NDArray[np.bool_]:
+    def steady(self) -> Bools:
         """(N,) which rows count in pace, averages and comparisons: those that are rowed after the starts."""
         found = self.counted.copy()
         for one in self.starts:
@@ -259,9 +258,7 @@ def _apart(ends: tuple[float, float]) -> float:
     return ends[1] - ends[0]
 
 
-def _within(
-    rows: NDArray[np.bool_], time_s: Floats, begin_s: float, end_s: float, first: bool
-) -> NDArray[np.bool_]:
+def _within(rows: Bools, time_s: Floats, begin_s: float, end_s: float, first: bool) -> Bools:
     """Rows (N,) of a part: each row is in one part, that at its begin only in the first."""
     after = time_s >= begin_s if first else time_s > begin_s
     return rows & after & (time_s <= end_s)
@@ -270,7 +267,7 @@ def _within(
 def _part(
     course: SpeedProfile,
     name: str,
-    rows: NDArray[np.bool_],
+    rows: Bools,
     duration_s: float,
     distance_m: float,
     pause_s: float = 0.0,

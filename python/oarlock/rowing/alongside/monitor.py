@@ -12,13 +12,12 @@ from os import PathLike
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.live.channel_tables import FOLDER, Channel, channels
 from oarlock.live.folder import SESSION, LiveFolder
 from oarlock.rowing.alongside.align import Alignment
 from oarlock.rowing.strokes.table import StrokeTable
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Floats, Ints
 from oarlock.storage.errors import DataError
 
 ONSET = (
@@ -160,7 +159,7 @@ def _of(table: Channel, address: str) -> dict[str, Floats]:
     return {"time_s": table.time_s[rows], **numbers}
 
 
-def _drives(drive: Mapping[str, Floats]) -> tuple[NDArray[np.int64], list[Floats]]:
+def _drives(drive: Mapping[str, Floats]) -> tuple[Ints, list[Floats]]:
     """Rows of the drives, and their curves; empty where one was lost.
 
     If the first of a stroke's two messages was lost, the second, at the end of the recovery, was taken for it: then no

@@ -6,11 +6,10 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock import Model
 from oarlock.model.jacobians import relative_moves
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.storage.errors import DataError
 
 ARM_PARTS = ("elbow", "wrist", "hand")
@@ -106,7 +105,7 @@ class RowerFrames:
                 found.update({name: np.full_like(found[name], np.nan) for name in own_parts})
 
 
-def _unread(q: Floats) -> NDArray[np.bool_]:
+def _unread(q: Floats) -> Bools:
     return np.atleast_1d(np.isnan(q).all(axis=tuple(range(q.ndim - 1))))
 
 

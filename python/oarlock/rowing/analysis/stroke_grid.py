@@ -11,6 +11,7 @@ from oarlock import Track
 from oarlock.rowing.analysis.local_cubic import local_cubic
 from oarlock.storage.arrays import Floats
 from oarlock.storage.even_times import even_times_of_stretches
+from oarlock.storage.statistics import robust_std
 
 STEPS = 60
 """Of the drive, and of the recovery."""
@@ -129,7 +130,7 @@ class _Read:
         values = np.interp(even, time_s, value)
         smooth, slope, gain = local_cubic(values, window)
         left = values - smooth
-        noise = 1.4826 * float(np.median(np.abs(left - np.median(left))))
+        noise = robust_std(left - np.median(left))
         return _Read(time_s, value, np.interp(time_s, even, slope / step), _LASTING * noise * gain / step)
 
     def at(self, time_s: Floats) -> tuple[Floats, Floats]:

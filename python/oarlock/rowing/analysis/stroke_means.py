@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.rowing.analysis.features import FEATURES
 from oarlock.rowing.analysis.stroke_grid import FINISH, PhaseGrid
 from oarlock.rowing.analysis.stroke_values import Values
 from oarlock.rowing.strokes.table import StrokeTable
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Bools, Floats
 
 _FAR_FROM_ZERO = 5.0
 """Mean over SD from which on a coefficient of variation says something."""
@@ -66,14 +65,14 @@ class PhaseCurve:
     count: int
 
 
-def feature_means(table: StrokeTable, counted: NDArray[np.bool_]) -> Mapping[str, FeatureMean]:
+def feature_means(table: StrokeTable, counted: Bools) -> Mapping[str, FeatureMean]:
     """Every column but times of the clock and the flag itself."""
     skipped = ("catch_time_s", "finish_time_s", "end_time_s", "in_averages")
     names = [name for name in table.columns if not name.endswith(skipped)]
     return MappingProxyType({name: _mean(name, table[name], table.std(name), counted) for name in names})
 
 
-def side_differences(table: StrokeTable, counted: NDArray[np.bool_]) -> Mapping[str, FeatureMean]:
+def side_differences(table: StrokeTable, counted: Bools) -> Mapping[str, FeatureMean]:
     """Right minus left of every number that both sides have, by its name without the side."""
     found = {}
     for name in table.columns:
@@ -87,9 +86,7 @@ def side_differences(table: StrokeTable, counted: NDArray[np.bool_]) -> Mapping[
     return MappingProxyType(found)
 
 
-def _mean(
-    name: str, values: Floats, stds: Floats, counted: NDArray[np.bool_], signed: bool = False
-) -> FeatureMean:
+def _mean(name: str, values: Floats, stds: Floats, counted: Bools, signed: bool = False) -> FeatureMean:
     own = values[counted & np.isfinite(values)]
     spread = stds[counted & np.isfinite(values)]
     if len(own) == 0:
@@ -103,7 +100,7 @@ def _mean(
 
 
 def phase_curves(
-    grid: PhaseGrid, values: Values, stds: Values, counted: NDArray[np.bool_], names: Sequence[str]
+    grid: PhaseGrid, values: Values, stds: Values, counted: Bools, names: Sequence[str]
 ) -> Mapping[str, PhaseCurve]:
     """Mean and spread of curves (N, POINTS) on the grid."""
     whole = counted & np.isfinite(grid.phase).all(axis=1)
@@ -122,6 +119,6 @@ def phase_curves(
     return MappingProxyType(curves)
 
 
-def _normalised(grid: PhaseGrid, values: Floats, rows: NDArray[np.bool_]) -> Floats:
+def _normalised(grid: PhaseGrid, values: Floats, rows: Bools) -> Floats:
     percent = np.linspace(0.0, 1.0, 101)
     return np.array([np.interp(percent, p, v) for p, v in zip(grid.phase[rows], values[rows], strict=True)])

@@ -9,7 +9,6 @@ from os import PathLike, cpu_count
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock import Calibration, Track
 from oarlock.rowing.analysis.features import CURVES, FEATURES, NUMBERS, Feature
@@ -31,7 +30,7 @@ from oarlock.rowing.analysis.unknown_features import reasons
 from oarlock.rowing.strokes.find_strokes import find_strokes
 from oarlock.rowing.strokes.strokes import Strokes
 from oarlock.rowing.strokes.table import StrokeTable
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.storage.errors import DataError
 
 SETTLED_S = 2.0
@@ -233,7 +232,7 @@ def _forget_unobserved(
                 values[name][unseen], stds[name][unseen] = np.nan, np.nan
 
 
-def _unseen(track: Track, found: Strokes, columns: list[int]) -> NDArray[np.bool_]:
+def _unseen(track: Track, found: Strokes, columns: list[int]) -> Bools:
     """Strokes in more than half of which a coordinate is not observed."""
     edges = np.searchsorted(track.time_s, [found.catch_time_s, found.finish_time_s])
     seen = track.observed[:, columns].all(axis=1)

@@ -12,6 +12,7 @@ from oarlock import Recording
 from oarlock.recording import ImuStream
 from oarlock.storage.arrays import Floats
 from oarlock.storage.even_times import even_times
+from oarlock.storage.statistics import robust_std
 
 HULL_NAMES = ("hull", "boat")
 """Names of a unit on the hull."""
@@ -124,7 +125,7 @@ def _line(middles: Floats, lags: Floats) -> tuple[float, float, float]:
     for _ in range(3):
         slope, level = np.polyfit(middles[good], lags[good], 1)
         off = lags - level - slope * middles
-        spread = 1.4826 * float(np.median(np.abs(off[good]))) + 1e-5
+        spread = robust_std(off[good]) + 1e-5
         good = np.abs(off) < 4.0 * spread
         if good.sum() < _FEWEST_WINDOWS:
             raise NoCommonMotion("the hull's units disagree from stretch to stretch")

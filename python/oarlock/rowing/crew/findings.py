@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.rowing.crew.scatter import FEWEST, inflation
 from oarlock.rowing.crew.timing import CrewTiming, Delay
-from oarlock.storage.statistics import f_tail
+from oarlock.storage.arrays import Floats
+from oarlock.storage.statistics import NORMAL_95, f_tail
 
 MOST = 3
 LEAST_S = 0.005
@@ -112,12 +112,12 @@ def _uneven(timing: CrewTiming, chance: float) -> list[CrewFinding]:
         )
         sd, others = float(np.sqrt(own[k])), float(np.sqrt(own[rest].mean()))
         if p < chance and sd > max(_LEAST_RATIO * others, LEAST_S):
-            half = 1.96 * sd / np.sqrt(2.0 * max(count[k] - 1.0, 1.0))
+            half = NORMAL_95 * sd / np.sqrt(2.0 * max(count[k] - 1.0, 1.0))
             found.append(CrewFinding("scatter", (seat.name,), sd, sd - half, sd + half, others))
     return sorted(found, key=lambda one: -one.size_s)
 
 
-def _own_variances(seen: NDArray[np.float64]) -> NDArray[np.float64]:
+def _own_variances(seen: Floats) -> Floats:
     """Variance of each seat, (S,), from those of the residuals about the mean of all, which contains a share of each.
 
     With v the variances, those of the residuals are (1 - 2/S) v + sum(v) / S^2.

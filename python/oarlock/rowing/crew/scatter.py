@@ -6,10 +6,9 @@ from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from oarlock.storage.arrays import Floats
-from oarlock.storage.statistics import student_quantile
+from oarlock.storage.arrays import Bools, Floats
+from oarlock.storage.statistics import robust_std, student_quantile
 
 FEWEST = 5
 """Strokes that a mean needs."""
@@ -94,9 +93,9 @@ def inflation(off: Floats) -> float:
     return max(bartlett, (1.0 + first) / (1.0 - first), 1.0)
 
 
-def _near(values: Floats, stds: Floats, good: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _near(values: Floats, stds: Floats, good: Bools) -> Bools:
     if not good.any():
         return good
     centre = float(np.median(values[good]))
-    spread = max(1.4826 * float(np.median(np.abs(values[good] - centre))), float(np.median(stds[good])), 1e-3)
+    spread = max(robust_std(values[good] - centre), float(np.median(stds[good])), 1e-3)
     return np.abs(np.where(good, values, centre) - centre) <= _OUTLIER_SIGMAS * spread

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.rowing.crew.clocks import CrewClocks, crew_clocks
 from oarlock.rowing.crew.matching import matched
 from oarlock.rowing.crew.scatter import Mean, mean_of
 from oarlock.rowing.crew.seats import CrewSeat, seat_place
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.storage.errors import DataError
 
 EVENTS = ("catch", "finish", "drive")
@@ -102,7 +101,7 @@ class CrewTiming:
         return self.seats[self.leader].strokes.source
 
     @property
-    def complete(self) -> NDArray[np.bool_]:
+    def complete(self) -> Bools:
         """(N,) strokes that all seats have."""
         return np.asarray(np.isfinite(self.late_s["catch"]).all(axis=1))
 

@@ -7,10 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.rowing.exports.grid import TableRows
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.storage.errors import DataError
 
 DEGREE_RAD = np.pi / 180.0
@@ -30,7 +29,7 @@ class Cells:
     values: Floats
     reasons: tuple[str, ...]
 
-    def but(self, rows: NDArray[np.bool_], reason: str) -> Cells:
+    def but(self, rows: Bools, reason: str) -> Cells:
         """The same with NaN and a reason in some rows."""
         reasons = tuple(reason if bad else text for bad, text in zip(rows, self.reasons, strict=True))
         return Cells(np.where(rows, np.nan, self.values), reasons)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.rowing.exports.build import ColumnMap, TableBuilder
 from oarlock.rowing.exports.cells import DEGREE_RAD, Cells, listed
 from oarlock.rowing.exports.grid import CellGrid
 from oarlock.rowing.strokes.table import StrokeTable
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Bools, Floats
 from oarlock.storage.errors import DataError
 
 TITLE = "Quiske, strokes (CSV)"
@@ -59,7 +58,7 @@ def read(grid: CellGrid, header: int) -> StrokeTable:
     return gathered.table(TITLE)
 
 
-def _curves(gathered: TableBuilder, name: str, header: str, scale: float) -> NDArray[np.bool_]:
+def _curves(gathered: TableBuilder, name: str, header: str, scale: float) -> Bools:
     """Reads a curve of each stroke, (K,), and marks those that were cut off when the file was saved."""
     rows, place = gathered.rows, gathered.rows.place(header)
     if place is None:
@@ -95,7 +94,7 @@ def _durations_s(gathered: TableBuilder) -> Floats:
 
 
 def _add_swing(
-    gathered: TableBuilder, curve: str, name: str, duration_s: Floats, cut: dict[str, NDArray[np.bool_]]
+    gathered: TableBuilder, curve: str, name: str, duration_s: Floats, cut: dict[str, Bools]
 ) -> None:
     curves = gathered.curves.get(curve)
     if curves is None:

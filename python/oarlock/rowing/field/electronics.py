@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.model import EncoderDescription, ImuDescription
 from oarlock.recording import ImuStream, ScalarStream
@@ -13,7 +12,7 @@ from oarlock.rowing.field.courses import generator
 from oarlock.rowing.field.effects import FieldEffects
 from oarlock.rowing.field.placement import Encoder, UnitErrors
 from oarlock.rowing.field.signals import IdealReadings
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Bools, Floats
 
 _MINUTE_S = 60.0
 _LARGEST_JITTER = 0.4
@@ -38,7 +37,7 @@ def stamped(name: str, time_s: Floats, shown_s: Floats, effects: FieldEffects, s
     return SampleTimes(time_s[arrives], (shown_s + np.clip(jitter, -most, most))[arrives])
 
 
-def gap(name: str, units: list[str], time_s: Floats, effects: FieldEffects, seed: int) -> NDArray[np.bool_]:
+def gap(name: str, units: list[str], time_s: Floats, effects: FieldEffects, seed: int) -> Bools:
     """(N,) True during the dropout of the unit: one unit has one dropout, in the middle half of the recording."""
     rng = generator(seed, "gap")
     chosen = units[int(rng.integers(len(units)))]
@@ -52,7 +51,7 @@ def read_unit(
     unit: UnitErrors,
     ideal: IdealReadings,
     sampled: SampleTimes,
-    dropout: NDArray[np.bool_],
+    dropout: Bools,
     effects: FieldEffects,
     seed: int,
 ) -> ImuStream:

@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.model import Shape
 from oarlock.model.shapes import Part, box, loft, tube
 from oarlock.rowing.figure.rower import RowerFigure
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Floats, Ints
 
 _SCULL_M, _SWEEP_OAR_M = 2.88, 3.72
 _HANDLE_END_M, _SWEEP_HANDLE_END_M = 0.065, 0.15
@@ -88,9 +87,7 @@ def _inboard(rower: RowerFigure, handle: str, oarlock: str) -> Floats:
     return rower.standing(handle) - rower.standing(oarlock)
 
 
-def _oar(
-    rower: RowerFigure, handle: str, oarlock: str
-) -> tuple[list[tuple[Floats, NDArray[np.int64]]], Floats]:
+def _oar(rower: RowerFigure, handle: str, oarlock: str) -> tuple[list[tuple[Floats, Ints]], Floats]:
     """Grip, shaft and blade in root axes of the upright posture, and the blade's centre."""
     sweep = oarlock == "oarlock"
     length, end = (_SWEEP_OAR_M, _SWEEP_HANDLE_END_M) if sweep else (_SCULL_M, _HANDLE_END_M)
@@ -105,7 +102,7 @@ def _oar(
     return [grips, shaft, _blade(neck, out)], tip - 0.5 * _BLADE_M * out
 
 
-def _blade(neck: Floats, out: Floats) -> tuple[Floats, NDArray[np.int64]]:
+def _blade(neck: Floats, out: Floats) -> tuple[Floats, Ints]:
     """A hatchet blade, square, hollow toward the stern."""
     up, stern = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
     outline = [  # share of the length, lower and upper edge, hollow
@@ -123,9 +120,7 @@ def _blade(neck: Floats, out: Floats) -> tuple[Floats, NDArray[np.int64]]:
     return loft(np.stack(rings))
 
 
-def _coloured(
-    pieces: list[tuple[Floats, NDArray[np.int64]]], side: Part | None
-) -> list[tuple[tuple[Floats, NDArray[np.int64]], Part]]:
+def _coloured(pieces: list[tuple[Floats, Ints]], side: Part | None) -> list[tuple[tuple[Floats, Ints], Part]]:
     grip, shaft, blade = pieces
     return [(grip, side or "tool"), (shaft, "tool"), (blade, side or "tool")]
 
@@ -177,6 +172,6 @@ def _riggers(rower: RowerFigure, water: float) -> tuple[Shape, ...]:
     return tuple(found)
 
 
-def _disc(center: Floats, radius_m: float, half_width_m: float) -> tuple[Floats, NDArray[np.int64]]:
+def _disc(center: Floats, radius_m: float, half_width_m: float) -> tuple[Floats, Ints]:
     half = np.array([half_width_m, 0.0, 0.0])
     return tube(np.stack([center - half, center + half]), radius_m, 28)

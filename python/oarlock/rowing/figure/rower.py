@@ -5,16 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.model import Shape, Strand
 from oarlock.model.shapes import Part, box, ellipsoid, loft
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Floats, Ints
 
 if TYPE_CHECKING:
     from oarlock import Model
 
-Solid = tuple[Floats, NDArray[np.int64]]
+Solid = tuple[Floats, Ints]
 
 THIGH, SHANK = 0.443, 0.445
 """m, of a rower whose trunk is 0.52 m: 0.245 and 0.246 of a stature of 1.81 m (Winter 2009)."""

@@ -13,9 +13,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Bools, Floats
+from oarlock.storage.statistics import robust_std
 
 _HUBER = 1.5
 _ROUNDS = 8
@@ -50,7 +50,7 @@ class RateAdjustedChange:
     residuals: Floats
 
 
-def change(values: Floats, rate: Floats, later: NDArray[np.bool_], slope_sd: float) -> RateAdjustedChange:
+def change(values: Floats, rate: Floats, later: Bools, slope_sd: float) -> RateAdjustedChange:
     """Change from the strokes that are not `later` to those that are, (N,) each.
 
     `slope_sd` is the prior standard deviation of b, in the unit of the values per 1/min.
@@ -101,7 +101,7 @@ def robust_sd(residuals: Floats, fitted: int) -> float:
     """
     count = len(residuals)
     widened = np.sqrt(count / max(count - fitted, 1))
-    robust = 1.4826 * float(np.median(np.abs(residuals)))
+    robust = robust_std(residuals)
     return max(robust, 0.67 * float(np.sqrt(np.mean(residuals**2))), _NO_SCATTER) * float(widened)
 
 

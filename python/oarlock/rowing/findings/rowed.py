@@ -7,13 +7,12 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.rowing.analysis.targets import Target
 from oarlock.rowing.findings.watched import Watched
 from oarlock.rowing.report.piece import Counted, ReportPiece
 from oarlock.rowing.strokes.table import StrokeTable
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Bools, Floats
 
 RATES_APART = 6.0
 """Pieces whose usual rates differ by more strokes a minute are not compared."""
@@ -60,7 +59,7 @@ class Rowed:
         return replace(rowed, targets=technique.targets)
 
     @classmethod
-    def of_table(cls, table: StrokeTable, counted: NDArray[np.bool_], kind: str, source: str) -> Rowed:
+    def of_table(cls, table: StrokeTable, counted: Bools, kind: str, source: str) -> Rowed:
         """Of the counted strokes (N,) of a table; without rates there is nothing of the rate to remove."""
         columns = {name: table[name][counted] for name in table.columns}
         columns.setdefault("rate_per_min", np.zeros(int(counted.sum())))
@@ -68,7 +67,7 @@ class Rowed:
         numbers = np.asarray(np.flatnonzero(counted) + 1, dtype=np.float64)
         return cls(kind, columns, stds, numbers, {}, source)
 
-    def good(self, name: str) -> NDArray[np.bool_]:
+    def good(self, name: str) -> Bools:
         """Strokes that have this number and a rate, (N,)."""
         known = np.isfinite(self.columns["rate_per_min"])
         return known & np.isfinite(self.columns[name]) if name in self.columns else np.zeros_like(known)

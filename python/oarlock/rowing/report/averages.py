@@ -10,9 +10,7 @@ from oarlock.rowing.analysis.features import FEATURES, Feature
 from oarlock.rowing.analysis.stroke_means import FeatureMean
 from oarlock.rowing.report.shown import apart, places
 from oarlock.rowing.strokes.table import StrokeTable
-
-SIGMAS_95 = 1.96
-"""Half the width of a 95 % interval of a normal distribution, in standard deviations."""
+from oarlock.storage.statistics import NORMAL_95
 
 
 @dataclass(frozen=True)
@@ -47,7 +45,7 @@ class Average:
     @property
     def half(self) -> float:
         """Half of the 95 % interval of the mean; NaN without standard deviations."""
-        return SIGMAS_95 * self.uncertainty
+        return NORMAL_95 * self.uncertainty
 
 
 @dataclass(frozen=True)
@@ -71,7 +69,7 @@ class Difference:
     @property
     def half(self) -> float:
         """Half of its 95 % interval."""
-        return SIGMAS_95 * self.uncertainty
+        return NORMAL_95 * self.uncertainty
 
     @property
     def beyond(self) -> bool | None:
@@ -85,7 +83,7 @@ def beyond(value: float, uncertainty: float) -> bool | None:
     """Whether a value lies outside the 95 % interval about 0; None if either is unknown."""
     if not (math.isfinite(value) and math.isfinite(uncertainty)):
         return None
-    return abs(value) > SIGMAS_95 * uncertainty
+    return abs(value) > NORMAL_95 * uncertainty
 
 
 def feature_of(name: str) -> Feature:

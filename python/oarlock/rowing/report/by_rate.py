@@ -9,12 +9,13 @@ import numpy as np
 from oarlock.report import plain_table
 from oarlock.rowing.analysis.features import Feature
 from oarlock.rowing.findings.find import least
-from oarlock.rowing.report.averages import SIGMAS_95, beyond, feature_of
+from oarlock.rowing.report.averages import beyond, feature_of
 from oarlock.rowing.report.piece import Counted, ReportPiece
 from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, shown, spread
 from oarlock.rowing.report.tables import link
 from oarlock.rowing.report.words import is_ramp
 from oarlock.storage.arrays import Floats, Indices
+from oarlock.storage.statistics import NORMAL_95
 
 _NUMBERS = (
     "arc_rad",
@@ -83,6 +84,6 @@ def _mean(piece: ReportPiece, feature: Feature, rows: Indices) -> str:
     values = _known(piece.table[feature.name][rows])
     if len(values) < 2:
         return '<span class="mark">not known</span>'
-    half = SIGMAS_95 * float(values.std(ddof=1)) / np.sqrt(len(values))
+    half = NORMAL_95 * float(values.std(ddof=1)) / np.sqrt(len(values))
     mean = escape(shown(feature, float(values.mean())))
     return f'{mean} <span class="mark">{PLUS_MINUS} {spread(feature, half)}</span>'

@@ -8,9 +8,9 @@ from html import escape
 from oarlock.report import fixed, plain_table
 from oarlock.rowing.findings.candidate import MetricComparison, against
 from oarlock.rowing.findings.rowed import Rowed
-from oarlock.rowing.report.averages import SIGMAS_95
 from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, places, shown, spread
 from oarlock.rowing.report.tables import NOT_CALIBRATED, link
+from oarlock.storage.statistics import NORMAL_95
 
 HEADS = {
     "sides": "Right and left",
@@ -114,7 +114,7 @@ def checked(candidates: Sequence[MetricComparison], unsure: Collection[tuple[str
     rows = []
     for one in sorted(candidates, key=lambda one: list(HEADS).index(one.kind)):
         feature = one.watched.feature
-        size, half = (value / feature.shown_scale for value in (one.size, SIGMAS_95 * one.sd))
+        size, half = (value / feature.shown_scale for value in (one.size, NORMAL_95 * one.sd))
         interval = (
             f"{shown(feature, size, signed=True)} {PLUS_MINUS} {spread(feature, half)}{joined_unit(feature)}"
         )

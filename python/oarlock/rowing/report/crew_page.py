@@ -36,9 +36,9 @@ from oarlock.report import (
 from oarlock.rowing.crew.findings import LEAST_S, CrewFinding, crew_findings
 from oarlock.rowing.crew.overlays import Overlay, crew_overlays
 from oarlock.rowing.crew.timing import CrewTiming, Delay
-from oarlock.rowing.report.averages import SIGMAS_95
 from oarlock.rowing.strokes.signals import KINDS
 from oarlock.storage.progress import Progress, mark, shown
+from oarlock.storage.statistics import NORMAL_95
 from oarlock.storage.write_file import write_file
 
 MOVEMENTS = {
@@ -282,7 +282,7 @@ def strokes_charts(timing: CrewTiming) -> str:
         series = []
         for event in ("catch", "finish"):
             late, std = 1e3 * timing.late_s[event][:, k], 1e3 * timing.late_std_s[event][:, k]
-            series.append(Series(event, stroke, late, late - SIGMAS_95 * std, late + SIGMAS_95 * std))
+            series.append(Series(event, stroke, late, late - NORMAL_95 * std, late + NORMAL_95 * std))
         across = Axis("stroke", "", (0.0, len(stroke) + 1.0))
         drawn.append(row_chart(f"each-{k}", capital(label(seat.name)), series, across, up))
     return grid(drawn)

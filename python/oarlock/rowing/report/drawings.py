@@ -9,10 +9,11 @@ import numpy as np
 
 from oarlock.report import Axis, Mark, Series, Zone, course_chart, grid, plane_chart, row_chart
 from oarlock.rowing.findings.watched import LEAST
-from oarlock.rowing.report.averages import SIGMAS_95, feature_of
+from oarlock.rowing.report.averages import feature_of
 from oarlock.rowing.report.piece import ReportPiece, mean_and_sd
 from oarlock.rowing.report.shown import unit_of
 from oarlock.storage.arrays import Floats
+from oarlock.storage.statistics import NORMAL_95
 
 TALLER = 3.0
 """Heights are enlarged by this factor, because the handle moves ten times more along the boat."""
@@ -86,7 +87,7 @@ def _key(name: str) -> str:
 def _over_strokes(piece: ReportPiece, name: str) -> Series:
     feature, kept = feature_of(name), piece.counted
     value = piece.table[name][kept] * feature.shown_scale
-    half = SIGMAS_95 * piece.table.std(name)[kept] * feature.shown_scale
+    half = NORMAL_95 * piece.table.std(name)[kept] * feature.shown_scale
     number = np.asarray(np.flatnonzero(kept) + 1, dtype=np.float64)
     return Series(piece.name, number, value, value - half, value + half)
 

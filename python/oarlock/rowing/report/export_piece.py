@@ -8,7 +8,6 @@ from functools import cached_property
 from html import escape
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.report import Column, Section, fixed, plain_table
 from oarlock.rowing.alongside.course import SpeedProfile, course_of
@@ -18,12 +17,13 @@ from oarlock.rowing.analysis.stroke_means import feature_means
 from oarlock.rowing.findings.at_like_rate import change
 from oarlock.rowing.findings.rowed import FEWEST_STROKES, Rowed
 from oarlock.rowing.findings.watched import WATCHED
-from oarlock.rowing.report.averages import SIGMAS_95, Average, averages, feature_of
+from oarlock.rowing.report.averages import Average, averages, feature_of
 from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, shown, spread
 from oarlock.rowing.report.tables import link
 from oarlock.rowing.strokes.table import StrokeTable
-from oarlock.storage.arrays import Floats, Ints
+from oarlock.storage.arrays import Bools, Floats, Ints
 from oarlock.storage.epoch import moment_text
+from oarlock.storage.statistics import NORMAL_95
 
 _NUMBERS = (
     "speed_m_s",
@@ -67,7 +67,7 @@ class Faded:
     @property
     def clear(self) -> bool:
         """Whether it is beyond its 95 % interval and large enough to matter."""
-        return abs(self.change) > max(SIGMAS_95 * self.sd, self.least)
+        return abs(self.change) > max(NORMAL_95 * self.sd, self.least)
 
     @property
     def percent(self) -> float:
@@ -119,13 +119,13 @@ def fade_section(faded: dict[str, Faded], course: SpeedProfile) -> Section | Non
     for name, one in faded.items():
         if name in SPEEDS:
             unit = f"as pace, {PER_500_M}"
-            late, half = slower_s(one.last, one.first), of_pace(one.last, SIGMAS_95 * one.sd)
+            late, half = slower_s(one.last, one.first), of_pace(one.last, NORMAL_95 * one.sd)
             text = f"{'+' if late > 0.0 else ''}{fixed(late, 1)} {PLUS_MINUS} {fixed(half, 1)}"
             ends = [pace_text(one.first), pace_text(one.last)]
         else:
             unit = joined_unit(one.feature).strip()
             size = shown(one.feature, one.change, signed=True)
-            text = f"{size} {PLUS_MINUS} {spread(one.feature, SIGMAS_95 * one.sd)}"
+            text = f"{size} {PLUS_MINUS} {spread(one.feature, NORMAL_95 * one.sd)}"
             ends = [shown(one.feature, one.first), shown(one.feature, one.last)]
         told = f"<b>{escape(text)}</b>" if one.clear else f'<span class="mark">{escape(text)}</span>'
         rows.append([f"{link(name, one.feature.label)} <small>{escape(unit)}</small>", *ends, told])
@@ -210,7 +210,7 @@ class ExportPiece:
         return course_of(self.table)
 
     @property
-    def counted(self) -> NDArray[np.bool_]:
+    def counted(self) -> Bools:
         """Which strokes count in averages, (N,): the rowed ones after the starts."""
         return self.course.steady
 

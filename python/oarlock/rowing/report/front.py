@@ -24,7 +24,6 @@ from oarlock.rowing.findings.find import comparisons, named
 from oarlock.rowing.findings.finding import Finding
 from oarlock.rowing.findings.rowed import Rowed, StoredStrokes, rowing_kind
 from oarlock.rowing.report import words
-from oarlock.rowing.report.averages import SIGMAS_95
 from oarlock.rowing.report.by_rate import by_rate, range_over_rate
 from oarlock.rowing.report.checked import HEADS, checked, next_sizes, quiet
 from oarlock.rowing.report.drawings import SPEEDS, curve_drawings, speeds
@@ -41,6 +40,7 @@ from oarlock.rowing.report.piece import ReportPiece
 from oarlock.rowing.report.shown import DECIMALS, PLUS_MINUS
 from oarlock.rowing.report.tables import is_uncalibrated
 from oarlock.rowing.report.usual import Beyond, beyond_usual, remark
+from oarlock.storage.statistics import NORMAL_95
 
 _MEASURED = {
     "sculling": "oars, seat and stroke rate",
@@ -218,7 +218,7 @@ def _size(found: Finding) -> str:
     digits = DECIMALS.get(found.unit, 2)
     unit = UNITS.get(found.unit, f" {found.unit}")
     sign = "+" if found.size > 0 else ""
-    half = f" {PLUS_MINUS} {fixed(SIGMAS_95 * found.size_1sd, digits)}" if np.isfinite(found.size_1sd) else ""
+    half = f" {PLUS_MINUS} {fixed(NORMAL_95 * found.size_1sd, digits)}" if np.isfinite(found.size_1sd) else ""
     return f"{sign}{fixed(found.size, digits)}{half}{unit}"
 
 

@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock import Track
 from oarlock.report import date_of
@@ -17,7 +16,7 @@ from oarlock.rowing.analysis.rower_places import RowerFrames
 from oarlock.rowing.analysis.technique import Technique
 from oarlock.rowing.report.averages import Average, averages, feature_of
 from oarlock.rowing.strokes.table import StrokeTable
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Bools, Floats
 
 if TYPE_CHECKING:
     from oarlock import Track
@@ -42,7 +41,7 @@ class Stack:
         return len(self.time_s)
 
 
-def stack(track: Track, table: StrokeTable, counted: NDArray[np.bool_]) -> Stack:
+def stack(track: Track, table: StrokeTable, counted: Bools) -> Stack:
     """The counted strokes inside the track; NaN where a posture was not observed."""
     start, end = table["catch_time_s"], table["end_time_s"]
     inside = counted & (start >= track.time_s[0]) & (end <= track.time_s[-1])
@@ -76,7 +75,7 @@ class Counted(Protocol):
         """The strokes."""
 
     @property
-    def counted(self) -> NDArray[np.bool_]:
+    def counted(self) -> Bools:
         """Which strokes count in averages, (N,)."""
 
     @property
@@ -111,7 +110,7 @@ class ReportPiece:
         return self.technique.strokes
 
     @property
-    def counted(self) -> NDArray[np.bool_]:
+    def counted(self) -> Bools:
         """Which strokes count in averages, (N,)."""
         return self.technique.found.in_averages
 

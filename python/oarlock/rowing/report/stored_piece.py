@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.rowing.analysis.stroke_means import feature_means
 from oarlock.rowing.findings.rowed import Rowed
 from oarlock.rowing.report.averages import Average, averages
 from oarlock.rowing.strokes.table import StrokeTable
+from oarlock.storage.arrays import Bools
 
 _SOURCE = "strokes from "
 """`Strokes.table` writes the signal after this."""
@@ -34,7 +34,7 @@ class StoredPiece:
     date: str = ""
 
     @property
-    def counted(self) -> NDArray[np.bool_]:
+    def counted(self) -> Bools:
         """Which strokes count in averages, (N,)."""
         return (
             self.table["in_averages"] > 0.0 if "in_averages" in self.table else np.ones(len(self.table), bool)

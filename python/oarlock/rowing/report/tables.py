@@ -11,10 +11,11 @@ import numpy as np
 from oarlock.report import Column, fixed, plain_table, sortable_table, value_cell
 from oarlock.rowing.analysis.features import FEATURES
 from oarlock.rowing.findings.find import least
-from oarlock.rowing.report.averages import SIGMAS_95, Average, Difference, feature_of
+from oarlock.rowing.report.averages import Average, Difference, feature_of
 from oarlock.rowing.report.piece import Counted, ReportPiece
 from oarlock.rowing.report.shown import PLUS_MINUS, apart, joined_unit, shown, spread, unit_of
 from oarlock.rowing.strokes.table import StrokeTable
+from oarlock.storage.statistics import NORMAL_95
 
 _OF_UNITS = ("_lean_rad", "elbow", "shoulder", "arm_plane", "forearm")
 """Parts of the names of angles that inertial units measure. A swing is a change of an angle, in which a constant
@@ -98,7 +99,7 @@ def strokes_table(piece: ReportPiece, key: str, played: bool) -> str:
             *(
                 NOT_CALIBRATED
                 if is_uncalibrated(piece, one.feature.name)
-                else spread(one.feature, SIGMAS_95 * one.over.std)
+                else spread(one.feature, NORMAL_95 * one.over.std)
                 for one in means
             ),
         ],

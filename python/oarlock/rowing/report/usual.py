@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 from oarlock.report import capital, fixed
 from oarlock.rowing.findings.watched import WATCHED, SourcedText, Watched
-from oarlock.rowing.report.averages import SIGMAS_95, Average
+from oarlock.rowing.report.averages import Average
 from oarlock.rowing.report.piece import Counted, ReportPiece
 from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, shown, spread
+from oarlock.storage.statistics import NORMAL_95
 
 _FAR = 3.0
 """So many times the smallest size that is named are far outside."""
@@ -76,7 +77,7 @@ def beyond_of(piece: Counted, name: str, kind: str) -> Beyond | None:
         return None
     scale = watched.feature.shown_scale
     by = watched.beyond_usual(kind, scale * found.over.mean)
-    return Beyond(watched, found, by, kind) if abs(by) > SIGMAS_95 * scale * found.uncertainty else None
+    return Beyond(watched, found, by, kind) if abs(by) > NORMAL_95 * scale * found.uncertainty else None
 
 
 def remark(outside: Sequence[Beyond]) -> tuple[str, str]:

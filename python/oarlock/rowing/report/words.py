@@ -10,12 +10,13 @@ import numpy as np
 
 from oarlock.report import KeyFigure
 from oarlock.rowing.findings.watched import WATCHED, SourcedText, Watched
-from oarlock.rowing.report.averages import SIGMAS_95, Average, feature_of
+from oarlock.rowing.report.averages import Average, feature_of
 from oarlock.rowing.report.piece import Counted, ReportPiece
 from oarlock.rowing.report.shown import PLUS_MINUS, joined_unit, shown, spread, with_unit
 from oarlock.rowing.report.tables import about, which_left_out
 from oarlock.rowing.report.usual import beyond_of, usual_span
 from oarlock.storage.arrays import Floats
+from oarlock.storage.statistics import NORMAL_95
 
 _NONE: Mapping[str, str] = MappingProxyType({})
 _SHARE = {"rhythm": "drive of the stroke"}
@@ -97,7 +98,7 @@ def against_usual(piece: Counted, name: str, kind: str) -> str:
 def _half(found: Average) -> str:
     """Half of the 95 % interval of the mean; where only the scatter is known, that."""
     if np.isfinite(found.uncertainty):
-        half = spread(found.feature, SIGMAS_95 * found.uncertainty)
+        half = spread(found.feature, NORMAL_95 * found.uncertainty)
         return f"{PLUS_MINUS}\N{NO-BREAK SPACE}{half}{joined_unit(found.feature)}"
     if np.isnan(found.over.sd):
         return "of a single stroke"

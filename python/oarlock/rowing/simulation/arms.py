@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.rowing.simulation.curves import PeriodicCurve, Variation
 from oarlock.rowing.simulation.grip import ARM_JOINTS
 from oarlock.rowing.simulation.timing import StrokeTiming
+from oarlock.storage.arrays import Floats
 
 # Keys at catch, mid-drive, late drive, finish, hands away, body over; degrees, right arm.
 _PHASES = (0.0, 0.22, 0.38, 0.5, 0.62, 0.78)
@@ -56,7 +56,7 @@ SCULLER = arm_curves(_PREFERRED_DEG)
 
 def preferred_arms(
     timing: StrokeTiming, asymmetry: float, variation: float, rng: np.random.Generator
-) -> NDArray[np.float64]:
+) -> Floats:
     """Preferred arm joints (K, 2, 7) of a sculler, right arm first, rad."""
     return arms_near(SCULLER, SCULLER, timing, asymmetry, variation, rng)
 
@@ -68,7 +68,7 @@ def arms_near(
     asymmetry: float,
     variation: float,
     rng: np.random.Generator,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Preferred arm joints (K, 2, 7), right arm first, rad, from curves as of a right arm, with a rower's habits."""
     vary = Variation(rng, timing.stroke)
     shared = _habits(vary, variation)
@@ -81,5 +81,5 @@ def arms_near(
     return np.radians(np.stack([arms[0], MIRROR * arms[1]], axis=1))
 
 
-def _habits(vary: Variation, variation: float) -> NDArray[np.float64]:
+def _habits(vary: Variation, variation: float) -> Floats:
     return np.stack([vary.draw(variation * _HABIT_SD_DEG) for _ in ARM_JOINTS], axis=-1)

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from oarlock.storage.arrays import Floats
+
 _NEGLIGIBLE = 1e-13
 _GRID = 8192
 _VARIATION_WIDTH = 0.6
@@ -51,7 +53,7 @@ class PeriodicCurve:
         coefficients[0] -= low
         return PeriodicCurve(coefficients / (high - low))
 
-    def __call__(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
+    def __call__(self, phase: Floats) -> Floats:
         """Values at ``phase`` (any shape), in periods."""
         turn = np.exp(2j * np.pi * phase)
         total = np.full(turn.shape, self.coefficients[-1])
@@ -68,9 +70,9 @@ class Variation:
     """
 
     rng: np.random.Generator
-    strokes: NDArray[np.float64]
+    strokes: Floats
 
-    def draw(self, scale: float) -> NDArray[np.float64]:
+    def draw(self, scale: float) -> Floats:
         """One independent curve over ``strokes``, with standard deviation ``scale``."""
         nearest = np.rint(self.strokes).astype(np.int64)
         first = int(nearest.min()) - _VARIATION_REACH

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.rowing.simulation.arms import WEIGHTS
 from oarlock.rowing.simulation.grip import SIDES, ArmKinematics, GripSolver
 from oarlock.rowing.simulation.stroke_shape import StrokeShape, body_and_oars
 from oarlock.rowing.simulation.timing import stroke_timing
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
 SPARE_REACH_M = 0.06
@@ -46,7 +46,7 @@ def adjusted_stretcher(model: ArmKinematics, shape: StrokeShape | None = None) -
     )
 
 
-def _lacking_reach(model: ArmKinematics, solver: GripSolver, shape: StrokeShape) -> NDArray[np.float64]:
+def _lacking_reach(model: ArmKinematics, solver: GripSolver, shape: StrokeShape) -> Floats:
     """By how much (2,) each arm's spare reach falls short of the wanted one in its worst place, m."""
     rng = np.random.default_rng(0)
     time = np.linspace(0.0, _PERIOD_S, _SAMPLES)

@@ -11,7 +11,6 @@ from functools import cache
 from math import pi, radians
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.rowing.simulation.curves import PeriodicCurve, Variation
 from oarlock.rowing.simulation.timing import StrokeTiming
@@ -123,19 +122,19 @@ class Ends:
     alpha_rad: Pair
 
 
-def oar_sweep(phase: NDArray[np.float64]) -> NDArray[np.float64]:
+def oar_sweep(phase: Floats) -> Floats:
     """From 0 at the catch to 1 at the finish and back, monotone in between."""
     turn = 2.0 * pi * phase
     swing = np.cos(turn) + _STEADY / 3.0 * np.cos(3.0 * turn)
     return np.asarray(0.5 - 0.5 * swing / (1.0 + _STEADY / 3.0), dtype=np.float64)
 
 
-def handle_height(phase: NDArray[np.float64]) -> NDArray[np.float64]:
+def handle_height(phase: Floats) -> Floats:
     """From 0, low in the recovery, to 1, high in the drive."""
     return _HANDLE_HEIGHT(phase)
 
 
-def between(ends: Pair, share: NDArray[np.float64], vary: Variation, scale: float) -> NDArray[np.float64]:
+def between(ends: Pair, share: Floats, vary: Variation, scale: float) -> Floats:
     """From the first end (share 0) to the second (share 1); each end varies by ``scale`` from stroke to stroke."""
     first = ends[0] + vary.draw(scale)
     last = ends[1] + vary.draw(scale)
@@ -181,7 +180,7 @@ def _late(timing: StrokeTiming, late_s: float, in_drive: float = 0.0) -> Floats:
 
 def single_oar(
     shape: StrokeShape, timing: StrokeTiming, vary: Variation, variation: float
-) -> dict[str, NDArray[np.float64]]:
+) -> dict[str, Floats]:
     """Joints ``oar_phi``, ``oar_alpha`` and ``oar_theta`` (K,) of a sweep oar, rad."""
     phase = timing.phase
     return {

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
 from oarlock.rowing.simulation.curves import Variation
+from oarlock.storage.arrays import Floats
 from oarlock.storage.errors import DataError
 
 RATE_RANGE_SPM = (16.0, 45.0)
@@ -29,11 +29,11 @@ class StrokeTiming:
     warped so that the drive fills its first half: k at catch number k, k + 0.5 at the finish.
     """
 
-    time_s: NDArray[np.float64]
-    rate_spm: NDArray[np.float64]
-    drive_ratio: NDArray[np.float64]
-    stroke: NDArray[np.float64]
-    phase: NDArray[np.float64]
+    time_s: Floats
+    rate_spm: Floats
+    drive_ratio: Floats
+    stroke: Floats
+    phase: Floats
 
     @property
     def first_stroke(self) -> slice:
@@ -42,7 +42,7 @@ class StrokeTiming:
         return slice(int(whole[0]), int(whole[1]) + 1) if whole[1] < self.stroke.size else slice(0, 0)
 
 
-def _checked_rates(rate_spm: float | Sequence[float]) -> NDArray[np.float64]:
+def _checked_rates(rate_spm: float | Sequence[float]) -> Floats:
     rates = np.atleast_1d(np.asarray(rate_spm, dtype=np.float64))
     low, high = RATE_RANGE_SPM
     if rates.ndim != 1 or rates.size == 0 or not ((rates >= low) & (rates <= high)).all():
@@ -63,21 +63,21 @@ def _checked_drive_ratio(drive_ratio: float) -> float:
     return float(drive_ratio)
 
 
-def _rate_profile(rates: NDArray[np.float64], time_s: NDArray[np.float64]) -> BSpline:
+def _rate_profile(rates: Floats, time_s: Floats) -> BSpline:
     """A Bernstein polynomial: starts at the first rate, ends at the last, never leaves their range."""
     degree = rates.size - 1
     ends = np.array([time_s[0], time_s[-1]])
     return BSpline(np.repeat(ends, degree + 1), rates, degree)
 
 
-def warp(stroke: NDArray[np.float64], drive_ratio: NDArray[np.float64] | np.float64) -> NDArray[np.float64]:
+def warp(stroke: Floats, drive_ratio: Floats | np.float64) -> Floats:
     """Phase (K,) that is 0 at the catch and 0.5 at the finish, from the share of the cycle passed."""
     strength = (0.5 - drive_ratio) / (1.0 - np.cos(2.0 * np.pi * drive_ratio))
     return np.asarray(stroke + strength * (1.0 - np.cos(2.0 * np.pi * stroke)), dtype=np.float64)
 
 
 def stroke_timing(
-    time_s: NDArray[np.float64],
+    time_s: Floats,
     rate_spm: float | Sequence[float],
     drive_ratio: float | None,
     variation: float,

@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.rowing.strokes.events import Stroke
 from oarlock.rowing.strokes.signals import KINDS, Signal
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Bools, Floats
 
 STILL_S = 1.2
 """The rower pauses if the hands are stationary for longer than this in a recovery, s."""
@@ -44,7 +43,7 @@ class StrokeKinds:
     """For each stroke: its kind, whether a pause follows, and why it is excluded from averages ("" if it is not)."""
 
     kinds: tuple[str, ...]
-    paused: NDArray[np.bool_]
+    paused: Bools
     left_out: tuple[str, ...]
 
 
@@ -141,7 +140,7 @@ def _kinds(
     signals: Sequence[Signal],
     shares: Floats,
     cycles: Floats,
-    paused: NDArray[np.bool_],
+    paused: Bools,
 ) -> list[str]:
     kinds = ["turn" if _turns(stroke, signals) else "rowing" for stroke in strokes]
     for place in range(len(strokes)):
@@ -154,16 +153,14 @@ def _kinds(
     return kinds
 
 
-def _groups(paused: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def _groups(paused: Bools) -> list[tuple[int, int]]:
     ends = [int(k) + 1 for k in np.flatnonzero(paused)]
     if not ends or ends[-1] != len(paused):
         ends.append(len(paused))
     return list(zip([0, *ends[:-1]], ends, strict=True))
 
 
-def _from_standstill(
-    strokes: Sequence[Stroke], signals: Sequence[Signal], begin: int, paused: NDArray[np.bool_]
-) -> bool:
+def _from_standstill(strokes: Sequence[Stroke], signals: Sequence[Signal], begin: int, paused: Bools) -> bool:
     """Whether the group of strokes begins after a pause; a recording cut out of a piece does not."""
     if begin > 0 or not strokes:
         return bool(begin and paused[begin - 1])
@@ -183,7 +180,7 @@ def _mark_start(kinds: list[str], shares: Floats, cycles: Floats, begin: int, en
         kinds[place] = "start"
 
 
-def _spare_single_strokes(kinds: list[str], paused: NDArray[np.bool_]) -> None:
+def _spare_single_strokes(kinds: list[str], paused: Bools) -> None:
     """A single unusual stroke within rowing is not paddling; it is excluded from averages as unusual."""
     for place in range(1, len(kinds) - 1):
         around = kinds[place - 1] == kinds[place + 1] == "rowing"
@@ -209,7 +206,7 @@ def _heard(signal: Signal, start_s: float, end_s: float) -> bool:
 
 
 def _left_out(
-    strokes: Sequence[Stroke], kinds: Sequence[str], cycles: Floats, arcs: Floats, paused: NDArray[np.bool_]
+    strokes: Sequence[Stroke], kinds: Sequence[str], cycles: Floats, arcs: Floats, paused: Bools
 ) -> list[str]:
     found = [
         "" if kind == "rowing" else f"{'a ' if kind in ('start', 'turn') else ''}{kind} stroke"
@@ -228,7 +225,7 @@ def _left_out(
     return found
 
 
-def _runs(kinds: Sequence[str], paused: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def _runs(kinds: Sequence[str], paused: Bools) -> list[tuple[int, int]]:
     """Rowing strokes in a row: begin and end."""
     runs, begin = [], None
     for place, kind in enumerate(kinds):

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from oarlock.storage.arrays import Floats
+from oarlock.storage.statistics import robust_std
 
 _DEGREE = 4
 _FIRST_HALF_WINDOW_S = 0.12
@@ -124,7 +125,7 @@ class _PolynomialFit:
         for _ in range(2):
             solution = np.linalg.lstsq(powers[kept], y[kept], rcond=None)[0]
             left = y - powers @ solution
-            spread = 1.4826 * float(np.median(np.abs(left[kept])))
+            spread = robust_std(left[kept])
             kept = np.abs(left) <= max(_OUTLIER * spread, 1e-12)
             if kept.all():
                 break

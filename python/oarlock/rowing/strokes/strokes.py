@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from oarlock.rowing.strokes.events import Stroke
 from oarlock.rowing.strokes.kinds import StrokeInterval
 from oarlock.rowing.strokes.signals import KINDS
 from oarlock.rowing.strokes.table import StrokeTable
-from oarlock.storage.arrays import Floats
+from oarlock.storage.arrays import Bools, Floats
 
 Column = tuple[Floats, Floats]
 
@@ -37,7 +36,7 @@ class Strokes:
     source: str
     strokes: tuple[Stroke, ...]
     kinds: tuple[str, ...]
-    paused: NDArray[np.bool_]
+    paused: Bools
     left_out: tuple[str, ...]
     stretches: tuple[StrokeInterval, ...]
     zero_std: float = ZERO_STD
@@ -82,7 +81,7 @@ class Strokes:
         )
 
     @property
-    def in_averages(self) -> NDArray[np.bool_]:
+    def in_averages(self) -> Bools:
         """(N,) which strokes count in averages."""
         return np.array([not reason for reason in self.left_out], dtype=bool)
 
